@@ -1,0 +1,46 @@
+"""The compiled form: prioritized clients, one a module and actuator (thesis section 4.8.2).
+
+The meaning of one actuator's clients is "the first whose guard holds", and, equally, "the one whose
+exclusive guard holds": in no frame do two exclusive guards of one actuator hold.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from colony.compile.guards import Guard
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Client:
+    """A module as a client of its actuator's server.
+
+    `guard` and `exclusive` refer to the table of the client list; both include the module's own activity.
+    `guard` is the thesis's (priority does the rest); `exclusive` holds only where the network lets the
+    module through.
+    """
+
+    module: str
+    priority: int
+    guard: int
+    exclusive: int
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ActuatorClients:
+    """The clients of one actuator, highest priority first; priorities are n, ..., 2, 1."""
+
+    actuator: str
+    clients: tuple[Client, ...]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ClientList:
+    """All clients of a program over one table of guards.
+
+    `observed` gives the activity of the wires that contracts and tests name.
+    """
+
+    guards: tuple[Guard, ...]
+    actuators: tuple[ActuatorClients, ...]
+    observed: tuple[tuple[str, int], ...] = ()

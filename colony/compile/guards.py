@@ -1,0 +1,83 @@
+"""Guards: one table of hash-consed Boolean nodes over the activity of modules.
+
+A guard is a reference (an index) into the table, so that what many clients have in common stands once and
+the output stays near-linear in the network, in memory and in JSON. Operands always stand before the node
+that uses them: a table is evaluated in one pass from the front, and nothing recurses.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+
+@dataclass(frozen=True, slots=True)
+class Always:
+    """True."""
+
+
+@dataclass(frozen=True, slots=True)
+class Never:
+    """False."""
+
+
+@dataclass(frozen=True, slots=True)
+class ModuleActive:
+    """The module puts a command on its output: its predicate holds, and it is not silent."""
+
+    module: str
+
+
+@dataclass(frozen=True, slots=True)
+class Not:
+    operand: int
+
+
+@dataclass(frozen=True, slots=True)
+class And:
+    """All of two or more operands."""
+
+    operands: tuple[int, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class Or:
+    """Any of two or more operands."""
+
+    operands: tuple[int, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class Recently:
+    """True from a frame in which the operand is, until, and not including, `window_ns` after the last one.
+
+    It has memory, which moves on in every frame.
+    """
+
+    operand: int
+    window_ns: int
+
+
+Guard = Always | Never | ModuleActive | Not | And | Or | Recently
+
+
+@dataclass(slots=True)
+class GuardTable:
+    """A growing table that gives equal nodes one reference. Mutable: a builder, frozen by `freeze`."""
+
+    nodes: list[Guard]
+    _index: dict[Guard, int]
+
+    def __init__(self, nodes: tuple[Guard, ...] = ()) -> None:
+        self.nodes = list(nodes)
+        self._index = {node: i for i, node in enumerate(nodes)}
+
+    def add(self, node: Guard) -> int:
+        """The reference of `node`, added if it is new; its operands must be in the table."""
+        at = self._index.get(node)
+        if at is None:
+            at = self._index[node] = len(self.nodes)
+            self.nodes.append(node)
+        return at
+
+    def freeze(self) -> tuple[Guard, ...]:
+        return tuple(self.nodes)

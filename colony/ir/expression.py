@@ -1,0 +1,364 @@
+"""Typed expressions: names resolved, units gone (all quantities in mm, s, deg), overloads chosen.
+
+A tree of frozen nodes, each with its `type` and its `span`. What a node means is told beside it; the
+language reference (docs/language.md) is the whole story. Operators and most functions work element by
+element where an operand is an array; a scalar beside an array stands for all of its elements.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from enum import Enum, unique
+
+from colony.ir.types import Type, Value
+from colony.source import NOWHERE, Span
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Node:
+    """What every typed expression has."""
+
+    type: Type
+    span: Span = field(default=NOWHERE, compare=False, repr=False)
+
+
+@unique
+class Unary(Enum):
+    NEGATE = "-"
+    NOT = "not"
+
+
+@unique
+class Binary(Enum):
+    """Two operands; the value is the operator's spelling."""
+
+    ADD = "+"
+    SUBTRACT = "-"
+    MULTIPLY = "*"
+    DIVIDE = "/"
+    LESS = "<"
+    LESS_EQUAL = "<="
+    GREATER = ">"
+    GREATER_EQUAL = ">="
+    EQUAL = "=="
+    NOT_EQUAL = "!="
+    AND = "and"
+    OR = "or"
+    IMPLIES = "implies"
+
+
+@unique
+class Function(Enum):
+    """Pure functions; the value is the spelling.
+
+    MIN MAX SUM MEAN COUNT ANY ALL take one array, or one or more scalars, and give one value.
+    INDEX_OF_MIN and INDEX_OF_MAX take one array. The rest work element by element.
+    """
+
+    MIN = "min"
+    MAX = "max"
+    SUM = "sum"
+    MEAN = "mean"
+    COUNT = "count"
+    ANY = "any"
+    ALL = "all"
+    INDEX_OF_MIN = "index_of_min"
+    INDEX_OF_MAX = "index_of_max"
+    ABS = "abs"
+    SIGN = "sign"
+    SQRT = "sqrt"
+    FLOOR = "floor"
+    CEIL = "ceil"
+    ROUND = "round"
+    MOD = "mod"
+    CLAMP = "clamp"
+    SIN = "sin"
+    COS = "cos"
+    ATAN2 = "atan2"
+    ANGLE_DIFFERENCE = "angle_difference"
+
+
+REDUCTIONS = frozenset(
+    {Function.MIN, Function.MAX, Function.SUM, Function.MEAN, Function.COUNT, Function.ANY, Function.ALL}
+)
+INDEX_FUNCTIONS = frozenset({Function.INDEX_OF_MIN, Function.INDEX_OF_MAX})
+
+
+@unique
+class Memory(Enum):
+    """Functions with memory of their own; the value is the spelling."""
+
+    PREVIOUS = "previous"
+    CHANGED = "changed"
+    RISING = "rising"
+    FALLING = "falling"
+    HELD = "held"
+    ELAPSED = "elapsed"
+    LATCH = "latch"
+    CAPTURED = "captured"
+    EVERY = "every"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Constant(Node):
+    """A literal, a param or a folded constant, in base units."""
+
+    value: Value
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class SensorValue(Node):
+    """A sensor's value in this frame (its default where it is missing and has one)."""
+
+    name: str
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class DerivedValue(Node):
+    """A file-level `let`, evaluated once a frame."""
+
+    name: str
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class LocalValue(Node):
+    """A `let` of a module, by its full name `module.let`; missing where the module is silent."""
+
+    name: str
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class StateValue(Node):
+    """The old value of a state or machine: file-level `name`, or `module.name`. Never missing."""
+
+    name: str
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class LoopIndex(Node):
+    """The variable of an enclosing `Reduce`, as a number."""
+
+    name: str
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Now(Node):
+    """Time since the first frame: nanoseconds / 1e9."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Fresh(Node):
+    """Whether a sensor is there itself (not by default), or a file-level `let` is not missing."""
+
+    name: str
+    derived: bool
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ValueOr(Node):
+    """`expression`, or `other` where `expression` reads something missing (its memory then stays)."""
+
+    expression: Expression
+    other: Expression
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class UnaryOperation(Node):
+    operator: Unary
+    operand: Expression
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class BinaryOperation(Node):
+    operator: Binary
+    left: Expression
+    right: Expression
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Conditional(Node):
+    """`if condition then yes else no`; the condition is a scalar, the branches may be arrays."""
+
+    condition: Expression
+    yes: Expression
+    no: Expression
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Within(Node):
+    """`operand in low .. high`, both ends in."""
+
+    operand: Expression
+    low: Expression
+    high: Expression
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Element(Node):
+    """`array[index]`: the index rounded (halves to even), taken modulo the size.
+
+    An index that is not finite gives NaN, or false of an array of bools.
+    """
+
+    array: Expression
+    index: Expression
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Slice(Node):
+    """`array[first..last]`, both in; `indices` are the elements taken, in order, wrapped already."""
+
+    array: Expression
+    indices: tuple[int, ...]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Window(Node):
+    """`window(array, center, n)`: the elements round(center) - n .. round(center) + n, wrapping.
+
+    A center that is not finite gives elements as in `Element`.
+    """
+
+    array: Expression
+    center: Expression
+    reach: int
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Call(Node):
+    """A pure function. Of a `Slice` or `Window`, the index functions give the index in the whole array."""
+
+    function: Function
+    arguments: tuple[Expression, ...]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Reduce(Node):
+    """`function(body for variable in low .. high [if condition])`, both ends in; nothing if low > high.
+
+    `function` is one of REDUCTIONS. Memory inside body and condition is separate for each value of the
+    variable, and moves on whether or not the condition holds.
+    """
+
+    function: Function
+    variable: str
+    low: int
+    high: int
+    body: Expression
+    condition: Expression | None
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class MemoryCall(Node):
+    """A memory function; `cell` is unique to this call in the program.
+
+    Arguments by function: PREVIOUS (e, initial), CHANGED (e), RISING FALLING ELAPSED (b), HELD (b),
+    LATCH (set, reset), CAPTURED (e, key), EVERY (). The duration of HELD and EVERY is `duration_ns`.
+    Each element of an array and each value of every enclosing loop variable has memory of its own.
+    """
+
+    function: Memory
+    arguments: tuple[Expression, ...]
+    cell: int
+    duration_ns: int = 0
+
+
+# Only in contracts and expectations:
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class SentField(Node):
+    """The value sent in a field of an actuator, after limits and clamping, in base units.
+
+    Missing in a frame in which nothing was sent (`idle hold`, not commanded).
+    """
+
+    actuator: str
+    field_index: int
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class WonBy(Node):
+    """Whether `module` is the actuator's winner in this frame."""
+
+    actuator: str
+    module: str
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class IsCommanded(Node):
+    """Whether a module's command was sent (a winner whose command is not finite sends the idle one)."""
+
+    actuator: str
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class IsIdle(Node):
+    """Not commanded."""
+
+    actuator: str
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class IsActive(Node):
+    """Whether a module or wire puts a command on its output in this frame."""
+
+    name: str
+
+
+Expression = (
+    Constant
+    | SensorValue
+    | DerivedValue
+    | LocalValue
+    | StateValue
+    | LoopIndex
+    | Now
+    | Fresh
+    | ValueOr
+    | UnaryOperation
+    | BinaryOperation
+    | Conditional
+    | Within
+    | Element
+    | Slice
+    | Window
+    | Call
+    | Reduce
+    | MemoryCall
+    | SentField
+    | WonBy
+    | IsCommanded
+    | IsIdle
+    | IsActive
+)
+
+NESTING_LIMIT = 100
+"""How deep expressions may nest; the front end refuses what is deeper, so that stages may recurse."""
+
+
+def children(node: Expression) -> tuple[Expression, ...]:
+    """The direct subexpressions, in the order written."""
+    match node:
+        case ValueOr(expression=e, other=o):
+            return (e, o)
+        case UnaryOperation(operand=o):
+            return (o,)
+        case BinaryOperation(left=a, right=b):
+            return (a, b)
+        case Conditional(condition=c, yes=y, no=n):
+            return (c, y, n)
+        case Within(operand=o, low=low, high=high):
+            return (o, low, high)
+        case Element(array=a, index=i):
+            return (a, i)
+        case Slice(array=a):
+            return (a,)
+        case Window(array=a, center=c):
+            return (a, c)
+        case Call(arguments=arguments) | MemoryCall(arguments=arguments):
+            return arguments
+        case Reduce(body=b, condition=c):
+            return (b,) if c is None else (b, c)
+        case _:
+            return ()

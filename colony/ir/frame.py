@@ -1,0 +1,72 @@
+"""What goes into an executor in one frame, and what comes out. Every executor speaks this.
+
+Values here are in declared units, as servers give and take them: an executor multiplies by a sensor's
+factor on the way in and divides by a field's factor on the way out.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Literal, NamedTuple, Protocol
+
+from colony.ir.types import ScalarValue
+
+Reading = ScalarValue | int | Sequence[ScalarValue | int] | None
+
+
+class Frame(NamedTuple):
+    """One consistent snapshot: the time, and a reading of each sensor that is there.
+
+    A sensor that is absent, or None, is missing. Times are nanoseconds and strictly rise.
+    """
+
+    t_ns: int
+    readings: Mapping[str, Reading]
+
+
+RecordKind = Literal[
+    "sensor fault",  # wrong type or length, not a number, or no such enumerator: the sensor is missing
+    "sensor clamped",  # outside its range
+    "python error",  # a Python module raised, or gave no command: it is silent
+    "not finite",  # the winner's command: the actuator gets its idle command
+    "limited",  # a field was bounded by a limit
+    "command clamped",  # a field was outside the actuator's range
+]
+
+
+class Record(NamedTuple):
+    """Something worth writing down; `subject` is a sensor, a module, or `actuator.field`."""
+
+    kind: RecordKind
+    subject: str
+
+
+class Decision(NamedTuple):
+    """Who commands an actuator in a frame, and what is sent.
+
+    `by` is the winning module or None; `values` are the fields in declared units, or None when nothing is
+    sent (`idle hold`); `fault` is "not finite" when the winner's command could not be sent.
+    """
+
+    actuator: str
+    by: str | None
+    values: tuple[ScalarValue, ...] | None
+    fault: str | None = None
+
+
+class Outcome(NamedTuple):
+    """All of one frame: a decision an actuator (in the order declared), what was recorded, contracts broken.
+
+    Records are in this order: sensors as declared; Python modules as declared; then for each actuator as
+    declared, the winner's fault or, field by field, limited before clamped.
+    """
+
+    decisions: tuple[Decision, ...]
+    records: tuple[Record, ...] = ()
+    breaches: tuple[str, ...] = ()
+
+
+class Executor(Protocol):
+    """A program being executed; it has all memory, and one frame follows another."""
+
+    def step(self, frame: Frame) -> Outcome: ...

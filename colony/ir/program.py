@@ -1,0 +1,276 @@
+"""The typed program: the meaning of a `.colony` file with its imports, ready for every later stage.
+
+Names are final and unique: an entity of a file imported `as brooks` is called `brooks.name`, a let or
+state of a module `module.name`. Durations are whole nanoseconds; constants are in base units (mm, s, deg).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import Literal
+
+from colony.ir.expression import Expression
+from colony.ir.types import Enum, Scalar, ScalarValue, Type
+from colony.source import NOWHERE, Span
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Declared:
+    """What every declaration has: a unique name and its place in the text."""
+
+    name: str
+    span: Span = field(default=NOWHERE, compare=False, repr=False)
+
+
+# --- robot ---------------------------------------------------------------------------------------
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Sensor(Declared):
+    """A value that a server gives each frame, or that is missing.
+
+    `factor` is base units per declared unit: a value enters times `factor`. `low`, `high` (inclusive,
+    clamped to) and `default` are in base units; a default is a scalar that fills an array, or a tuple.
+    """
+
+    type: Type
+    factor: float = 1.0
+    low: float | None = None
+    high: float | None = None
+    default: ScalarValue | tuple[ScalarValue, ...] | None = None
+    server: str
+    field: str
+    within_ns: int | None = None
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ActuatorField(Declared):
+    """One field of an actuator's command; a value leaves divided by `factor`; `low`, `high` in base units."""
+
+    type: Scalar
+    factor: float = 1.0
+    low: float | None = None
+    high: float | None = None
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Actuator(Declared):
+    """What a robot can be told. `idle` holds the idle command in base units, or None for `idle hold`."""
+
+    fields: tuple[ActuatorField, ...]
+    server: str
+    command: str
+    idle: tuple[ScalarValue, ...] | None
+    on_loss: Literal["stop", "degrade"] = "stop"
+
+
+DEFAULT_FRAME_NS = 50_000_000
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Robot(Declared):
+    """Sensors and actuators in the order declared, and the frame period."""
+
+    frame_ns: int = DEFAULT_FRAME_NS
+    sensors: tuple[Sensor, ...] = ()
+    actuators: tuple[Actuator, ...] = ()
+
+
+# --- derived values ------------------------------------------------------------------------------
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Let(Declared):
+    """A value computed once a frame. At file level it is missing when something that it reads is."""
+
+    expression: Expression
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class State(Declared):
+    """Memory: `next`, from the old values, is what it holds in the next frame (None: it never changes).
+
+    At file level it stays as it was in a frame in which something that `next` reads is missing.
+    """
+
+    type: Scalar
+    initial: ScalarValue
+    next: Expression | None
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Transition:
+    """Taken when the machine is in one of `sources` and `condition` is true."""
+
+    sources: frozenset[float]
+    target: float
+    condition: Expression
+    span: Span = field(default=NOWHERE, compare=False, repr=False)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Machine(Declared):
+    """A state with named phases. The first transition that applies is seen in the next frame; one whose
+    condition reads something missing does not apply (and its memory stays); memory moves on in any phase.
+    """
+
+    type: Enum
+    start: float
+    transitions: tuple[Transition, ...]
+
+
+Derived = Let | State | Machine
+
+# --- modules -------------------------------------------------------------------------------------
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Command:
+    """A transfer function: one expression for each field of `actuator`, in the order of its fields."""
+
+    actuator: str
+    fields: tuple[Expression, ...]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Module(Declared):
+    """M(P, phi): `when` is the applicability predicate P, `command` the transfer function phi (thesis 4.8.2).
+
+    Silent (not active, memory as it was) in a frame in which anything that `when`, `command`, `lets` or
+    `states` read is missing.
+    """
+
+    params: tuple[tuple[str, ScalarValue], ...] = ()
+    lets: tuple[Let, ...] = ()
+    states: tuple[State, ...] = ()
+    when: Expression
+    command: Command | None = None
+
+    @property
+    def actuator(self) -> str | None:
+        return self.command.actuator if self.command else None
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class PythonModule(Declared):
+    """A module whose `step(frame)` is Python: `class_name` of `module_path`, built with the params.
+
+    `reads` are sensors, file-level lets, states and machines by name.
+    """
+
+    module_path: str
+    class_name: str
+    params: tuple[tuple[str, ScalarValue], ...] = ()
+    reads: tuple[Expression, ...] = ()
+    actuator: str | None = None
+    rate_ns: int | None = None
+
+
+AnyModule = Module | PythonModule
+
+# --- network -------------------------------------------------------------------------------------
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Use:
+    """A module or a wire, by name."""
+
+    name: str
+    span: Span = field(default=NOWHERE, compare=False, repr=False)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Chain:
+    """`a op[w0] (b op[w1] (c ...))`: right-associative wiring of two or more operands by one relation.
+
+    `windows_ns[i]` is the time constant between operand i and what follows it, 0 for none. Long chains
+    stay flat: only parentheses nest, up to `NESTING_LIMIT`.
+    """
+
+    relation: Literal["suppresses", "inhibits"]
+    operands: tuple[Wiring, ...]
+    windows_ns: tuple[int, ...]
+    span: Span = field(default=NOWHERE, compare=False, repr=False)
+
+
+Wiring = Use | Chain
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Wire(Declared):
+    """A named wire, or, where `actuator` is set, what drives that actuator (its name is then no wire)."""
+
+    wiring: Wiring
+    actuator: str | None = None
+
+
+# --- limits, contracts, tests --------------------------------------------------------------------
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Limit:
+    """A field of `actuator`, of a module's command, is at most (`<=`) or at least (`>=`) `bound`.
+
+    It applies when `condition` is true or absent, or anything that the limit reads is missing. A bound that
+    reads something missing, or is not finite, stands at 0. Condition and bound keep their memory apart.
+    """
+
+    actuator: str
+    field_index: int
+    relation: Literal["<=", ">="]
+    bound: Expression
+    condition: Expression | None = None
+    span: Span = field(default=NOWHERE, compare=False, repr=False)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Contract(Declared):
+    """Must be true in every frame in which nothing that it reads is missing."""
+
+    expression: Expression
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Given:
+    """From this step on `sensor` (or its element `index`) has `value`, in base units; None: missing.
+
+    A scalar fills an array.
+    """
+
+    sensor: str
+    index: int | None
+    value: ScalarValue | tuple[ScalarValue, ...] | None
+    span: Span = field(default=NOWHERE, compare=False, repr=False)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Step:
+    """Frames at `times_ns` (one for `at`, several for `from`), each with all `expectations`."""
+
+    times_ns: tuple[int, ...]
+    given: tuple[Given, ...]
+    expectations: tuple[Expression, ...]
+    span: Span = field(default=NOWHERE, compare=False, repr=False)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Example(Declared):
+    """A `test` block: `name` is its title."""
+
+    steps: tuple[Step, ...]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Program:
+    """Everything, in an order in which each thing stands after what it is computed from.
+
+    `derived` and `wires` are sorted so; `modules`, `limits` and `contracts` are in the order written.
+    """
+
+    robot: Robot
+    derived: tuple[Derived, ...] = ()
+    modules: tuple[AnyModule, ...] = ()
+    wires: tuple[Wire, ...] = ()
+    limits: tuple[Limit, ...] = ()
+    contracts: tuple[Contract, ...] = ()
+    tests: tuple[Example, ...] = ()

@@ -1,0 +1,79 @@
+"""Types of the language: bool, quantities with a dimension, enums, and arrays of those.
+
+At run time a quantity and an enumerator are a float (in mm, s, deg), a bool is a bool, an array a tuple.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Literal
+
+from colony.units import ANGLE, LENGTH, NUMBER, TIME, Dimension
+
+
+@dataclass(frozen=True, slots=True)
+class Bool:
+    """True or false."""
+
+    def __str__(self) -> str:
+        return "bool"
+
+
+@dataclass(frozen=True, slots=True)
+class Quantity:
+    """A 64-bit float with a dimension; `wild` is the type of a literal `0`, which fits any dimension."""
+
+    dimension: Dimension = NUMBER
+    wild: bool = False
+
+    def __str__(self) -> str:
+        return str(self.dimension)
+
+
+@dataclass(frozen=True, slots=True)
+class Enum:
+    """An enum or a machine's phases: each member is carried as its number."""
+
+    name: str
+    members: tuple[tuple[str, float], ...]
+    kind: Literal["enum", "machine"] = "enum"
+
+    def __str__(self) -> str:
+        return self.name
+
+
+Scalar = Bool | Quantity | Enum
+
+
+@dataclass(frozen=True, slots=True)
+class Array:
+    """`size` elements, at least one, of a scalar type."""
+
+    element: Scalar
+    size: int
+
+    def __str__(self) -> str:
+        return f"{self.element}[{self.size}]"
+
+
+Type = Scalar | Array
+
+BOOL = Bool()
+PLAIN = Quantity()
+ZERO = Quantity(NUMBER, wild=True)
+DISTANCE = Quantity(LENGTH)
+DURATION = Quantity(TIME)
+DEGREES = Quantity(ANGLE)
+
+ScalarValue = float | bool
+Value = ScalarValue | tuple[ScalarValue, ...]
+
+
+def element_type(of: Type) -> Scalar:
+    """The type of one element of an array, or the scalar type itself."""
+    return of.element if isinstance(of, Array) else of
+
+
+def shaped(element: Scalar, like: Type) -> Type:
+    """`element`, or an array of it where `like` is an array."""
+    return Array(element, like.size) if isinstance(like, Array) else element
