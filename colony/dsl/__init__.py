@@ -1,0 +1,1 @@
+"""The front end: text to typed program. The only place that knows lark."""

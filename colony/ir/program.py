@@ -29,15 +29,17 @@ class Declared:
 class Sensor(Declared):
     """A value that a server gives each frame, or that is missing.
 
-    `factor` is base units per declared unit: a value enters times `factor`. `low`, `high` (inclusive,
-    clamped to) and `default` are in base units; a default is a scalar that fills an array, or a tuple.
+    `unit` is the declared unit (or nothing) and `factor` what one of it is in base units: a value enters
+    times `factor`. `low`, `high` (inclusive,
+    clamped to) and `default`, which fills an array, are in base units.
     """
 
     type: Type
+    unit: str = ""
     factor: float = 1.0
     low: float | None = None
     high: float | None = None
-    default: ScalarValue | tuple[ScalarValue, ...] | None = None
+    default: ScalarValue | None = None
     server: str
     field: str
     within_ns: int | None = None
@@ -45,9 +47,13 @@ class Sensor(Declared):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ActuatorField(Declared):
-    """One field of an actuator's command; a value leaves divided by `factor`; `low`, `high` in base units."""
+    """One field of an actuator's command, in `unit`: a value leaves divided by `factor`.
+
+    `low` and `high` are in base units.
+    """
 
     type: Scalar
+    unit: str = ""
     factor: float = 1.0
     low: float | None = None
     high: float | None = None

@@ -1,0 +1,323 @@
+"""Parser callbacks: each rule of the grammar to its node of the syntax tree.
+
+Called while the parser reduces, so no parse tree is ever built. The methods only build: they check nothing
+and raise nothing. Children come with all their tokens; an optional part that is absent is None.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from typing import Any, Literal, cast
+
+from lark import Token
+
+from colony.dsl import ast
+
+Children = Sequence[Any]
+
+
+def _start(child: Any) -> int:
+    return cast("int", child.start_pos if isinstance(child, Token) else child.start)
+
+
+def _end(children: Children) -> int:
+    for child in reversed(children):
+        if child is not None:
+            return cast("int", child.end_pos if isinstance(child, Token) else child.end)
+    return 0
+
+
+def _extent(children: Children) -> dict[str, int]:
+    return {"start": _start(children[0]), "end": _end(children)}
+
+
+def _name(token: Token) -> ast.Name:
+    return ast.Name(text=str(token), start=cast("int", token.start_pos), end=cast("int", token.end_pos))
+
+
+def _of(kind: type | tuple[type, ...], children: Iterable[Any]) -> tuple[Any, ...]:
+    return tuple(c for c in children if isinstance(c, kind))
+
+
+def _unquoted(token: Token) -> str:
+    return str(token)[1:-1]
+
+
+EXPRESSIONS: tuple[type, ...] = ast.Expression.__args__
+
+
+class Builder:
+    """One method a rule, named after it."""
+
+    def file(self, c: Children) -> ast.File:
+        return ast.File(declarations=tuple(c), start=0, end=_end(c) if c else 0)
+
+    # --- robot
+
+    def robot(self, c: Children) -> ast.RobotDecl:
+        items = _of((ast.FrameDecl, ast.SensorDecl, ast.ActuatorDecl), c)
+        return ast.RobotDecl(name=_name(c[1]), items=items, **_extent(c))
+
+    def frame(self, c: Children) -> ast.FrameDecl:
+        return ast.FrameDecl(period=c[1], **_extent(c))
+
+    def sensor(self, c: Children) -> ast.SensorDecl:
+        _, name, size, _, type_, range_, default, _, server, _, field, within = c
+        return ast.SensorDecl(
+            name=_name(name),
+            size=size,
+            type=type_,
+            range=range_,
+            default=default,
+            server=_name(server),
+            field=_name(field),
+            within=within,
+            **_extent(c),
+        )
+
+    def second(self, c: Children) -> Any:
+        """The part that follows the word or bracket."""
+        return c[1]
+
+    size = default = within = window = limit_when = condition = state_type = parenthesized = second
+
+    def alias(self, c: Children) -> ast.Name:
+        return _name(c[1])
+
+    def on_loss(self, c: Children) -> str:
+        return str(c[1])
+
+    def actuator(self, c: Children) -> ast.ActuatorDecl:
+        server, _, command, _, idle, on_loss = c[-6:]
+        return ast.ActuatorDecl(
+            name=_name(c[1]),
+            fields=_of(ast.FieldDecl, c),
+            server=_name(server),
+            command=_name(command),
+            idle=idle,
+            on_loss=on_loss,
+            start=_start(c[0]),
+            end=idle.end,
+        )
+
+    def field(self, c: Children) -> ast.FieldDecl:
+        return ast.FieldDecl(name=_name(c[0]), type=c[2], range=c[3], **_extent(c))
+
+    def idle(self, c: Children) -> ast.IdleDecl:
+        return ast.IdleDecl(name=_name(c[0]), arguments=None if c[1] is None else c[1][0], **_extent(c[:1]))
+
+    def range(self, c: Children) -> ast.Range:
+        return ast.Range(low=c[1], high=c[3], **_extent(c))
+
+    def type(self, c: Children) -> ast.TypeName:
+        return ast.TypeName(path=tuple(str(t) for t in c[::2]), **_extent(c))
+
+    def arguments(self, c: Children) -> tuple[tuple[ast.Argument, ...], int]:
+        return _of(ast.Argument, c), _end(c)
+
+    def argument(self, c: Children) -> ast.Argument:
+        return ast.Argument(name=_name(c[0]), value=c[2], **_extent(c))
+
+    def enum(self, c: Children) -> ast.EnumDecl:
+        return ast.EnumDecl(name=_name(c[1]), members=_of(ast.Argument, c), **_extent(c))
+
+    def importing(self, c: Children) -> ast.ImportDecl:
+        return ast.ImportDecl(path=_unquoted(c[1]), alias=c[2], **_extent(c))
+
+    # --- derived values
+
+    def param(self, c: Children) -> ast.ParamDecl:
+        return ast.ParamDecl(name=_name(c[1]), value=c[3], **_extent(c))
+
+    def let(self, c: Children) -> ast.LetDecl:
+        return ast.LetDecl(name=_name(c[1]), value=c[3], **_extent(c))
+
+    def state(self, c: Children) -> ast.StateDecl:
+        return ast.StateDecl(name=_name(c[1]), type=c[2], initial=c[4], **_extent(c))
+
+    def next(self, c: Children) -> ast.NextDecl:
+        return ast.NextDecl(name=_name(c[1]), value=c[3], **_extent(c))
+
+    def machine(self, c: Children) -> ast.MachineDecl:
+        transitions = _of(ast.TransitionDecl, c)
+        return ast.MachineDecl(name=_name(c[1]), initial=_name(c[4]), transitions=transitions, **_extent(c))
+
+    def transition(self, c: Children) -> ast.TransitionDecl:
+        source = None if c[0].type == "ANY" else _name(c[0])
+        return ast.TransitionDecl(source=source, target=_name(c[2]), condition=c[4], **_extent(c))
+
+    # --- modules
+
+    def module(self, c: Children) -> ast.ModuleDecl:
+        clauses, (when, do) = tuple(c[3:-4]), c[-3:-1]
+        return ast.ModuleDecl(name=_name(c[1]), clauses=clauses, when=when, do=do, **_extent(c))
+
+    def do(self, c: Children) -> ast.DoDecl:
+        arguments, end = c[2]
+        return ast.DoDecl(actuator=_name(c[1]), arguments=arguments, start=_start(c[0]), end=end)
+
+    def derived_module(self, c: Children) -> ast.DerivedModuleDecl:
+        arguments, end = ((), c[3].end) if c[4] is None else c[4]
+        name = _name(c[1])
+        return ast.DerivedModuleDecl(name=name, base=c[3], arguments=arguments, start=_start(c[0]), end=end)
+
+    def python_module(self, c: Children) -> ast.PythonModuleDecl:
+        clauses, path = tuple(c[6:-1]), _unquoted(c[4])
+        return ast.PythonModuleDecl(name=_name(c[1]), path=path, clauses=clauses, **_extent(c))
+
+    def reads(self, c: Children) -> ast.ReadsDecl:
+        return ast.ReadsDecl(names=_of(ast.Reference, c), **_extent(c))
+
+    def commands(self, c: Children) -> ast.CommandsDecl:
+        return ast.CommandsDecl(actuator=_name(c[1]), **_extent(c))
+
+    def rate(self, c: Children) -> ast.RateDecl:
+        return ast.RateDecl(period=c[1], **_extent(c))
+
+    # --- network
+
+    def network(self, c: Children) -> ast.NetworkDecl:
+        return ast.NetworkDecl(wires=tuple(c[2:-1]), **_extent(c))
+
+    def wire(self, c: Children) -> ast.WireDecl:
+        return ast.WireDecl(name=_name(c[0]), wiring=c[2], **_extent(c))
+
+    def chain(self, c: Children) -> ast.Chain:
+        return ast.Chain(operands=tuple(c[::2]), links=tuple(c[1::2]), **_extent(c))
+
+    def link(self, c: Children) -> ast.Link:
+        relation: Literal["suppresses", "inhibits"] = (
+            "suppresses" if c[0].type == "SUPPRESSES" else "inhibits"
+        )
+        return ast.Link(relation=relation, window=c[1], **_extent(c[:1]))
+
+    # --- limits, contracts, tests
+
+    def limit(self, c: Children) -> ast.LimitDecl:
+        _, actuator, _, field, relation, bound, condition = c
+        return ast.LimitDecl(
+            actuator=_name(actuator),
+            field=_name(field),
+            relation="<=" if relation.type == "AT_MOST" else ">=",
+            bound=bound,
+            condition=condition,
+            **_extent(c),
+        )
+
+    def contract(self, c: Children) -> ast.ContractDecl:
+        return ast.ContractDecl(name=_name(c[1]), expression=c[3], **_extent(c))
+
+    def test(self, c: Children) -> ast.TestDecl:
+        return ast.TestDecl(title=_unquoted(c[1]), steps=_of(ast.StepDecl, c), **_extent(c))
+
+    def at(self, c: Children) -> tuple[int, int, tuple[Any, Any, Any]]:
+        return _start(c[0]), _end(c), (c[1], None, None)
+
+    def span(self, c: Children) -> tuple[int, int, tuple[Any, Any, Any]]:
+        return _start(c[0]), _end(c), (c[1], c[3], c[5])
+
+    def step(self, c: Children) -> ast.StepDecl:
+        start, end, (first, last, period) = c[0]
+        given, expect = c[1] or (), c[2] or ()
+        end = expect[-1].end if expect else given[-1].end if given else end
+        return ast.StepDecl(
+            first=first, last=last, period=period, given=given, expect=expect, start=start, end=end
+        )
+
+    def given(self, c: Children) -> tuple[ast.GivenDecl, ...]:
+        return _of(ast.GivenDecl, c)
+
+    def assignment(self, c: Children) -> ast.GivenDecl:
+        return ast.GivenDecl(sensor=_name(c[0]), index=c[1], value=c[3], **_extent(c))
+
+    def missing(self, c: Children) -> ast.Missing:
+        return ast.Missing(**_extent(c))
+
+    def elements(self, c: Children) -> ast.Elements:
+        return ast.Elements(values=_of(EXPRESSIONS, c), **_extent(c))
+
+    def expect(self, c: Children) -> tuple[ast.Expression, ...]:
+        return _of(EXPRESSIONS, c)
+
+    # --- expressions
+
+    def conditional(self, c: Children) -> ast.If:
+        _, condition, _, yes, _, no = c
+        depth = 1 + max(condition.depth, yes.depth, no.depth)
+        return ast.If(condition=condition, yes=yes, no=no, depth=depth, start=_start(c[0]), end=no.end)
+
+    def infix(self, c: Children) -> ast.Infix:
+        left, operator, right = c
+        return ast.Infix(
+            operator=str(operator),
+            left=left,
+            right=right,
+            depth=1 + max(left.depth, right.depth),
+            start=left.start,
+            end=right.end,
+        )
+
+    def prefix(self, c: Children) -> ast.Prefix:
+        operator: Literal["-", "not"] = "-" if c[0].type == "MINUS" else "not"
+        return ast.Prefix(operator=operator, operand=c[1], depth=1 + c[1].depth, **_extent(c))
+
+    def in_range(self, c: Children) -> ast.InRange:
+        operand, _, low, _, high = c
+        depth = 1 + max(operand.depth, low.depth, high.depth)
+        return ast.InRange(operand=operand, low=low, high=high, depth=depth, **_extent(c))
+
+    def by(self, c: Children) -> ast.By:
+        return ast.By(actuator=c[0], module=c[2], depth=2, **_extent(c))
+
+    def is_status(self, c: Children) -> ast.Is:
+        status = cast("ast.Status", str(c[2]))
+        return ast.Is(subject=c[0], status=status, depth=2, **_extent(c))
+
+    def index(self, c: Children) -> ast.Index:
+        return ast.Index(array=c[0], index=c[2], depth=1 + max(c[0].depth, c[2].depth), **_extent(c))
+
+    def slice(self, c: Children) -> ast.SliceOf:
+        array, _, first, _, last, _ = c
+        depth = 1 + max(array.depth, first.depth, last.depth)
+        return ast.SliceOf(array=array, first=first, last=last, depth=depth, **_extent(c))
+
+    def number(self, c: Children) -> ast.Number:
+        digits, unit = split_number(str(c[0]))
+        return ast.Number(digits=digits, unit=unit, start=_start(c[0]), end=_end(c))
+
+    def boolean(self, c: Children) -> ast.Boolean:
+        return ast.Boolean(value=c[0].type == "TRUE", **_extent(c))
+
+    def call(self, c: Children) -> ast.Call:
+        arguments = _of(EXPRESSIONS, c)
+        depth = 1 + max((a.depth for a in arguments), default=0)
+        return ast.Call(function=_name(c[0]), arguments=arguments, depth=depth, **_extent(c))
+
+    def comprehension(self, c: Children) -> ast.Comprehension:
+        function, _, body, _, variable, _, low, _, high, condition, _ = c
+        parts = [body, low, high] + ([] if condition is None else [condition])
+        return ast.Comprehension(
+            function=_name(function),
+            body=body,
+            variable=_name(variable),
+            low=low,
+            high=high,
+            condition=condition,
+            depth=1 + max(p.depth for p in parts),
+            **_extent(c),
+        )
+
+    def reference(self, c: Children) -> ast.Reference:
+        return ast.Reference(path=tuple([str(t) for t in c[::2]]), **_extent(c))
+
+
+def split_number(text: str) -> tuple[str, str | None]:
+    """`600 mm` to `600` and `mm`: the digits end where the unit begins (an exponent is part of them)."""
+    for i, character in enumerate(text):
+        if character in " \t" or (character.isalpha() and not _is_exponent(text, i)):
+            return text[:i], text[i:].strip() or None
+    return text, None
+
+
+def _is_exponent(text: str, i: int) -> bool:
+    return text[i] in "eE" and i + 1 < len(text) and (text[i + 1].isdigit() or text[i + 1] in "+-")

@@ -1,0 +1,398 @@
+"""Function calls: pure functions, reductions, functions with memory."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+from typing import TYPE_CHECKING
+
+from colony.dsl import ast
+from colony.dsl.check.compatibility import article, unify
+from colony.dsl.check.scope import Broken, LetSymbol, SensorSymbol, did_you_mean
+from colony.ir import expression as ir
+from colony.ir.types import BOOL, DEGREES, DURATION, PLAIN, Array, Bool, Quantity, Scalar, element_type
+from colony.units import ANGLE, NUMBER, Dimension
+
+if TYPE_CHECKING:
+    from colony.dsl.check.expressions import Checker
+
+MAX_ITERATIONS = 4096
+
+_SPECIAL = ("window", "fresh", "value_or", "now")
+_PURE = {f.value: f for f in ir.Function}
+_MEMORY = {m.value: m for m in ir.Memory}
+FUNCTION_NAMES = (*_PURE, *_MEMORY, *_SPECIAL)
+
+
+def check_call(checker: Checker, node: ast.Call) -> ir.Expression | None:
+    """Any call but a reduction over a variable."""
+    name = node.function.text
+    if name in _PURE:
+        return _pure(checker, node, _PURE[name])
+    if name in _MEMORY:
+        return _memory(checker, node, _MEMORY[name])
+    special: dict[str, Callable[[Checker, ast.Call], ir.Expression | None]] = {
+        "window": _window,
+        "fresh": _fresh,
+        "value_or": _value_or,
+        "now": _now,
+    }
+    if name in special:
+        return special[name](checker, node)
+    checker.error("E107", node.function, f"unknown function `{name}`", did_you_mean(name, FUNCTION_NAMES))
+    for argument in node.arguments:
+        checker.visit(argument)
+    return None
+
+
+def _arguments(checker: Checker, node: ast.Call, low: int, high: int | None) -> list[ir.Expression] | None:
+    """The typed arguments, if their number is right and all of them are."""
+    count = len(node.arguments)
+    if count < low or (high is not None and count > high):
+        wanted = str(low) if low == high else f"{low} or more" if high is None else f"{low} to {high}"
+        plural = "" if wanted == "1" else "s"
+        usage = _USAGE.get(node.function.text)
+        hint = f"use: {usage}" if usage else None
+        message = f"`{node.function.text}` takes {wanted} argument{plural}, found {count}"
+        checker.error("E203", node, message, hint)
+        return None
+    found = [checker.visit(a) for a in node.arguments]
+    return None if any(f is None for f in found) else [f for f in found if f is not None]
+
+
+_USAGE = {
+    "mod": "mod(x, y)",
+    "clamp": "clamp(x, low, high)",
+    "atan2": "atan2(y, x)",
+    "angle_difference": "angle_difference(a, b)",
+    "window": "window(array, center, n)",
+    "fresh": "fresh(sensor)",
+    "value_or": "value_or(expression, other)",
+    "previous": "previous(expression, initial)",
+    "held": "held(condition, duration)",
+    "latch": "latch(set, reset)",
+    "captured": "captured(expression, key)",
+    "every": "every(duration)",
+}
+
+
+# --- pure functions --------------------------------------------------------------------------------
+
+_BOOL_REDUCTIONS = frozenset({ir.Function.COUNT, ir.Function.ANY, ir.Function.ALL})
+_ARITY = {
+    ir.Function.MOD: 2,
+    ir.Function.CLAMP: 3,
+    ir.Function.ATAN2: 2,
+    ir.Function.ANGLE_DIFFERENCE: 2,
+}
+
+
+def _pure(checker: Checker, node: ast.Call, function: ir.Function) -> ir.Expression | None:
+    if function in ir.REDUCTIONS:
+        return _reduction(checker, node, function)
+    if function in ir.INDEX_FUNCTIONS:
+        return _index_of(checker, node, function)
+    arity = _ARITY.get(function, 1)
+    arguments = _arguments(checker, node, arity, arity)
+    if arguments is None:
+        return None
+    elements = [element_type(a.type) for a in arguments]
+    for argument, element in zip(node.arguments, elements, strict=True):
+        if not isinstance(element, Quantity):
+            _wrong(checker, argument, node, "a number", element)
+            return None
+    result = _elementwise_result(checker, node, function, [e for e in elements if isinstance(e, Quantity)])
+    if result is None:
+        return None
+    type_ = checker.broadcast(node, result, *(a.type for a in arguments))
+    if type_ is None:
+        return None
+    return ir.Call(type=type_, function=function, arguments=tuple(arguments), span=checker.span(node))
+
+
+def _wrong(checker: Checker, argument: ast.Expression, node: ast.Call, wanted: str, found: Scalar) -> None:
+    checker.error("E202", argument, f"`{node.function.text}` takes {wanted}, found {article(found)}")
+
+
+def _elementwise_result(
+    checker: Checker, node: ast.Call, function: ir.Function, elements: list[Quantity]
+) -> Quantity | None:
+    """The element type of a function that works element by element; its dimensions are checked here."""
+    match function:
+        case ir.Function.SIN | ir.Function.COS | ir.Function.ANGLE_DIFFERENCE:
+            for argument, element in zip(node.arguments, elements, strict=True):
+                if element.dimension != ANGLE and not element.wild:
+                    _wrong(checker, argument, node, "an angle", element)
+                    return None
+            return DEGREES if function is ir.Function.ANGLE_DIFFERENCE else PLAIN
+        case ir.Function.SIGN:
+            return PLAIN
+        case ir.Function.SQRT:
+            return _square_root(checker, node, elements[0])
+        case ir.Function.ATAN2 | ir.Function.MOD | ir.Function.CLAMP:
+            common = _common(checker, node, elements)
+            return DEGREES if common is not None and function is ir.Function.ATAN2 else common
+        case _:
+            return elements[0]
+
+
+def _common(checker: Checker, node: ast.Call, elements: list[Quantity]) -> Quantity | None:
+    common: Scalar | None = elements[0]
+    for element in elements[1:]:
+        common = unify(common, element) if common is not None else None
+    if isinstance(common, Quantity):
+        return common
+    shown = ", ".join(article(e) for e in elements)
+    message = f"`{node.function.text}` needs numbers of one dimension, found {shown}"
+    checker.error("E201", node, message)
+    return None
+
+
+def _square_root(checker: Checker, node: ast.Call, element: Quantity) -> Quantity | None:
+    if any(exponent % 2 for exponent in element.dimension):
+        message = f"the square root of a value in {element.dimension} has no unit"
+        checker.error("E201", node, message, "take the root of a product such as `a * a`")
+        return None
+    return Quantity(Dimension(*(exponent // 2 for exponent in element.dimension)), wild=element.wild)
+
+
+def _reduction(checker: Checker, node: ast.Call, function: ir.Function) -> ir.Expression | None:
+    arguments = _arguments(checker, node, 1, None)
+    if arguments is None:
+        return None
+    if len(arguments) > 1 and any(isinstance(a.type, Array) for a in arguments):
+        hint = "reduce each array first: `min(min(a), b)`"
+        checker.error("E211", node, f"`{function.value}` takes one array or several scalars, not both", hint)
+        return None
+    elements = [element_type(a.type) for a in arguments]
+    result = reduction_result(checker, node, node.function, function, elements)
+    if result is None:
+        return None
+    return ir.Call(type=result, function=function, arguments=tuple(arguments), span=checker.span(node))
+
+
+def reduction_result(
+    checker: Checker, node: ast.Node, name: ast.Name, function: ir.Function, elements: list[Scalar]
+) -> Scalar | None:
+    """The type that a reduction of these elements has."""
+    if function in _BOOL_REDUCTIONS:
+        for element in elements:
+            if not isinstance(element, Bool):
+                checker.error("E202", node, f"`{name.text}` takes bools, found {article(element)}")
+                return None
+        return PLAIN if function is ir.Function.COUNT else BOOL
+    numbers = [e for e in elements if isinstance(e, Quantity)]
+    if len(numbers) < len(elements):
+        found = next(e for e in elements if not isinstance(e, Quantity))
+        hint = "count bools with `count`" if isinstance(found, Bool) else None
+        checker.error("E202", node, f"`{name.text}` takes numbers, found {article(found)}", hint)
+        return None
+    call = ast.Call(function=name, arguments=(), start=node.start, end=node.end)
+    return _common(checker, call, numbers)
+
+
+def _index_of(checker: Checker, node: ast.Call, function: ir.Function) -> ir.Expression | None:
+    if len(node.arguments) != 1:
+        _arguments(checker, node, 1, 1)
+        return None
+    array = checker.array(node.arguments[0])
+    if array is None:
+        return None
+    if not isinstance(element_type(array.type), Quantity):
+        _wrong(checker, node.arguments[0], node, "an array of numbers", element_type(array.type))
+        return None
+    return ir.Call(type=PLAIN, function=function, arguments=(array,), span=checker.span(node))
+
+
+def check_comprehension(checker: Checker, node: ast.Comprehension) -> ir.Expression | None:
+    """`function(body for k in low .. high [if condition])`."""
+    function = _PURE.get(node.function.text)
+    if function is None or function not in ir.REDUCTIONS:
+        known = sorted(f.value for f in ir.REDUCTIONS)
+        hint = f"the reductions are {', '.join(known)}"
+        checker.error("E211", node.function, f"`{node.function.text}` is no reduction", hint)
+        return None
+    low = checker.whole(node.low, "the start of a reduction", -(10**9), 10**9)
+    high = checker.whole(node.high, "the end of a reduction", -(10**9), 10**9)
+    if low is None or high is None:
+        return None
+    iterations = checker.iterations * max(high - low + 1, 1)
+    if iterations > MAX_ITERATIONS:
+        checker.error("E211", node, f"{iterations} iterations; at most {MAX_ITERATIONS} are allowed")
+        return None
+    name = node.variable.text
+    unique = name if name not in checker.loops.values() else f"{name}'{len(checker.loops)}"
+    inner = replace(checker, loops={**checker.loops, name: unique}, iterations=iterations)
+    body = inner.visit(node.body)
+    condition = (
+        None if node.condition is None else inner.expect(node.condition, BOOL, "the `if` of a reduction")
+    )
+    if body is None or (condition is None and node.condition is not None):
+        return None
+    if isinstance(body.type, Array):
+        checker.error(
+            "E211", node.body, "the body of a reduction must be a scalar", "reduce the array inside it"
+        )
+        return None
+    result = reduction_result(checker, node, node.function, function, [body.type])
+    if result is None:
+        return None
+    return ir.Reduce(
+        type=result,
+        function=function,
+        variable=unique,
+        low=low,
+        high=high,
+        body=body,
+        condition=condition,
+        span=checker.span(node),
+    )
+
+
+# --- window, fresh, value_or, now ------------------------------------------------------------------
+
+
+def _window(checker: Checker, node: ast.Call) -> ir.Expression | None:
+    if len(node.arguments) != 3:
+        _arguments(checker, node, 3, 3)
+        return None
+    array, center = checker.array(node.arguments[0]), checker.visit(node.arguments[1])
+    if array is None or center is None:
+        return None
+    assert isinstance(array.type, Array)
+    if not isinstance(center.type, Quantity) or center.type.dimension != NUMBER:
+        _wrong(checker, node.arguments[1], node, "a plain number as center", element_type(center.type))
+        return None
+    reach = checker.whole(node.arguments[2], "the reach of a window", 0, (array.type.size - 1) // 2)
+    if reach is None:
+        return None
+    type_ = Array(array.type.element, 2 * reach + 1)
+    return ir.Window(type=type_, array=array, center=center, reach=reach, span=checker.span(node))
+
+
+def _fresh(checker: Checker, node: ast.Call) -> ir.Expression | None:
+    argument = node.arguments[0] if len(node.arguments) == 1 else None
+    if not isinstance(argument, ast.Reference):
+        checker.error(
+            "E203", node, "`fresh` takes the name of one sensor or derived value", "use: fresh(sonar)"
+        )
+        return None
+    scope, path = checker.scope.resolve(argument.path)
+    symbol = scope.value(path[0]) if len(path) == 1 else None
+    if path[0] in checker.local:
+        symbol = checker.local[path[0]]
+    match symbol:
+        case SensorSymbol(sensor=sensor):
+            return ir.Fresh(type=BOOL, name=sensor.name, derived=False, span=checker.span(node))
+        case LetSymbol(name=name, module=None):
+            return ir.Fresh(type=BOOL, name=name, derived=True, span=checker.span(node))
+        case Broken():
+            return None
+        case None:
+            checker.visit(argument)  # reports the unknown name
+            return None
+        case _:
+            hint = "only sensors, and `let`s of the file, can be missing"
+            checker.error(
+                "E202", argument, f"`{argument.text}` is neither a sensor nor a derived value", hint
+            )
+            return None
+
+
+def _value_or(checker: Checker, node: ast.Call) -> ir.Expression | None:
+    arguments = _arguments(checker, node, 2, 2)
+    if arguments is None:
+        return None
+    expression, other = arguments
+    element = unify(element_type(expression.type), element_type(other.type))
+    if element is None:
+        shown = f"{article(expression.type)} and {article(other.type)}"
+        checker.error("E201", node, f"`value_or` needs two values of one type, found {shown}")
+        return None
+    type_ = checker.broadcast(node, element, expression.type, other.type)
+    if type_ is None:
+        return None
+    return ir.ValueOr(type=type_, expression=expression, other=other, span=checker.span(node))
+
+
+def _now(checker: Checker, node: ast.Call) -> ir.Expression | None:
+    if _arguments(checker, node, 0, 0) is None:
+        return None
+    return ir.Now(type=DURATION, span=checker.span(node))
+
+
+# --- functions with memory -------------------------------------------------------------------------
+
+_SIGNATURES: dict[ir.Memory, str] = {
+    # v: any value, i: of the type of the first, b: bools, k: any scalar key, d: a constant duration
+    ir.Memory.PREVIOUS: "vi",
+    ir.Memory.CHANGED: "v",
+    ir.Memory.RISING: "b",
+    ir.Memory.FALLING: "b",
+    ir.Memory.HELD: "bd",
+    ir.Memory.ELAPSED: "b",
+    ir.Memory.LATCH: "bb",
+    ir.Memory.CAPTURED: "vv",
+    ir.Memory.EVERY: "d",
+}
+
+
+def _memory(checker: Checker, node: ast.Call, function: ir.Memory) -> ir.Expression | None:
+    if not checker.memory:
+        hint = "memory functions stand in let, when, do, next, transitions, limits and contracts"
+        checker.error("E209", node, f"`{function.value}` has memory and is not allowed here", hint)
+        return None
+    signature = _SIGNATURES[function]
+    if len(node.arguments) != len(signature):
+        _arguments(checker, node, len(signature), len(signature))
+        return None
+    arguments: list[ir.Expression] = []
+    duration_ns, good = 0, True
+    for kind, argument in zip(signature, node.arguments, strict=True):
+        if kind == "d":
+            duration = checker.duration_ns(argument, f"the duration of `{function.value}`")
+            good, duration_ns = good and duration is not None, duration or 0
+            continue
+        found = checker.visit(argument)
+        if found is not None and kind == "b" and not isinstance(element_type(found.type), Bool):
+            _wrong(checker, argument, node, "a bool", element_type(found.type))
+            found = None
+        if found is None:
+            good = False
+        else:
+            arguments.append(found)
+    if not good:
+        return None
+    result = _memory_result(checker, node, function, arguments)
+    if result is None:
+        return None
+    type_ = checker.broadcast(node, result, *(a.type for a in arguments))
+    if type_ is None:
+        return None
+    return ir.MemoryCall(
+        type=type_,
+        function=function,
+        arguments=tuple(arguments),
+        cell=checker.report.new_cell(),
+        duration_ns=duration_ns,
+        span=checker.span(node),
+    )
+
+
+def _memory_result(
+    checker: Checker, node: ast.Call, function: ir.Memory, arguments: list[ir.Expression]
+) -> Scalar | None:
+    match function:
+        case ir.Memory.PREVIOUS:
+            first, initial = (element_type(a.type) for a in arguments)
+            common = unify(first, initial)
+            if common is None:
+                found = f"{article(first)} and {article(initial)}"
+                checker.error("E201", node, f"`previous` needs two values of one type, found {found}")
+            return common
+        case ir.Memory.CAPTURED:
+            return element_type(arguments[0].type)
+        case ir.Memory.ELAPSED:
+            return DURATION
+        case _:
+            return BOOL

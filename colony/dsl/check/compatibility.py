@@ -1,0 +1,42 @@
+"""Which types fit where, and how they are called in messages."""
+
+from __future__ import annotations
+
+from colony.ir.types import PLAIN, Array, Bool, Enum, Quantity, Scalar, Type, element_type, shaped
+
+
+def unify(a: Scalar, b: Scalar) -> Scalar | None:
+    """The type of a place where both may stand, or None; a literal 0 fits any dimension."""
+    if isinstance(a, Quantity) and isinstance(b, Quantity):
+        if a.wild:
+            return b
+        if b.wild or a.dimension == b.dimension:
+            return a
+        return None
+    return a if a == b else None
+
+
+def fits(found: Type, wanted: Type) -> bool:
+    """Whether a value of type `found` may stand where `wanted` is declared."""
+    if isinstance(found, Array) != isinstance(wanted, Array):
+        return False
+    if isinstance(found, Array) and isinstance(wanted, Array) and found.size != wanted.size:
+        return False
+    return unify(element_type(found), element_type(wanted)) is not None
+
+
+def settled(type_: Type) -> Type:
+    """The type of a name that is given such a value: a lone literal 0 is a plain number."""
+    element = element_type(type_)
+    return shaped(PLAIN, type_) if isinstance(element, Quantity) and element.wild else type_
+
+
+def article(type_: Type) -> str:
+    """A type as part of a sentence."""
+    if isinstance(type_, Array):
+        return f"an array of {type_.size} {type_.element}"
+    if isinstance(type_, Bool):
+        return "a bool"
+    if isinstance(type_, Enum):
+        return f"a phase of `{type_.name}`" if type_.kind == "machine" else f"a `{type_.name}`"
+    return "a plain number" if type_.dimension == PLAIN.dimension else f"a value in {type_}"

@@ -1,0 +1,115 @@
+"""Who declares what: the names of every file, and those that imports bring in, before anything is checked."""
+
+from __future__ import annotations
+
+from colony.dsl import ast
+from colony.dsl.check.scope import ModuleSymbol, Report, Scope, WireSymbol
+
+VALUE_DECLARATIONS = (ast.EnumDecl, ast.ParamDecl, ast.LetDecl, ast.StateDecl, ast.MachineDecl)
+MODULE_DECLARATIONS = (ast.ModuleDecl, ast.DerivedModuleDecl, ast.PythonModuleDecl)
+
+
+def declare_names(report: Report, scopes: list[Scope]) -> None:
+    """Fill every scope's visible names; report names declared twice, here or by an import."""
+    sensors, actuators = _robot_names(scopes)
+    for scope in scopes:
+        _declare(report, scope, sensors, actuators)
+    by_key = {scope.file.key: scope for scope in scopes}
+    for scope in scopes:  # imports stand before those that import them
+        for one in scope.file.imports:
+            target = by_key.get(one.target)
+            if target is not None and target is not scope:
+                _bring_in(report, scope, target, one.declaration)
+
+
+def _robot_names(scopes: list[Scope]) -> tuple[set[str], set[str]]:
+    """The names of all sensors and of all actuators of the program, right or wrong."""
+    sensors: set[str] = set()
+    actuators: set[str] = set()
+    for scope in scopes:
+        for declaration in scope.file.tree.declarations:
+            if isinstance(declaration, ast.RobotDecl):
+                for item in declaration.items:
+                    if isinstance(item, ast.SensorDecl):
+                        sensors.add(item.name.text)
+                    elif isinstance(item, ast.ActuatorDecl):
+                        actuators.add(item.name.text)
+    return sensors, actuators
+
+
+def _declare(report: Report, scope: Scope, sensors: set[str], actuators: set[str]) -> None:
+    """Modules and wires can be named at once, values when they are checked."""
+    values: dict[str, ast.Name] = {}
+    parts: dict[str, ast.Name] = {}
+    for node in scope.file.tree.declarations:
+        if isinstance(node, VALUE_DECLARATIONS):
+            if node.name.text in sensors:
+                report.error(scope, "E102", node.name, f"the robot has a sensor `{node.name.text}` already")
+            elif _once(report, scope, values, node.name):
+                scope.visible_values[node.name.text] = scope
+        elif isinstance(node, MODULE_DECLARATIONS):
+            if node.name.text in actuators:
+                report.error(
+                    scope, "E102", node.name, f"the robot has an actuator `{node.name.text}` already"
+                )
+            elif _once(report, scope, parts, node.name):
+                full = scope.full(node.name.text)
+                scope.parts[node.name.text] = ModuleSymbol(name=full, actuator=None, members={})
+                scope.visible_parts[node.name.text] = scope
+        elif isinstance(node, ast.NetworkDecl):
+            for wire in node.wires:
+                _declare_wire(report, scope, wire.name, parts, actuators)
+
+
+def _declare_wire(
+    report: Report, scope: Scope, name: ast.Name, parts: dict[str, ast.Name], actuators: set[str]
+) -> None:
+    if name.text in actuators:
+        if name.text in parts:
+            line, _ = scope.file.source.position(parts[name.text].start)
+            hint = f"the first wiring is in line {line}"
+            report.error(scope, "E503", name, f"actuator `{name.text}` is driven twice", hint)
+        parts.setdefault(name.text, name)
+        scope.drives[name.text] = WireSymbol(name=_drive_name(scope, name.text))
+    elif _once(report, scope, parts, name):
+        scope.parts[name.text] = WireSymbol(name=scope.full(name.text))
+        scope.visible_parts[name.text] = scope
+
+
+def _drive_name(scope: Scope, actuator: str) -> str:
+    """What drives an actuator is called after it; in a plainly imported file that needs a name of its own."""
+    prefix = scope.file.prefix
+    if prefix or scope.file.is_root:
+        return f"{prefix}{actuator}"
+    return f"{scope.file.stem}:{actuator}"
+
+
+def _once(report: Report, scope: Scope, names: dict[str, ast.Name], name: ast.Name) -> bool:
+    first = names.get(name.text)
+    if first is None:
+        names[name.text] = name
+        return True
+    line, _ = scope.file.source.position(first.start)
+    report.error(scope, "E102", name, f"`{name.text}` is declared twice", f"the first is in line {line}")
+    return False
+
+
+def _bring_in(report: Report, scope: Scope, target: Scope, node: ast.ImportDecl) -> None:
+    """A plain import brings all names in; with `as` they stand behind the alias."""
+    alias = node.alias
+    if alias is not None:
+        taken = {*scope.aliases, *scope.visible_values, *scope.visible_parts}
+        if alias.text in taken and scope.aliases.get(alias.text) is not target:
+            report.error(scope, "E102", alias, f"`{alias.text}` is declared twice", "choose another alias")
+        scope.aliases.setdefault(alias.text, target)
+        return
+    for mine, theirs in (
+        (scope.visible_values, target.visible_values),
+        (scope.visible_parts, target.visible_parts),
+        (scope.aliases, target.aliases),
+    ):
+        for name, owner in theirs.items():
+            if mine.setdefault(name, owner) is not owner:
+                message = f"`{name}` is declared here and in `{target.file.source.name}`"
+                hint = f'rename one of them, or write `import "{node.path}" as NAME`'
+                report.error(scope, "E102", node, message, hint)

@@ -1,0 +1,126 @@
+"""Derived values: file-level params, lets, states and machines."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+
+from colony.dsl import ast
+from colony.dsl.check.compatibility import settled
+from colony.dsl.check.expressions import Checker
+from colony.dsl.check.robot import check_type
+from colony.dsl.check.scope import (
+    Broken,
+    LetSymbol,
+    MachineSymbol,
+    ParamSymbol,
+    StateSymbol,
+    ValueSymbol,
+    did_you_mean,
+)
+from colony.ir import program as ir
+from colony.ir.expression import Expression
+from colony.ir.types import BOOL, Enum, Scalar, ScalarValue
+from colony.units import BASE_UNITS
+
+
+def check_param(checker: Checker, node: ast.ParamDecl) -> ParamSymbol | Broken:
+    """A named constant."""
+    found = checker.constant(node.value, None, f"param `{node.name.text}`")
+    return Broken() if found is None else ParamSymbol(type=settled(found.type), value=found.value)
+
+
+def check_let(checker: Checker, node: ast.LetDecl, name: str) -> ir.Let | None:
+    """A let whose full name is `name`."""
+    found = checker.check(node.value)
+    return None if found is None else ir.Let(name=name, expression=found, span=checker.span(node.name))
+
+
+def check_state(checker: Checker, node: ast.StateDecl) -> tuple[Scalar, ScalarValue] | None:
+    """The type and first value of a state; the type may be left out where the constant shows it."""
+    wanted: Scalar | None = None
+
+    if node.type is not None:
+        found = check_type(checker, node.type)
+        if found is None:
+            return None
+        wanted, _ = found
+    what = f"the first value of `{node.name.text}`"
+    if wanted is not None:
+        initial = checker.constant(node.initial, wanted, what)
+    else:
+        initial = checker.constant(node.initial, None, what)
+    if initial is None:
+        return None
+    type_ = wanted if wanted is not None else settled(initial.type)
+    return type_, initial.value  # type: ignore[return-value]
+
+
+def check_nexts(
+    checker: Checker, nodes: Iterable[ast.NextDecl], states: dict[str, ValueSymbol]
+) -> dict[str, Expression]:
+    """What each state holds next, by its name as written."""
+    nexts: dict[str, Expression] = {}
+    given: set[str] = set()
+    for node in nodes:
+        name = node.name.text
+        symbol = states.get(name)
+        if symbol is None:
+            hint = did_you_mean(name, states) or f"declare it: `state {name} = ...`"
+            checker.error("E403", node.name, f"there is no state `{name}` here", hint)
+            continue
+        if name in given:
+            checker.error("E403", node.name, f"`next {name}` is given twice", "choose with `if`")
+            continue
+        given.add(name)
+        if isinstance(symbol, StateSymbol):
+            found = checker.expect(node.value, symbol.type, f"the next value of `{name}`")
+            if found is not None:
+                nexts[name] = found
+        else:
+            checker.check(node.value)
+    return nexts
+
+
+def machine_type(checker: Checker, node: ast.MachineDecl) -> MachineSymbol | Broken:
+    """The phases of a machine, in the order in which they are first named."""
+    phases: dict[str, ast.Name] = {node.initial.text: node.initial}
+    for transition in node.transitions:
+        for phase in (transition.source, transition.target):
+            if phase is not None:
+                phases.setdefault(phase.text, phase)
+    for name, phase in phases.items():
+        if name in BASE_UNITS:
+            hint = "after a number in a condition it would be read as the unit"
+            checker.error("E407", phase, f"a phase cannot be called `{name}`, which is a unit", hint)
+    full = checker.scope.full(node.name.text)
+    members = tuple((name, float(i)) for i, name in enumerate(phases))
+    return MachineSymbol(name=full, type=Enum(name=full, members=members, kind="machine"))
+
+
+def check_machine(checker: Checker, node: ast.MachineDecl, type_: Enum) -> ir.Machine | None:
+    """A machine; `any` stands for every phase but the target."""
+    numbers = dict(type_.members)
+    transitions: list[ir.Transition] = []
+    for one in node.transitions:
+        condition = checker.expect(one.condition, BOOL, "the condition of a transition")
+        if condition is None:
+            continue
+        target = numbers[one.target.text]
+        if one.source is None:
+            sources = frozenset(numbers.values()) - {target}
+        else:
+            sources = frozenset({numbers[one.source.text]})
+        span = checker.span(one)
+        transitions.append(ir.Transition(sources=sources, target=target, condition=condition, span=span))
+    return ir.Machine(
+        name=checker.scope.full(node.name.text),
+        span=checker.span(node.name),
+        type=type_,
+        start=numbers[node.initial.text],
+        transitions=tuple(transitions),
+    )
+
+
+def let_symbol(let: ir.Let, module: str | None = None) -> LetSymbol:
+    """What a let's name stands for."""
+    return LetSymbol(name=let.name, type=settled(let.expression.type), module=module)

@@ -1,0 +1,348 @@
+"""Modules: written in the language, derived from others, or written in Python."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from typing import TypeVar
+
+from colony.dsl import ast
+from colony.dsl.check.compatibility import article, fits
+from colony.dsl.check.derived import check_let, check_nexts, check_param, check_state, let_symbol
+from colony.dsl.check.expressions import Checker
+from colony.dsl.check.references import actuator_named, resolve_part, resolve_reference
+from colony.dsl.check.robot import command_arguments
+from colony.dsl.check.scope import (
+    Broken,
+    ModuleSymbol,
+    ParamSymbol,
+    Report,
+    Scope,
+    StateSymbol,
+    ValueSymbol,
+    did_you_mean,
+    span_of,
+)
+from colony.ir import program as ir
+from colony.ir.expression import Constant, Expression
+from colony.ir.types import BOOL, ScalarValue
+
+ModuleNode = ast.ModuleDecl | ast.DerivedModuleDecl | ast.PythonModuleDecl
+_Clause = TypeVar("_Clause", bound=ast.Clause | ast.PythonClause)
+_PYTHON_PATH = re.compile(r"[A-Za-z_]\w*(\.[A-Za-z_]\w*)*:[A-Za-z_]\w*")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Template:
+    """A module's text, where it was written, and the params that a derived module sets anew."""
+
+    node: ast.ModuleDecl | ast.PythonModuleDecl
+    scope: Scope
+    params: Mapping[str, ParamSymbol]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Pending:
+    """A module declaration that is to be checked, in the scope of its file."""
+
+    node: ModuleNode
+    scope: Scope
+
+    @property
+    def full_name(self) -> str:
+        return self.scope.full(self.node.name.text)
+
+
+def check_modules(report: Report, pending: list[Pending]) -> list[ir.AnyModule]:
+    """All modules of a program, in order; their symbols are put where their files look names up.
+
+    Each file's scope already holds a symbol for each of its modules, by its full name.
+    """
+    by_name = {p.full_name: p for p in pending}
+    templates: dict[str, Template | None] = {}
+    modules: list[ir.AnyModule] = []
+    for one in pending:
+        template = _template(report, one, by_name, templates)
+        if template is None:
+            continue
+        module, members = _instance(report, one, template)
+        if module is not None:
+            symbol = ModuleSymbol(name=module.name, actuator=module.actuator, members=members)
+            one.scope.parts[one.node.name.text] = symbol
+            modules.append(module)
+    checked = {m.name for m in modules}
+    for one in pending:
+        if one.full_name not in checked:
+            one.scope.parts[one.node.name.text] = Broken()
+    return modules
+
+
+# --- derived modules -------------------------------------------------------------------------------
+
+
+def _template(
+    report: Report,
+    one: Pending,
+    by_name: Mapping[str, Pending],
+    templates: dict[str, Template | None],
+) -> Template | None:
+    """Follow `module a = b(...)` to a module with a text of its own; iterative, as chains may be long."""
+    trail: list[Pending] = []
+    here: Pending | None = one
+    while here is not None and here.full_name not in templates:
+        if here in trail:
+            names = " = ".join(f"`{p.node.name.text}`" for p in [*trail[trail.index(here) :], here])
+            report.error(here.scope, "E404", here.node.name, f"the module is derived from itself: {names}")
+            for p in trail:
+                templates[p.full_name] = None
+            return None
+        trail.append(here)
+        if not isinstance(here.node, ast.DerivedModuleDecl):
+            templates[here.full_name] = Template(node=here.node, scope=here.scope, params={})
+            break
+        here = _base(report, here, by_name)
+        if here is None:
+            for p in trail:
+                templates[p.full_name] = None
+    for p in reversed(trail):
+        if isinstance(p.node, ast.DerivedModuleDecl) and p.full_name not in templates:
+            base = _base(report, p, by_name, quiet=True)
+            template = templates[base.full_name] if base else None
+            templates[p.full_name] = None if template is None else _derive(report, p, p.node, template)
+    return templates[one.full_name]
+
+
+def _base(
+    report: Report, one: Pending, by_name: Mapping[str, Pending], quiet: bool = False
+) -> Pending | None:
+    """The declaration that a derived module names as its base."""
+    assert isinstance(one.node, ast.DerivedModuleDecl)
+    scope, path = one.scope.resolve(one.node.base.path)
+    symbol = scope.part(path[0]) if len(path) == 1 else None
+    if isinstance(symbol, ModuleSymbol) and symbol.name in by_name:
+        return by_name[symbol.name]
+    if quiet:
+        return None
+    if symbol is None or isinstance(symbol, ModuleSymbol):
+        resolve_part(Checker(scope=one.scope, report=report), one.node.base)
+    elif not isinstance(symbol, Broken):
+        report.error(one.scope, "E404", one.node.base, f"`{one.node.base.text}` is not a module")
+    return None
+
+
+def _derive(report: Report, one: Pending, node: ast.DerivedModuleDecl, base: Template) -> Template:
+    checker = Checker(scope=one.scope, report=report)
+    known = [c.name.text for c in base.node.clauses if isinstance(c, ast.ParamDecl)]
+    params = dict(base.params)
+    given: set[str] = set()
+    for argument in node.arguments:
+        name = argument.name.text
+        if name not in known:
+            hint = did_you_mean(name, known)
+            hint = hint or (f"its params are {', '.join(known)}" if known else "it has no params")
+            checker.error("E404", argument.name, f"`{node.base.text}` has no param `{name}`", hint)
+            continue
+        if name in given:
+            checker.error("E404", argument.name, f"param `{name}` is set twice")
+        given.add(name)
+        found = checker.constant(argument.value, None, f"param `{name}`")
+        if found is not None:
+            params[name] = ParamSymbol(type=found.type, value=found.value)
+    return replace(base, params=params)
+
+
+# --- instances -------------------------------------------------------------------------------------
+
+
+def _instance(
+    report: Report, one: Pending, template: Template
+) -> tuple[ir.AnyModule | None, dict[str, ValueSymbol]]:
+    """The module, and its params, lets and states by name as written."""
+    derived = isinstance(one.node, ast.DerivedModuleDecl)
+    local: dict[str, ValueSymbol] = {}
+    # What a derived module repeats of its base was reported there already.
+    sink = Report(cells=report.cells) if derived else report
+    checker = Checker(scope=template.scope, report=sink, local=local)
+    module: ir.AnyModule | None
+    if isinstance(template.node, ast.PythonModuleDecl):
+        module = _python_module(checker, one, template.node, template.params, local)
+    else:
+        module = _module(checker, one, template.node, template.params, local)
+    if derived:
+        report.cells = sink.cells
+        _report_misfits(report, one, sink)
+    return module, local
+
+
+def _report_misfits(report: Report, one: Pending, sink: Report) -> None:
+    """A param set anew may not fit where the base uses it: say so where it is set."""
+    base_errors = {(d.code, d.span.start, d.message) for d in report.diagnostics}
+    for d in sink.diagnostics:
+        if (d.code, d.span.start, d.message) not in base_errors and d.severity == "error":
+            line, _ = d.span.source.position(d.span.start)
+            message = f"with these params line {line} of its base is wrong: {d.message}"
+            report.error(one.scope, "E404", one.node, message)
+            return
+
+
+def _clauses(node: ast.ModuleDecl | ast.PythonModuleDecl, kind: type[_Clause]) -> list[_Clause]:
+    return [c for c in node.clauses if isinstance(c, kind)]
+
+
+def _module(
+    checker: Checker,
+    one: Pending,
+    node: ast.ModuleDecl,
+    anew: Mapping[str, ParamSymbol],
+    local: dict[str, ValueSymbol],
+) -> ir.Module | None:
+    """A module written in the language; None if anything in it is wrong."""
+    full, before = one.full_name, len(checker.report.diagnostics)
+    _report_duplicates(checker, node.clauses)
+    params = _params(checker, _clauses(node, ast.ParamDecl), anew, local)
+    states = _states(checker, full, _clauses(node, ast.StateDecl), local)
+    lets: list[ir.Let] = []
+    for clause in _clauses(node, ast.LetDecl):
+        let = check_let(checker, clause, f"{full}.{clause.name.text}")
+        local[clause.name.text] = Broken() if let is None else let_symbol(let, full)
+        lets += [let] if let else []
+    state_symbols = {c.name.text: local[c.name.text] for c in _clauses(node, ast.StateDecl)}
+    nexts = check_nexts(checker, _clauses(node, ast.NextDecl), state_symbols)
+    when = checker.expect(node.when, BOOL, "the predicate after `when`")
+    command = None if node.do is None else _command(checker, node.do)
+    if when is None or any(d.severity == "error" for d in checker.report.diagnostics[before:]):
+        return None
+    return ir.Module(
+        name=full,
+        span=span_of(one.scope, one.node.name),
+        params=params,
+        lets=tuple(lets),
+        states=tuple(replace(s, next=nexts.get(s.name.removeprefix(f"{full}."))) for s in states),
+        when=when,
+        command=command,
+    )
+
+
+def _report_duplicates(checker: Checker, clauses: tuple[ast.Clause | ast.PythonClause, ...]) -> None:
+    names: set[str] = set()
+    for clause in clauses:
+        if isinstance(clause, ast.ParamDecl | ast.LetDecl | ast.StateDecl):
+            if clause.name.text in names:
+                message = f"`{clause.name.text}` is declared twice in the module"
+                checker.error("E102", clause.name, message)
+            names.add(clause.name.text)
+
+
+def _params(
+    checker: Checker,
+    clauses: list[ast.ParamDecl],
+    anew: Mapping[str, ParamSymbol],
+    local: dict[str, ValueSymbol],
+) -> tuple[tuple[str, ScalarValue], ...]:
+    """The params in order, as written or set anew; each may use those above it."""
+    params: list[tuple[str, ScalarValue]] = []
+    for clause in clauses:
+        name = clause.name.text
+        symbol: ParamSymbol | Broken = check_param(checker, clause)
+        given = anew.get(name)
+        if given is not None and isinstance(symbol, ParamSymbol):
+            if fits(given.type, symbol.type):
+                symbol = ParamSymbol(type=symbol.type, value=given.value)
+            else:
+                wanted, found = article(symbol.type), article(given.type)
+                checker.error("E404", clause, f"param `{name}` is {wanted}, set to {found}")
+                symbol = Broken()
+        local[name] = symbol
+        if isinstance(symbol, ParamSymbol):
+            params.append((name, symbol.value))  # type: ignore[arg-type]
+    return tuple(params)
+
+
+def _states(
+    checker: Checker, full: str, clauses: list[ast.StateDecl], local: dict[str, ValueSymbol]
+) -> list[ir.State]:
+    """The states, without what they hold next."""
+    states: list[ir.State] = []
+    for clause in clauses:
+        name = clause.name.text
+        found = check_state(checker, clause)
+        if found is None:
+            local[name] = Broken()
+            continue
+        type_, initial = found
+        local[name] = StateSymbol(name=f"{full}.{name}", type=type_)
+        span = checker.span(clause.name)
+        states.append(ir.State(name=f"{full}.{name}", type=type_, initial=initial, next=None, span=span))
+    return states
+
+
+def _command(checker: Checker, node: ast.DoDecl) -> ir.Command | None:
+    """The transfer function, its fields in the order of the actuator's."""
+    actuator = actuator_named(checker, node.actuator)
+    if actuator is None:
+        for argument in node.arguments:
+            checker.check(argument.value)
+        return None
+    names = [f.name for f in actuator.fields]
+    values = command_arguments(checker, node, node.arguments, names, actuator.name)
+    fields: list[Expression] = []
+    for one in actuator.fields:
+        if one.name in values:
+            found = checker.expect(values[one.name].value, one.type, f"field `{one.name}`")
+            fields += [found] if found else []
+    return ir.Command(actuator=actuator.name, fields=tuple(fields)) if len(fields) == len(names) else None
+
+
+# --- Python modules --------------------------------------------------------------------------------
+
+
+def _python_module(
+    checker: Checker,
+    one: Pending,
+    node: ast.PythonModuleDecl,
+    anew: Mapping[str, ParamSymbol],
+    local: dict[str, ValueSymbol],
+) -> ir.PythonModule | None:
+    """A module whose step is Python. The class is not imported here: checking runs no user code."""
+    before = len(checker.report.diagnostics)
+    _report_duplicates(checker, node.clauses)
+    params = _params(checker, _clauses(node, ast.ParamDecl), anew, local)
+    if not _PYTHON_PATH.fullmatch(node.path):
+        hint = 'for example "colony.nav.hallway:CenterHallway"'
+        checker.error("E405", node, f'"{node.path}" does not name a class as "package.module:Class"', hint)
+    commands, rates = _clauses(node, ast.CommandsDecl), _clauses(node, ast.RateDecl)
+    for extra in [*commands[1:], *rates[1:]]:
+        word = "commands" if isinstance(extra, ast.CommandsDecl) else "rate"
+        checker.error("E406", extra, f"`{word}` is given twice")
+    reads = [r for clause in _clauses(node, ast.ReadsDecl) for r in clause.names]
+    readings = [_reading(checker, r) for r in reads]
+    actuator = actuator_named(checker, commands[0].actuator) if commands else None
+    rate = checker.duration_ns(rates[0].period, "the rate") if rates else None
+    if rate == 0:
+        checker.error(
+            "E406", rates[0], "the rate must be longer than nothing", "leave it out for every frame"
+        )
+    if any(d.severity == "error" for d in checker.report.diagnostics[before:]):
+        return None
+    module_path, _, class_name = node.path.partition(":")
+    return ir.PythonModule(
+        name=one.full_name,
+        span=span_of(one.scope, one.node.name),
+        module_path=module_path,
+        class_name=class_name,
+        params=params,
+        reads=tuple(r for r in readings if r is not None),
+        actuator=actuator.name if actuator else None,
+        rate_ns=rate,
+    )
+
+
+def _reading(checker: Checker, node: ast.Reference) -> Expression | None:
+    """A sensor, let, state or machine that a Python module is given."""
+    found = resolve_reference(replace(checker, local={}), node)
+    if isinstance(found, Constant):
+        hint = "give constants to it as params"
+        checker.error("E406", node, f"`{node.text}` is a constant, not read each frame", hint)
+        return None
+    return found

@@ -1,0 +1,241 @@
+"""All files of a program to the typed program, in a fixed order of stages.
+
+Names first, so that order in the text matters only where the language says so; then constants, the robot,
+derived values, modules, wires and promises. Imported files come before those that import them throughout.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import TypeVar
+
+from colony.diagnostics import Diagnostic, has_errors, in_order, warning
+from colony.dsl import ast
+from colony.dsl.check.declare import MODULE_DECLARATIONS, declare_names
+from colony.dsl.check.derived import (
+    check_let,
+    check_machine,
+    check_nexts,
+    check_param,
+    check_state,
+    let_symbol,
+    machine_type,
+)
+from colony.dsl.check.expressions import Checker
+from colony.dsl.check.modules import Pending, check_modules
+from colony.dsl.check.promises import check_contract, check_limit, check_test
+from colony.dsl.check.robot import check_enum, check_robot
+from colony.dsl.check.scope import (
+    Broken,
+    EnumSymbol,
+    MachineSymbol,
+    Report,
+    RobotScope,
+    Scope,
+    StateSymbol,
+    WireSymbol,
+)
+from colony.dsl.check.wiring import PendingWire, check_outputs, check_wires, reached
+from colony.dsl.files import SourceTree
+from colony.ir import program as ir
+from colony.ir.types import ScalarValue
+
+_Node = TypeVar("_Node", bound=ast.Node)
+
+
+def check_program(tree: SourceTree) -> tuple[ir.Program | None, tuple[Diagnostic, ...]]:
+    """The program, or None where there are errors; and all errors and warnings, in order."""
+    report = Report(diagnostics=list(tree.diagnostics))
+    program = _Check(tree, report).run() if tree.files else None
+    diagnostics = in_order(report.diagnostics)
+    return (None if has_errors(diagnostics) else program), diagnostics
+
+
+class _Check:
+    """One run over one program."""
+
+    def __init__(self, tree: SourceTree, report: Report) -> None:
+        self.report = report
+        self.robot = RobotScope()
+        self.scopes = [Scope(file=f, robot=self.robot) for f in tree.files]
+        self.root = self.scopes[-1]
+        declare_names(report, self.scopes)
+
+    def run(self) -> ir.Program | None:
+        self._constants()
+        robot = self._robot()
+        derived = self._derived()
+        modules = check_modules(self.report, self._pending_modules())
+        wires = self._wires(modules)
+        limits = [check_limit(c, n) for c, n in self._each(ast.LimitDecl)]
+        contracts = self._contracts()
+        own = Checker(scope=self.root, report=self.report)
+        tests = [check_test(own, n) for c, n in self._each(ast.TestDecl) if c.scope is self.root]
+        if robot is None:
+            return None
+        self._warn_unused(robot, modules, wires)
+        return ir.Program(
+            robot=robot,
+            derived=tuple(derived),
+            modules=tuple(modules),
+            wires=tuple(wires),
+            limits=tuple(one for one in limits if one is not None),
+            contracts=tuple(contracts),
+            tests=tuple(t for t in tests if t is not None),
+        )
+
+    def _each(self, *kinds: type[_Node]) -> Iterator[tuple[Checker, _Node]]:
+        """Every declaration of a kind in all files, with a checker in the scope of its file."""
+        for scope in self.scopes:
+            checker = Checker(scope=scope, report=self.report)
+            for node in scope.file.tree.declarations:
+                if isinstance(node, kinds):
+                    yield checker, node
+
+    def _constants(self) -> None:
+        """Enums, then params, each of which may use those above it."""
+        for checker, enum in self._each(ast.EnumDecl):
+            type_ = check_enum(checker, enum)
+            checker.scope.values.setdefault(enum.name.text, EnumSymbol(type=type_) if type_ else Broken())
+        for checker, param in self._each(ast.ParamDecl):
+            checker.scope.values.setdefault(param.name.text, check_param(checker, param))
+
+    def _robot(self) -> ir.Robot | None:
+        """The one robot of the program."""
+        found = list(self._each(ast.RobotDecl))
+        if not found:
+            self.robot.absent = True
+            if not any("robot" in d.message or d.code in _UNREAD for d in self.report.diagnostics):
+                start = ast.Name(text="", start=0, end=0)
+                hint = 'declare one, or import a file that does: `import "rome.colony"`'
+                self.report.error(self.root, "E301", start, "the program has no robot", hint)
+            return None
+        first, node = found[0]
+        for checker, other in found[1:]:
+            where = first.scope.file.source.name
+            line, _ = first.scope.file.source.position(node.start)
+            message = f"the program has a robot already: `{node.name.text}` in {where}, line {line}"
+            checker.error("E302", other.name, message, "a program has one robot")
+        return check_robot(first, node)
+
+    def _derived(self) -> list[ir.Derived]:
+        """States and machines can be read anywhere, so their types come first; lets only what is above."""
+        initial: dict[str, ScalarValue] = {}
+        for checker, state in self._each(ast.StateDecl):
+            found = check_state(checker, state)
+            full = checker.scope.full(state.name.text)
+            if found is not None:
+                initial[full] = found[1]
+            symbol = Broken() if found is None else StateSymbol(name=full, type=found[0])
+            checker.scope.values.setdefault(state.name.text, symbol)
+        for checker, machine in self._each(ast.MachineDecl):
+            checker.scope.values.setdefault(machine.name.text, machine_type(checker, machine))
+        derived: list[ir.Derived] = []
+        for checker, let in self._each(ast.LetDecl):
+            done = check_let(checker, let, checker.scope.full(let.name.text))
+            checker.scope.values.setdefault(let.name.text, let_symbol(done) if done else Broken())
+            derived += [done] if done else []
+        return derived + self._states(initial) + self._machines()
+
+    def _states(self, initial: dict[str, ScalarValue]) -> list[ir.Derived]:
+        states: list[ir.Derived] = []
+        for scope in self.scopes:
+            checker = Checker(scope=scope, report=self.report)
+            own = {n: s for n, s in scope.values.items() if isinstance(s, StateSymbol)}
+            nodes = [d for d in scope.file.tree.declarations if isinstance(d, ast.NextDecl)]
+            names = {d.name.text for d in scope.file.tree.declarations if isinstance(d, ast.StateDecl)}
+            nexts = check_nexts(checker, nodes, {n: scope.values[n] for n in names})
+            for node in scope.file.tree.declarations:
+                if isinstance(node, ast.StateDecl) and node.name.text in own:
+                    symbol = own.pop(node.name.text)
+                    states.append(
+                        ir.State(
+                            name=symbol.name,
+                            span=checker.span(node.name),
+                            type=symbol.type,
+                            initial=initial[symbol.name],
+                            next=nexts.get(node.name.text),
+                        )
+                    )
+        return states
+
+    def _machines(self) -> list[ir.Derived]:
+        machines: list[ir.Derived] = []
+        for checker, node in self._each(ast.MachineDecl):
+            symbol = checker.scope.values[node.name.text]
+            if isinstance(symbol, MachineSymbol):
+                machine = check_machine(checker, node, symbol.type)
+                machines += [machine] if machine else []
+        return machines
+
+    def _pending_modules(self) -> list[Pending]:
+        seen: set[str] = set()
+        pending: list[Pending] = []
+        for scope in self.scopes:
+            for node in scope.file.tree.declarations:
+                if isinstance(node, MODULE_DECLARATIONS):
+                    one = Pending(node=node, scope=scope)
+                    if one.full_name not in seen:  # a second of the same name was reported
+                        seen.add(one.full_name)
+                        pending.append(one)
+        return pending
+
+    def _wires(self, modules: list[ir.AnyModule]) -> list[ir.Wire]:
+        pending: dict[str, PendingWire] = {}
+        for scope in self.scopes:
+            for network in scope.file.tree.declarations:
+                if not isinstance(network, ast.NetworkDecl):
+                    continue
+                for node in network.wires:
+                    name = node.name.text
+                    drives = name if name in scope.drives and scope is self.root else None
+                    symbol = scope.drives.get(name) or WireSymbol(name=scope.full(name))
+                    one = PendingWire(node=node, scope=scope, name=symbol.name, drives=drives)
+                    pending.setdefault(symbol.name, one)
+        wires = check_wires(self.report, list(pending.values()))
+        scopes = {name: one.scope for name, one in pending.items()}
+        check_outputs(self.report, wires, {m.name: m for m in modules}, scopes)
+        return wires
+
+    def _contracts(self) -> list[ir.Contract]:
+        contracts: dict[str, ir.Contract] = {}
+        names: dict[str, ast.Name] = {}
+        for checker, node in self._each(ast.ContractDecl):
+            full = checker.scope.full(node.name.text)
+            if full in names:
+                checker.error("E102", node.name, f"contract `{full}` is declared twice")
+                continue
+            names[full] = node.name
+            found = check_contract(checker, node)
+            if found is not None:
+                contracts[full] = found
+        return list(contracts.values())
+
+    # --- warnings
+
+    def _warn_unused(self, robot: ir.Robot, modules: list[ir.AnyModule], wires: list[ir.Wire]) -> None:
+        """What the file itself declares and no actuator can feel, and actuators that nothing drives."""
+        if has_errors(self.report.diagnostics):
+            return
+        used = reached(wires)
+        own = self.root.file.source
+        for kind, parts in (("module", modules), ("wire", wires)):
+            for part in parts:
+                if part.name not in used and part.span.source is own:
+                    message = f"{kind} `{part.name}` reaches no actuator"
+                    hint = "wire it in a `network { ... }` block, or take it out"
+                    self.report.diagnostics.append(warning("W001", part.span, message, hint))
+        driven = {w.actuator for w in wires}
+        for actuator in robot.actuators:
+            if actuator.name not in driven and self._wires_anything():
+                message = f"nothing drives actuator `{actuator.name}`"
+                hint = f"assign to it: `network {{ {actuator.name} = ... }}`"
+                self.report.diagnostics.append(warning("W002", actuator.span, message, hint))
+
+    def _wires_anything(self) -> bool:
+        """A file without modules and wires of its own is a library or a robot: nothing is amiss there."""
+        kinds = (*MODULE_DECLARATIONS, ast.NetworkDecl)
+        return any(isinstance(d, kinds) for d in self.root.file.tree.declarations)
+
+
+_UNREAD = frozenset({"E005", "E006", "E103"})

@@ -1,0 +1,240 @@
+"""References: `name`, `name.name` and what contracts say about actuators and modules."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from colony.dsl import ast
+from colony.dsl.check.scope import (
+    ActuatorSymbol,
+    Broken,
+    EnumSymbol,
+    LetSymbol,
+    MachineSymbol,
+    ModuleSymbol,
+    ParamSymbol,
+    PartSymbol,
+    Scope,
+    SensorSymbol,
+    StateSymbol,
+    ValueSymbol,
+    WireSymbol,
+    did_you_mean,
+)
+from colony.ir import expression as ir
+from colony.ir import program as program_ir
+from colony.ir.types import BOOL, PLAIN, Enum
+
+if TYPE_CHECKING:
+    from colony.dsl.check.expressions import Checker
+
+
+def resolve_reference(checker: Checker, node: ast.Reference) -> ir.Expression | None:
+    """What a name in an expression stands for."""
+    first = node.path[0]
+    if len(node.path) == 1:
+        if first in checker.loops:
+            return ir.LoopIndex(type=PLAIN, name=checker.loops[first], span=checker.span(node))
+        symbol = checker.local.get(first) or checker.scope.value(first)
+        if symbol is not None:
+            return _value(checker, node, symbol)
+        _unknown(checker, node, checker.scope, first)
+        return None
+    if first in checker.local:
+        return _member(checker, node, checker.local[first], node.path[1:])
+    scope, path = checker.scope.resolve(node.path)
+    symbol = scope.value(path[0])
+    if symbol is not None and len(path) == 1:
+        return _value(checker, node, symbol)
+    if isinstance(symbol, EnumSymbol | MachineSymbol | Broken):
+        return _member(checker, node, symbol, path[1:])
+    part = scope.part(path[0])
+    if part is not None and len(path) == 2:
+        return _part_member(checker, node, part, path[1])
+    if symbol is not None:
+        return _member(checker, node, symbol, path[1:])
+    _unknown(checker, node, scope, path[0])
+    return None
+
+
+def _value(checker: Checker, node: ast.Reference, symbol: ValueSymbol) -> ir.Expression | None:
+    span = checker.span(node)
+    match symbol:
+        case SensorSymbol(sensor=sensor):
+            return ir.SensorValue(type=sensor.type, name=sensor.name, span=span)
+        case ParamSymbol(type=type_, value=value):
+            return ir.Constant(type=type_, value=value, span=span)
+        case LetSymbol(name=name, type=type_, module=None):
+            return ir.DerivedValue(type=type_, name=name, span=span)
+        case LetSymbol(name=name, type=type_):
+            return ir.LocalValue(type=type_, name=name, span=span)
+        case StateSymbol(name=name, type=type_) | MachineSymbol(name=name, type=type_):
+            return ir.StateValue(type=type_, name=name, span=span)
+        case EnumSymbol(type=enum):
+            example = f"{node.text}.{enum.members[0][0]}"
+            checker.error(
+                "E106", node, f"`{node.text}` is an enum, not a value", f"name a member: `{example}`"
+            )
+            return None
+        case Broken():
+            return None
+
+
+def _member(
+    checker: Checker, node: ast.Reference, symbol: ValueSymbol, rest: tuple[str, ...]
+) -> ir.Expression | None:
+    """`enum.member` and `machine.phase`."""
+    owner = ".".join(node.path[: len(node.path) - len(rest)])
+    match symbol:
+        case EnumSymbol(type=enum) | MachineSymbol(type=enum) if len(rest) == 1:
+            value = dict(enum.members).get(rest[0])
+            if value is not None:
+                return ir.Constant(type=enum, value=value, span=checker.span(node))
+            names = [name for name, _ in enum.members]
+            hint = did_you_mean(rest[0], names) or f"it has {', '.join(names)}"
+            checker.error("E108", node, f"`{owner}` has no {_member_word(enum)} `{rest[0]}`", hint)
+        case Broken():
+            pass
+        case _:
+            checker.error("E108", node, f"`{owner}` has no part `{'.'.join(rest)}`")
+    return None
+
+
+def _member_word(enum: Enum) -> str:
+    return "phase" if enum.kind == "machine" else "member"
+
+
+def _part_member(checker: Checker, node: ast.Reference, part: PartSymbol, name: str) -> ir.Expression | None:
+    """`actuator.field` and `module.name`, in contracts and expectations."""
+    if isinstance(part, Broken):
+        return None
+    if not checker.promise:
+        hint = "a module never knows what others do; share values through file-level `let` and `state`"
+        checker.error("E106", node, f"`{node.text}` can be read only in contracts and tests", hint)
+        return None
+    owner = ".".join(node.path[:-1])
+    match part:
+        case ActuatorSymbol(actuator=actuator):
+            for index, one in enumerate(actuator.fields):
+                if one.name == name:
+                    span = checker.span(node)
+                    return ir.SentField(type=one.type, actuator=actuator.name, field_index=index, span=span)
+            close = did_you_mean(name, [f.name for f in actuator.fields])
+            checker.error("E108", node, f"actuator `{owner}` has no field `{name}`", close)
+        case ModuleSymbol(members=members):
+            if name in members:
+                return _value(checker, node, members[name])
+            hint = did_you_mean(name, members) or "a contract sees its params, lets and states"
+            checker.error("E108", node, f"module `{owner}` has no `{name}`", hint)
+        case WireSymbol():
+            checker.error("E108", node, f"`{owner}` is a wire and has no `{name}`")
+    return None
+
+
+def _unknown(checker: Checker, node: ast.Reference, scope: Scope, name: str) -> None:
+    """Report a name that stands for nothing here, with what is closest to it."""
+    part = scope.part(name)
+    if isinstance(part, Broken):
+        return
+    if part is not None:
+        kind = {ModuleSymbol: "module", WireSymbol: "wire", ActuatorSymbol: "actuator"}[type(part)]
+        where = f"ask `{name} is active`" if checker.promise else "only contracts and tests speak of it"
+        checker.error("E106", node, f"`{name}` is {_a(kind)}, not a value", where)
+        return
+    if name in scope.visible_values:
+        hint = "what is read must be declared above"
+        checker.error("E105", node, f"`{name}` is used before it is declared", hint)
+        return
+    known = [*checker.local, *scope.visible_values, *scope.robot.values, *scope.aliases, *checker.loops]
+    checker.error("E101", node, f"unknown name `{name}`", did_you_mean(name, known))
+
+
+def _a(word: str) -> str:
+    return f"an {word}" if word[0] in "aeiou" else f"a {word}"
+
+
+# --- what contracts say of the network -----------------------------------------------------------
+
+
+def resolve_winner(checker: Checker, node: ast.By) -> ir.Expression | None:
+    """`actuator by module`."""
+    if not _in_promise(checker, node):
+        return None
+    actuator, module = part_of(checker, node.actuator), part_of(checker, node.module)
+    if actuator is not None and not isinstance(actuator, ActuatorSymbol | Broken):
+        checker.error("E202", node.actuator, "left of `by` stands an actuator")
+        actuator = None
+    if module is not None and not isinstance(module, ModuleSymbol | Broken):
+        checker.error("E202", node.module, "right of `by` stands a module")
+        module = None
+    if not isinstance(actuator, ActuatorSymbol) or not isinstance(module, ModuleSymbol):
+        return None
+    if module.actuator != actuator.actuator.name:
+        found = f"it commands `{module.actuator}`" if module.actuator else "it commands nothing"
+        checker.error(
+            "E202", node.module, f"`{module.name}` never commands `{actuator.actuator.name}`", found
+        )
+        return None
+    span = checker.span(node)
+    return ir.WonBy(type=BOOL, actuator=actuator.actuator.name, module=module.name, span=span)
+
+
+def resolve_status(checker: Checker, node: ast.Is) -> ir.Expression | None:
+    """`name is active`, `actuator is commanded`, `actuator is idle`."""
+    if not _in_promise(checker, node):
+        return None
+    part = part_of(checker, node.subject)
+    span = checker.span(node)
+    if part is None or isinstance(part, Broken):
+        return None
+    if isinstance(part, ActuatorSymbol):
+        if node.status == "active":
+            hint = "ask `is commanded` or `is idle`"
+            checker.error("E202", node, f"`{part.actuator.name}` is an actuator", hint)
+            return None
+        kind = ir.IsIdle if node.status == "idle" else ir.IsCommanded
+        return kind(type=BOOL, actuator=part.actuator.name, span=span)
+    if node.status != "active":
+        checker.error("E202", node, f"`{part.name}` is no actuator", "of modules and wires, ask `is active`")
+        return None
+    return ir.IsActive(type=BOOL, name=part.name, span=span)
+
+
+def _in_promise(checker: Checker, node: ast.Node) -> bool:
+    if not checker.promise:
+        checker.error("E210", node, "`by` and `is` stand only in contracts and tests")
+    return checker.promise
+
+
+def part_of(checker: Checker, node: ast.Expression) -> PartSymbol | None:
+    """The module, wire or actuator that an expression names; None after reporting that it names none."""
+    if not isinstance(node, ast.Reference):
+        checker.error("E202", node, "expected the name of a module, wire or actuator")
+        return None
+    return resolve_part(checker, node)
+
+
+def resolve_part(checker: Checker, node: ast.Reference) -> PartSymbol | None:
+    """The module, wire or actuator of this name; None after reporting that there is none."""
+    scope, path = checker.scope.resolve(node.path)
+    part: PartSymbol | None = None
+    if len(path) == 1 and scope is not checker.scope:
+        part = scope.drives.get(path[0])
+    if len(path) == 1 and part is None:
+        part = scope.part(path[0])
+    if part is None:
+        known = [*scope.visible_parts, *scope.robot.parts, *scope.aliases]
+        checker.error("E101", node, f"unknown module or wire `{node.text}`", did_you_mean(path[-1], known))
+    return part
+
+
+def actuator_named(checker: Checker, name: ast.Name) -> program_ir.Actuator | None:
+    """The actuator of this name; None after reporting that there is none."""
+    symbol = checker.scope.robot.parts.get(name.text)
+    if isinstance(symbol, ActuatorSymbol):
+        return symbol.actuator
+    if not isinstance(symbol, Broken):
+        known = [n for n, s in checker.scope.robot.parts.items() if isinstance(s, ActuatorSymbol)]
+        hint = did_you_mean(name.text, known) or (f"the robot has {', '.join(known)}" if known else None)
+        checker.error("E402", name, f"unknown actuator `{name.text}`", hint)
+    return None

@@ -1,0 +1,266 @@
+"""The robot: sensors, actuators, the frame period; and the type names that declarations use."""
+
+from __future__ import annotations
+
+from colony.dsl import ast
+from colony.dsl.check.compatibility import article
+from colony.dsl.check.expressions import Checker
+from colony.dsl.check.scope import ActuatorSymbol, Broken, EnumSymbol, SensorSymbol, did_you_mean
+from colony.ir import program as ir
+from colony.ir.types import BOOL, PLAIN, Array, Enum, Quantity, Scalar, ScalarValue
+from colony.units import BadUnit, parse_unit
+
+MAX_ELEMENTS = 4096
+RESERVED_SENSORS = {"t": "the frame's time"}
+RESERVED_FIELDS = {"by": "the winner", "fault": "what went wrong"}
+
+
+def check_type(checker: Checker, node: ast.TypeName) -> tuple[Scalar, str] | None:
+    """The type that a type name stands for, and the unit that values enter and leave in (or nothing)."""
+    name = ".".join(node.path)
+    if node.path == ("bool",):
+        return BOOL, ""
+    if node.path == ("number",):
+        return PLAIN, ""
+    scope, path = checker.scope.resolve(node.path)
+    symbol = scope.value(path[0]) if len(path) == 1 else None
+    if isinstance(symbol, EnumSymbol):
+        return symbol.type, ""
+    if isinstance(symbol, Broken):
+        return None
+    try:
+        unit = parse_unit(name)
+    except BadUnit as problem:
+        enums = [n for n in scope.visible_values if isinstance(scope.value(n), EnumSymbol)]
+        known = [*enums, "bool", "number", "mm", "deg", "mm/s", "deg/s"]
+        hint = did_you_mean(name, known) or "a type is `bool`, `number`, a unit or an enum"
+        message = str(problem) if "exponent" in str(problem) else f"unknown type `{name}`"
+        checker.error("E011" if "exponent" in str(problem) else "E101", node, message, hint)
+        return None
+    return Quantity(unit.dimension), unit.text
+
+
+def check_robot(checker: Checker, node: ast.RobotDecl) -> ir.Robot:
+    """The robot; fills the scope that all files share. What is wrong is left out of the result."""
+    robot = checker.scope.robot
+    sensors: list[ir.Sensor] = []
+    actuators: list[ir.Actuator] = []
+    periods: list[int] = []
+    names: dict[str, ast.Name] = {}
+    for item in node.items:
+        if isinstance(item, ast.FrameDecl):
+            _frame(checker, item, periods)
+            continue
+        if item.name.text in names:
+            line, _ = checker.scope.file.source.position(names[item.name.text].start)
+            message = f"`{item.name.text}` is declared twice"
+            checker.error("E102", item.name, message, f"the first is in line {line}")
+            continue
+        names[item.name.text] = item.name
+        if isinstance(item, ast.SensorDecl):
+            sensor = _sensor(checker, item)
+            robot.values[item.name.text] = SensorSymbol(sensor=sensor) if sensor else Broken()
+            sensors += [sensor] if sensor else []
+        else:
+            actuator = _actuator(checker, item)
+            robot.parts[item.name.text] = ActuatorSymbol(actuator=actuator) if actuator else Broken()
+            actuators += [actuator] if actuator else []
+    return ir.Robot(
+        name=node.name.text,
+        span=checker.span(node.name),
+        frame_ns=periods[0] if periods else ir.DEFAULT_FRAME_NS,
+        sensors=tuple(sensors),
+        actuators=tuple(actuators),
+    )
+
+
+def _frame(checker: Checker, item: ast.FrameDecl, periods: list[int]) -> None:
+    period = checker.duration_ns(item.period, "the frame period")
+    if period == 0:
+        checker.error(
+            "E309", item, "the frame period must be longer than nothing", "for example `frame 50 ms`"
+        )
+    elif period is not None and periods:
+        checker.error("E309", item, "the frame period is given twice")
+    elif period is not None:
+        periods.append(period)
+
+
+def _range(
+    checker: Checker, node: ast.Range | None, type_: Scalar, unit: str
+) -> tuple[float | None, float | None]:
+    """The bounds of a range in base units."""
+    if node is None:
+        return None, None
+    if not isinstance(type_, Quantity):
+        checker.error("E303", node, f"a range bounds numbers; this is {article(type_)}")
+        return None, None
+    low = checker.constant_in(node.low, type_, unit, "the low end of a range")
+    high = checker.constant_in(node.high, type_, unit, "the high end of a range")
+    if low is not None and high is not None and low > high:
+        checker.error("E303", node, "the range is empty: its low end is above its high end", "swap the ends")
+        return None, None
+    return low, high
+
+
+def _factor(unit: str) -> float:
+    return float(parse_unit(unit).factor) if unit else 1.0
+
+
+def _sensor(checker: Checker, item: ast.SensorDecl) -> ir.Sensor | None:
+    reserved = RESERVED_SENSORS.get(item.name.text)
+    if reserved:
+        message = f"`{item.name.text}` is {reserved} in recordings; no sensor can be called so"
+        checker.error("E307", item.name, message, "choose another name")
+    found = check_type(checker, item.type)
+    size = None
+    if item.size is not None:
+        size = checker.whole(item.size, "the size of an array", 1, MAX_ELEMENTS)
+    within = None
+    if item.within is not None:
+        within = checker.duration_ns(item.within, "`within`")
+    if found is None or (item.size is not None and size is None):
+        return None
+    element, unit = found
+    low, high = _range(checker, item.range, element, unit)
+    default: ScalarValue | None = None
+    if item.default is not None:
+        default = checker.constant_in(item.default, element, unit, "the default")
+        outside = (low is not None and (default or 0) < low) or (high is not None and (default or 0) > high)
+        if default is not None and outside:
+            checker.error("E304", item.default, "the default is outside the range")
+    return ir.Sensor(
+        name=item.name.text,
+        span=checker.span(item.name),
+        type=element if size is None else Array(element, size),
+        unit=unit,
+        factor=_factor(unit),
+        low=low,
+        high=high,
+        default=default,
+        server=item.server.text,
+        field=item.field.text,
+        within_ns=within,
+    )
+
+
+def _actuator(checker: Checker, item: ast.ActuatorDecl) -> ir.Actuator | None:
+    fields: list[ir.ActuatorField] = []
+    units: dict[str, str] = {}
+    complete = True
+    for one in item.fields:
+        found = check_type(checker, one.type)
+        if one.name.text in RESERVED_FIELDS:
+            meaning = RESERVED_FIELDS[one.name.text]
+            message = f"`{one.name.text}` is {meaning} in recordings; no field can be called so"
+            checker.error("E307", one.name, message, "choose another name")
+        if one.name.text in units:
+            checker.error("E102", one.name, f"field `{one.name.text}` is declared twice")
+            continue
+        units[one.name.text] = found[1] if found else ""
+        if found is None:
+            complete = False
+            continue
+        low, high = _range(checker, one.range, *found)
+        fields.append(
+            ir.ActuatorField(
+                name=one.name.text,
+                span=checker.span(one.name),
+                type=found[0],
+                unit=found[1],
+                factor=_factor(found[1]),
+                low=low,
+                high=high,
+            )
+        )
+    if not complete:
+        return None
+    hold, idle = _idle(checker, item, fields)
+    if idle is None and not hold:
+        return None
+    return ir.Actuator(
+        name=item.name.text,
+        span=checker.span(item.name),
+        fields=tuple(fields),
+        server=item.server.text,
+        command=item.command.text,
+        idle=idle,
+        on_loss=item.on_loss or "stop",
+    )
+
+
+def _idle(
+    checker: Checker, item: ast.ActuatorDecl, fields: list[ir.ActuatorField]
+) -> tuple[bool, tuple[ScalarValue, ...] | None]:
+    """Whether it is `idle hold`, and the idle command otherwise."""
+    node, name = item.idle, item.name.text
+    if node.arguments is None:
+        if node.name.text != "hold":
+            hint = f"write `idle {name}(FIELD = CONSTANT, ...)` or `idle hold`"
+            checker.error("E306", node, f"found `{node.name.text}`, expected a command of `{name}`", hint)
+            return True, None
+        if item.server.text == "RServer":
+            stop = f"give the command that stops: `idle {name}({item.fields[0].name.text} = 0, ...)`"
+            checker.error("E305", node, "what moves the robot needs an idle command, not `hold`", stop)
+        return True, None
+    if node.name.text != name:
+        checker.error(
+            "E306", node, f"found `{node.name.text}`, expected `{name}`, whose idle command this is"
+        )
+    values = command_arguments(checker, node, node.arguments, [f.name for f in fields], name)
+    idle: list[ScalarValue] = []
+    for one in fields:
+        argument = values.get(one.name)
+        if argument is None:
+            continue
+        value = checker.constant(argument.value, one.type, f"field `{one.name}`")
+        if value is None:
+            continue
+        bare: ScalarValue = value.value  # type: ignore[assignment]
+        if (one.low is not None and bare < one.low) or (one.high is not None and bare > one.high):
+            checker.error("E306", argument, f"the idle command is outside the range of `{one.name}`")
+        idle.append(bare)
+    return False, tuple(idle) if len(idle) == len(fields) else None
+
+
+def command_arguments(
+    checker: Checker,
+    node: ast.Node,
+    arguments: tuple[ast.Argument, ...],
+    fields: list[str],
+    actuator: str,
+) -> dict[str, ast.Argument]:
+    """The arguments by field; reports those that are unknown, given twice or left out."""
+    values: dict[str, ast.Argument] = {}
+    for argument in arguments:
+        name = argument.name.text
+        if name not in fields:
+            hint = did_you_mean(name, fields) or f"it has {', '.join(fields)}"
+            checker.error("E401", argument.name, f"`{actuator}` has no field `{name}`", hint)
+        elif name in values:
+            checker.error("E401", argument.name, f"field `{name}` is given twice")
+        else:
+            values[name] = argument
+    left_out = [name for name in fields if name not in values]
+    if left_out:
+        shown = ", ".join(f"`{name}`" for name in left_out)
+        checker.error("E401", node, f"every field must be given; {shown} of `{actuator}` left out")
+    return values
+
+
+def check_enum(checker: Checker, node: ast.EnumDecl) -> Enum | None:
+    """The enum's type."""
+    members: dict[str, float] = {}
+    for member in node.members:
+        name = member.name.text
+        value = checker.constant(member.value, PLAIN, f"the number of `{name}`")
+        if name in members:
+            checker.error("E102", member.name, f"`{name}` is declared twice")
+        elif value is not None and value.value in members.values():
+            other = next(n for n, v in members.items() if v == value.value)
+            checker.error("E310", member, f"`{name}` has the number of `{other}`", "numbers must differ")
+        elif value is not None:
+            members[name] = float(value.value)  # type: ignore[arg-type]
+    if not members:
+        return None
+    return Enum(name=checker.scope.full(node.name.text), members=tuple(members.items()))

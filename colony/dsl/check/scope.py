@@ -1,0 +1,171 @@
+"""What names stand for, and where they are looked up.
+
+A file has two name spaces: values (sensors, enums, params, lets, states, machines), which expressions read,
+and parts of the network (modules, wires, actuators). Robots are shared by all files of a program.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass, field
+
+from colony.diagnostics import Diagnostic, error, warning
+from colony.dsl import ast
+from colony.dsl.files import SourceFile
+from colony.ir import program as ir
+from colony.ir.types import Enum, Scalar, Type, Value
+from colony.source import Span
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class SensorSymbol:
+    sensor: ir.Sensor
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class EnumSymbol:
+    type: Enum
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ParamSymbol:
+    type: Type
+    value: Value
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class LetSymbol:
+    """A let by its full name; `module` names the module that it is local to, if any."""
+
+    name: str
+    type: Type
+    module: str | None = None
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class StateSymbol:
+    name: str
+    type: Scalar
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class MachineSymbol:
+    name: str
+    type: Enum
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Broken:
+    """Declared, but wrong or unreadable: whoever uses it gets no second error."""
+
+
+ValueSymbol = SensorSymbol | EnumSymbol | ParamSymbol | LetSymbol | StateSymbol | MachineSymbol | Broken
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ModuleSymbol:
+    """A module by its full name; `members` are its params, lets and states, for contracts."""
+
+    name: str
+    actuator: str | None
+    members: dict[str, ValueSymbol]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class WireSymbol:
+    """A wire by its full name."""
+
+    name: str
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ActuatorSymbol:
+    actuator: ir.Actuator
+
+
+PartSymbol = ModuleSymbol | WireSymbol | ActuatorSymbol | Broken
+
+
+@dataclass(slots=True)
+class RobotScope:
+    """Sensors and actuators: visible in every file, whatever it imports. Filled by the robot's check.
+
+    Where the program has no robot, or one that could not be read, unknown names are not reported.
+    """
+
+    absent: bool = False
+    values: dict[str, ValueSymbol] = field(default_factory=dict)
+    parts: dict[str, PartSymbol] = field(default_factory=dict)
+
+
+@dataclass(slots=True)
+class Scope:
+    """The names that one file sees. Filled while the file is checked, then only read.
+
+    `values` and `parts` are what the file itself declares, as far as it is checked; `visible_values` and
+    `visible_parts` tell, for these and for what plain imports bring in, whose file it is.
+    """
+
+    file: SourceFile
+    robot: RobotScope
+    values: dict[str, ValueSymbol] = field(default_factory=dict)
+    parts: dict[str, PartSymbol] = field(default_factory=dict)
+    visible_values: dict[str, Scope] = field(default_factory=dict)
+    visible_parts: dict[str, Scope] = field(default_factory=dict)
+    drives: dict[str, WireSymbol] = field(default_factory=dict)  # what this file assigns to actuators
+    aliases: dict[str, Scope] = field(default_factory=dict)
+
+    def value(self, name: str) -> ValueSymbol | None:
+        owner = self.visible_values.get(name)
+        found = self.robot.values.get(name) if owner is None else owner.values.get(name)
+        return Broken() if found is None and self._excused(name) else found
+
+    def part(self, name: str) -> PartSymbol | None:
+        owner = self.visible_parts.get(name)
+        found = self.robot.parts.get(name) if owner is None else owner.parts.get(name)
+        return Broken() if found is None and self._excused(name) else found
+
+    def _excused(self, name: str) -> bool:
+        """Whether the name may be declared in text that could not be read."""
+        return self.robot.absent or name in self.file.lost_names
+
+    def resolve(self, path: tuple[str, ...]) -> tuple[Scope, tuple[str, ...]]:
+        """Follow aliases at the front of a path: the scope that they lead to, and the rest."""
+        scope = self
+        while len(path) > 1 and path[0] in scope.aliases:
+            scope, path = scope.aliases[path[0]], path[1:]
+        return scope, path
+
+    def full(self, name: str) -> str:
+        """What a name declared in this file is called in the program."""
+        return self.file.prefix + name
+
+
+@dataclass(slots=True)
+class Report:
+    """Where checkers put what they find, and where they get numbers for memory cells."""
+
+    diagnostics: list[Diagnostic] = field(default_factory=list)
+    cells: int = 0
+
+    def error(self, scope: Scope, code: str, node: ast.Node, message: str, hint: str | None = None) -> None:
+        self.diagnostics.append(error(code, span_of(scope, node), message, hint))
+
+    def warn(self, scope: Scope, code: str, node: ast.Node, message: str, hint: str | None = None) -> None:
+        self.diagnostics.append(warning(code, span_of(scope, node), message, hint))
+
+    def new_cell(self) -> int:
+        self.cells += 1
+        return self.cells
+
+
+def span_of(scope: Scope, node: ast.Node) -> Span:
+    return Span(scope.file.source, node.start, node.end)
+
+
+def did_you_mean(name: str, known: Iterable[str]) -> str | None:
+    """A hint with the closest known name, if one is close."""
+    from difflib import get_close_matches
+
+    close = get_close_matches(name, list(known)[:20_000], n=1, cutoff=0.6)
+    return f"did you mean `{close[0]}`?" if close else None

@@ -1,0 +1,190 @@
+"""The network: wires, what drives actuators, and what may stand where."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+
+from colony.dsl import ast
+from colony.dsl.check.expressions import Checker
+from colony.dsl.check.references import resolve_part
+from colony.dsl.check.scope import ActuatorSymbol, Broken, Report, Scope
+from colony.ir import program as ir
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class PendingWire:
+    """A wire as declared; `drives` is the actuator it is assigned to, in the file that was asked for."""
+
+    node: ast.WireDecl
+    scope: Scope
+    name: str
+    drives: str | None
+
+
+def check_wires(report: Report, pending: list[PendingWire]) -> list[ir.Wire]:
+    """The wires, each after those that it uses; reports cycles and what cannot stand where it stands."""
+    wires: dict[str, ir.Wire] = {}
+    places: dict[str, PendingWire] = {}
+    for one in pending:
+        checker = Checker(scope=one.scope, report=report)
+        wiring = _wiring(checker, one.node.wiring)
+        if wiring is not None:
+            span = checker.span(one.node.name)
+            wires[one.name] = ir.Wire(name=one.name, wiring=wiring, actuator=one.drives, span=span)
+            places[one.name] = one
+    return _in_order(report, wires, places)
+
+
+def _wiring(checker: Checker, node: ast.Wiring) -> ir.Wiring | None:
+    """Only parentheses nest, and those are limited: chains are flat."""
+    if isinstance(node, ast.Reference):
+        part = resolve_part(checker, node)
+        if isinstance(part, ActuatorSymbol):
+            hint = "give what drives it a name of its own, and use that"
+            checker.error("E506", node, f"`{node.text}` is an actuator; an actuator's name is no wire", hint)
+            return None
+        if part is None or isinstance(part, Broken):
+            return None
+        return ir.Use(name=part.name, span=checker.span(node))
+    relations = {link.relation for link in node.links}
+    if len(relations) > 1:
+        _report_mixture(checker, node)
+    operands = [_wiring(checker, operand) for operand in node.operands]
+    windows = [_window(checker, link) for link in node.links]
+    if len(relations) > 1 or any(o is None for o in operands) or any(w is None for w in windows):
+        return None
+    return ir.Chain(
+        relation=node.links[0].relation,
+        operands=tuple(o for o in operands if o is not None),
+        windows_ns=tuple(w for w in windows if w is not None),
+        span=checker.span(node),
+    )
+
+
+def _window(checker: Checker, link: ast.Link) -> int | None:
+    return 0 if link.window is None else checker.duration_ns(link.window, "a time constant")
+
+
+def _report_mixture(checker: Checker, node: ast.Chain) -> None:
+    at = next(i for i, link in enumerate(node.links) if link.relation != node.links[0].relation)
+    first, second = node.links[0].relation, node.links[at].relation
+    text = checker.scope.file.source.text
+    left, middle, right = (text[o.start : o.end] for o in node.operands[at - 1 : at + 2])
+    if max(len(left), len(middle), len(right)) > 40:
+        left, middle, right = "a", "b", "c"
+    hint = (
+        f"write `{left} {first} ({middle} {second} {right})` or `({left} {first} {middle}) {second} {right}`"
+    )
+    checker.error("E501", node.links[at], f"`{first}` and `{second}` are mixed without parentheses", hint)
+
+
+# --- order and cycles ------------------------------------------------------------------------------
+
+
+def uses(wiring: ir.Wiring) -> Iterator[ir.Use]:
+    """Every use of a module or wire, from the left."""
+    stack = [wiring]
+    while stack:
+        here = stack.pop()
+        if isinstance(here, ir.Use):
+            yield here
+        else:
+            stack.extend(reversed(here.operands))
+
+
+def _in_order(
+    report: Report, wires: Mapping[str, ir.Wire], places: Mapping[str, PendingWire]
+) -> list[ir.Wire]:
+    """Depth first with a stack of our own; a wire that feeds itself is reported and left out."""
+    order: list[ir.Wire] = []
+    state: dict[str, str] = {}
+    for root in wires:
+        if root in state:
+            continue
+        state[root] = "open"
+        stack = [(root, uses(wires[root].wiring))]
+        while stack:
+            name, rest = stack[-1]
+            use = next(rest, None)
+            if use is None:
+                stack.pop()
+                state[name] = "done"
+                order.append(wires[name])
+            elif use.name in wires and use.name not in state:
+                state[use.name] = "open"
+                stack.append((use.name, uses(wires[use.name].wiring)))
+            elif state.get(use.name) == "open":
+                trail = [n for n, _ in stack]
+                cycle = [*trail[trail.index(use.name) :], use.name]
+                _report_cycle(report, places[name], use, cycle)
+    return order
+
+
+def _report_cycle(report: Report, place: PendingWire, use: ir.Use, cycle: list[str]) -> None:
+    shown = [f"`{name}`" for name in cycle[:6]]
+    more = " uses ..." if len(cycle) > 6 else ""
+    node = ast.Name(text=use.name, start=use.span.start, end=use.span.end)
+    message = f"a wire feeds itself: {' uses '.join(shown)}{more}"
+    report.error(place.scope, "E502", node, message, "the network must have no cycle")
+
+
+# --- what may stand where --------------------------------------------------------------------------
+
+
+def check_outputs(
+    report: Report,
+    wires: list[ir.Wire],
+    modules: Mapping[str, ir.AnyModule],
+    scopes: Mapping[str, Scope],
+) -> None:
+    """Whatever can reach an actuator must command it: modules elsewhere stand only where they inhibit.
+
+    Follows each actuator's wiring without the dominant sides of `inhibits`.
+    """
+    by_name = {w.name: w for w in wires}
+    for root in wires:
+        if root.actuator is None:
+            continue
+        seen = {root.name}
+        stack: list[tuple[ir.Wiring, Scope]] = [(root.wiring, scopes[root.name])]
+        while stack:
+            wiring, scope = stack.pop()
+            if isinstance(wiring, ir.Chain):
+                passing = wiring.operands if wiring.relation == "suppresses" else wiring.operands[-1:]
+                stack.extend((w, scope) for w in passing)
+            elif wiring.name in by_name:
+                if wiring.name not in seen:
+                    seen.add(wiring.name)
+                    stack.append((by_name[wiring.name].wiring, scopes[wiring.name]))
+            elif wiring.name in modules:
+                _check_output(report, scope, wiring, modules[wiring.name], root.actuator)
+
+
+def _check_output(report: Report, scope: Scope, use: ir.Use, module: ir.AnyModule, actuator: str) -> None:
+    node = ast.Name(text=use.name, start=use.span.start, end=use.span.end)
+    if module.actuator is None:
+        message = f"`{module.name}` commands nothing, and stands where it would drive `{actuator}`"
+        hint = "a module without `do` can stand only below the dominant side of an `inhibits`"
+        report.error(scope, "E504", node, message, hint)
+    elif module.actuator != actuator:
+        message = (
+            f"`{module.name}` commands `{module.actuator}`, and stands where it would drive `{actuator}`"
+        )
+        hint = "all modules under one wiring command the same actuator, dominant sides of `inhibits` aside"
+        report.error(scope, "E505", node, message, hint)
+
+
+def reached(wires: list[ir.Wire]) -> set[str]:
+    """The modules and wires that take part in what some actuator does."""
+    by_name = {w.name: w for w in wires}
+    found: set[str] = set()
+    stack = [w.name for w in wires if w.actuator is not None]
+    while stack:
+        name = stack.pop()
+        if name in found:
+            continue
+        found.add(name)
+        if name in by_name:
+            stack.extend(u.name for u in uses(by_name[name].wiring))
+    return found

@@ -1,0 +1,52 @@
+"""The front door: a file or a text to a typed program."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import NamedTuple
+
+from colony.diagnostics import Diagnostic, Failure
+from colony.dsl.check.program import check_program
+from colony.dsl.files import load_tree
+from colony.ir.program import Program
+
+
+class Checked(NamedTuple):
+    """What checking gives: the program where there are no errors, and everything that was found."""
+
+    program: Program | None
+    diagnostics: tuple[Diagnostic, ...]
+
+
+def check_file(path: str | Path) -> Checked:
+    """Check the file at `path` with all that it imports; never raises for what is in it."""
+    return Checked(*check_program(load_tree(Path(path), str(path))))
+
+
+def check_text(text: str, name: str = "<text>", directory: str | Path = ".") -> Checked:
+    """Check a text; imports are relative to `directory`."""
+    return Checked(*check_program(load_tree(Path(directory) / "<text>", name, text)))
+
+
+def load_file(path: str | Path) -> Program:
+    """The program of a file.
+
+    Raises:
+        Failure: with all errors and warnings, when there is an error.
+    """
+    return _program(check_file(path))
+
+
+def load_text(text: str, name: str = "<text>", directory: str | Path = ".") -> Program:
+    """The program of a text; imports are relative to `directory`.
+
+    Raises:
+        Failure: with all errors and warnings, when there is an error.
+    """
+    return _program(check_text(text, name, directory))
+
+
+def _program(checked: Checked) -> Program:
+    if checked.program is None:
+        raise Failure(checked.diagnostics)
+    return checked.program
