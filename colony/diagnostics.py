@@ -6,7 +6,6 @@ A stage that finds something wrong appends a `Diagnostic` to a list and goes on;
 
 from __future__ import annotations
 
-import json
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from typing import Literal
@@ -81,6 +80,8 @@ def render(diagnostic: Diagnostic) -> str:
 
 def to_json(diagnostics: Sequence[Diagnostic]) -> str:
     """A JSON array, one object a diagnostic, with 1-based lines and columns."""
+    import json
+
     rows = []
     for d in diagnostics:
         line, column = d.span.source.position(d.span.start)

@@ -7,19 +7,21 @@ before anything recurses into it.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import field
 from typing import Literal
 
+from colony.record import Record, record
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Node:
+
+@record
+class Node(Record):
     """A piece of text."""
 
     start: int = field(default=0, compare=False, repr=False)
     end: int = field(default=0, compare=False, repr=False)
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@record
 class Name(Node):
     """One identifier where it is declared or named."""
 
@@ -29,12 +31,14 @@ class Name(Node):
 # --- expressions ---------------------------------------------------------------------------------
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@record
 class ExpressionNode(Node):
+    """Any expression; a leaf nests 1 deep."""
+
     depth: int = field(default=1, compare=False, repr=False)
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@record
 class Number(ExpressionNode):
     """A number as written, and the unit that belongs to it."""
 
@@ -42,12 +46,14 @@ class Number(ExpressionNode):
     unit: str | None
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@record
 class Boolean(ExpressionNode):
+    """`true` or `false`."""
+
     value: bool
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@record
 class Reference(ExpressionNode):
     """`name`, `name.name` ...: whatever it turns out to name."""
 
@@ -58,13 +64,15 @@ class Reference(ExpressionNode):
         return ".".join(self.path)
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@record
 class Prefix(ExpressionNode):
+    """`-x` or `not b`."""
+
     operator: Literal["-", "not"]
     operand: Expression
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@record
 class Infix(ExpressionNode):
     """Two operands and an arithmetic, relational or Boolean operator, by its spelling."""
 
@@ -73,14 +81,16 @@ class Infix(ExpressionNode):
     right: Expression
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@record
 class If(ExpressionNode):
+    """`if condition then yes else no`."""
+
     condition: Expression
     yes: Expression
     no: Expression
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@record
 class InRange(ExpressionNode):
     """`operand in low .. high`."""
 
@@ -89,26 +99,32 @@ class InRange(ExpressionNode):
     high: Expression
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@record
 class Index(ExpressionNode):
+    """`array[index]`."""
+
     array: Expression
     index: Expression
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@record
 class SliceOf(ExpressionNode):
+    """`array[first..last]`."""
+
     array: Expression
     first: Expression
     last: Expression
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@record
 class Call(ExpressionNode):
+    """`function(argument, ...)`."""
+
     function: Name
     arguments: tuple[Expression, ...]
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@record
 class Comprehension(ExpressionNode):
     """`function(body for variable in low .. high [if condition])`."""
 
@@ -120,7 +136,7 @@ class Comprehension(ExpressionNode):
     condition: Expression | None
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@record
 class By(ExpressionNode):
     """`actuator by module`."""
 
@@ -131,7 +147,7 @@ class By(ExpressionNode):
 Status = Literal["active", "commanded", "idle"]
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@record
 class Is(ExpressionNode):
     """`name is active`, `actuator is commanded`, `actuator is idle`."""
 
@@ -156,7 +172,7 @@ Expression = (
 )
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@record
 class Argument(Node):
     """`name = value`."""
 
@@ -167,26 +183,32 @@ class Argument(Node):
 # --- robot ---------------------------------------------------------------------------------------
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@record
 class TypeName(Node):
     """A unit as written, `bool`, `number`, or the path of an enum."""
 
     path: tuple[str, ...]
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@record
 class Range(Node):
+    """`range low .. high`."""
+
     low: Expression
     high: Expression
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@record
 class FrameDecl(Node):
+    """`frame period`."""
+
     period: Expression
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@record
 class SensorDecl(Node):
+    """`sensor name[size] : type ... from server.field ...`."""
+
     name: Name
     size: Expression | None
     type: TypeName
@@ -197,14 +219,16 @@ class SensorDecl(Node):
     within: Expression | None
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@record
 class FieldDecl(Node):
+    """`name : type range ...`, in an actuator."""
+
     name: Name
     type: TypeName
     range: Range | None
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@record
 class IdleDecl(Node):
     """`idle hold` has no arguments; `idle drive()` has an empty tuple of them."""
 
@@ -212,8 +236,10 @@ class IdleDecl(Node):
     arguments: tuple[Argument, ...] | None
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@record
 class ActuatorDecl(Node):
+    """`actuator name { fields } to server.command idle ... on_loss ...`."""
+
     name: Name
     fields: tuple[FieldDecl, ...]
     server: Name
@@ -225,20 +251,26 @@ class ActuatorDecl(Node):
 RobotItem = FrameDecl | SensorDecl | ActuatorDecl
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@record
 class RobotDecl(Node):
+    """`robot name { ... }`."""
+
     name: Name
     items: tuple[RobotItem, ...]
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@record
 class EnumDecl(Node):
+    """`enum name { member = number, ... }`."""
+
     name: Name
     members: tuple[Argument, ...]
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@record
 class ImportDecl(Node):
+    """`import "path" as alias`."""
+
     path: str
     alias: Name | None
 
@@ -246,32 +278,40 @@ class ImportDecl(Node):
 # --- derived values and modules ------------------------------------------------------------------
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@record
 class ParamDecl(Node):
+    """`param name = value`."""
+
     name: Name
     value: Expression
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@record
 class LetDecl(Node):
+    """`let name = value`."""
+
     name: Name
     value: Expression
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@record
 class StateDecl(Node):
+    """`state name : type = initial`."""
+
     name: Name
     type: TypeName | None
     initial: Expression
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@record
 class NextDecl(Node):
+    """`next name = value`."""
+
     name: Name
     value: Expression
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@record
 class TransitionDecl(Node):
     """`source` is None for `any`."""
 
@@ -280,8 +320,10 @@ class TransitionDecl(Node):
     condition: Expression
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@record
 class MachineDecl(Node):
+    """`machine name { start initial ... }`."""
+
     name: Name
     initial: Name
     transitions: tuple[TransitionDecl, ...]
@@ -290,21 +332,25 @@ class MachineDecl(Node):
 Clause = ParamDecl | LetDecl | StateDecl | NextDecl
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@record
 class DoDecl(Node):
+    """`do actuator(field = value, ...)`."""
+
     actuator: Name
     arguments: tuple[Argument, ...]
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@record
 class ModuleDecl(Node):
+    """`module name { ... when ... do ... }`."""
+
     name: Name
     clauses: tuple[Clause, ...]
     when: Expression
     do: DoDecl | None
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@record
 class DerivedModuleDecl(Node):
     """`module name = base(param = constant, ...)`."""
 
@@ -313,26 +359,34 @@ class DerivedModuleDecl(Node):
     arguments: tuple[Argument, ...]
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@record
 class ReadsDecl(Node):
+    """`reads name, ...`."""
+
     names: tuple[Reference, ...]
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@record
 class CommandsDecl(Node):
+    """`commands actuator`."""
+
     actuator: Name
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@record
 class RateDecl(Node):
+    """`rate period`."""
+
     period: Expression
 
 
 PythonClause = ParamDecl | ReadsDecl | CommandsDecl | RateDecl
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@record
 class PythonModuleDecl(Node):
+    """`module name from python "path" { ... }`."""
+
     name: Name
     path: str
     clauses: tuple[PythonClause, ...]
@@ -341,7 +395,7 @@ class PythonModuleDecl(Node):
 # --- network -------------------------------------------------------------------------------------
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@record
 class Link(Node):
     """The relation between an operand of a chain and what follows it, with its time constant."""
 
@@ -349,7 +403,7 @@ class Link(Node):
     window: Expression | None
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@record
 class Chain(Node):
     """`operands[0] links[0] operands[1] links[1] ...`, as written; kept flat however long it is."""
 
@@ -360,22 +414,28 @@ class Chain(Node):
 Wiring = Reference | Chain
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@record
 class WireDecl(Node):
+    """`name = wiring`."""
+
     name: Name
     wiring: Wiring
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@record
 class NetworkDecl(Node):
+    """`network { ... }`."""
+
     wires: tuple[WireDecl, ...]
 
 
 # --- limits, contracts, tests --------------------------------------------------------------------
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@record
 class LimitDecl(Node):
+    """`limit actuator.field <= bound when condition`."""
+
     actuator: Name
     field: Name
     relation: Literal["<=", ">="]
@@ -383,32 +443,36 @@ class LimitDecl(Node):
     condition: Expression | None
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@record
 class ContractDecl(Node):
+    """`contract name: expression`."""
+
     name: Name
     expression: Expression
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@record
 class Missing(Node):
     """`missing`, as a given value."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@record
 class Elements(Node):
     """`[v, v, ...]`, as a given value."""
 
     values: tuple[Expression, ...]
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@record
 class GivenDecl(Node):
+    """`sensor[index] = value`, after `given`."""
+
     sensor: Name
     index: Expression | None
     value: Expression | Missing | Elements
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@record
 class StepDecl(Node):
     """`at first`, or `from first to last every period`."""
 
@@ -419,8 +483,10 @@ class StepDecl(Node):
     expect: tuple[Expression, ...]
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@record
 class TestDecl(Node):
+    """`test "title" { ... }`."""
+
     __test__ = False  # not a test of pytest's
 
     title: str
@@ -446,6 +512,8 @@ Declaration = (
 )
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@record
 class File(Node):
+    """All declarations of a file, in order."""
+
     declarations: tuple[Declaration, ...]

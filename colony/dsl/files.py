@@ -4,28 +4,29 @@ from __future__ import annotations
 
 import stat
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
 
 from colony.diagnostics import Diagnostic, error
 from colony.dsl import ast
 from colony.dsl.parse import parse
+from colony.record import Record, record
 from colony.source import Source, Span
 
 MAX_BYTES = 64 * 1024 * 1024
 MAX_FILES = 1000
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Import:
+@record
+class Import(Record):
     """An import of a file, resolved: `target` is the key of the file it brings in."""
 
     declaration: ast.ImportDecl
     target: str
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class SourceFile:
+@record
+class SourceFile(Record):
     """One file of a program; in it, the file's names begin with `prefix` (`brooks.` or nothing)."""
 
     key: str
@@ -41,8 +42,8 @@ class SourceFile:
         return Path(self.source.name).stem
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class SourceTree:
+@record
+class SourceTree(Record):
     """All files of a program, each after those that it imports; the last is the one that was asked for."""
 
     files: tuple[SourceFile, ...]

@@ -7,15 +7,16 @@ element where an operand is an array; a scalar beside an array stands for all of
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import field
 from enum import Enum, unique
 
 from colony.ir.types import Type, Value
+from colony.record import Record, record
 from colony.source import NOWHERE, Span
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Node:
+@record
+class Node(Record):
     """What every typed expression has."""
 
     type: Type
@@ -99,54 +100,54 @@ class Memory(Enum):
     EVERY = "every"
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@record
 class Constant(Node):
     """A literal, a param or a folded constant, in base units."""
 
     value: Value
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@record
 class SensorValue(Node):
     """A sensor's value in this frame (its default where it is missing and has one)."""
 
     name: str
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@record
 class DerivedValue(Node):
     """A file-level `let`, evaluated once a frame."""
 
     name: str
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@record
 class LocalValue(Node):
     """A `let` of a module, by its full name `module.let`; missing where the module is silent."""
 
     name: str
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@record
 class StateValue(Node):
     """The old value of a state or machine: file-level `name`, or `module.name`. Never missing."""
 
     name: str
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@record
 class LoopIndex(Node):
     """The variable of an enclosing `Reduce`, as a number."""
 
     name: str
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@record
 class Now(Node):
     """Time since the first frame: nanoseconds / 1e9."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@record
 class Fresh(Node):
     """Whether a sensor is there itself (not by default), or a file-level `let` is not missing."""
 
@@ -154,7 +155,7 @@ class Fresh(Node):
     derived: bool
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@record
 class ValueOr(Node):
     """`expression`, or `other` where `expression` reads something missing (its memory then stays)."""
 
@@ -162,20 +163,24 @@ class ValueOr(Node):
     other: Expression
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@record
 class UnaryOperation(Node):
+    """`-x` or `not b`."""
+
     operator: Unary
     operand: Expression
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@record
 class BinaryOperation(Node):
+    """`left operator right`; both operands are evaluated, whatever the operator."""
+
     operator: Binary
     left: Expression
     right: Expression
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@record
 class Conditional(Node):
     """`if condition then yes else no`; the condition is a scalar, the branches may be arrays."""
 
@@ -184,7 +189,7 @@ class Conditional(Node):
     no: Expression
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@record
 class Within(Node):
     """`operand in low .. high`, both ends in."""
 
@@ -193,7 +198,7 @@ class Within(Node):
     high: Expression
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@record
 class Element(Node):
     """`array[index]`: the index rounded (halves to even), taken modulo the size.
 
@@ -204,7 +209,7 @@ class Element(Node):
     index: Expression
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@record
 class Slice(Node):
     """`array[first..last]`, both in; `indices` are the elements taken, in order, wrapped already."""
 
@@ -212,7 +217,7 @@ class Slice(Node):
     indices: tuple[int, ...]
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@record
 class Window(Node):
     """`window(array, center, n)`: the elements round(center) - n .. round(center) + n, wrapping.
 
@@ -224,7 +229,7 @@ class Window(Node):
     reach: int
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@record
 class Call(Node):
     """A pure function. Of a `Slice` or `Window`, the index functions give the index in the whole array."""
 
@@ -232,7 +237,7 @@ class Call(Node):
     arguments: tuple[Expression, ...]
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@record
 class Reduce(Node):
     """`function(body for variable in low .. high [if condition])`, both ends in; nothing if low > high.
 
@@ -248,7 +253,7 @@ class Reduce(Node):
     condition: Expression | None
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@record
 class MemoryCall(Node):
     """A memory function; `cell` is unique to this call in the program.
 
@@ -266,7 +271,7 @@ class MemoryCall(Node):
 # Only in contracts and expectations:
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@record
 class SentField(Node):
     """The value sent in a field of an actuator, after limits and clamping, in base units.
 
@@ -277,7 +282,7 @@ class SentField(Node):
     field_index: int
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@record
 class WonBy(Node):
     """Whether `module` is the actuator's winner in this frame."""
 
@@ -285,21 +290,21 @@ class WonBy(Node):
     module: str
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@record
 class IsCommanded(Node):
     """Whether a module's command was sent (a winner whose command is not finite sends the idle one)."""
 
     actuator: str
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@record
 class IsIdle(Node):
     """Not commanded."""
 
     actuator: str
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@record
 class IsActive(Node):
     """Whether a module or wire puts a command on its output in this frame."""
 

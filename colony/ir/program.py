@@ -6,16 +6,17 @@ state of a module `module.name`. Durations are whole nanoseconds; constants are 
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import field
 from typing import Literal
 
 from colony.ir.expression import Expression
 from colony.ir.types import Enum, Scalar, ScalarValue, Type
+from colony.record import Record, record
 from colony.source import NOWHERE, Span
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Declared:
+@record
+class Declared(Record):
     """What every declaration has: a unique name and its place in the text."""
 
     name: str
@@ -25,7 +26,7 @@ class Declared:
 # --- robot ---------------------------------------------------------------------------------------
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@record
 class Sensor(Declared):
     """A value that a server gives each frame, or that is missing.
 
@@ -45,7 +46,7 @@ class Sensor(Declared):
     within_ns: int | None = None
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@record
 class ActuatorField(Declared):
     """One field of an actuator's command, in `unit`: a value leaves divided by `factor`.
 
@@ -59,7 +60,7 @@ class ActuatorField(Declared):
     high: float | None = None
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@record
 class Actuator(Declared):
     """What a robot can be told. `idle` holds the idle command in base units, or None for `idle hold`."""
 
@@ -73,7 +74,7 @@ class Actuator(Declared):
 DEFAULT_FRAME_NS = 50_000_000
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@record
 class Robot(Declared):
     """Sensors and actuators in the order declared, and the frame period."""
 
@@ -85,14 +86,14 @@ class Robot(Declared):
 # --- derived values ------------------------------------------------------------------------------
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@record
 class Let(Declared):
     """A value computed once a frame. At file level it is missing when something that it reads is."""
 
     expression: Expression
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@record
 class State(Declared):
     """Memory: `next`, from the old values, is what it holds in the next frame (None: it never changes).
 
@@ -104,8 +105,8 @@ class State(Declared):
     next: Expression | None
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Transition:
+@record
+class Transition(Record):
     """Taken when the machine is in one of `sources` and `condition` is true."""
 
     sources: frozenset[float]
@@ -114,7 +115,7 @@ class Transition:
     span: Span = field(default=NOWHERE, compare=False, repr=False)
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@record
 class Machine(Declared):
     """A state with named phases. The first transition that applies is seen in the next frame; one whose
     condition reads something missing does not apply (and its memory stays); memory moves on in any phase.
@@ -130,15 +131,15 @@ Derived = Let | State | Machine
 # --- modules -------------------------------------------------------------------------------------
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Command:
+@record
+class Command(Record):
     """A transfer function: one expression for each field of `actuator`, in the order of its fields."""
 
     actuator: str
     fields: tuple[Expression, ...]
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@record
 class Module(Declared):
     """M(P, phi): `when` is the applicability predicate P, `command` the transfer function phi (thesis 4.8.2).
 
@@ -157,7 +158,7 @@ class Module(Declared):
         return self.command.actuator if self.command else None
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@record
 class PythonModule(Declared):
     """A module whose `step(frame)` is Python: `class_name` of `module_path`, built with the params.
 
@@ -177,16 +178,16 @@ AnyModule = Module | PythonModule
 # --- network -------------------------------------------------------------------------------------
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Use:
+@record
+class Use(Record):
     """A module or a wire, by name."""
 
     name: str
     span: Span = field(default=NOWHERE, compare=False, repr=False)
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Chain:
+@record
+class Chain(Record):
     """`a op[w0] (b op[w1] (c ...))`: right-associative wiring of two or more operands by one relation.
 
     `windows_ns[i]` is the time constant between operand i and what follows it, 0 for none. Long chains
@@ -202,7 +203,7 @@ class Chain:
 Wiring = Use | Chain
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@record
 class Wire(Declared):
     """A named wire, or, where `actuator` is set, what drives that actuator (its name is then no wire)."""
 
@@ -213,8 +214,8 @@ class Wire(Declared):
 # --- limits, contracts, tests --------------------------------------------------------------------
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Limit:
+@record
+class Limit(Record):
     """A field of `actuator`, of a module's command, is at most (`<=`) or at least (`>=`) `bound`.
 
     It applies when `condition` is true or absent, or anything that the limit reads is missing. A bound that
@@ -229,15 +230,15 @@ class Limit:
     span: Span = field(default=NOWHERE, compare=False, repr=False)
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@record
 class Contract(Declared):
     """Must be true in every frame in which nothing that it reads is missing."""
 
     expression: Expression
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Given:
+@record
+class Given(Record):
     """From this step on `sensor` (or its element `index`) has `value`, in base units; None: missing.
 
     A scalar fills an array.
@@ -249,8 +250,8 @@ class Given:
     span: Span = field(default=NOWHERE, compare=False, repr=False)
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Step:
+@record
+class Step(Record):
     """Frames at `times_ns` (one for `at`, several for `from`), each with all `expectations`."""
 
     times_ns: tuple[int, ...]
@@ -259,15 +260,15 @@ class Step:
     span: Span = field(default=NOWHERE, compare=False, repr=False)
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@record
 class Example(Declared):
     """A `test` block: `name` is its title."""
 
     steps: tuple[Step, ...]
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Program:
+@record
+class Program(Record):
     """Everything, in an order in which each thing stands after what it is computed from.
 
     `derived` and `wires` are sorted so; `modules`, `limits` and `contracts` are in the order written.

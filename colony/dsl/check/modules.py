@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import TypeVar
 
 from colony.dsl import ast
@@ -27,14 +27,15 @@ from colony.dsl.check.scope import (
 from colony.ir import program as ir
 from colony.ir.expression import Constant, Expression
 from colony.ir.types import BOOL, ScalarValue
+from colony.record import Record, record
 
 ModuleNode = ast.ModuleDecl | ast.DerivedModuleDecl | ast.PythonModuleDecl
 _Clause = TypeVar("_Clause", bound=ast.Clause | ast.PythonClause)
 _PYTHON_PATH = re.compile(r"[A-Za-z_]\w*(\.[A-Za-z_]\w*)*:[A-Za-z_]\w*")
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Template:
+@record
+class Template(Record):
     """A module's text, where it was written, and the params that a derived module sets anew."""
 
     node: ast.ModuleDecl | ast.PythonModuleDecl
@@ -42,8 +43,8 @@ class Template:
     params: Mapping[str, ParamSymbol]
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Pending:
+@record
+class Pending(Record):
     """A module declaration that is to be checked, in the scope of its file."""
 
     node: ModuleNode

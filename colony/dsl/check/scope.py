@@ -14,27 +14,34 @@ from colony.dsl import ast
 from colony.dsl.files import SourceFile
 from colony.ir import program as ir
 from colony.ir.types import Enum, Scalar, Type, Value
+from colony.record import Record, record
 from colony.source import Span
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class SensorSymbol:
+@record
+class SensorSymbol(Record):
+    """A sensor of the robot."""
+
     sensor: ir.Sensor
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class EnumSymbol:
+@record
+class EnumSymbol(Record):
+    """An enum, whose members are named `enum.member`."""
+
     type: Enum
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class ParamSymbol:
+@record
+class ParamSymbol(Record):
+    """A named constant, in base units."""
+
     type: Type
     value: Value
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class LetSymbol:
+@record
+class LetSymbol(Record):
     """A let by its full name; `module` names the module that it is local to, if any."""
 
     name: str
@@ -42,28 +49,32 @@ class LetSymbol:
     module: str | None = None
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class StateSymbol:
+@record
+class StateSymbol(Record):
+    """A state by its full name."""
+
     name: str
     type: Scalar
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class MachineSymbol:
+@record
+class MachineSymbol(Record):
+    """A machine by its full name; its phases are the members of its type."""
+
     name: str
     type: Enum
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Broken:
+@record
+class Broken(Record):
     """Declared, but wrong or unreadable: whoever uses it gets no second error."""
 
 
 ValueSymbol = SensorSymbol | EnumSymbol | ParamSymbol | LetSymbol | StateSymbol | MachineSymbol | Broken
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class ModuleSymbol:
+@record
+class ModuleSymbol(Record):
     """A module by its full name; `members` are its params, lets and states, for contracts."""
 
     name: str
@@ -71,15 +82,17 @@ class ModuleSymbol:
     members: dict[str, ValueSymbol]
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class WireSymbol:
+@record
+class WireSymbol(Record):
     """A wire by its full name."""
 
     name: str
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class ActuatorSymbol:
+@record
+class ActuatorSymbol(Record):
+    """An actuator of the robot."""
+
     actuator: ir.Actuator
 
 

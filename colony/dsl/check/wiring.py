@@ -3,17 +3,17 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
 
 from colony.dsl import ast
 from colony.dsl.check.expressions import Checker
 from colony.dsl.check.references import resolve_part
 from colony.dsl.check.scope import ActuatorSymbol, Broken, Report, Scope
 from colony.ir import program as ir
+from colony.record import Record, record
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class PendingWire:
+@record
+class PendingWire(Record):
     """A wire as declared; `drives` is the actuator it is assigned to, in the file that was asked for."""
 
     node: ast.WireDecl

@@ -1,0 +1,255 @@
+"""Syntax tree to text. `parse(print(tree))` is the tree again: a property test holds it to that.
+
+The layout is fixed: one declaration a paragraph, one clause a line, two spaces of indentation. Comments are
+not part of the tree and are lost.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+
+from colony.dsl import ast
+
+_IF, _IMPLIES, _OR, _AND, _NOT, _COMPARISON, _SUM, _PRODUCT, _UNARY, _POSTFIX = range(10)
+_LEVELS = {
+    "implies": _IMPLIES,
+    "or": _OR,
+    "and": _AND,
+    "+": _SUM,
+    "-": _SUM,
+    "*": _PRODUCT,
+    "/": _PRODUCT,
+}
+
+
+def print_file(file: ast.File) -> str:
+    """The text of a file."""
+    return "\n".join(_declaration(d) for d in file.declarations)
+
+
+def print_expression(node: ast.Expression) -> str:
+    """The text of an expression, with only the parentheses that it needs."""
+    return _expression(node, _IF)
+
+
+# --- expressions -----------------------------------------------------------------------------------
+
+
+def _expression(node: ast.Expression, level: int) -> str:
+    """The text, in parentheses where the place binds tighter (`level`) than the expression."""
+    text, own = _bare(node)
+    return text if own >= level else f"({text})"
+
+
+def _bare(node: ast.Expression) -> tuple[str, int]:
+    match node:
+        case ast.Number(digits=digits, unit=unit):
+            return (f"{digits} {unit}" if unit else digits), _POSTFIX
+        case ast.Boolean(value=value):
+            return ("true" if value else "false"), _POSTFIX
+        case ast.Reference():
+            return node.text, _POSTFIX
+        case ast.Prefix(operator="not", operand=operand):
+            return f"not {_expression(operand, _NOT)}", _NOT
+        case ast.Prefix(operand=operand):
+            return f"-{_expression(operand, _UNARY)}", _UNARY
+        case ast.Infix():
+            return _infix(node)
+        case ast.If(condition=condition, yes=yes, no=no):
+            parts = [_expression(p, _IF) for p in (condition, yes, no)]
+            return "if {} then {} else {}".format(*parts), _IF
+        case ast.InRange(operand=operand, low=low, high=high):
+            parts = [_expression(p, _SUM) for p in (operand, low, high)]
+            return "{} in {} .. {}".format(*parts), _COMPARISON
+        case ast.By(actuator=actuator, module=module):
+            return f"{_expression(actuator, _SUM)} by {_expression(module, _SUM)}", _COMPARISON
+        case ast.Is(subject=subject, status=status):
+            return f"{_expression(subject, _SUM)} is {status}", _COMPARISON
+        case ast.Index(array=array, index=index):
+            return f"{_expression(array, _POSTFIX)}[{_expression(index, _IF)}]", _POSTFIX
+        case ast.SliceOf(array=array, first=first, last=last):
+            ends = f"{_expression(first, _SUM)}..{_expression(last, _SUM)}"
+            return f"{_expression(array, _POSTFIX)}[{ends}]", _POSTFIX
+        case ast.Call(function=function, arguments=arguments):
+            return f"{function.text}({', '.join(_expression(a, _IF) for a in arguments)})", _POSTFIX
+        case ast.Comprehension():
+            return _comprehension(node), _POSTFIX
+
+
+def _infix(node: ast.Infix) -> tuple[str, int]:
+    own = _LEVELS.get(node.operator, _COMPARISON)
+    if own == _COMPARISON:
+        left, right = _SUM, _SUM
+    elif own == _IMPLIES:
+        left, right = _OR, _IMPLIES
+    else:
+        left, right = own, own + 1
+    return f"{_expression(node.left, left)} {node.operator} {_expression(node.right, right)}", own
+
+
+def _comprehension(node: ast.Comprehension) -> str:
+    condition = "" if node.condition is None else f" if {_expression(node.condition, _IF)}"
+    bounds = f"{_expression(node.low, _SUM)} .. {_expression(node.high, _SUM)}"
+    body = _expression(node.body, _IF)
+    return f"{node.function.text}({body} for {node.variable.text} in {bounds}{condition})"
+
+
+# --- declarations ----------------------------------------------------------------------------------
+
+
+def _block(head: str, lines: Iterable[str]) -> str:
+    body = "".join(f"  {line}\n" for text in lines for line in text.splitlines())
+    return f"{head} {{\n{body}}}\n"
+
+
+def _arguments(arguments: tuple[ast.Argument, ...]) -> str:
+    return ", ".join(f"{a.name.text} = {print_expression(a.value)}" for a in arguments)
+
+
+def _declaration(node: ast.Declaration) -> str:
+    match node:
+        case ast.RobotDecl():
+            return _block(f"robot {node.name.text}", (_robot_item(i) for i in node.items))
+        case ast.EnumDecl():
+            return f"enum {node.name.text} {{ {_arguments(node.members)} }}\n"
+        case ast.ImportDecl(path=path, alias=alias):
+            return f'import "{path}"{f" as {alias.text}" if alias else ""}\n'
+        case ast.ParamDecl() | ast.LetDecl() | ast.StateDecl() | ast.NextDecl():
+            return _clause(node) + "\n"
+        case ast.MachineDecl():
+            lines = [f"start {node.initial.text}", *(_transition(t) for t in node.transitions)]
+            return _block(f"machine {node.name.text}", lines)
+        case ast.ModuleDecl():
+            return _block(f"module {node.name.text}", _module(node))
+        case ast.DerivedModuleDecl():
+            return f"module {node.name.text} = {node.base.text}({_arguments(node.arguments)})\n"
+        case ast.PythonModuleDecl():
+            head = f'module {node.name.text} from python "{node.path}"'
+            return _block(head, (_python_clause(c) for c in node.clauses))
+        case ast.NetworkDecl():
+            return _block("network", (f"{w.name.text} = {_wiring(w.wiring)}" for w in node.wires))
+        case ast.LimitDecl():
+            when = "" if node.condition is None else f" when {print_expression(node.condition)}"
+            field = f"{node.actuator.text}.{node.field.text}"
+            return f"limit {field} {node.relation} {print_expression(node.bound)}{when}\n"
+        case ast.ContractDecl():
+            return f"contract {node.name.text}: {print_expression(node.expression)}\n"
+        case ast.TestDecl():
+            return _block(f'test "{node.title}"', (_step(s) for s in node.steps))
+
+
+def _robot_item(item: ast.RobotItem) -> str:
+    match item:
+        case ast.FrameDecl(period=period):
+            return f"frame {print_expression(period)}"
+        case ast.SensorDecl():
+            return _sensor(item)
+        case ast.ActuatorDecl():
+            return _actuator(item)
+
+
+def _type(node: ast.TypeName) -> str:
+    return ".".join(node.path)
+
+
+def _range(node: ast.Range | None) -> str:
+    if node is None:
+        return ""
+    return f" range {_expression(node.low, _SUM)} .. {_expression(node.high, _SUM)}"
+
+
+def _sensor(item: ast.SensorDecl) -> str:
+    size = "" if item.size is None else f"[{print_expression(item.size)}]"
+    default = "" if item.default is None else f" default {print_expression(item.default)}"
+    within = "" if item.within is None else f" within {print_expression(item.within)}"
+    head = f"sensor {item.name.text}{size} : {_type(item.type)}{_range(item.range)}{default}"
+    return f"{head} from {item.server.text}.{item.field.text}{within}"
+
+
+def _actuator(item: ast.ActuatorDecl) -> str:
+    fields = ", ".join(f"{f.name.text} : {_type(f.type)}{_range(f.range)}" for f in item.fields)
+    idle = item.idle.name.text
+    if item.idle.arguments is not None:
+        idle += f"({_arguments(item.idle.arguments)})"
+    loss = f" on_loss {item.on_loss}" if item.on_loss else ""
+    return (
+        f"actuator {item.name.text} {{ {fields} }}\n"
+        f"         to {item.server.text}.{item.command.text} idle {idle}{loss}"
+    )
+
+
+def _clause(node: ast.Clause) -> str:
+    match node:
+        case ast.ParamDecl():
+            return f"param {node.name.text} = {print_expression(node.value)}"
+        case ast.LetDecl():
+            return f"let {node.name.text} = {print_expression(node.value)}"
+        case ast.StateDecl():
+            type_ = "" if node.type is None else f" : {_type(node.type)}"
+            return f"state {node.name.text}{type_} = {print_expression(node.initial)}"
+        case ast.NextDecl():
+            return f"next {node.name.text} = {print_expression(node.value)}"
+
+
+def _transition(node: ast.TransitionDecl) -> str:
+    source = "any" if node.source is None else node.source.text
+    return f"{source} -> {node.target.text} when {print_expression(node.condition)}"
+
+
+def _module(node: ast.ModuleDecl) -> Iterable[str]:
+    yield from (_clause(c) for c in node.clauses)
+    yield f"when {print_expression(node.when)}"
+    if node.do is not None:
+        yield f"do {node.do.actuator.text}({_arguments(node.do.arguments)})"
+
+
+def _python_clause(node: ast.PythonClause) -> str:
+    match node:
+        case ast.ParamDecl():
+            return _clause(node)
+        case ast.ReadsDecl(names=names):
+            return "reads " + ", ".join(n.text for n in names)
+        case ast.CommandsDecl(actuator=actuator):
+            return f"commands {actuator.text}"
+        case ast.RateDecl(period=period):
+            return f"rate {print_expression(period)}"
+
+
+def _wiring(node: ast.Wiring) -> str:
+    """Only parentheses nest, and the parser limits those."""
+    if isinstance(node, ast.Reference):
+        return node.text
+    parts = [_operand(node.operands[0])]
+    for link, operand in zip(node.links, node.operands[1:], strict=True):
+        window = "" if link.window is None else f"[{print_expression(link.window)}]"
+        parts.append(f"{link.relation}{window} {_operand(operand)}")
+    return " ".join(parts)
+
+
+def _operand(node: ast.Wiring) -> str:
+    return f"({_wiring(node)})" if isinstance(node, ast.Chain) else node.text
+
+
+def _step(node: ast.StepDecl) -> str:
+    if node.last is None or node.period is None:
+        text = f"at {print_expression(node.first)}"
+    else:
+        times = [print_expression(t) for t in (node.first, node.last, node.period)]
+        text = "from {} to {} every {}".format(*times)
+    if node.given:
+        text += " given " + ", ".join(_given(g) for g in node.given)
+    if node.expect:
+        text += " expect " + ", ".join(print_expression(e) for e in node.expect)
+    return text
+
+
+def _given(node: ast.GivenDecl) -> str:
+    index = "" if node.index is None else f"[{print_expression(node.index)}]"
+    match node.value:
+        case ast.Missing():
+            value = "missing"
+        case ast.Elements(values=values):
+            value = f"[{', '.join(print_expression(v) for v in values)}]"
+        case _:
+            value = print_expression(node.value)
+    return f"{node.sensor.text}{index} = {value}"

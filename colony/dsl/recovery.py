@@ -1,0 +1,66 @@
+"""After a syntax error: what was read before it, what the unreadable text declares, and where to read on.
+
+Imported only where there is an error: compiling its patterns is a part of the start-up time of a command.
+"""
+
+from __future__ import annotations
+
+import re
+from typing import Any, cast
+
+from lark import Tree
+from lark.exceptions import UnexpectedInput
+
+from colony.dsl import ast
+
+_DECLARATION = re.compile(
+    r"^([ \t]*)(?:(?:robot|enum|import|param|let|state|next|machine|module|network|limit|contract|test)"
+    r"(?:[ \t]+[A-Za-z_\"{]|[ \t]*[{\"]))",
+    re.MULTILINE,
+)
+_DECLARED = re.compile(
+    r"\b(?:robot|enum|param|let|state|machine|module|sensor|actuator|as)[ \t]+([A-Za-z_]\w*)"
+    r"|^[ \t]*([A-Za-z_]\w*)[ \t]*=(?!=)",
+    re.MULTILINE,
+)
+
+
+def lost_names(text: str) -> set[str]:
+    """The names that a piece of text seems to declare."""
+    return {a or b for a, b in _DECLARED.findall(text)}
+
+
+def complete_declarations(problem: UnexpectedInput) -> list[ast.Declaration]:
+    """The declarations that were read before the error: they stand on the parser's stack."""
+    interactive: Any = getattr(problem, "interactive_parser", None)
+    if interactive is None:
+        return []
+    found: list[ast.Declaration] = []
+    for value in interactive.parser_state.value_stack:
+        if isinstance(value, Tree) and "file_star" in str(value.data):
+            found += cast("list[ast.Declaration]", value.children)
+        elif isinstance(value, DECLARATIONS) and not found:
+            found.append(cast("ast.Declaration", value))
+        else:
+            break
+    return found
+
+
+DECLARATIONS: tuple[type, ...] = ast.Declaration.__args__
+
+
+def next_declaration(text: str, failed: int, at: int) -> int:
+    """Where to read on: the offset of a line, at or after the error, that begins a declaration."""
+    word = re.compile(r"(?:[ \t\r\n\f]|#[^\n]*)*").match(text, failed)
+    begin = word.end() if word else failed
+    indent = begin - (text.rfind("\n", 0, begin) + 1)
+    line = text.rfind("\n", 0, at) + 1
+    search_from = line if line > begin else text.find("\n", max(at, begin))
+    while search_from >= 0:
+        match = _DECLARATION.search(text, search_from)
+        if match is None:
+            break
+        if len(match[1]) <= indent:
+            return match.start()
+        search_from = match.end()
+    return len(text)
