@@ -60,16 +60,29 @@ class Recently:
 Guard = Always | Never | ModuleActive | Not | And | Or | Recently
 
 
+def operands(guard: Guard) -> tuple[int, ...]:
+    """The guards that this one is made of, in order."""
+    match guard:
+        case And(operands=several) | Or(operands=several):
+            return several
+        case Not(operand=one) | Recently(operand=one):
+            return (one,)
+        case Always() | Never() | ModuleActive():
+            return ()
+
+
 @dataclass(slots=True)
 class GuardTable:
     """A growing table that gives equal nodes one reference. Mutable: a builder, frozen by `freeze`."""
 
     nodes: list[Guard]
     _index: dict[Guard, int]
+    _always: int
 
     def __init__(self, nodes: tuple[Guard, ...] = ()) -> None:
         self.nodes = list(nodes)
         self._index = {node: i for i, node in enumerate(nodes)}
+        self._always = self._index.get(Always(), -1)
 
     def add(self, node: Guard) -> int:
         """The reference of `node`, added if it is new; its operands must be in the table."""
@@ -77,7 +90,31 @@ class GuardTable:
         if at is None:
             at = self._index[node] = len(self.nodes)
             self.nodes.append(node)
+            if isinstance(node, Always):
+                self._always = at
         return at
+
+    def negation(self, operand: int) -> int:
+        """`not operand`."""
+        return self.add(Not(operand))
+
+    def conjunction(self, parts: tuple[int, ...]) -> int:
+        """All of `parts`, leaving out those that are `Always`."""
+        always = self._always
+        kept = tuple([part for part in parts if part != always])
+        if len(kept) > 1:
+            return self.add(And(kept))
+        return kept[0] if kept else self.add(Always())
+
+    def disjunction(self, parts: tuple[int, ...]) -> int:
+        """Any of `parts`."""
+        if len(parts) > 1:
+            return self.add(Or(parts))
+        return parts[0] if parts else self.add(Never())
+
+    def recently(self, operand: int, window_ns: int) -> int:
+        """Whether `operand` held within the window; without a window, whether it holds."""
+        return self.add(Recently(operand, window_ns)) if window_ns > 0 else operand
 
     def freeze(self) -> tuple[Guard, ...]:
         return tuple(self.nodes)

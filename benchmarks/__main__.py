@@ -1,0 +1,67 @@
+"""`make bench`: runs every benchmark, prints a table, and with --write puts it into docs/benchmarks.md."""
+
+from __future__ import annotations
+
+import argparse
+import importlib
+import os
+import platform
+from pathlib import Path
+from typing import Any
+
+MODULES = ("decide", "compile_time", "front_end", "simulation")
+PAGE = Path(__file__).parent.parent / "docs" / "benchmarks.md"
+MARK = "<!-- results -->"
+
+
+def _cpu() -> str:
+    try:
+        lines = Path("/proc/cpuinfo").read_text().splitlines()
+    except OSError:
+        return platform.processor() or "unknown"
+    return next((line.split(":", 1)[1].strip() for line in lines if line.startswith("model name")), "unknown")
+
+
+def _machine() -> str:
+    python = f"CPython {platform.python_version()}"
+    return f"{_cpu()}, {os.cpu_count()} cores, {platform.system()} {platform.release()}, {python}"
+
+
+def _shown(value: float) -> str:
+    return f"{value:,.0f}" if abs(value) >= 100 else f"{value:.3g}"
+
+
+def _table(rows: list[dict[str, Any]]) -> list[str]:
+    out = ["| what | measured | at most | | note |", "|---|---:|---:|---|---|"]
+    for row in rows:
+        target = "" if row["target"] is None else f"{_shown(row['target'])} {row['unit']}"
+        verdict = "" if row["target"] is None else ("met" if row["ok"] else "**missed**")
+        value = f"{_shown(row['value'])} {row['unit']}"
+        out.append(f"| {row['name']} | {value} | {target} | {verdict} | {row['note']} |")
+    return out
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(prog="python -m benchmarks", description=__doc__)
+    parser.add_argument("names", nargs="*", help=f"which: {', '.join(MODULES)} (default: all)")
+    parser.add_argument("--write", action="store_true", help="put the results into docs/benchmarks.md")
+    arguments = parser.parse_args()
+    lines: list[str] = []
+    missed = 0
+    for name in arguments.names or MODULES:
+        module = importlib.import_module(f"benchmarks.{name}")
+        print(f"\n{name}: {(module.__doc__ or '').splitlines()[0]}", flush=True)
+        rows = module.run()
+        missed += sum(1 for row in rows if row["target"] is not None and not row["ok"])
+        table = _table(rows)
+        print("\n".join(table), flush=True)
+        lines += [f"\n### {name}", "", (module.__doc__ or "").splitlines()[0], "", *table]
+    print(f"\n{missed} targets missed; {_machine()}")
+    if arguments.write:
+        page = PAGE.read_text(encoding="utf-8").split(MARK)[0]
+        results = "\n".join([f"Measured on {_machine()}.", *lines])
+        PAGE.write_text(f"{page}{MARK}\n\n{results}\n", encoding="utf-8")
+
+
+if __name__ == "__main__":
+    main()

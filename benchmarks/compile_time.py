@@ -1,0 +1,75 @@
+"""How long the passes take: random graphs of modules, and ladders with 2 ** n ways through them.
+
+Ten times the modules may take thirteen times as long, which leaves room for what a processor's caches do to
+large networks; anything quadratic, or that expands shared wires, is far beyond. Every figure is the best of
+a few runs of the same seeded network, garbage collection at rest between them as within compilation.
+"""
+
+from __future__ import annotations
+
+import gc
+from collections.abc import Callable
+from time import perf_counter
+
+from benchmarks.networks import chain, ladder, random_program
+from colony.compile.pipeline import compile_program
+from colony.ir.program import Program
+
+SEED = 1
+RUNS = 3
+MOST_SECONDS = 2.0
+MOST_GROWTH = 13.0
+
+Row = dict[str, object]
+
+
+def run() -> list[Row]:
+    """One row a figure: name, value, unit, target (None: only told), ok, note."""
+    rows = _growth("random graph", lambda n: random_program(n, SEED), (1_000, 10_000, 100_000), "modules")
+    rows += _growth("ladder", ladder, (1_000, 10_000), "rungs")
+    rows += _growth("chain", chain, (1_000, 10_000), "modules")
+    return rows
+
+
+def _growth(name: str, make: Callable[[int], Program], sizes: tuple[int, ...], unit: str) -> list[Row]:
+    """Rows for the time at each size, and for each step from one to the next."""
+    rows: list[Row] = []
+    before = 0.0
+    for at, size in enumerate(sizes):
+        seconds, note = _best(make(size))
+        target = MOST_SECONDS if size == 10_000 else None
+        rows.append(_row(f"{name}, {size:,} {unit}", seconds, "s", target, note))
+        if at:
+            step = f"{sizes[at - 1]:,} to {size:,} {unit}"
+            rows.append(_row(f"{name}, {step}", seconds / before, "times", MOST_GROWTH, ""))
+        before = seconds
+    return rows
+
+
+def _best(program: Program) -> tuple[float, str]:
+    best = float("inf")
+    for _ in range(RUNS):
+        gc.collect()
+        start = perf_counter()
+        compiled = compile_program(program)
+        best = min(best, perf_counter() - start)
+    clients = sum(len(one.clients) for one in compiled.clients.actuators)
+    nodes, guards = len(compiled.network.nodes), len(compiled.clients.guards)
+    return best, f"{nodes:,} nodes, {clients:,} clients, {guards:,} guards"
+
+
+def _row(name: str, value: float, unit: str, target: float | None, note: str) -> Row:
+    ok = target is None or value <= target
+    return {"name": name, "value": value, "unit": unit, "target": target, "ok": ok, "note": note}
+
+
+def main() -> None:
+    """Print the table."""
+    for row in run():
+        target = "" if row["target"] is None else f"{row['target']:g}"
+        verdict = "ok" if row["ok"] else "MISS"
+        print(f"{row['name']:44} {row['value']:>9.4g} {row['unit']:5} {target:>4} {verdict:4} {row['note']}")
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,87 @@
+"""The front end: how long `colony check` takes as a whole process, and 10,000 modules from text."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+import time
+from pathlib import Path
+from typing import Any
+
+ROOT = Path(__file__).parent.parent
+RUNS = 25
+MODULES = 10_000
+
+
+def _processor_time(arguments: list[str]) -> float:
+    """The least processor time of several runs of a process, in seconds."""
+    best = float("inf")
+    for _ in range(RUNS):
+        with subprocess.Popen(arguments, stdout=subprocess.DEVNULL, cwd=ROOT) as process:
+            _, status, usage = os.wait4(process.pid, 0)
+            process.returncode = os.waitstatus_to_exitcode(status)
+        if process.returncode:
+            raise RuntimeError(f"{arguments} failed with {process.returncode}")
+        best = min(best, usage.ru_utime + usage.ru_stime)
+    return best
+
+
+def program_text(modules: int) -> str:
+    """A program of so many modules in strict priority over an array of 1,000 numbers."""
+    lines = [
+        "robot r {",
+        "  sensor s[1000] : number from DServer.S",
+        "  actuator drive { velocity : mm/s, turn : deg/s }",
+        "           to RServer.drive idle drive(velocity = 0, turn = 0)",
+        "}",
+    ]
+    for i in range(modules):
+        other = i * 7 % 1000
+        lines.append(f"module m{i} {{\n  when s[{i % 1000}] < 0.5")
+        lines.append(f"  do drive(velocity = {i} mm/s, turn = s[{other}] * 3 deg/s)\n}}")
+    wiring = " suppresses ".join(f"m{i}" for i in range(modules))
+    return "\n".join([*lines, "network {", f"  drive = {wiring}", "}\n"])
+
+
+_FROM_TEXT = """
+import resource, sys, time
+from benchmarks.front_end import program_text
+from colony.dsl.load import load_text
+from colony.compile.pipeline import compile_program
+text = program_text(int(sys.argv[1]))
+start = time.perf_counter()
+program = load_text(text)
+middle = time.perf_counter()
+compile_program(program)
+end = time.perf_counter()
+print(middle - start, end - middle, resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024)
+"""
+
+
+def run() -> list[dict[str, Any]]:
+    """Rows of name, value, unit, target, ok, note."""
+    nothing = _processor_time([sys.executable, "-c", "pass"])
+    check = _processor_time([sys.executable, "-m", "colony.cli.main", "check", "behaviors/wander.colony"])
+    done = subprocess.run(
+        [sys.executable, "-c", _FROM_TEXT, str(MODULES)], cwd=ROOT, capture_output=True, text=True, check=True
+    )
+    front, passes, memory = (float(word) for word in done.stdout.split())
+    note = f"{check * 1e3:.0f} ms, against {nothing * 1e3:.1f} ms for `python -c pass`"
+    return [
+        _row("colony check wander / python -c pass", check / nothing, "x", 20.0, note),
+        _row(f"{MODULES:,} modules from text to clients", front + passes, "s", 10.0, ""),
+        _row(f"{MODULES:,} modules, the passes", passes, "s", 2.0, ""),
+        _row(f"{MODULES:,} modules, memory at most", memory, "MB", 500.0, ""),
+    ]
+
+
+def _row(name: str, value: float, unit: str, target: float, note: str) -> dict[str, Any]:
+    return {"name": name, "value": value, "unit": unit, "target": target, "ok": value <= target, "note": note}
+
+
+if __name__ == "__main__":
+    started = time.perf_counter()
+    for row in run():
+        print(row)
+    print(f"{time.perf_counter() - started:.1f} s")

@@ -1,0 +1,121 @@
+"""Seeded networks of any size, for benchmarks and tests: random graphs, ladders and chains.
+
+All are programs, so that they go through every pass; each wire has one node, as in a large hand-written file.
+"""
+
+from __future__ import annotations
+
+from random import Random
+from typing import Literal
+
+from colony.ir.expression import Constant
+from colony.ir.program import (
+    Actuator,
+    ActuatorField,
+    Chain,
+    Command,
+    Module,
+    Program,
+    Robot,
+    Use,
+    Wire,
+    Wiring,
+)
+from colony.ir.types import BOOL, PLAIN
+
+Relation = Literal["suppresses", "inhibits"]
+
+INHIBITORS = 0.2
+FAN_OUT = 0.1
+WINDOWS = 0.1
+DEEPEST = 10_000
+
+
+def random_program(size: int, seed: int) -> Program:
+    """`size` modules under one actuator: a random graph, 20 % inhibitors, 10 % of wires used again.
+
+    One wire in two goes on from the one before it, up to `DEEPEST` nodes deep; one node in ten has a
+    time constant.
+    """
+    random = Random(seed)
+    pool = [(f"m{i}", 0) for i in range(size)]
+    random.shuffle(pool)
+    wires: list[Wire] = []
+    last = pool.pop()
+    while pool:
+        if random.random() < 0.5 and last[1] < DEEPEST:
+            one = last
+        else:
+            pool.append(last)
+            one = _draw(pool, random)
+        other = _draw(pool, random) if pool else one
+        if random.random() < FAN_OUT:
+            pool.append(other)
+        relation: Relation = "inhibits" if random.random() < INHIBITORS else "suppresses"
+        if relation == "inhibits":  # the smaller with the larger, or little would be left to command
+            one, other = sorted((one, other), key=_depth)
+        elif random.random() < 0.5:
+            one, other = other, one
+        window_ns = random.randrange(1, 20) * 50_000_000 if random.random() < WINDOWS else 0
+        name = f"w{len(wires)}"
+        wires.append(Wire(name=name, wiring=joined(one[0], other[0], relation, window_ns)))
+        last = (name, 1 + max(_depth(one), _depth(other)))
+    return driven(size, wires, last[0])
+
+
+def ladder(rungs: int) -> Program:
+    """`w' = (x inhibits w) suppresses w`, `rungs` times: 2 ** rungs ways to the lowest module."""
+    wires: list[Wire] = []
+    name = "m0"
+    for i in range(1, rungs + 1):
+        inhibited = joined(f"m{i}", name, "inhibits")
+        wiring = Chain(relation="suppresses", operands=(inhibited, Use(name=name)), windows_ns=(0,))
+        name = f"w{i}"
+        wires.append(Wire(name=name, wiring=wiring))
+    return driven(rungs + 1, wires, name)
+
+
+def chain(size: int) -> Program:
+    """`m0 suppresses m1 suppresses ...`, all in one wire."""
+    wiring = Chain(
+        relation="suppresses",
+        operands=tuple(Use(name=f"m{i}") for i in range(size)),
+        windows_ns=(0,) * (size - 1),
+    )
+    return driven(size, [Wire(name="all", wiring=wiring)], "all")
+
+
+def joined(dominant: str, inferior: str, relation: Relation, window_ns: int = 0) -> Chain:
+    """One node over two named wires."""
+    operands = (Use(name=dominant), Use(name=inferior))
+    return Chain(relation=relation, operands=operands, windows_ns=(window_ns,))
+
+
+def driven(size: int, wires: list[Wire], root: str) -> Program:
+    """A program of modules m0 .. m<size - 1>, in which the wire `root` drives the actuator `drive`."""
+    drive = Actuator(
+        name="drive",
+        fields=(ActuatorField(name="velocity", type=PLAIN),),
+        server="RServer",
+        command="drive",
+        idle=(0.0,),
+    )
+    command = Command(actuator="drive", fields=(Constant(type=PLAIN, value=0.0),))
+    when = Constant(type=BOOL, value=True)
+    output: Wiring = Use(name=root)
+    return Program(
+        robot=Robot(name="rome", actuators=(drive,)),
+        modules=tuple(Module(name=f"m{i}", when=when, command=command) for i in range(size)),
+        wires=(*wires, Wire(name="drive", wiring=output, actuator="drive")),
+    )
+
+
+def _depth(wire: tuple[str, int]) -> int:
+    return wire[1]
+
+
+def _draw(pool: list[tuple[str, int]], random: Random) -> tuple[str, int]:
+    """Take any one out, in constant time."""
+    at = random.randrange(len(pool))
+    pool[at], pool[-1] = pool[-1], pool[at]
+    return pool.pop()

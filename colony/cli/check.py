@@ -1,0 +1,45 @@
+"""`colony check`: everything that is wrong in behavior files."""
+
+from __future__ import annotations
+
+import gc
+
+import click
+
+from colony.cli.reporting import EXIT_ERRORS, EXIT_MISUSE, is_unreadable, report
+
+
+@click.command("check", short_help="find what is wrong in behavior files")
+@click.argument("files", nargs=-1, required=True, metavar="FILE...")
+@click.option("--format", "format_", type=click.Choice(["text", "json"]), default="text", show_default=True)
+def command(files: tuple[str, ...], format_: str) -> None:
+    """Check behavior files and all that they import: syntax, names, types, units, wiring.
+
+    All that can be found is reported, each with its place and a hint. Exit code 0 where there is no error
+    (warnings included), 1 where there is one, 2 where a file cannot be read.
+
+    \b
+    Example:
+      colony check behaviors/wander.colony
+      colony check --format json behaviors/*.colony
+    """
+    gc.disable()  # a check makes many objects and hardly any cycles, and is soon over
+    from colony.diagnostics import Diagnostic, has_errors, to_json
+    from colony.dsl.load import check_file
+
+    found: list[Diagnostic] = []
+    unreadable = False
+    for file in files:
+        checked = check_file(file)
+        found += checked.diagnostics
+        unreadable = unreadable or is_unreadable(checked.diagnostics)
+        if format_ == "text":
+            report(checked.diagnostics)
+            if checked.program is not None:
+                click.echo(f"{file}: ok")
+    if format_ == "json":
+        click.echo(to_json(found))
+    if unreadable:
+        raise click.exceptions.Exit(EXIT_MISUSE)
+    if has_errors(found):
+        raise click.exceptions.Exit(EXIT_ERRORS)

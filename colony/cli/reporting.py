@@ -1,0 +1,69 @@
+"""How commands say what they found: diagnostics on standard error, in color only on a terminal."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Iterable, Sequence
+from pathlib import Path
+
+import click
+
+from colony.diagnostics import Diagnostic, headline, render
+from colony.ir.program import Program
+
+EXIT_ERRORS = 1
+EXIT_MISUSE = 2
+
+_COLORS = {"error": "red", "warning": "yellow"}
+
+
+def report(diagnostics: Iterable[Diagnostic]) -> None:
+    """Each diagnostic with its source line, caret and hint."""
+    colored = sys.stderr.isatty()
+    for diagnostic in diagnostics:
+        text = render(diagnostic)
+        if colored:
+            kind = f"{diagnostic.severity}[{diagnostic.code}]"
+            text = text.replace(kind, click.style(kind, fg=_COLORS[diagnostic.severity], bold=True), 1)
+        click.echo(text, err=True)
+
+
+def refuse(diagnostics: Sequence[Diagnostic]) -> None:
+    """Bad input: the first diagnostic on one line, and exit code 2."""
+    first = diagnostics[0]
+    hint = f" ({first.hint})" if first.hint else ""
+    click.echo(headline(first) + hint, err=True)
+    raise click.exceptions.Exit(EXIT_MISUSE)
+
+
+def is_unreadable(diagnostics: Sequence[Diagnostic]) -> bool:
+    """Whether the file that was named could not be read at all: misuse rather than an error in it."""
+    return len(diagnostics) == 1 and diagnostics[0].code == "E001"
+
+
+def load_program(path: str) -> Program:
+    """The program of a file that a command works on; warnings are left to `colony check`.
+
+    Exits with 2 where the file cannot be read, with 1 where there are errors in it.
+    """
+    from colony.dsl.load import check_file
+
+    checked = check_file(path)
+    if checked.program is not None:
+        return checked.program
+    if is_unreadable(checked.diagnostics):
+        refuse(checked.diagnostics)
+    report(checked.diagnostics)
+    raise click.exceptions.Exit(EXIT_ERRORS)
+
+
+def write_whole(path: Path, text: str) -> None:
+    """Write a file so that it is either whole or as it was; exits with 2 where it cannot be written."""
+    beside = path.with_name(f".{path.name}.part")
+    try:
+        beside.write_text(text, encoding="utf-8")
+        beside.replace(path)
+    except OSError as problem:
+        beside.unlink(missing_ok=True)
+        click.echo(f"{path}: error: cannot write: {problem.strerror}", err=True)
+        raise click.exceptions.Exit(EXIT_MISUSE) from None

@@ -1,0 +1,66 @@
+"""Progress of a run on standard error: a bar on a terminal, else a line every tenth."""
+
+from __future__ import annotations
+
+import sys
+
+import click
+
+from colony.runtime.observer import FrameLog
+
+
+class Progress:
+    """A sink that tells how far a run of `length_ns` is. Mutable: what was told.
+
+    On a terminal a bar of rich, which is imported only there; it is taken away in the end.
+    """
+
+    def __init__(self, length_ns: int) -> None:
+        self._length_ns = length_ns
+        self._tenths = 0
+        self._bar = _Bar(length_ns) if sys.stderr.isatty() else None
+
+    def take(self, log: FrameLog) -> None:
+        if self._bar is not None:
+            self._bar.show(log)
+            return
+        tenths = 10 * log.tick.t_ns // self._length_ns
+        if tenths > self._tenths:
+            self._tenths = tenths
+            click.echo(f"{10 * tenths} %: {_moment(log)}", err=True)
+
+    def close(self) -> None:
+        """Take the bar away."""
+        if self._bar is not None:
+            self._bar.stop()
+
+
+def _moment(log: FrameLog) -> str:
+    winners = ", ".join(f"{name} by {v.by or 'nobody'}" for name, v in log.verdicts.items())
+    return f"{log.tick.t_ns / 1e9:.1f} s, {winners}"
+
+
+class _Bar:
+    """Mutable: rich's display."""
+
+    def __init__(self, length_ns: int) -> None:
+        from rich.console import Console
+        from rich.progress import BarColumn, TaskProgressColumn, TextColumn, TimeRemainingColumn
+        from rich.progress import Progress as Display
+
+        self._display = Display(
+            BarColumn(),
+            TaskProgressColumn(),
+            TimeRemainingColumn(),
+            TextColumn("{task.description}"),
+            console=Console(stderr=True),
+            transient=True,
+        )
+        self._task = self._display.add_task("", total=length_ns)
+        self._display.start()
+
+    def show(self, log: FrameLog) -> None:
+        self._display.update(self._task, completed=log.tick.t_ns, description=_moment(log))
+
+    def stop(self) -> None:
+        self._display.stop()

@@ -1,0 +1,87 @@
+"""`colony trace`: recorded frames in, decisions out."""
+
+from __future__ import annotations
+
+import io
+import sys
+from pathlib import Path
+from typing import TYPE_CHECKING, BinaryIO
+
+import click
+
+from colony.cli.reporting import EXIT_MISUSE, load_program, refuse, write_whole
+
+if TYPE_CHECKING:
+    from colony.ir.frame import Executor
+    from colony.ir.program import Program
+
+
+@click.command("trace", short_help="decide recorded frames, with any of the executors")
+@click.argument("file", metavar="FILE")
+@click.option(
+    "--input", "input_", required=True, metavar="FRAMES", help="A file of frames, or - for standard input."
+)
+@click.option(
+    "--backend",
+    type=click.Choice(["network", "clients", "python"]),
+    default="network",
+    show_default=True,
+    help="The reference interpreter, the client list, or the generated Python.",
+)
+@click.option("-o", "--output", type=click.Path(dir_okay=False, path_type=Path), help="Write there instead.")
+def command(file: str, input_: str, backend: str, output: Path | None) -> None:
+    """Run a behavior over recorded frames and print what it decides, one line a frame.
+
+    A frame is a JSON object a line: "t" in seconds, sensors in declared units, an absent sensor is missing.
+    A recording that `colony run --record` wrote is valid input. A bad line is an error with its place, exit
+    code 2, and nothing is printed.
+
+    \b
+    Example:
+      colony run behaviors/wander.colony --map maps/loop.stickrep --record run.jsonl
+      colony trace behaviors/wander.colony --input run.jsonl
+      echo '{"t": 0, "bumper": true}' | colony trace behaviors/wander.colony --input -
+    """
+    program = load_program(file)
+    from colony.diagnostics import Failure
+    from colony.runtime.replay import outcome_line, read_frames
+
+    lines = io.StringIO()
+    with _open(input_) as frames:
+        executor = _executor(program, backend)
+        try:
+            for frame in read_frames(frames, "<stdin>" if input_ == "-" else input_, program):
+                lines.write(outcome_line(program, frame.t_ns, executor.step(frame)) + "\n")
+        except Failure as failure:
+            refuse(failure.diagnostics)
+    if output is None:
+        click.echo(lines.getvalue(), nl=False)
+    else:
+        write_whole(output, lines.getvalue())
+
+
+def _open(name: str) -> BinaryIO:
+    if name == "-":
+        return sys.stdin.buffer
+    try:
+        return open(name, "rb")
+    except OSError as problem:
+        click.echo(f"{name}:1:1: error[F008]: cannot read the frames: {problem.strerror}", err=True)
+        raise click.exceptions.Exit(EXIT_MISUSE) from None
+
+
+def _executor(program: Program, backend: str) -> Executor:
+    if backend == "network":
+        from colony.verify.interpreter import Interpreter
+
+        return Interpreter(program)
+    from colony.compile.pipeline import compile_program
+
+    clients = compile_program(program).clients
+    if backend == "clients":
+        from colony.compile.executor import ClientListExecutor
+
+        return ClientListExecutor(program, clients)
+    from colony.compile.backends.python import PythonExecutor
+
+    return PythonExecutor(program, clients)

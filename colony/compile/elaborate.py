@@ -1,0 +1,104 @@
+"""From the typed program to its network: names become references, chains become nodes."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import assert_never
+
+from colony.compile.network import Inhibitor, ModuleLeaf, Network, NetworkNode, Suppressor
+from colony.ir.expression import Expression, IsActive, children
+from colony.ir.program import Chain, Program, Use, Wiring
+
+
+def elaborate(program: Program) -> Network:
+    """The network that the program's wires describe.
+
+    A chain `a op[w0] b op[w1] c` becomes the nodes of `a op[w0] (b op[w1] c)`. Wires that reach no actuator
+    are in the network as well; modules that stand in no wire are not, unless they are observed.
+
+    Raises:
+        ValueError: a wiring uses a name that is neither a module nor a wire declared above it (the front
+            end lets no such program through).
+    """
+    building = _Elaboration(program)
+    for wire in program.wires:
+        node = building.wiring(wire.wiring)
+        if wire.actuator is None:
+            building.named[wire.name] = node
+        else:
+            building.driving[wire.actuator] = node
+    observed = {name: building.use(name) for name in _observed_names(program)}
+    driving = building.driving
+    return Network(
+        nodes=tuple(building.nodes),
+        outputs=tuple((a.name, driving[a.name]) for a in program.robot.actuators if a.name in driving),
+        wires=tuple(building.named.items()),
+        observed=tuple(observed.items()),
+    )
+
+
+class _Elaboration:
+    """The nodes so far, and what names stand for. Only parentheses nest, so wiring may recurse."""
+
+    def __init__(self, program: Program) -> None:
+        self.modules = {module.name for module in program.modules}
+        self.nodes: list[NetworkNode] = []
+        self.leaves: dict[str, int] = {}
+        self.named: dict[str, int] = {}
+        self.driving: dict[str, int] = {}
+
+    def wiring(self, wiring: Wiring) -> int:
+        match wiring:
+            case Use(name=name):
+                return self.use(name)
+            case Chain():
+                return self.chain(wiring)
+            case _:
+                assert_never(wiring)
+
+    def use(self, name: str) -> int:
+        node = self.named.get(name)
+        if node is None:
+            node = self.leaves.get(name)
+        if node is None:
+            if name not in self.modules:
+                raise ValueError(f"`{name}` is neither a module nor a wire declared above")
+            node = self.leaves[name] = self.add(ModuleLeaf(module=name))
+        return node
+
+    def chain(self, chain: Chain) -> int:
+        joint = Suppressor if chain.relation == "suppresses" else Inhibitor
+        inputs = [self.wiring(operand) for operand in chain.operands]
+        node = inputs.pop()
+        for dominant, window_ns in zip(reversed(inputs), reversed(chain.windows_ns), strict=True):
+            node = self.add(joint(dominant=dominant, inferior=node, window_ns=window_ns))
+        return node
+
+    def add(self, node: NetworkNode) -> int:
+        self.nodes.append(node)
+        return len(self.nodes) - 1
+
+
+def _observed_names(program: Program) -> list[str]:
+    """What contracts and examples name by `is active`, each once, in order."""
+    names = dict.fromkeys(
+        node.name for root in _conditions(program) for node in _walk(root) if isinstance(node, IsActive)
+    )
+    return list(names)
+
+
+def _conditions(program: Program) -> Iterator[Expression]:
+    for contract in program.contracts:
+        yield contract.expression
+    for example in program.tests:
+        for step in example.steps:
+            yield from step.expectations
+
+
+def _walk(root: Expression) -> Iterator[Expression]:
+    """All of an expression, in the order written."""
+    stack = [root]
+    while stack:
+        node = stack.pop()
+        yield node
+        stack.extend(reversed(children(node)))

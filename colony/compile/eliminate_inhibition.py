@@ -1,0 +1,76 @@
+"""Inhibition elimination: Lemma 4.1 of thesis section 4.8.2, for networks with sharing and memory.
+
+`A inhibits B` is B through a gate `not active(A)`. What makes that hold beyond the lemma's two modules:
+
+- Where B is a network, the gate distributes over its suppressors, so that gating the link to B gates all
+  modules in B; and B itself stays one, whoever else uses it.
+- Where A is a network, its activity is a guard over its modules. Activities are computed once a node,
+  from those of its inputs, in a hash-consed table: linear in the network.
+- A time constant is activity with memory: the gate is `not recently(active(A), T)`; and a suppressor with
+  one is a plain suppressor over an inhibitor, `A suppresses[T] B = A suppresses (A inhibits[T] B)`.
+
+docs/theory.md has the proofs.
+"""
+
+from __future__ import annotations
+
+from typing import assert_never
+
+from colony.compile.guards import Always, GuardTable, ModuleActive
+from colony.compile.network import Inhibitor, ModuleLeaf, Network, Suppressor
+from colony.compile.suppression import GatedSuppressor, Link, SuppressionNetwork, SuppressionNode
+
+
+def eliminate_inhibition(network: Network) -> SuppressionNetwork:
+    """The same network without inhibitors and time constants, in the gates of its links instead."""
+    elimination = _Elimination()
+    links: list[Link] = []  # what stands for each node of the network
+    for node in network.nodes:
+        match node:
+            case ModuleLeaf():
+                links.append(elimination.leaf(node))
+            case Inhibitor(dominant=dominant, inferior=inferior, window_ns=window_ns):
+                links.append(elimination.inhibited(links[dominant], links[inferior], window_ns))
+            case Suppressor(dominant=dominant, inferior=inferior, window_ns=window_ns):
+                links.append(elimination.suppressed(links[dominant], links[inferior], window_ns))
+            case _:
+                assert_never(node)
+    return SuppressionNetwork(
+        nodes=tuple(elimination.nodes),
+        guards=elimination.table.freeze(),
+        outputs=tuple((actuator, links[node]) for actuator, node in network.outputs),
+        wires=tuple((name, links[node].active) for name, node in network.wires),
+        observed=tuple((name, links[node].active) for name, node in network.observed),
+    )
+
+
+class _Elimination:
+    """The suppression network so far; `activities` says when each of its nodes is active."""
+
+    def __init__(self) -> None:
+        self.table = GuardTable()
+        self.always = self.table.add(Always())
+        self.nodes: list[SuppressionNode] = []
+        self.activities: list[int] = []
+
+    def leaf(self, leaf: ModuleLeaf) -> Link:
+        return self.add(leaf, self.table.add(ModuleActive(leaf.module)))
+
+    def inhibited(self, dominant: Link, inferior: Link, window_ns: int) -> Link:
+        """The inferior link, open only where the dominant one does not dominate."""
+        table = self.table
+        dominating = table.recently(dominant.active, window_ns)
+        gate = table.conjunction((table.negation(dominating), inferior.gate))
+        active = table.conjunction((gate, self.activities[inferior.node]))
+        return Link(node=inferior.node, gate=gate, active=active)
+
+    def suppressed(self, dominant: Link, inferior: Link, window_ns: int) -> Link:
+        if window_ns > 0:
+            inferior = self.inhibited(dominant, inferior, window_ns)
+        active = self.table.disjunction((dominant.active, inferior.active))
+        return self.add(GatedSuppressor(dominant=dominant, inferior=inferior), active)
+
+    def add(self, node: SuppressionNode, active: int) -> Link:
+        self.nodes.append(node)
+        self.activities.append(active)
+        return Link(node=len(self.nodes) - 1, gate=self.always, active=active)

@@ -1,0 +1,189 @@
+"""The machine that runs `Code` op by op, in memory of its own."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from importlib import import_module
+from typing import Any
+
+from colony.compile.code import (
+    Apply,
+    Code,
+    Commanded,
+    FrameTime,
+    Literal,
+    Lost,
+    OldCell,
+    Op,
+    OutsideActive,
+    PythonActive,
+    PythonCall,
+    PythonField,
+    SensorElement,
+    SensorFresh,
+    Sent,
+    Table,
+    Winner,
+)
+from colony.compile.executor_decisions import Decided, Records
+from colony.compile.executor_sensors import take
+from colony.compile.operators import FUNCTIONS
+from colony.compile.python_step import PythonStep
+from colony.diagnostics import Failure, error
+from colony.ir.frame import Frame, Record
+from colony.ir.types import Bool, Enum, ScalarValue
+
+
+class Machine:
+    """Runs the ops of a Code over its memory. Mutable.
+
+    A frame is `begin`, `run` of all ops (with `decided` before those that depend on decisions), `commit`.
+    """
+
+    def __init__(self, code: Code) -> None:
+        self.code = code
+        self.values: list[Any] = [None] * len(code.ops)
+        self.cells: list[float | bool | int] = [c.initial for c in code.cells]
+        self.first_ns: int | None = None
+        self.python = {call.module: build(call) for call in code.python}
+        self._t = 0
+        self._sensors: dict[str, Any] = {}
+        self._fresh: dict[str, bool] = {}
+        self._answers: dict[str, tuple[bool, tuple[ScalarValue, ...]]] = {}
+        self._active: Mapping[str, bool] = {}
+        self._lost: frozenset[str] = frozenset()
+        self._decided: dict[str, Decided] = {}
+        self._records: Records = ()
+
+    def begin(
+        self, frame: Frame, active: Mapping[str, bool] | None = None, lost: frozenset[str] = frozenset()
+    ) -> None:
+        """Take a frame in; `active` and `lost` are as for `ClientExecutor.step`."""
+        if self.first_ns is None:
+            self.first_ns = frame.t_ns
+        self._t = frame.t_ns - self.first_ns
+        self._active, self._lost = active or {}, lost
+        self._records = ()
+        self._answers.clear()
+        self._decided.clear()
+        for sensor in self.code.sensors:
+            value, fresh, self._records = take(sensor, frame.readings.get(sensor.name), self._records)
+            self._sensors[sensor.name], self._fresh[sensor.name] = value, fresh
+
+    def run(self, start: int, stop: int) -> None:
+        """Compute the values of ops `start` up to, and not including, `stop`."""
+        values, ops = self.values, self.code.ops
+        for i in range(start, stop):
+            values[i] = self._value(ops[i])
+        if start == 0:
+            self._call_python()
+
+    def decided(self, actuator: str, decided: Decided) -> None:
+        """Take a decision in, for the ops that depend on it and for the records."""
+        self._decided[actuator] = decided
+        self._records += decided.records
+
+    def commit(self) -> None:
+        """Let memory move on to the next frame."""
+        values = self.values
+        moved = [(i, values[cell.value]) for i, cell in enumerate(self.code.cells) if values[cell.condition]]
+        for i, value in moved:
+            self.cells[i] = value
+
+    def records(self) -> tuple[Record, ...]:
+        return tuple(Record(kind, subject) for kind, subject in self._records)  # type: ignore[arg-type]
+
+    def _value(self, op: Op) -> Any:
+        match op:
+            case Apply(operator=operator, arguments=arguments):
+                values = self.values
+                return FUNCTIONS[operator](*[values[i] for i in arguments])
+            case SensorElement(sensor=sensor, index=index):
+                value = self._sensors[sensor]
+                return value[index] if isinstance(value, tuple) else value
+            case Literal(value=value):
+                return value
+            case OldCell(cell=cell):
+                return self.cells[cell]
+            case SensorFresh(sensor=sensor):
+                return self._fresh[sensor]
+            case FrameTime():
+                return self._t
+            case Table(elements=elements):
+                return tuple([self.values[i] for i in elements])
+            case _:
+                return self._outside(op)
+
+    def _outside(self, op: Op) -> Any:
+        """The value of an op that depends on Python modules, on other clients, or on decisions."""
+        match op:
+            case PythonActive(module=module):
+                return self._answer(module)[0]
+            case PythonField(module=module, index=index):
+                return self._answer(module)[1][index]
+            case OutsideActive(module=module):
+                return bool(self._active[module])
+            case Lost(module=module):
+                return module in self._lost
+            case Winner(actuator=actuator, module=module):
+                return self._decided[actuator].by == module
+            case Commanded(actuator=actuator):
+                decided = self._decided[actuator]
+                return decided.by is not None and decided.fault is None
+            case Sent(actuator=actuator, index=index):
+                sent = self._decided[actuator].sent
+                return 0.0 if sent is None else sent[index]
+            case _:
+                raise AssertionError(f"{op} depends on nothing outside")
+
+    def _call_python(self) -> None:
+        """Call the Python modules in order, once a frame: at the first op that needs one, or after all."""
+        values = self.values
+        for call in self.code.python:
+            if call.module in self._answers:
+                continue
+            given: dict[str, object] | None = None
+            if values[call.present]:
+                given = {
+                    read.name: tuple([values[i] for i in read.elements])
+                    if read.array
+                    else values[read.elements[0]]
+                    for read in call.reads
+                }
+            active, fields, self._records = self.python[call.module].step(self._t, given, self._records)
+            self._answers[call.module] = (active, fields)
+
+    def _answer(self, module: str) -> tuple[bool, tuple[ScalarValue, ...]]:
+        """The Python module's command in this frame."""
+        if module not in self._answers:
+            self._call_python()
+        return self._answers[module]
+
+
+def build(call: PythonCall) -> PythonStep:
+    """Import and build the class of a Python module.
+
+    Raises:
+        Failure: that did not work; the error says why.
+    """
+    try:
+        made = getattr(import_module(call.module_path), call.class_name)(**dict(call.params))
+    except Exception as problem:
+        what = f"cannot build `{call.module_path}:{call.class_name}`: {type(problem).__name__}: {problem}"
+        raise Failure([error("E601", call.span, what, "its params are given by keyword")]) from problem
+    return PythonStep(call.module, made, field_types(call), call.rate_ns)
+
+
+def field_types(call: PythonCall) -> tuple[tuple[str, object], ...]:
+    """The fields of a Python module's command, as `PythonStep` takes them."""
+    return tuple(
+        (
+            f.name,
+            False
+            if isinstance(f.type, Bool)
+            else tuple(number for _, number in f.type.members)
+            if isinstance(f.type, Enum)
+            else None,
+        )
+        for f in call.fields
+    )

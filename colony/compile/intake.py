@@ -1,0 +1,105 @@
+"""What happens to a reading on its way into an executor: checked, converted, clamped, recorded.
+
+Like the functions of `arithmetic` these stand on their own, on `math` alone: the Python backend copies them
+into what it generates. Each gives the value (`otherwise` where the reading is missing or faulty), whether
+the sensor is fresh, and the records, which it may add one to.
+"""
+
+from __future__ import annotations
+
+from math import inf
+
+Records = tuple[tuple[str, str], ...]
+
+
+def as_float(reading: object) -> float | None:
+    """An int or float as a float, infinite if it is beyond all floats; None for NaN and all else."""
+    if isinstance(reading, bool) or not isinstance(reading, float | int) or reading != reading:
+        return None
+    try:
+        return float(reading)
+    except OverflowError:
+        return inf if reading > 0 else -inf
+
+
+def within(value: float, low: float | None, high: float | None) -> float:
+    """The value, or the bound that it is beyond."""
+    if low is not None and value < low:
+        return low
+    if high is not None and value > high:
+        return high
+    return value
+
+
+def take_bool(
+    name: str, reading: object, otherwise: bool, records: tuple[tuple[str, str], ...]
+) -> tuple[bool, bool, tuple[tuple[str, str], ...]]:
+    """A bool."""
+    if isinstance(reading, bool):
+        return reading, True, records
+    return otherwise, False, records if reading is None else (*records, ("sensor fault", name))
+
+
+def take_bools(
+    name: str,
+    reading: object,
+    size: int,
+    otherwise: tuple[bool, ...],
+    records: tuple[tuple[str, str], ...],
+) -> tuple[tuple[bool, ...], bool, tuple[tuple[str, str], ...]]:
+    """An array of bools; one element of another type spoils it."""
+    if reading is None:
+        return otherwise, False, records
+    if isinstance(reading, list | tuple) and len(reading) == size:
+        values = tuple(reading)
+        if all(isinstance(value, bool) for value in values):
+            return values, True, records
+    return otherwise, False, (*records, ("sensor fault", name))
+
+
+def take_number(
+    name: str,
+    reading: object,
+    factor: float,
+    low: float | None,
+    high: float | None,
+    members: tuple[float, ...] | None,
+    otherwise: float,
+    records: tuple[tuple[str, str], ...],
+) -> tuple[float, bool, tuple[tuple[str, str], ...]]:
+    """A number times `factor`, within its range; where there are `members`, one of them."""
+    if reading is None:
+        return otherwise, False, records
+    number = as_float(reading)
+    if number is None or (members is not None and number not in members):
+        return otherwise, False, (*records, ("sensor fault", name))
+    value = number * factor
+    inside = within(value, low, high)
+    return inside, True, records if inside == value else (*records, ("sensor clamped", name))
+
+
+def take_numbers(
+    name: str,
+    reading: object,
+    size: int,
+    factor: float,
+    low: float | None,
+    high: float | None,
+    members: tuple[float, ...] | None,
+    otherwise: tuple[float, ...],
+    records: tuple[tuple[str, str], ...],
+) -> tuple[tuple[float, ...], bool, tuple[tuple[str, str], ...]]:
+    """An array of numbers; one element that is none, or no member, spoils it."""
+    if reading is None:
+        return otherwise, False, records
+    if not isinstance(reading, list | tuple) or len(reading) != size:
+        return otherwise, False, (*records, ("sensor fault", name))
+    values = []
+    for element in reading:
+        number = as_float(element)
+        if number is None or (members is not None and number not in members):
+            return otherwise, False, (*records, ("sensor fault", name))
+        values.append(number * factor)
+    inside = tuple([within(value, low, high) for value in values])
+    clean = inside == tuple(values)
+    return inside, True, records if clean else (*records, ("sensor clamped", name))

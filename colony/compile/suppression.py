@@ -1,0 +1,52 @@
+"""The network after inhibition elimination: suppressors only, on links that carry gates.
+
+The thesis's Lemma 4.1 turns `A inhibits B` into a module with the guard `not P_A and P_B`. Where B is a
+network that others use as well, that would copy it. So the guard stays on the link to B, as its *gate*,
+and B stays one: a link passes its node's command on in the frames in which its gate holds.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from colony.compile.guards import Guard
+from colony.compile.network import ModuleLeaf
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Link:
+    """The use of a node, through a gate.
+
+    `gate` and `active` refer to the table of guards: when the link is open, and when it carries a command
+    (it is open and its node is active).
+    """
+
+    node: int
+    gate: int
+    active: int
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class GatedSuppressor:
+    """What the dominant link carries, if anything; else what the inferior one does. It has no memory."""
+
+    dominant: Link
+    inferior: Link
+
+
+SuppressionNode = ModuleLeaf | GatedSuppressor
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class SuppressionNetwork:
+    """A pure suppression network N(M, S, L_d, L_i, sigma) for each output, over shared nodes and guards.
+
+    Nodes stand after those that they use. Nodes that no output reaches are what only inhibits, or drives
+    nothing. `wires` and `observed` give when the wires of those names are active.
+    """
+
+    nodes: tuple[SuppressionNode, ...]
+    guards: tuple[Guard, ...]
+    outputs: tuple[tuple[str, Link], ...]
+    wires: tuple[tuple[str, int], ...] = ()
+    observed: tuple[tuple[str, int], ...] = ()

@@ -1,0 +1,127 @@
+"""StickRep maps: a building as rings of walls, doors and elevators, with the ceiling lights above them.
+
+A ring is a closed contour, traced as by somebody who walks along it with the walls on the left hand: the
+outline of a floor runs clockwise, a block standing in it counterclockwise, and the free space lies to the
+right of every edge. A node is a vertical edge of the building (a corner, a door jamb), an edge what lies
+between two nodes. Source: thesis section 5.1, after Walsh 1992.
+
+In files lengths are in the unit that the header names (inches, traditionally); here they are floats in
+millimeters. Headings count counterclockwise from north, in degrees: 0 is north (+y), 90 west (-x).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from enum import Enum
+from typing import Literal, NamedTuple
+
+LightOffsets = Literal["incremental", "cumulative"]
+"""How a file counts the offsets of an edge's lights: each from the one before, or all from the node."""
+
+DEFAULT_TOLERANCE_MM = 50.8
+"""By how much a ring may fail to close, unless its map says otherwise: two inches, a brick's slack."""
+
+
+class EdgeKind(Enum):
+    """What an edge is; the value is its letter in a file."""
+
+    WALL = "W"
+    DOOR = "D"
+    ELEVATOR = "E"
+
+
+class Pose(NamedTuple):
+    """A place and a heading: x east and y north in mm, heading in degrees counterclockwise from north."""
+
+    x_mm: float
+    y_mm: float
+    heading_deg: float
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Light:
+    """A ceiling light's projection onto an edge, `offset_mm` after the edge's node.
+
+    A `shared` light hangs in a turning space, where corridors meet, and is projected onto two edges; its
+    two projections are one light.
+    """
+
+    offset_mm: float
+    shared: bool = False
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Node:
+    """A vertical edge of the building, where the edge that is stored with it begins.
+
+    `angle_deg` is measured counterclockwise from the next edge to the previous one, in (0, 360): 180 along
+    a straight wall. A `corner` is a node where the corridor itself changes direction, unlike the jambs of an
+    alcove.
+    """
+
+    name: str
+    angle_deg: float
+    corner: bool = False
+
+    @property
+    def turn_deg(self) -> float:
+        """By how much the walker turns here, counterclockwise: 270 degrees is a right turn of 90 (-90)."""
+        return 180.0 - self.angle_deg
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Edge:
+    """What lies between one node and the next.
+
+    Edges that are not `counted` have their place in the building, and no part in the length of a path:
+    the sides of an alcove, say. `attribute` is a remark on the surface.
+    """
+
+    kind: EdgeKind
+    length_mm: float
+    counted: bool = True
+    lights: tuple[Light, ...] = ()
+    attribute: str = ""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Ring:
+    """A closed contour: edge i leads from node i to node i + 1, the last one back to node 0.
+
+    `start` is where node 0 stands, and the heading of edge 0.
+    """
+
+    name: str
+    start: Pose
+    nodes: tuple[Node, ...]
+    edges: tuple[Edge, ...]
+
+    @property
+    def path_length_mm(self) -> float:
+        """The way once around: the sum of the edges that are counted."""
+        return sum(edge.length_mm for edge in self.edges if edge.counted)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Map:
+    """One floor. `start` is where a robot stands unless told otherwise.
+
+    `unit` and `light_offsets` say how the map is written in a file; nothing else depends on them.
+    """
+
+    name: str
+    start: Pose
+    rings: tuple[Ring, ...]
+    tolerance_mm: float = DEFAULT_TOLERANCE_MM
+    unit: str = "inch"
+    light_offsets: LightOffsets = "incremental"
+
+    def edges(self) -> Iterator[Edge]:
+        """All edges, ring by ring, in the order of the file."""
+        for ring in self.rings:
+            yield from ring.edges
+
+    def count(self, kind: EdgeKind) -> int:
+        """How many edges there are of one kind."""
+        return sum(edge.kind is kind for edge in self.edges())

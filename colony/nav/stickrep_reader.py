@@ -1,0 +1,412 @@
+"""Reads StickRep maps, and tells everything that is wrong with them.
+
+A file is a header, then rings of rows; `#` begins a comment. The header says, in any order:
+
+    stickrep 1                  the format's version; always the first line
+    map NAME
+    start X Y HEADING           where a robot stands unless told otherwise
+    unit inch                   of every length in the file (default inch; mm, cm, m, ft)
+    lights incremental          or cumulative: how offsets of lights count (default incremental)
+    closure 2                   by how much a ring may fail to close (default two inches)
+
+A ring begins with `ring NAME X Y HEADING`, where its first node stands and its first edge leads, and has a
+row for each node and the edge after it, the fields of thesis section 5.1:
+
+    alpha name tau lambda d1 .. d_lambda mu attribute
+
+Codes of errors: M001 cannot be read, M002 not a text, M003 not a StickRep map, M004 unknown header line,
+M005 said twice, M006 header line missing, M007 header line malformed, M008 name, M009 number, M010 row too
+short, M011 edge type, M012 lights, M013 row outside a ring, M014 node name twice, M015 ring name twice,
+M016 too few edges, M017 does not close in angle, M018 does not close in place, M019 light beyond its edge,
+M020 shared lights do not pair, M021 edges cross, M022 start not in free space, M023 too much,
+M024 traced the wrong way round.
+"""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, field
+from difflib import get_close_matches
+from pathlib import Path
+from typing import get_args
+
+from colony.diagnostics import Failure, error, in_order
+from colony.nav import stickrep_fields as fields
+from colony.nav.stickrep import (
+    DEFAULT_TOLERANCE_MM,
+    Edge,
+    Light,
+    LightOffsets,
+    Map,
+    Node,
+    Pose,
+    Ring,
+)
+from colony.nav.stickrep_checks import Places, RingPlaces, check_map, check_ring
+from colony.nav.stickrep_fields import Problems, TooMany, Word, line_end, lines_of_words
+from colony.source import Source, Span
+from colony.units import BASE_UNITS, LENGTH
+
+FORMAT_VERSION = "1"
+MAX_BYTES = 4_000_000
+MAX_LINES = 5_000
+
+LENGTH_UNITS = {
+    name: float(factor) for name, (dimension, factor) in BASE_UNITS.items() if dimension == LENGTH
+}
+"""Units of length by name, in mm."""
+
+
+def load_map(path: str | os.PathLike[str]) -> Map:
+    """Read the map at `path`.
+
+    Raises:
+        Failure: the file cannot be read, or is no sound map; with all errors found, each with its place.
+    """
+    return read_map(_load(path))
+
+
+def _load(path: str | os.PathLike[str]) -> Source:
+    shown = os.fspath(path)
+    empty = Source(shown, "")
+    try:
+        with Path(path).open("rb") as file:
+            data = file.read(MAX_BYTES + 1)
+    except (OSError, ValueError) as failure:
+        reason = failure.strerror if isinstance(failure, OSError) else None
+        message = f"cannot read the map: {reason or failure}"
+        raise Failure([error("M001", Span(empty, 0, 0), message)]) from None
+    if len(data) > MAX_BYTES:
+        message = f"the file is larger than {MAX_BYTES // 1_000_000} MB; expected a map"
+        raise Failure([error("M002", Span(empty, 0, 0), message)])
+    try:
+        return Source(shown, data.decode("utf-8-sig"))
+    except UnicodeDecodeError as failure:
+        good = Source(shown, data[: failure.start].decode("utf-8", "replace"))
+        message = f"byte 0x{data[failure.start]:02x} is not UTF-8 text; expected a map"
+        raise Failure([error("M002", Span(good, len(good.text), len(good.text)), message)]) from None
+
+
+def read_map(source: Source) -> Map:
+    """Read a map from its text.
+
+    Raises:
+        Failure: the text is no sound map; with all errors found, in order, each with its place.
+    """
+    nul = source.text.find("\0")
+    if nul >= 0:
+        span = Span(source, nul, nul + 1)
+        raise Failure([error("M002", span, "found a NUL character; expected the text of a map")])
+    reader = _Reader(source)
+    try:
+        result = reader.read()
+    except TooMany:
+        result = None
+    if result is None or reader.problems:
+        raise Failure(in_order(reader.problems))
+    return result
+
+
+@dataclass(slots=True, kw_only=True)
+class _RingSoFar:
+    """A ring while its rows are read; `sound` until one of them is wrong."""
+
+    header: Span
+    name: str
+    start: Pose
+    sound: bool = True
+    nodes: list[Node] = field(default_factory=list)
+    edges: list[Edge] = field(default_factory=list)
+    node_spans: list[Span] = field(default_factory=list)
+    light_spans: list[tuple[Span, ...]] = field(default_factory=list)
+
+    def finish(self) -> Ring:
+        return Ring(name=self.name, start=self.start, nodes=tuple(self.nodes), edges=tuple(self.edges))
+
+    def places(self) -> RingPlaces:
+        return RingPlaces(header=self.header, nodes=tuple(self.node_spans), lights=tuple(self.light_spans))
+
+
+class _Reader:
+    """One pass over the lines of one text, collecting problems on the way."""
+
+    def __init__(self, source: Source) -> None:
+        self.source = source
+        self.problems = Problems()
+        self.header: dict[str, Span] = {}
+        self.name: str | None = None
+        self.unit = "inch"
+        self.light_offsets: LightOffsets = "incremental"
+        self.tolerance: Word | None = None
+        self.start: tuple[Word, ...] | None = None
+        self.rings: list[_RingSoFar] = []
+        self.node_names: dict[str, Span] = {}
+        self.headers: dict[str, Callable[[list[Word]], None]] = {
+            "map": self._map,
+            "start": self._start,
+            "unit": self._unit,
+            "lights": self._lights,
+            "closure": self._closure,
+        }
+
+    def read(self) -> Map | None:
+        """The map, or None where `problems` says why not."""
+        lines = lines_of_words(self.source)
+        if not self._is_stickrep(next(lines, None)):
+            return None
+        # Lengths need the unit, wherever the header names it: first the header, then the rings.
+        for words in self._body(lines):
+            if words[0].text == "ring":
+                self._ring(words)
+            elif words[0].looks_like_number:
+                self._row(words)
+            elif self.rings:
+                self.rings[-1].sound = False
+        return self._finish()
+
+    def _is_stickrep(self, first: list[Word] | None) -> bool:
+        hint = f"a map begins with the line `stickrep {FORMAT_VERSION}`"
+        if first is None:
+            self.problems.report("M003", Span(self.source, 0, 0), "found no map, the text is empty", hint)
+            return False
+        if first[0].text != "stickrep":
+            message = f"expected `stickrep {FORMAT_VERSION}`; found {first[0].shown}"
+            self.problems.report("M003", first[0].span, message, hint)
+            return False
+        version = first[1] if len(first) == 2 else None
+        if version is None or version.text != FORMAT_VERSION:
+            message = f"expected `stickrep {FORMAT_VERSION}`; this is no version that can be read"
+            self.problems.report("M003", (version or first[0]).span, message, hint)
+            return False
+        return True
+
+    # The header
+
+    def _body(self, lines: Iterator[list[Word]]) -> list[list[Word]]:
+        """Read the header lines, and give all others."""
+        body = []
+        for words in lines:
+            if not self._take_header(words):
+                body.append(words)
+            if len(body) > MAX_LINES:
+                self.problems.report("M023", words[0].span, f"a map has at most {MAX_LINES} rows")
+                raise TooMany
+        return body
+
+    def _take_header(self, words: list[Word]) -> bool:
+        """Whether this is a line of the header; it is read if so. What is neither is reported."""
+        key = words[0]
+        if key.text == "ring" or key.looks_like_number:
+            return False
+        if key.text not in self.headers:
+            known = ["stickrep", "ring", *self.headers]
+            close = get_close_matches(key.text[:40], known, n=1)
+            hint = f"did you mean `{close[0]}`?" if close else "header lines are: " + ", ".join(self.headers)
+            message = f"expected a header line, `ring` or a row that begins with an angle; found {key.shown}"
+            self.problems.report("M004", key.span, message, hint)
+            return False  # perhaps a row: the ring that it stands in is not judged
+        if key.text in self.header:
+            line, _ = self.source.position(self.header[key.text].start)
+            self.problems.report("M005", key.span, f"`{key.text}` was said in line {line} already")
+        else:
+            self.header[key.text] = key.span
+            self.headers[key.text](words)
+        return True
+
+    def _values(self, words: list[Word], usage: str) -> list[Word] | None:
+        """The words after the first, if they are as many as `usage` shows."""
+        expected = len(usage.split())
+        if len(words) == expected:
+            return words[1:]
+        place = line_end(words) if len(words) < expected else words[expected].span
+        message = f"expected `{usage}`; found {len(words) - 1} value{'s' if len(words) != 2 else ''}"
+        self.problems.report("M007", place, message)
+        return None
+
+    def _map(self, words: list[Word]) -> None:
+        values = self._values(words, "map NAME")
+        if values:
+            self.name = fields.name(self.problems, values[0], "the map's name")
+
+    def _start(self, words: list[Word]) -> None:
+        values = self._values(words, "start X Y HEADING")
+        self.start = tuple(values) if values else None
+
+    def _closure(self, words: list[Word]) -> None:
+        values = self._values(words, "closure LENGTH")
+        self.tolerance = values[0] if values else None
+
+    def _unit(self, words: list[Word]) -> None:
+        values = self._values(words, "unit NAME")
+        if values and values[0].text in LENGTH_UNITS:
+            self.unit = values[0].text
+        elif values:
+            message = f"expected a unit of length, {', '.join(LENGTH_UNITS)}; found {values[0].shown}"
+            self.problems.report("M007", values[0].span, message)
+
+    def _lights(self, words: list[Word]) -> None:
+        values = self._values(words, "lights CONVENTION")
+        for known in get_args(LightOffsets):
+            if values and values[0].text == known:
+                self.light_offsets = known
+                return
+        if values:
+            message = f"expected incremental or cumulative; found {values[0].shown}"
+            hint = "offsets count from the light before (incremental), or all from the node (cumulative)"
+            self.problems.report("M007", values[0].span, message, hint)
+
+    # Rings and rows
+
+    def _mm(self, word: Word, what: str, low_mm: float, high_mm: float) -> float | None:
+        """A length in the file's unit, whose magnitude is in a range given in mm."""
+        scale = LENGTH_UNITS[self.unit]
+        value = fields.ranged(self.problems, word, what, low_mm / scale, high_mm / scale, self.unit)
+        return None if value is None else value * scale
+
+    def _pose(self, words: tuple[Word, ...] | list[Word]) -> Pose | None:
+        limit = fields.MAX_COORDINATE_MM
+        x = self._mm(words[0], "x", 0.0, limit)
+        y = self._mm(words[1], "y", 0.0, limit)
+        heading = fields.ranged(self.problems, words[2], "the heading", 0.0, 360.0, "degrees")
+        if x is None or y is None or heading is None:
+            return None
+        return Pose(x, y, heading % 360.0)
+
+    def _ring(self, words: list[Word]) -> None:
+        values = self._values(words, "ring NAME X Y HEADING")
+        name = fields.name(self.problems, values[0], "the ring's name") if values else None
+        pose = self._pose(values[1:]) if values else None
+        if name is not None and any(name == ring.name for ring in self.rings):
+            self.problems.report("M015", words[1].span, f"there is a ring `{name}` already")
+        span = words[0].span.to(words[min(1, len(words) - 1)].span)
+        ring = _RingSoFar(header=span, name=name or "", start=pose or Pose(0.0, 0.0, 0.0))
+        ring.sound = name is not None and pose is not None
+        self.rings.append(ring)
+
+    def _row(self, words: list[Word]) -> None:
+        if not self.rings:
+            message = f"expected a header line or `ring`; found a row that begins with {words[0].shown}"
+            self.problems.report("M013", words[0].span, message, "a ring begins with `ring NAME X Y HEADING`")
+            return
+        ring = self.rings[-1]
+        before = len(self.problems)
+        node = self._node(words)
+        edge = self._edge(words) if len(words) >= 5 else None
+        if len(words) < 5:
+            message = f"expected a row of at least 5 fields; found {len(words)}"
+            hint = "a row is: angle name type lights [offset ...] length attribute"
+            self.problems.report("M010", line_end(words), message, hint)
+        if node is None or edge is None or len(self.problems) > before:
+            ring.sound = False
+            return
+        ring.nodes.append(node)
+        ring.edges.append(edge)
+        ring.node_spans.append(words[1].span)
+        ring.light_spans.append(tuple(w.span for w in words[4 : 4 + len(edge.lights)]))
+
+    def _node(self, words: list[Word]) -> Node | None:
+        angle = fields.ranged(self.problems, words[0], "the angle", 0.0, 360.0, "degrees")
+        if angle is not None and abs(angle) in (0.0, 360.0):
+            message = f"the angle is {words[0].shown}; expected one between 0 and 360 degrees, either sign"
+            self.problems.report("M009", words[0].span, message, "180 goes straight on")
+            angle = None
+        elif angle == -180.0:
+            message = "a negative angle is a corner; expected an angle other than 180 there"
+            self.problems.report("M009", words[0].span, message, "write 180 to go straight on")
+            angle = None
+        name = fields.name(self.problems, words[1], "the node's name") if len(words) > 1 else None
+        if name is not None and name in self.node_names:
+            line, _ = self.source.position(self.node_names[name].start)
+            message = f"there is a node `{name}` in line {line} already"
+            self.problems.report("M014", words[1].span, message, "names of nodes are unique in a map")
+        elif name is not None:
+            self.node_names[name] = words[1].span
+        if angle is None or name is None:
+            return None
+        return Node(name=name, angle_deg=abs(angle), corner=angle < 0)
+
+    def _edge(self, words: list[Word]) -> Edge | None:
+        kind = fields.edge_kind(self.problems, words[2])
+        count = fields.whole(self.problems, words[3], "the number of lights", fields.MAX_LIGHTS)
+        if count is None:
+            return None
+        at = 4 + count
+        if len(words) <= at or not words[at].looks_like_number:
+            place = words[at].span if len(words) > at else line_end(words)
+            numbers = sum(w.looks_like_number for w in words[4 : at + 1])
+            message = f"expected {_plural(count, 'offset')} and a length after the number of lights"
+            self.problems.report("M012", place, f"{message}; found {_plural(numbers, 'number')}")
+            return None
+        lights = self._light_offsets(words[4:at])
+        length = self._mm(words[at], "the length", fields.MIN_LENGTH_MM, fields.MAX_LENGTH_MM)
+        if kind is None or lights is None or length is None:
+            return None
+        return Edge(
+            kind=kind,
+            length_mm=abs(length),
+            counted=length > 0,
+            lights=lights,
+            attribute=" ".join(w.text for w in words[at + 1 :]),
+        )
+
+    def _light_offsets(self, words: list[Word]) -> tuple[Light, ...] | None:
+        lights: list[Light] = []
+        last = 0.0
+        sound = True
+        for word in words:
+            offset = self._mm(word, "the light's offset", 0.0, fields.MAX_LENGTH_MM)
+            if offset is None:
+                sound = False
+                continue
+            at = abs(offset) + (last if self.light_offsets == "incremental" else 0.0)
+            if at < last:
+                message = f"the offset {word.shown} is less than the one before"
+                hint = "cumulative offsets all count from the node; `lights incremental` is the other way"
+                self.problems.report("M019", word.span, message, hint)
+                sound = False
+            lights.append(Light(offset_mm=at, shared=word.text.startswith("-")))
+            last = at
+        return tuple(lights) if sound else None
+
+    # The whole
+
+    def _finish(self) -> Map | None:
+        start = self._pose(self.start) if self.start else None
+        tolerance: float | None = DEFAULT_TOLERANCE_MM
+        if self.tolerance is not None:
+            tolerance = self._mm(self.tolerance, "the closure tolerance", 0.0, fields.MAX_LENGTH_MM)
+            if tolerance is not None and tolerance < 0.0:
+                self.problems.report("M007", self.tolerance.span, "the closure tolerance is negative")
+                tolerance = None
+        self._missing()
+        for ring in self.rings:
+            if ring.sound:
+                ring.sound = check_ring(self.problems, ring.finish(), ring.places(), tolerance)
+        if start is None or self.start is None or tolerance is None or self.name is None:
+            return None
+        result = Map(
+            name=self.name,
+            start=start,
+            rings=tuple(ring.finish() for ring in self.rings),
+            tolerance_mm=tolerance,
+            unit=self.unit,
+            light_offsets=self.light_offsets,
+        )
+        if self.rings and all(ring.sound for ring in self.rings):
+            span = self.start[0].span.to(self.start[-1].span)
+            check_map(self.problems, result, Places(start=span, rings=tuple(r.places() for r in self.rings)))
+        return result
+
+    def _missing(self) -> None:
+        end = Span(self.source, len(self.source.text.rstrip()), len(self.source.text.rstrip()))
+        for key, usage in (("map", "map NAME"), ("start", "start X Y HEADING")):
+            if key not in self.header:
+                self.problems.report("M006", end, f"the header does not say `{usage}`")
+        if not self.rings:
+            message = "expected at least one ring; found none"
+            self.problems.report("M006", end, message, "a ring begins with `ring NAME X Y HEADING`")
+
+
+def _plural(count: int, noun: str) -> str:
+    return f"{count} {noun}" if count == 1 else f"{count} {noun}s"

@@ -1,0 +1,78 @@
+"""A map as plain geometry: wall segments and ceiling lights in the plane, for simulation and pictures."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from colony.nav.stickrep import EdgeKind, Map
+from colony.nav.stickrep_geometry import Point, corners, projections, shared_lights
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Walls:
+    """The edges of a map as segments.
+
+    Attributes:
+        segments: (n, 4) float64, read-only: x0, y0, x1, y1 in mm, x east and y north, in the order of the
+            map. The free space lies to the right of each; each ring is closed exactly.
+        kinds: what each segment is.
+    """
+
+    segments: NDArray[np.float64]
+    kinds: tuple[EdgeKind, ...]
+
+    @property
+    def bounds(self) -> tuple[float, float, float, float]:
+        """The least x and y, the greatest x and y, in mm."""
+        x, y = self.segments[:, 0::2], self.segments[:, 1::2]
+        return float(x.min()), float(y.min()), float(x.max()), float(y.max())
+
+
+def walls_of(source: Map) -> Walls:
+    """The walls, doors and elevators of a map; doors and elevators are shut."""
+    rows = []
+    for ring in source.rings:
+        nodes = corners(ring)
+        rows += [(*here, *there) for here, there in zip(nodes, (*nodes[1:], nodes[0]), strict=True)]
+    segments = np.array(rows, dtype=np.float64).reshape(-1, 4)
+    segments.flags.writeable = False
+    return Walls(segments=segments, kinds=tuple(edge.kind for edge in source.edges()))
+
+
+_HALF_CORRIDOR_MM = 1200.0
+_AHEAD_MM = 1.0
+
+
+def lights_of(source: Map) -> NDArray[np.float64]:
+    """Where the ceiling lights hang: (n, 2) float64, x and y in mm.
+
+    A light projected onto one edge hangs half-way between it and what is opposite; one projected onto two,
+    where the perpendiculars meet. First the lights of the corridors in the order of the map, then those of
+    the turning spaces; each light once.
+    """
+    segments = walls_of(source).segments
+    places: list[Point] = []
+    for ring in source.rings:
+        for mark in projections(ring):
+            if not ring.edges[mark.edge].lights[mark.light].shared:
+                away = Point(mark.along.y, -mark.along.x)
+                half = _free_distance(segments, mark.at, away) / 2
+                places.append(Point(mark.at.x + half * away.x, mark.at.y + half * away.y))
+    for ring in source.rings:
+        places += shared_lights(ring) or ()
+    return np.array(places, dtype=np.float64).reshape(-1, 2)
+
+
+def _free_distance(segments: NDArray[np.float64], at: Point, away: Point) -> float:
+    """How far it is from a wall to the next one in the direction `away`, in mm."""
+    ax, ay = segments[:, 0] - at.x, segments[:, 1] - at.y
+    ex, ey = segments[:, 2] - segments[:, 0], segments[:, 3] - segments[:, 1]
+    with np.errstate(divide="ignore", invalid="ignore"):
+        across = away.x * ey - away.y * ex
+        distance = (ax * ey - ay * ex) / across
+        part = (ax * away.y - ay * away.x) / across
+    hit = (distance > _AHEAD_MM) & (part >= 0.0) & (part <= 1.0)
+    return float(distance[hit].min()) if hit.any() else 2 * _HALF_CORRIDOR_MM

@@ -1,0 +1,124 @@
+"""Recordings: one JSON object a frame and line, which `colony trace --input` reads back.
+
+    {"t": 0.05, "sonar": [...], "bumper": false, "drive": {"by": "avoid", "velocity": 80.0, "turn": 30.0}}
+
+`t` is in seconds and reads back to the same nanosecond; sensors are in declared units as they came from
+their servers, and absent where missing; each actuator has its winner and what was sent. Where something
+went wrong, the actuator also has `fault`, or `fates` with the clients that were late, lost, refused or
+overruled. Broken contracts are not written: they follow from the rest.
+"""
+
+from __future__ import annotations
+
+import json
+import math
+from collections.abc import Callable
+from typing import Protocol
+
+from colony.ir.frame import Frame, Reading
+from colony.ir.program import Actuator, Program, Sensor
+from colony.ir.types import Array, ScalarValue
+from colony.runtime.messages import Verdict
+from colony.runtime.observer import FrameLog
+
+
+class ByteFile(Protocol):
+    """An unbuffered binary file."""
+
+    def write(self, data: bytes, /) -> int | None: ...
+
+    def close(self) -> None: ...
+
+
+class Recording:
+    """Writes each frame as it comes, a whole line in one write, so that a run that is killed at any moment
+    leaves whole lines. A sink."""
+
+    def __init__(self, program: Program, file: ByteFile) -> None:
+        self._encode = encoder(program)
+        self._file = file
+
+    def take(self, log: FrameLog) -> None:
+        data = self._encode(log).encode() + b"\n"
+        written = self._file.write(data)
+        while written is not None and written < len(data):  # a full disk or a pipe took a part
+            data = data[written:]
+            written = self._file.write(data)
+
+    def close(self) -> None:
+        self._file.close()
+
+
+def encoder(program: Program) -> Callable[[FrameLog], str]:
+    """How frames of `program` are written: sensors, then actuators, in the order declared."""
+    sensors = program.robot.sensors
+    actuators = program.robot.actuators
+
+    def encode(log: FrameLog) -> str:
+        parts = [f'"t": {seconds_text(log.frame.t_ns)}', *_sensors(log.frame, sensors)]
+        for actuator in actuators:
+            verdict = log.verdicts.get(actuator.name)
+            if verdict is not None:
+                parts.append(f"{json.dumps(actuator.name)}: {_actuator(actuator, verdict)}")
+        return "{" + ", ".join(parts) + "}"
+
+    return encode
+
+
+def seconds_text(t_ns: int) -> str:
+    """Nanoseconds as a decimal number of seconds, exactly."""
+    whole, rest = divmod(abs(t_ns), 1_000_000_000)
+    fraction = f"{rest:09d}".rstrip("0") or "0"
+    return f"{'-' if t_ns < 0 else ''}{whole}.{fraction}"
+
+
+def _sensors(frame: Frame, sensors: tuple[Sensor, ...]) -> list[str]:
+    out = []
+    for sensor in sensors:
+        reading = frame.readings.get(sensor.name)
+        if reading is not None:
+            size = sensor.type.size if isinstance(sensor.type, Array) else None
+            out.append(f"{json.dumps(sensor.name)}: {_reading(reading, size)}")
+    return out
+
+
+def _reading(reading: Reading, size: int | None) -> str:
+    if isinstance(reading, (list, tuple)):
+        if size is not None and len(reading) != size:
+            return json.dumps(f"{len(reading)} elements")  # a faulty reading, and stays one
+        return "[" + ", ".join(map(_number, reading)) + "]"
+    if isinstance(reading, (bool, int, float)):
+        return _number(reading)
+    return json.dumps(str(reading))
+
+
+def _number(value: ScalarValue) -> str:
+    """JSON has neither infinities nor NaN: the former are written too large for a double, and NaN as a
+    string, which is a value of the wrong type and so a faulty reading, as NaN is."""
+    if isinstance(value, bool):
+        return "true" if value else "false"
+    if isinstance(value, (int, float)):
+        if math.isfinite(value):
+            return repr(value)
+        return '"nan"' if math.isnan(value) else ("1e999" if value > 0 else "-1e999")
+    return json.dumps(value)
+
+
+def _actuator(actuator: Actuator, verdict: Verdict) -> str:
+    if verdict.values is None:
+        return "null" if verdict.by is None else json.dumps({"by": verdict.by, **_trouble(verdict)})
+    values = zip((f.name for f in actuator.fields), verdict.values, strict=True)
+    return json.dumps({"by": verdict.by, **dict(values), **_trouble(verdict)})
+
+
+_QUIET = frozenset({"won", "silent", "held back"})
+
+
+def _trouble(verdict: Verdict) -> dict[str, object]:
+    out: dict[str, object] = {}
+    if verdict.fault:
+        out["fault"] = verdict.fault
+    fates = {client: fate for client, fate in verdict.fates if fate not in _QUIET}
+    if fates:
+        out["fates"] = fates
+    return out

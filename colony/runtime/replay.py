@@ -1,0 +1,146 @@
+"""Recorded frames read back, and what an executor decides written as lines: the two ends of `colony trace`.
+
+A frame is one JSON object a line: `t` in seconds and readings in declared units; an absent sensor, or null,
+is missing. What a recording says of actuators is passed over, so that a recording is valid input.
+"""
+
+from __future__ import annotations
+
+import json
+import math
+from collections.abc import Iterable, Iterator
+from decimal import Decimal
+from typing import Any
+
+from colony.diagnostics import Diagnostic, Failure, error
+from colony.ir.frame import Decision, Frame, Outcome
+from colony.ir.program import Program
+from colony.ir.types import Array
+from colony.runtime.recording import seconds_text
+from colony.source import Source, Span
+from colony.units import nanoseconds
+
+_EXACT_BELOW = float(2**20)
+"""Seconds below which the nearest double of a decimal time is within half a nanosecond of it."""
+
+
+def read_frames(lines: Iterable[bytes], name: str, program: Program) -> Iterator[Frame]:
+    """The frames of a recording, in order; `name` is what messages call the file.
+
+    Raises:
+        Failure: at the first bad line. Codes: F001 not JSON, F002 not an object, F003 no proper time, F004
+            time does not rise, F005 unknown sensor, F006 wrong length, F007 not text.
+    """
+    reader = _Reader(name, program)
+    for number, line in enumerate(lines, 1):
+        if line.strip():
+            yield reader.frame(number, line)
+
+
+class _Reader:
+    """Checks one line after another; remembers the time of the last."""
+
+    def __init__(self, name: str, program: Program) -> None:
+        self._name = name
+        self._sizes = {
+            s.name: s.type.size if isinstance(s.type, Array) else None for s in program.robot.sensors
+        }
+        self._ignored = {a.name for a in program.robot.actuators}
+        self._last_ns: int | None = None
+
+    def frame(self, number: int, data: bytes) -> Frame:
+        text = self._text(number, data)
+        try:
+            row = json.loads(text)
+        except json.JSONDecodeError as problem:
+            message = f"not JSON: {problem.msg}"
+            raise self._failure("F001", number, text, problem.pos, message) from None
+        except (RecursionError, ValueError):
+            raise self._failure("F001", number, text, 0, "not JSON that can be read") from None
+        if not isinstance(row, dict):
+            hint = 'a frame is an object: {"t": 0.05, "bumper": false}'
+            raise self._failure("F002", number, text, 0, "a frame must be a JSON object", hint)
+        t_ns = self._time(number, text, row)
+        return Frame(t_ns, {key: row[key] for key in row if self._is_reading(number, text, row, key)})
+
+    def _text(self, number: int, data: bytes) -> str:
+        try:
+            return data.decode("utf-8-sig" if number == 1 else "utf-8").rstrip("\r\n")
+        except UnicodeDecodeError as problem:
+            text = data[: problem.start].decode()
+            message = "not UTF-8 text"
+            raise self._failure("F007", number, text, len(text), message) from None
+
+    def _time(self, number: int, text: str, row: dict[str, Any]) -> int:
+        t = row.get("t")
+        if isinstance(t, bool) or not isinstance(t, int | float) or not math.isfinite(t):
+            found = "no time" if "t" not in row else f"found {json.dumps(t)}"
+            message = f'"t" must be the frame\'s time in seconds, {found}'
+            raise self._failure("F003", number, text, self._at(text, "t"), message)
+        if abs(t) < _EXACT_BELOW:
+            t_ns = nanoseconds(t)
+        else:
+            t_ns = round(Decimal(json.loads(text, parse_float=Decimal)["t"]) * 1_000_000_000)
+        if self._last_ns is not None and t_ns <= self._last_ns:
+            message = f"time must rise: {seconds_text(t_ns)} s follows {seconds_text(self._last_ns)} s"
+            raise self._failure("F004", number, text, self._at(text, "t"), message)
+        self._last_ns = t_ns
+        return t_ns
+
+    def _is_reading(self, number: int, text: str, row: dict[str, Any], key: str) -> bool:
+        """Whether the key is a sensor's, with a value that can be a reading."""
+        if key == "t" or (key in self._ignored and key not in self._sizes):
+            return False
+        if key not in self._sizes:
+            from difflib import get_close_matches
+
+            close = get_close_matches(key, list(self._sizes), n=1)
+            hint = f"did you mean `{close[0]}`?" if close else f"the robot has {', '.join(self._sizes)}"
+            raise self._failure("F005", number, text, self._at(text, key), f"unknown sensor `{key}`", hint)
+        size, value = self._sizes[key], row[key]
+        if size is not None and isinstance(value, list) and len(value) != size:
+            message = f"`{key}` has {size} elements, found {len(value)}"
+            raise self._failure("F006", number, text, self._at(text, key), message)
+        return True
+
+    def _at(self, text: str, key: str) -> int:
+        return max(text.find(json.dumps(key)), 0)
+
+    def _failure(
+        self, code: str, number: int, text: str, at: int, message: str, hint: str | None = None
+    ) -> Failure:
+        return Failure([_located(code, self._name, number, text, at, message, hint)])
+
+
+def _located(
+    code: str, name: str, number: int, text: str, at: int, message: str, hint: str | None
+) -> Diagnostic:
+    before = "\n" * (number - 1)
+    start = len(before) + at
+    return error(code, Span(Source(name, before + text), start, start + 1), message, hint)
+
+
+# --- decisions as lines ----------------------------------------------------------------------------
+
+
+def outcome_line(program: Program, t_ns: int, outcome: Outcome) -> str:
+    """`{"t": 0.05, "drive": {"by": "avoid", "velocity": 80.0, "turn": 30.0}}`, without a line break.
+
+    Nobody commands: `by` is null and the values are the idle command's; on `idle hold` the actuator is null.
+    """
+    fields = {a.name: [f.name for f in a.fields] for a in program.robot.actuators}
+    parts = [f'"t": {seconds_text(t_ns)}']
+    parts += [f"{json.dumps(d.actuator)}: {_decision(d, fields[d.actuator])}" for d in outcome.decisions]
+    if outcome.breaches:
+        parts.append(f'"breaches": {json.dumps(outcome.breaches)}')
+    return "{" + ", ".join(parts) + "}"
+
+
+def _decision(decision: Decision, fields: list[str]) -> str:
+    if decision.values is None and decision.by is None:
+        return "null"
+    row: dict[str, object] = {"by": decision.by}
+    row |= dict(zip(fields, decision.values or (), strict=decision.values is not None))
+    if decision.fault is not None:
+        row["fault"] = decision.fault
+    return json.dumps(row)

@@ -1,0 +1,38 @@
+"""How DServer hands on what modules in Python announce: whether they are active in a frame."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+
+from colony.runtime import topics
+from colony.runtime.assembly import ACTIVE
+from colony.runtime.messages import Announcement, Effect, Fetch, Sample, Send, ServerFrame
+
+
+class ActivityRelay:
+    """Publishes each announcement as a frame, and keeps the newest `keep`. Mutable: those."""
+
+    def __init__(self, server: str, modules: tuple[str, ...], *, keep: int) -> None:
+        self._names = {module: topics.activity(server, module) for module in modules}
+        self._kept: dict[str, dict[int, ServerFrame]] = {name: {} for name in self._names.values()}
+        self._keep = keep
+        self.listens = (
+            *((topics.announcements(server),) if modules else ()),
+            *(topics.fetches(name) for name in self._names.values()),
+        )
+
+    def announce(self, message: Announcement, now_ns: int) -> Iterable[Effect]:
+        """Hand it on; what a stranger announces, or is announced again, is ignored."""
+        name = self._names.get(message.module)
+        if name is None or message.k in self._kept[name]:
+            return ()
+        kept = self._kept[name]
+        frame = ServerFrame(server=name, k=message.k, fields={ACTIVE: Sample(message.active, now_ns)})
+        kept[message.k] = frame
+        kept.pop(message.k - self._keep, None)
+        return (Send(topics.frames(name), frame),)
+
+    def fetch(self, message: Fetch) -> Iterable[Effect]:
+        """Publish a frame again, if it is here."""
+        frame = self._kept.get(message.server, {}).get(message.k)
+        return () if frame is None else (Send(topics.frames(message.server), frame),)

@@ -1,0 +1,210 @@
+"""What a run came to: who drove how long, what was bumped into, which contracts broke; data first."""
+
+from __future__ import annotations
+
+from collections import Counter
+from dataclasses import asdict, dataclass
+
+from colony.ir.frame import RecordKind
+from colony.ir.program import Program
+from colony.runtime.messages import Fate
+from colony.runtime.observer import FrameLog
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Share:
+    """In how many frames, and for how many seconds, `module` commanded; None: nobody did."""
+
+    module: str | None
+    frames: int
+    seconds: float
+    percent: float
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ActuatorSummary:
+    """Shares of every client, highest place first, and of nobody, last."""
+
+    actuator: str
+    shares: tuple[Share, ...]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class BreachSummary:
+    """A contract that was broken in `frames` frames, first and last at these seconds."""
+
+    contract: str
+    frames: int
+    first_s: float
+    last_s: float
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class RecordSummary:
+    """Something recorded (`kind`, as `colony.ir.frame.RecordKind`) about `subject`, in `frames` frames."""
+
+    kind: RecordKind
+    subject: str
+    frames: int
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class TroubleSummary:
+    """A client that was late, lost, refused or overruled in `frames` frames."""
+
+    client: str
+    fate: Fate
+    frames: int
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Travel:
+    """How a body went: times that it began to touch something, and millimeters of path."""
+
+    bumps: int
+    distance_mm: float
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class RunSummary:
+    """All of one run. `mean_speed_mm_s` is over its whole duration, `contracts` how many were watched."""
+
+    robot: str
+    seed: int
+    frames: int
+    duration_s: float
+    interrupted: bool
+    bumps: int
+    distance_mm: float
+    mean_speed_mm_s: float
+    actuators: tuple[ActuatorSummary, ...]
+    contracts: int
+    breaches: tuple[BreachSummary, ...]
+    records: tuple[RecordSummary, ...]
+    troubles: tuple[TroubleSummary, ...]
+    disagreements: tuple[str, ...]
+
+    def as_json(self) -> dict[str, object]:
+        """The same in plain dicts and lists."""
+        return asdict(self)
+
+    @property
+    def sound(self) -> bool:
+        """No contract was broken, and the runtime did what the program says."""
+        return not self.breaches and not self.disagreements
+
+
+_TROUBLES: tuple[Fate, ...] = ("late", "lost", "refused", "overruled")
+_MOST_DISAGREEMENTS = 10
+
+
+class Tally:
+    """Counts frames as they come. A sink; mutable: the counts."""
+
+    def __init__(self, program: Program, places: dict[str, tuple[str, ...]]) -> None:
+        self._program = program
+        self._places = places
+        self._drove: dict[str, Counter[str | None]] = {a: Counter() for a in places}
+        self._records: Counter[tuple[RecordKind, str]] = Counter()
+        self._troubles: Counter[tuple[str, Fate]] = Counter()
+        self._breaches: dict[str, BreachSummary] = {}
+        self._disagreements: list[str] = []
+        self.frames = 0
+
+    def take(self, log: FrameLog) -> None:
+        self.frames += 1
+        for name, verdict in log.verdicts.items():
+            self._drove[name][verdict.by] += 1
+            for client, fate in verdict.fates:
+                if fate in _TROUBLES:
+                    self._troubles[client, fate] += 1
+        self._records.update((r.kind, r.subject) for r in log.expected.records)
+        t = log.frame.t_ns / 1e9
+        for contract in log.expected.breaches:
+            before = self._breaches.get(contract)
+            self._breaches[contract] = BreachSummary(
+                contract=contract,
+                frames=before.frames + 1 if before else 1,
+                first_s=before.first_s if before else t,
+                last_s=t,
+            )
+        if log.disagreements and len(self._disagreements) < _MOST_DISAGREEMENTS:
+            self._disagreements.extend(f"at {t:g} s, {text}" for text in log.disagreements)
+
+    def close(self) -> None:
+        """The counts stay."""
+
+    def summary(self, *, seed: int, duration_s: float, interrupted: bool, travel: Travel) -> RunSummary:
+        """All counts so far."""
+        return RunSummary(
+            robot=self._program.robot.name,
+            seed=seed,
+            frames=self.frames,
+            duration_s=duration_s,
+            interrupted=interrupted,
+            bumps=travel.bumps,
+            distance_mm=travel.distance_mm,
+            mean_speed_mm_s=travel.distance_mm / duration_s if duration_s > 0 else 0.0,
+            actuators=tuple(self._actuator(a.name) for a in self._program.robot.actuators),
+            contracts=len(self._program.contracts),
+            breaches=tuple(self._breaches.values()),
+            records=tuple(
+                RecordSummary(kind=kind, subject=subject, frames=n)
+                for (kind, subject), n in self._records.items()
+            ),
+            troubles=tuple(
+                TroubleSummary(client=client, fate=fate, frames=n)
+                for (client, fate), n in self._troubles.items()
+            ),
+            disagreements=tuple(self._disagreements),
+        )
+
+    def _actuator(self, name: str) -> ActuatorSummary:
+        counts = self._drove[name]
+        period_s = self._program.robot.frame_ns / 1e9
+        rows: list[str | None] = [*self._places[name], None]
+        return ActuatorSummary(
+            actuator=name,
+            shares=tuple(
+                Share(
+                    module=module,
+                    frames=counts[module],
+                    seconds=counts[module] * period_s,
+                    percent=100.0 * counts[module] / self.frames if self.frames else 0.0,
+                )
+                for module in rows
+            ),
+        )
+
+
+def render(summary: RunSummary) -> str:
+    """The summary for a person, in plain text."""
+    end = ", interrupted" if summary.interrupted else ""
+    head = f"{summary.robot}: {summary.duration_s:.1f} s, {summary.frames} frames, seed {summary.seed}{end}"
+    lines = [head]
+    for actuator in summary.actuators:
+        width = max(len(s.module or "(nobody)") for s in actuator.shares)
+        lines.append(f"  {actuator.actuator} was commanded by")
+        lines += [
+            f"    {share.module or '(nobody)':<{width}}  {share.seconds:7.2f} s  {share.percent:5.1f} %"
+            for share in actuator.shares
+        ]
+    lines.append(
+        f"  traveled {summary.distance_mm / 1000:.2f} m at {summary.mean_speed_mm_s:.0f} mm/s on average, "
+        f"{_times(summary.bumps, 'bump')}"
+    )
+    lines += [f"  {r.subject}: {r.kind} in {_times(r.frames, 'frame')}" for r in summary.records]
+    lines += [f"  client {t.client}: {t.fate} in {_times(t.frames, 'frame')}" for t in summary.troubles]
+    lines += [
+        f"  contract {b.contract}: BROKEN in {_times(b.frames, 'frame')}, "
+        f"first at {b.first_s:g} s, last at {b.last_s:g} s"
+        for b in summary.breaches
+    ]
+    if summary.contracts and not summary.breaches:
+        lines.append(f"  {_times(summary.contracts, 'contract')} held in every frame")
+    lines += [f"  INTERNAL: {text}" for text in summary.disagreements]
+    return "\n".join(lines)
+
+
+def _times(n: int, what: str) -> str:
+    return f"{n} {what}{'' if n == 1 else 's'}"

@@ -1,0 +1,46 @@
+"""Names, not addresses: the topics of one robot.
+
+A transport that serves several robots puts `colony/<robot>/` before them.
+"""
+
+from __future__ import annotations
+
+CLOCK = "Clock"
+
+TICKS = "Clock/ticks"
+VERDICTS = "verdicts"
+
+
+def frames(server: str) -> str:
+    """Where a server publishes its frames."""
+    return f"{server}/frames"
+
+
+def fetches(server: str) -> str:
+    """Where a server (or the Clock) is asked for a frame again."""
+    return f"{server}/fetches"
+
+
+def requests(server: str) -> str:
+    """Where a server takes the requests of its clients."""
+    return f"{server}/requests"
+
+
+def announcements(server: str) -> str:
+    """Where modules in Python tell a data server whether they are active."""
+    return f"{server}/announcements"
+
+
+def activity(server: str, module: str) -> str:
+    """The name under which a data server publishes the activity of a module in Python, as frames."""
+    return f"{server}/activity/{module}"
+
+
+def client_address(actuator: str, module: str) -> str:
+    """The address of the client that `module` is for `actuator`."""
+    return f"{actuator}/{module}"
+
+
+def module_of(address: str) -> str:
+    """The module of a client's address."""
+    return address.partition("/")[2]

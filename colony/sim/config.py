@@ -1,0 +1,81 @@
+"""What the simulated robot is like: RoME, a TRC Labmate with a ring of sonars, in numbers."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, fields
+
+CHANNELS = 24
+"""Sonars, and infrared channels, 15 degrees apart counterclockwise: 12 ahead, 18 left, 0 back, 6 right."""
+
+SPACING_DEG = 360.0 / CHANNELS
+AHEAD = CHANNELS // 2
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class RobotConfig:
+    """A differential-drive robot with a round hull; lengths in mm, angles in degrees, times in seconds.
+
+    Attributes:
+        radius_mm: of the hull, which is bumper all around.
+        wheel_base_mm: from wheel to wheel.
+        max_velocity_mm_s, max_turn_deg_s: what commands are clamped to, either sign.
+        acceleration_mm_s2, turn_acceleration_deg_s2: how fast the speeds follow the commands.
+        sonar_ring_mm: from the robot's center to each transducer; readings count from the transducer.
+        sonar_range_mm: the reading where nothing echoes.
+        sonar_least_mm: nothing reads less.
+        sonar_half_beam_deg: half the opening of the cone that a transducer hears; below 90.
+        sonar_critical_deg: a wall hit at a larger angle to its normal reflects the sound away.
+        sonar_noise_mm, sonar_noise: the standard deviation of an echo: so much, plus so much times the range.
+        infrared_range_mm: from the transducers' ring; seen or not seen, without noise.
+        infrared_wired: the channels that have a detector; the others never see anything.
+        wheel_scale: the standard deviation of each wheel's scale error, drawn once a robot (0.01 is 1 %).
+        wheel_slip_mm: the standard deviation of what a wheel miscounts on its first meter; on d meters it
+            is sqrt(d) times as much.
+
+    Raises:
+        ValueError: a number is not finite or not in its range.
+    """
+
+    radius_mm: float = 400.0
+    wheel_base_mm: float = 340.0
+    max_velocity_mm_s: float = 600.0
+    max_turn_deg_s: float = 90.0
+    acceleration_mm_s2: float = 800.0
+    turn_acceleration_deg_s2: float = 240.0
+    sonar_ring_mm: float = 360.0
+    sonar_range_mm: float = 10_000.0
+    sonar_least_mm: float = 100.0
+    sonar_half_beam_deg: float = 12.0
+    sonar_critical_deg: float = 30.0
+    sonar_noise_mm: float = 3.0
+    sonar_noise: float = 0.003
+    infrared_range_mm: float = 760.0
+    infrared_wired: tuple[int, ...] = tuple(range(CHANNELS))
+    wheel_scale: float = 0.003
+    wheel_slip_mm: float = 3.0
+
+    def __post_init__(self) -> None:
+        zero_allowed = {"sonar_least_mm", "sonar_noise_mm", "sonar_noise", "wheel_scale", "wheel_slip_mm"}
+        zero_allowed |= {"sonar_half_beam_deg", "sonar_critical_deg"}
+        for field in fields(self):
+            if field.name == "infrared_wired":
+                continue
+            value = getattr(self, field.name)
+            least = "at least 0" if field.name in zero_allowed else "above 0"
+            if not (math.isfinite(value) and (value > 0 or (value == 0 and field.name in zero_allowed))):
+                raise ValueError(f"{field.name} is {value!r}; expected a finite number {least}")
+        if self.sonar_half_beam_deg >= 90.0 or self.sonar_critical_deg > 90.0:
+            raise ValueError("the sonar's half beam and critical angle are below 90 degrees")
+        if self.sonar_ring_mm > self.radius_mm:
+            raise ValueError(
+                f"sonar_ring_mm is {self.sonar_ring_mm}; expected at most radius_mm, {self.radius_mm}"
+            )
+        if not all(0 <= channel < CHANNELS for channel in self.infrared_wired):
+            raise ValueError(
+                f"infrared_wired is {self.infrared_wired}; expected channels from 0 to {CHANNELS - 1}"
+            )
+
+
+IDEAL = RobotConfig(sonar_noise_mm=0.0, sonar_noise=0.0, wheel_scale=0.0, wheel_slip_mm=0.0)
+"""RoME without errors: what it senses is what is there, and the odometry is the true pose."""

@@ -1,0 +1,192 @@
+"""The pure functions and operators of the language on scalars, as the language reference defines them.
+
+Every executor must give these results bit for bit, the sign of zero included, so each definition says what
+happens at NaN, at infinities and at zeros. Nothing here raises on any float.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+from typing import assert_never
+
+from colony.ir.expression import Binary, Function, Unary
+from colony.ir.types import ScalarValue
+
+NAN = math.nan
+
+
+def unary(operator: Unary, x: ScalarValue) -> ScalarValue:
+    """`-x`, `not x`."""
+    match operator:
+        case Unary.NEGATE:
+            return -x
+        case Unary.NOT:
+            return not x
+        case _:
+            assert_never(operator)
+
+
+def binary(operator: Binary, x: ScalarValue, y: ScalarValue) -> ScalarValue:
+    """`x operator y`; both operands have been evaluated, whatever the operator."""
+    match operator:
+        case Binary.ADD:
+            return x + y
+        case Binary.SUBTRACT:
+            return x - y
+        case Binary.MULTIPLY:
+            return x * y
+        case Binary.DIVIDE:
+            return divide(x, y)
+        case Binary.LESS:
+            return x < y
+        case Binary.LESS_EQUAL:
+            return x <= y
+        case Binary.GREATER:
+            return x > y
+        case Binary.GREATER_EQUAL:
+            return x >= y
+        case Binary.EQUAL:
+            return x == y
+        case Binary.NOT_EQUAL:
+            return x != y
+        case Binary.AND:
+            return x and y
+        case Binary.OR:
+            return x or y
+        case Binary.IMPLIES:
+            return not x or y
+        case _:
+            assert_never(operator)
+
+
+def function(of: Function, x: Sequence[ScalarValue]) -> ScalarValue:
+    """A function of the values `x`: all that are reduced, or the arguments in order."""
+    match of:
+        case Function.MIN:
+            return least(x)
+        case Function.MAX:
+            return greatest(x)
+        case Function.SUM:
+            return total(x)
+        case Function.MEAN:
+            return total(x) / len(x) if x else NAN
+        case Function.COUNT:
+            return float(len([v for v in x if v]))
+        case Function.ANY:
+            return any(x)
+        case Function.ALL:
+            return all(x)
+        case Function.INDEX_OF_MIN:
+            return float(first_index(x, lambda a, b: a < b))
+        case Function.INDEX_OF_MAX:
+            return float(first_index(x, lambda a, b: a > b))
+        case Function.MOD:
+            return modulo(x[0], x[1])
+        case Function.CLAMP:
+            return least((greatest((x[0], x[1])), x[2]))
+        case Function.ATAN2:
+            return math.degrees(math.atan2(x[0], x[1]))
+        case Function.ANGLE_DIFFERENCE:
+            return angle_difference(x[0], x[1])
+        case _:
+            return of_one(of, x[0])
+
+
+def of_one(of: Function, x: float) -> float:
+    """A function of one number."""
+    match of:
+        case Function.ABS:
+            return abs(x)
+        case Function.SIGN:
+            return x if math.isnan(x) else 1.0 if x > 0 else -1.0 if x < 0 else 0.0
+        case Function.SQRT:
+            return NAN if x < 0 else math.sqrt(x)
+        case Function.FLOOR:
+            return whole(math.floor, x)
+        case Function.CEIL:
+            return whole(math.ceil, x)
+        case Function.ROUND:
+            return whole(round, x)
+        case Function.SIN:
+            return NAN if math.isinf(x) else math.sin(math.radians(x))
+        case Function.COS:
+            return NAN if math.isinf(x) else math.cos(math.radians(x))
+        case _:
+            raise AssertionError(f"{of} is not a function of one number")
+
+
+def divide(x: float, y: float) -> float:
+    """IEEE 754: a division by zero gives an infinity, or NaN for 0 / 0 and NaN / 0."""
+    if y != 0:
+        return x / y
+    if x == 0 or math.isnan(x):
+        return NAN
+    return math.copysign(1.0, x) * math.copysign(1.0, y) * math.inf
+
+
+def modulo(x: float, y: float) -> float:
+    """The remainder with the sign of `y`; NaN for y = 0."""
+    return NAN if y == 0 else x % y
+
+
+def angle_difference(a: float, b: float) -> float:
+    """How far `a` is from `b`, in degrees: above -180, up to 180."""
+    d = modulo(a - b, 360.0)
+    return d - 360.0 if d > 180.0 else d
+
+
+def least(x: Sequence[float]) -> float:
+    """The first of the least; NaN if any is NaN, or there is none."""
+    if not x or any(math.isnan(v) for v in x):
+        return NAN
+    best = x[0]
+    for v in x:
+        if v < best:
+            best = v
+    return best
+
+
+def greatest(x: Sequence[float]) -> float:
+    """The first of the greatest; NaN if any is NaN, or there is none."""
+    if not x or any(math.isnan(v) for v in x):
+        return NAN
+    best = x[0]
+    for v in x:
+        if v > best:
+            best = v
+    return best
+
+
+def total(x: Sequence[float]) -> float:
+    """The sum from the left, beginning with the first (so that -0.0 alone stays); 0 of nothing."""
+    if not x:
+        return 0.0
+    result = x[0]
+    for v in x[1:]:
+        result = result + v
+    return result
+
+
+def first_index(x: Sequence[float], better: Callable[[float, float], bool]) -> int:
+    """Where the best stands, the first of equals; NaN loses to any number; 0 where all are NaN."""
+    best = 0
+    for i, v in enumerate(x):
+        if better(v, x[best]) or (math.isnan(x[best]) and not math.isnan(v)):
+            best = i
+    return best
+
+
+def whole(rounding: Callable[[float], int], x: float) -> float:
+    """`x` rounded, with its sign also where the result is zero; NaN and infinities stay."""
+    return math.copysign(float(rounding(x)), x) if math.isfinite(x) else x
+
+
+def element_at(array: tuple[ScalarValue, ...], index: float) -> ScalarValue:
+    """The element at `index`, rounded (halves to even) and taken modulo the size.
+
+    An index that is not finite gives NaN, or False of an array of bools.
+    """
+    if not math.isfinite(index):
+        return False if isinstance(array[0], bool) else NAN
+    return array[round(index) % len(array)]

@@ -1,0 +1,71 @@
+"""Commands are run in this process, as the console script runs them."""
+
+from __future__ import annotations
+
+import io
+import sys
+from collections.abc import Callable
+from pathlib import Path
+from typing import NamedTuple
+
+import pytest
+
+from colony.cli.main import main
+
+ROOT = Path(__file__).parent.parent.parent
+
+
+class Ran(NamedTuple):
+    """What a command left behind."""
+
+    code: int
+    out: str
+    err: str
+
+
+Colony = Callable[..., Ran]
+
+
+@pytest.fixture
+def colony(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], tmp_path: Path) -> Colony:
+    """Run `colony ARGUMENTS` in an empty directory; `stdin` is what it reads there."""
+    monkeypatch.chdir(tmp_path)
+
+    def run(*arguments: str | Path, stdin: str = "") -> Ran:
+        monkeypatch.setattr(sys, "argv", ["colony", *map(str, arguments)])
+        monkeypatch.setattr(sys, "stdin", io.TextIOWrapper(io.BytesIO(stdin.encode())))
+        with pytest.raises(SystemExit) as stopped:
+            main()
+        captured = capsys.readouterr()
+        assert isinstance(stopped.value.code, int)
+        assert "Traceback" not in captured.err
+        return Ran(stopped.value.code, captured.out, captured.err)
+
+    return run
+
+
+@pytest.fixture
+def behavior(tmp_path: Path) -> Path:
+    """A small behavior that checks."""
+    path = tmp_path / "b.colony"
+    path.write_text(
+        """
+robot r {
+  sensor near : mm range 0 .. 5000 from PServer.near
+  sensor rays[3] : number from PServer.rays
+  sensor bumper : bool from RServer.bumper
+  actuator drive { velocity : mm/s range -600 .. 600, turn : deg/s }
+           to RServer.drive idle drive(velocity = 0, turn = 0)
+  actuator lamp { on : bool } to DServer.Lamp idle hold
+}
+module cruise { when near >= 0 mm do drive(velocity = near / 1 s, turn = 0) }
+module back   { when held(bumper, 100 ms) do drive(velocity = -100 mm/s, turn = rays[0] * 1 deg/s) }
+module shine  { when bumper do lamp(on = true) }
+network { drive = back suppresses cruise  lamp = shine }
+test "backs off" {
+  at 0 s given near = 1 m, bumper = true, rays = 1 expect drive by back
+  at 0.2 s given bumper = false expect drive by cruise
+}
+"""
+    )
+    return path

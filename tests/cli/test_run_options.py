@@ -1,0 +1,106 @@
+"""What the options of `colony run` mean."""
+
+from __future__ import annotations
+
+import pytest
+
+from colony.cli.run_options import BadOption, duration_ns, variables
+from colony.ir.program import Program, Robot, Sensor
+from colony.ir.types import BOOL, DISTANCE, PLAIN, Array, Enum, Type
+
+S = 1_000_000_000
+
+
+@pytest.mark.parametrize(
+    ("text", "expected"),
+    [
+        ("60", 60 * S),
+        ("1.5", 3 * S // 2),
+        ("2min", 120 * S),
+        ("2 min", 120 * S),
+        ("50ms", S // 20),
+        (".5s", S // 2),
+    ],
+)
+def test_durations(text: str, expected: int) -> None:
+    assert duration_ns(text) == expected
+
+
+@pytest.mark.parametrize(
+    "text", ["", "0", "-1", "x", "5 mm", "5 parsec", "nan", "inf", "1e999", "1e10", "5 s s"]
+)
+def test_bad_durations(text: str) -> None:
+    with pytest.raises(BadOption, match="--duration: found"):
+        duration_ns(text)
+
+
+def sensor(name: str, type: Type, factor: float = 1.0, server: str = "DServer") -> Sensor:
+    return Sensor(name=name.lower(), type=type, factor=factor, server=server, field=name)
+
+
+GOAL = Enum("goal", (("none", 0.0), ("corner", 67.0)))
+PROGRAM = Program(
+    robot=Robot(
+        name="r",
+        sensors=(
+            sensor("Docked", BOOL),
+            sensor("Count", PLAIN),
+            sensor("Distance", DISTANCE, 1000.0),
+            sensor("Goal", GOAL),
+            sensor("Path", Array(DISTANCE, 2)),
+            sensor("Flags", Array(BOOL, 2)),
+            sensor("bumper", BOOL, server="RServer"),
+        ),
+    )
+)
+
+GOOD = [
+    ("Docked=true", True),
+    ("Docked = false", False),
+    ("DServer.Docked=true", True),
+    ("Count=3", 3.0),
+    ("Count=-2.5e1", -25.0),
+    ("Distance=2", 2.0),
+    ("Distance=2 m", 2.0),
+    ("Distance=500mm", 0.5),
+    ("Goal=corner", 67.0),
+    ("Goal=goal.corner", 67.0),
+    ("Goal=67", 67.0),
+    ("Path=[1, 2 m]", (1.0, 2000.0)),
+    ("Flags=[true,false]", (True, False)),
+]
+
+
+@pytest.mark.parametrize(("setting", "value"), GOOD)
+def test_settings(setting: str, value: object) -> None:
+    (found,) = variables(PROGRAM, (setting,)).values()
+    assert found == value
+    assert type(found) is type(value)
+
+
+BAD = [
+    ("Docked", "NAME=VALUE"),
+    ("Docket=true", "did you mean `Docked`"),
+    ("bumper=true", "no sensor reads"),
+    ("Docked=1", "true or false"),
+    ("Count=yes", "a number"),
+    ("Count=nan", "a number"),
+    ("Count=1 mm", "a number"),
+    ("Distance=3 s", "a number in mm"),
+    ("Goal=exit", "goal.none, goal.corner"),
+    ("Goal=3", "goal.none, goal.corner"),
+    ("Path=3", "a list of 2"),
+    ("Path=[3]", "expected 2"),
+    ("Path=[3, x]", "a number in mm"),
+]
+
+
+@pytest.mark.parametrize(("setting", "text"), BAD)
+def test_bad_settings(setting: str, text: str) -> None:
+    with pytest.raises(BadOption, match=r"^--set") as bad:
+        variables(PROGRAM, (setting,))
+    assert text in str(bad.value)
+
+
+def test_the_last_setting_of_a_variable_counts() -> None:
+    assert variables(PROGRAM, ("Count=1", "Docked=true", "Count=2")) == {"Count": 2.0, "Docked": True}

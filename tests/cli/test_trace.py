@@ -1,0 +1,107 @@
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import pytest
+from conftest import Colony
+
+BACKENDS = ["network", "clients", "python"]
+
+
+@pytest.mark.parametrize("backend", BACKENDS)
+def test_decisions_as_documented(colony: Colony, behavior: Path, backend: str) -> None:
+    frames = [
+        {"t": 0, "near": 300, "bumper": False, "rays": [1, 2, 3]},
+        {"t": 0.05, "near": 300, "bumper": True, "rays": [1, 2, 3]},
+        {"t": 0.1, "rays": [1, 2, 3], "bumper": None},
+        {"t": 0.2, "near": 300, "bumper": True, "rays": [1e999, 2, 3]},
+    ]
+    stdin = "\n".join(map(json.dumps, frames))
+    code, out, _ = colony("trace", behavior, "--input", "-", "--backend", backend, stdin=stdin)
+    assert code == 0
+    rows = [json.loads(line) for line in out.splitlines()]
+    assert rows == [
+        {"t": 0.0, "drive": {"by": "cruise", "velocity": 300.0, "turn": 0.0}, "lamp": None},
+        {
+            "t": 0.05,
+            "drive": {"by": "back", "velocity": -100.0, "turn": 1.0},
+            "lamp": {"by": "shine", "on": True},
+        },
+        {"t": 0.1, "drive": {"by": None, "velocity": 0.0, "turn": 0.0}, "lamp": None},
+        {
+            "t": 0.2,
+            "drive": {"by": "back", "velocity": 0.0, "turn": 0.0, "fault": "not finite"},
+            "lamp": {"by": "shine", "on": True},
+        },
+    ]
+
+
+def test_output_of_a_trace_can_be_input_again(colony: Colony, behavior: Path) -> None:
+    row = {"t": 1.5, "near": 300, "bumper": False, "rays": [1, 2, 3]}
+    row |= {"drive": {"by": "cruise", "velocity": 1.0, "turn": 0.0}}
+    assert colony("trace", behavior, "--input", "-", stdin=json.dumps(row)).code == 0
+
+
+@pytest.mark.parametrize(
+    ("line", "place", "code", "said"),
+    [
+        ("{", "2:2", "F001", "not JSON"),
+        ("[1]", "2:1", "F002", "a frame must be a JSON object"),
+        ('{"near": 3}', "2:1", "F003", "no time"),
+        ('{"t": "now"}', "2:2", "F003", 'found "now"'),
+        ('{"t": 1e999}', "2:2", "F003", "found Infinity"),
+        ('{"t": true}', "2:2", "F003", "found true"),
+        ('{"near": 3, "t": 0.5}', "2:13", "F004", "0.5 s follows 0.5 s"),
+        ('{"t": 0.25}', "2:2", "F004", "time must rise"),
+        ('{"t": 1, "neer": 3}', "2:10", "F005", "unknown sensor `neer` (did you mean `near`?)"),
+        ('{"t": 1, "rays": [1, 2]}', "2:10", "F006", "`rays` has 3 elements, found 2"),
+        ('{"t": 1, "near": ' + "[" * 100_000, "2:1", "F001", "not JSON"),
+    ],
+)
+def test_bad_frames_are_one_located_line(
+    colony: Colony, behavior: Path, line: str, place: str, code: str, said: str
+) -> None:
+    stdin = '{"t": 0.5, "near": 3}\n' + line + "\n"
+    ran = colony("trace", behavior, "--input", "-", stdin=stdin)
+    assert ran.code == 2
+    assert ran.out == ""
+    assert ran.err.startswith(f"<stdin>:{place}: error[{code}]: ")
+    assert said in ran.err
+    assert ran.err.count("\n") == 1
+
+
+def test_a_bad_frame_leaves_the_output_as_it_was(colony: Colony, behavior: Path, tmp_path: Path) -> None:
+    target = tmp_path / "out.jsonl"
+    target.write_text("before")
+    frames = tmp_path / "frames.jsonl"
+    frames.write_bytes(b'{"t": 0}\n\xff\n')
+    ran = colony("trace", behavior, "--input", frames, "-o", target)
+    assert ran.code == 2
+    assert ran.err.startswith(f"{frames}:2:1: error[F007]: not UTF-8 text")
+    assert target.read_text() == "before"
+    assert sorted(p.name for p in tmp_path.iterdir()) == ["b.colony", "frames.jsonl", "out.jsonl"]
+
+
+def test_missing_input(colony: Colony, behavior: Path, tmp_path: Path) -> None:
+    for name in (tmp_path / "none.jsonl", tmp_path):
+        ran = colony("trace", behavior, "--input", name)
+        assert ran.code == 2
+        assert ran.err.startswith(f"{name}:1:1: error[F008]: cannot read the frames")
+        assert ran.err.count("\n") == 1
+
+
+@pytest.mark.parametrize("backend", BACKENDS)
+def test_wrong_types_are_faults_and_the_sensor_is_missing(
+    colony: Colony, behavior: Path, backend: str
+) -> None:
+    stdin = '{"t": 0, "near": "far", "bumper": 1}'
+    ran = colony("trace", behavior, "--input", "-", "--backend", backend, stdin=stdin)
+    assert json.loads(ran.out)["drive"]["by"] is None
+
+
+def test_times_beyond_doubles_keep_their_nanoseconds(colony: Colony, behavior: Path) -> None:
+    stdin = '{"t": 1700000000.000000001}\n{"t": 1700000000.000000002}\n'
+    ran = colony("trace", behavior, "--input", "-", stdin=stdin)
+    assert ran.code == 0
+    assert '"t": 1700000000.000000002' in ran.out

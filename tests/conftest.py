@@ -1,0 +1,32 @@
+"""Profiles for property tests.
+
+`dev` (the default) and `ci` are deterministic: each test draws from a seed made of its own source. `explore`
+draws anew in every run; a failure prints the seed to repeat it with `--hypothesis-seed`. Choose one with
+`--hypothesis-profile` or the environment variable HYPOTHESIS_PROFILE.
+"""
+
+from __future__ import annotations
+
+import os
+
+from hypothesis import HealthCheck, settings
+
+_COMMON = settings(
+    deadline=None,  # machines differ
+    database=None,  # what was drawn once must not change what is drawn next
+    print_blob=True,
+    suppress_health_check=[HealthCheck.too_slow],
+)
+settings.register_profile("dev", _COMMON, derandomize=True, max_examples=60)
+settings.register_profile("ci", _COMMON, derandomize=True, max_examples=1000)
+settings.register_profile("explore", _COMMON, derandomize=False, max_examples=2000)
+settings.load_profile(os.environ.get("HYPOTHESIS_PROFILE", "dev"))
+
+
+def pytest_report_header() -> str:
+    """Which examples this run draws."""
+    return (
+        f"hypothesis: {settings().max_examples} examples a test, "
+        + ("seeded by each test's source" if settings().derandomize else "seeded anew (printed on failure)")
+        + "; other profiles: --hypothesis-profile dev|ci|explore"
+    )

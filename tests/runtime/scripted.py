@@ -1,0 +1,80 @@
+"""Devices that follow a script, and note what they are told."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, field
+
+from colony.compile.pipeline import compile_program
+from colony.ir.program import Program
+from colony.runtime.drivers import BaseState, Drivers
+from colony.runtime.messages import Sample
+from colony.runtime.observer import FrameLog
+from colony.runtime.session import Session
+from colony.runtime.virtual import VirtualClock
+
+FAR = (5000.0,) * 24
+
+
+@dataclass(frozen=False, slots=True, kw_only=True)
+class Script:
+    """`sonar` and `bumper` give a reading for a time in ns, None for "no value"; `told` is (time, v, turn)."""
+
+    clock: VirtualClock = field(default_factory=VirtualClock)
+    sonar_at: Callable[[int], Sample | None] = lambda t: Sample(FAR, t)
+    bumper_at: Callable[[int], bool] = lambda t: False
+    told: list[tuple[int, float, float]] = field(default_factory=list)
+    stopped: list[int] = field(default_factory=list)
+
+    def drive(self, velocity: float, turn: float) -> None:
+        self.told.append((self.clock(), velocity, turn))
+
+    def stop(self) -> None:
+        self.stopped.append(self.clock())
+
+    def state(self) -> BaseState | None:
+        return BaseState(
+            t_ns=self.clock(),
+            x=0.0,
+            y=0.0,
+            heading=0.0,
+            front_bumper=self.bumper_at(self.clock()),
+            rear_bumper=False,
+            speed=0.0,
+            turn_rate=0.0,
+            wheel_speed=0.0,
+        )
+
+    def sonar(self) -> Sample | None:
+        return self.sonar_at(self.clock())
+
+    def infrared(self) -> Sample | None:
+        return None
+
+    @property
+    def drivers(self) -> Drivers:
+        return Drivers(base=self, proximity=self)
+
+
+class Log:
+    """A sink that keeps everything."""
+
+    def __init__(self) -> None:
+        self.frames: list[FrameLog] = []
+        self.closed = 0
+
+    def take(self, log: FrameLog) -> None:
+        self.frames.append(log)
+
+    def close(self) -> None:
+        self.closed += 1
+
+    def winners(self, actuator: str = "drive") -> list[str | None]:
+        return [log.verdicts[actuator].by for log in self.frames]
+
+
+def session(program: Program, script: Script, *sinks: object, **options: object) -> Session:
+    """A session of a program over a script, with seed 1 unless told otherwise."""
+    settings: dict[str, object] = {"seed": 1} | options
+    clients = compile_program(program).clients
+    return Session(program, clients, script.drivers, clock=script.clock, sinks=sinks, **settings)  # type: ignore[arg-type]

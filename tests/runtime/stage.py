@@ -1,0 +1,146 @@
+"""A stage for any program: one server plays all of its servers and reads a trace, a clock ticks at its times."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Sequence
+
+from scripted import Log
+
+from colony.compile.pipeline import compile_program
+from colony.ir.frame import Decision, Frame
+from colony.ir.program import Program
+from colony.ir.types import ScalarValue
+from colony.runtime import topics
+from colony.runtime.arbitration import Timing
+from colony.runtime.bindings import ActuatorBinding, Bindings, SensorBinding
+from colony.runtime.fields import DSERVER
+from colony.runtime.messages import (
+    Announcement,
+    Effect,
+    Fetch,
+    Message,
+    Request,
+    Sample,
+    Send,
+    Tick,
+    Wake,
+    WakeAt,
+)
+from colony.runtime.servers.commanding import Commanded, CommandDesk
+from colony.runtime.servers.publishing import Fields, Publisher
+from colony.runtime.servers.relaying import ActivityRelay
+from colony.runtime.team import commanded_by, team
+from colony.runtime.virtual import Link, VirtualClock, VirtualTransport, perfect
+
+TIMES = Timing(deadline_ns=40_000_000, grace_ns=5_000_000)
+SERVER = DSERVER.name
+
+
+class TraceClock:
+    """Ticks at the times of a trace."""
+
+    address = topics.CLOCK
+
+    def __init__(self, trace: Sequence[Frame]) -> None:
+        self._ticks = [Tick(k=k, t_ns=frame.t_ns) for k, frame in enumerate(trace)]
+        self._k = 0
+        self.listens = (topics.fetches(self.address),)
+
+    def start(self, now_ns: int) -> Iterable[Effect]:
+        return (WakeAt(self._ticks[0].t_ns),)
+
+    def handle(self, message: Message, now_ns: int) -> Iterator[Effect]:
+        if isinstance(message, Fetch):
+            yield Send(topics.TICKS, self._ticks[message.k])
+        elif self._k < len(self._ticks):
+            yield Send(topics.TICKS, self._ticks[self._k])
+            self._k += 1
+            if self._k < len(self._ticks):
+                yield WakeAt(self._ticks[self._k].t_ns)
+
+    def close(self) -> None:
+        pass
+
+
+class TraceServer:
+    """Has every sensor of the trace as a field, and takes the commands of every actuator."""
+
+    address = SERVER
+
+    def __init__(self, trace: Sequence[Frame], commanded: tuple[Commanded, ...], announced: tuple[str, ...]) -> None:
+        self._trace = trace
+        self._publisher = Publisher(SERVER, self._read, keep=100)
+        self._relay = ActivityRelay(SERVER, announced, keep=100)
+        self._desk = CommandDesk(commanded, TIMES, self._perform)
+        self.performed: list[tuple[int, str, tuple[ScalarValue, ...]]] = []
+        self.listens = (*self._publisher.listens, *self._relay.listens, topics.requests(SERVER))
+
+    def start(self, now_ns: int) -> Iterable[Effect]:
+        return ()
+
+    def handle(self, message: Message, now_ns: int) -> Iterator[Effect]:
+        match message:
+            case Tick():
+                yield from self._publisher.handle(message)
+                yield from self._desk.tick(message, now_ns)
+            case Fetch() if message.server == SERVER:
+                yield from self._publisher.handle(message)
+            case Fetch():
+                yield from self._relay.fetch(message)
+            case Announcement():
+                yield from self._relay.announce(message, now_ns)
+            case Request():
+                yield from self._desk.request(message, now_ns)
+            case Wake():
+                yield from self._desk.wake(now_ns)
+            case _:
+                pass
+
+    def close(self) -> None:
+        pass
+
+    def _read(self, tick: Tick) -> Fields:
+        readings = self._trace[tick.k].readings
+        return {n: None if r is None else Sample(r, tick.t_ns) for n, r in readings.items()}  # type: ignore[arg-type]
+
+    def _perform(self, commanded: Commanded, values: tuple[ScalarValue, ...], now_ns: int) -> None:
+        self.performed.append((now_ns, commanded.actuator.name, values))
+
+
+class Played:
+    """What came of a trace."""
+
+    def __init__(self, log: Log, server: TraceServer) -> None:
+        self.log = log
+        self.performed = server.performed
+
+    def decisions(self) -> list[tuple[Decision, ...]]:
+        return [
+            tuple(Decision(v.actuator, v.by, v.values, v.fault) for v in log.verdicts.values())
+            for log in self.log.frames
+        ]
+
+
+def play(program: Program, trace: Sequence[Frame], *, order_seed: int = 0, link: Link = perfect) -> Played:
+    """Run a program's clients over a trace in virtual time."""
+    clients = compile_program(program).clients
+    bindings = Bindings(
+        sensors=tuple(
+            SensorBinding(sensor=s.name, server=SERVER, field=s.name, within_ns=None, factor=1.0)
+            for s in program.robot.sensors
+        ),
+        actuators=tuple(
+            ActuatorBinding(actuator=a.name, server=SERVER, command=a.name, places=())
+            for a in program.robot.actuators
+        ),
+    )
+    log = Log()
+    members = team(program, clients, bindings, (log,))
+    server = TraceServer(trace, commanded_by(program, clients, bindings, SERVER), members.announced)
+    transport = VirtualTransport(VirtualClock(trace[0].t_ns), seed=order_seed, link=link)
+    nodes = (server, *members.clients, *members.announcers, members.observer, TraceClock(trace))
+    for node in nodes:
+        transport.add(node)
+    transport.run_until(trace[-1].t_ns + 10_000_000_000)
+    members.observer.close()
+    return Played(log, server)

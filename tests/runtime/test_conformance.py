@@ -1,0 +1,91 @@
+"""The runtime in virtual time decides as the client list and as the reference interpreter, on every frame."""
+
+from __future__ import annotations
+
+import random
+
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+from stage import play
+
+from colony.compile.executor import ClientListExecutor
+from colony.compile.pipeline import compile_program
+from colony.ir.frame import Frame, Outcome
+from colony.ir.program import Program
+from colony.runtime.messages import Message, Wake
+from colony.verify.interpreter import Interpreter
+from colony.verify.strategies import networks, programs, traces
+
+QUIET = (HealthCheck.too_slow, HealthCheck.data_too_large, HealthCheck.filter_too_much)
+
+
+def check(program: Program, trace: tuple[Frame, ...], order_seed: int) -> None:
+    interpreter = Interpreter(program)
+    by_list = ClientListExecutor(program, compile_program(program).clients)
+    played = play(program, trace, order_seed=order_seed)
+    assert len(played.log.frames) == len(trace)
+    for frame, log in zip(trace, played.log.frames, strict=True):
+        expected = interpreter.step(frame)
+        assert repr(by_list.step(frame)) == repr(expected)
+        decided = {name: (v.by, v.values, v.fault) for name, v in log.verdicts.items()}
+        assert repr(decided) == repr({d.actuator: (d.by, d.values, d.fault) for d in _in_order(expected, decided)})
+        assert log.disagreements == ()
+        assert repr(log.expected) == repr(expected)
+        assert not any(v.violation or v.notes for v in log.verdicts.values())
+
+
+def _in_order(expected: Outcome, decided: dict[str, object]) -> list[object]:
+    by_name = {d.actuator: d for d in expected.decisions}
+    return [by_name[name] for name in decided]
+
+
+@settings(max_examples=40, deadline=None, derandomize=True, suppress_health_check=QUIET)
+@given(st.data(), st.integers(0, 5))
+def test_networks(data: st.DataObject, order_seed: int) -> None:
+    program = data.draw(networks())
+    check(program, data.draw(traces(program)), order_seed)
+
+
+@settings(max_examples=40, deadline=None, derandomize=True, suppress_health_check=QUIET)
+@given(st.data(), st.integers(0, 5))
+def test_programs(data: st.DataObject, order_seed: int) -> None:
+    program = data.draw(programs())
+    check(program, data.draw(traces(program)), order_seed)
+
+
+@settings(max_examples=15, deadline=None, derandomize=True, suppress_health_check=QUIET)
+@given(st.data())
+def test_the_order_of_messages_changes_nothing(data: st.DataObject) -> None:
+    program = data.draw(programs())
+    trace = data.draw(traces(program))
+    one, other = play(program, trace, order_seed=1), play(program, trace, order_seed=2)
+    assert repr(one.decisions()) == repr(other.decisions()) or _same(one.decisions(), other.decisions())
+    assert repr(sorted(one.performed, key=repr)) == repr(sorted(other.performed, key=repr))
+
+
+def _same(one: list[tuple[object, ...]], other: list[tuple[object, ...]]) -> bool:
+    """Equal frame by frame, whatever the order of actuators in it."""
+    return [sorted(map(repr, frame)) for frame in one] == [sorted(map(repr, frame)) for frame in other]
+
+
+@settings(max_examples=25, deadline=None, derandomize=True, suppress_health_check=QUIET)
+@given(st.data(), st.integers(0, 100))
+def test_when_messages_are_lost_it_decides_the_same_or_idles(data: st.DataObject, fault_seed: int) -> None:
+    program = data.draw(networks())
+    trace = data.draw(traces(program))
+    chance = random.Random(fault_seed)
+
+    def link(sender: str, receiver: str, message: Message) -> int | None:
+        if isinstance(message, Wake) or "Observer" in (sender, receiver):
+            return 0
+        return None if chance.random() < 0.1 else chance.choice((0, 0, 0, 3, 60_000_000))
+
+    played = play(program, trace, order_seed=fault_seed, link=link)
+    assert [log.tick.k for log in played.log.frames] == list(range(len(played.log.frames)))
+    interpreter = Interpreter(program)
+    for log in played.log.frames:
+        expected = {d.actuator: d for d in interpreter.step(log.frame).decisions}
+        for name, verdict in log.verdicts.items():
+            if verdict.by is not None:
+                assert (verdict.by, verdict.values) == (expected[name].by, expected[name].values)
+        assert log.disagreements == ()

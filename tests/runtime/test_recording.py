@@ -1,0 +1,171 @@
+"""Recordings read back as the frames that they were made of."""
+
+from __future__ import annotations
+
+import io
+import json
+import math
+from dataclasses import replace
+
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from runtime_programs import roam
+from scripted import FAR, Log, Script, session
+
+from colony.compile.executor import ClientListExecutor
+from colony.compile.pipeline import compile_program
+from colony.ir.frame import Frame, Outcome, Reading
+from colony.ir.program import Actuator, ActuatorField, Program, Sensor
+from colony.ir.types import BOOL, PLAIN, Array
+from colony.runtime.messages import Sample, Tick, Verdict
+from colony.runtime.observer import FrameLog
+from colony.runtime.recording import Recording, encoder, seconds_text
+from colony.runtime.replay import read_frames
+from colony.units import nanoseconds
+
+MS = 1_000_000
+S = 1000 * MS
+
+
+class Kept(io.BytesIO):
+    """A file whose text outlives it, and that counts its writes."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.writes: list[bytes] = []
+
+    def write(self, data: object, /) -> int:
+        self.writes.append(bytes(data))  # type: ignore[call-overload]
+        return len(self.writes[-1])
+
+
+def recorded(script: Script, duration_ns: int = 5 * S) -> tuple[list[bytes], Log]:
+    file, log = Kept(), Log()
+    program = roam()
+    session(program, script, log, Recording(program, file)).run(duration_ns)
+    assert file.closed
+    return file.writes, log
+
+
+def script() -> Script:
+    return Script(
+        sonar_at=lambda t: None if t % (250 * MS) == 0 else Sample((300.0 + t / 7e6, *FAR[1:]), t),
+        bumper_at=lambda t: t == 2 * S,
+    )
+
+
+def test_every_write_is_a_whole_line() -> None:
+    lines, log = recorded(script())
+    assert len(lines) == len(log.frames) == 100
+    for line in lines:
+        assert line.endswith(b"\n")
+        assert line.count(b"\n") == 1
+        json.loads(line)
+
+
+def test_what_is_read_back_is_decided_as_it_was() -> None:
+    lines, log = recorded(script())
+    program = roam()
+    executor = ClientListExecutor(program, compile_program(program).clients)
+    for line, frame, took in zip(lines, read_frames(lines, "run.jsonl", program), log.frames, strict=True):
+        assert frame.t_ns == took.frame.t_ns
+        decision = executor.step(frame).decisions[0]
+        row = json.loads(line)
+        assert row["drive"] == {"by": decision.by, "velocity": decision.values[0], "turn": decision.values[1]}  # type: ignore[index]
+        assert ("sonar" in row) is ("sonar" in took.frame.readings)
+
+
+@given(st.integers(-(10**18), 10**18))
+@settings(deadline=None)
+def test_times_are_exact_decimals(t_ns: int) -> None:
+    text = seconds_text(t_ns)
+    assert json.loads(text, parse_float=lambda x: x) == text
+    whole, fraction = text.split(".")
+    assert int(whole + fraction.ljust(9, "0")) == t_ns
+
+
+@given(st.integers(0, 10**15))
+def test_times_of_eleven_days_read_back_through_a_double(t_ns: int) -> None:
+    assert nanoseconds(float(seconds_text(t_ns))) == t_ns
+
+
+SENSORS = (
+    Sensor(name="n", type=PLAIN, server="DServer", field="n"),
+    Sensor(name="b", type=BOOL, server="DServer", field="b"),
+    Sensor(name="a", type=Array(PLAIN, 2), server="DServer", field="a"),
+)
+LAMP = Actuator(
+    name="lamp", fields=(ActuatorField(name="on", type=BOOL),), server="DServer", command="Lamp", idle=None
+)
+
+
+def small() -> Program:
+    robot = roam().robot
+    return Program(robot=replace(robot, sensors=SENSORS, actuators=(LAMP,)))
+
+
+def line(readings: dict[str, Reading], verdict: Verdict | None = None) -> str:
+    log = FrameLog(
+        tick=Tick(k=0, t_ns=0),
+        frame=Frame(0, readings),
+        verdicts={} if verdict is None else {"lamp": verdict},
+        expected=Outcome(()),
+        disagreements=(),
+    )
+    return encoder(small())(log)
+
+
+READINGS: list[tuple[Reading, str]] = [
+    (1.5, "1.5"),
+    (3, "3"),
+    (1e300, "1e+300"),
+    (-0.0, "-0.0"),
+    (math.inf, "1e999"),
+    (-math.inf, "-1e999"),
+    (math.nan, '"nan"'),
+    (True, "true"),
+]
+
+
+@pytest.mark.parametrize(("reading", "text"), READINGS)
+def test_readings_are_valid_json_that_means_the_same(reading: Reading, text: str) -> None:
+    assert line({"n": reading}) == f'{{"t": 0.0, "n": {text}}}'
+    assert line({"a": (reading, 0.0)}) == f'{{"t": 0.0, "a": [{text}, 0.0]}}'  # type: ignore[arg-type]
+    (back,) = read_frames([line({"n": reading}).encode()], "x", small())
+    if isinstance(reading, float) and math.isnan(reading):
+        assert isinstance(back.readings["n"], str)
+    else:
+        assert back.readings["n"] == reading
+
+
+def test_faulty_readings_stay_faulty() -> None:
+    assert line({"a": (1.0,)}) == '{"t": 0.0, "a": "1 elements"}'
+    assert line({"n": None, "b": False}) == '{"t": 0.0, "b": false}'
+
+
+def verdict(**changes: object) -> Verdict:
+    fields: dict[str, object] = {"k": 0, "t_ns": 0, "actuator": "lamp", "by": "m", "values": (True,), "fates": ()}
+    return Verdict(**(fields | changes))  # type: ignore[arg-type]
+
+
+def test_actuators() -> None:
+    def lamp(of: Verdict) -> object:
+        return json.loads(line({}, of))["lamp"]
+
+    assert lamp(verdict()) == {"by": "m", "on": True}
+    assert lamp(verdict(by=None, values=None)) is None
+    assert lamp(verdict(by=None, values=(False,))) == {"by": None, "on": False}
+    assert lamp(verdict(values=None, fault="not finite")) == {"by": "m", "fault": "not finite"}
+    fates = (("m", "won"), ("n", "late"), ("o", "silent"))
+    assert lamp(verdict(fates=fates)) == {"by": "m", "on": True, "fates": {"n": "late"}}
+
+
+def test_a_file_that_takes_a_part_gets_the_rest() -> None:
+    class Slow(Kept):
+        def write(self, data: object, /) -> int:
+            return super().write(bytes(data)[:10])  # type: ignore[call-overload]
+
+    file, program = Slow(), roam()
+    session(program, Script(), Recording(program, file)).run(100 * MS)
+    assert [json.loads(row)["t"] for row in b"".join(file.writes).splitlines()] == [0.0, 0.05]

@@ -1,0 +1,78 @@
+"""The devices of a simulated robot: the world is at the clock's present whenever one is used."""
+
+from __future__ import annotations
+
+import pytest
+
+from colony.runtime.virtual import VirtualClock
+from colony.sim.config import IDEAL
+from colony.sim.drivers import Plant, simulated_drivers
+from colony.sim.world import World
+
+S = 1_000_000_000
+
+
+def plant(clock: VirtualClock, poses: tuple[tuple[float, float, float], ...] = ((0.0, 0.0, 0.0),)) -> Plant:
+    walls = [[-5000.0, 3000.0, 5000.0, 3000.0]]
+    return Plant(World(walls=walls, poses=poses, config=IDEAL), clock)
+
+
+def test_time_passes_when_a_device_is_used() -> None:
+    clock = VirtualClock()
+    base = simulated_drivers(plant(clock)).base
+    base.drive(200.0, 0.0)
+    clock.now_ns = 25 * S
+    state = base.state()
+    assert state is not None
+    assert state.t_ns == 25 * S
+    assert state.front_bumper
+    assert not state.rear_bumper
+    assert state.y == pytest.approx(2600.0, abs=2.0)
+    assert state.x == pytest.approx(0.0, abs=1e-6)
+
+
+def test_speeds_are_measured() -> None:
+    clock = VirtualClock()
+    base = simulated_drivers(plant(clock)).base
+    base.drive(-100.0, 45.0)
+    clock.now_ns = 1 * S
+    state = base.state()
+    assert state is not None
+    assert (state.speed, state.turn_rate) == (-100.0, 45.0)
+    wheel = 45.0 * 3.141592653589793 / 180 * IDEAL.wheel_base_mm / 2
+    assert state.wheel_speed == pytest.approx((abs(-100 - wheel) + abs(-100 + wheel)) / 2)
+    assert 0.0 < state.heading < 45.0
+    base.stop()
+    clock.now_ns = 3 * S
+    stopped = base.state()
+    assert stopped is not None
+    assert (stopped.speed, stopped.turn_rate, stopped.wheel_speed) == (0.0, 0.0, 0.0)
+
+
+def test_rings_are_plain_values_with_their_time() -> None:
+    clock = VirtualClock(7)
+    proximity = simulated_drivers(plant(clock)).proximity
+    clock.now_ns = 50_000_007
+    sonar, infrared = proximity.sonar(), proximity.infrared()
+    assert sonar is not None
+    assert infrared is not None
+    assert sonar.t_ns == infrared.t_ns == 50_000_007
+    assert isinstance(sonar.value, tuple)
+    assert isinstance(infrared.value, tuple)
+    assert {type(v) for v in sonar.value} == {float}
+    assert {type(v) for v in infrared.value} == {bool}
+    assert sonar.value[12] == pytest.approx(3000.0 - IDEAL.sonar_ring_mm)
+
+
+def test_robots_of_one_world_share_its_time() -> None:
+    clock = VirtualClock()
+    shared = plant(clock, ((0.0, 0.0, 0.0), (2000.0, 0.0, 180.0)))
+    first, second = simulated_drivers(shared, 0).base, simulated_drivers(shared, 1).base
+    first.drive(100.0, 0.0)
+    second.drive(100.0, 0.0)
+    clock.now_ns = 2 * S
+    one, other = first.state(), second.state()
+    assert one is not None
+    assert other is not None
+    assert one.y == pytest.approx(-other.y)
+    assert one.y > 100.0
