@@ -25,7 +25,8 @@ from colony.ir.types import BOOL, PLAIN
 
 Relation = Literal["suppresses", "inhibits"]
 
-INHIBITORS = 0.2
+INHIBITORS_OVER_MODULES = 0.3  # by how likely a module inhibits what it meets: 20 % of all nodes
+INHIBITORS_OVER_WIRES = 0.02  # few wires inhibit, or chance would decide how much of a large network commands
 FAN_OUT = 0.1
 WINDOWS = 0.1
 DEEPEST = 10_000
@@ -34,33 +35,36 @@ DEEPEST = 10_000
 def random_program(size: int, seed: int) -> Program:
     """`size` modules under one actuator: a random graph, 20 % inhibitors, 10 % of wires used again.
 
-    One wire in two goes on from the one before it, up to `DEEPEST` nodes deep; one node in ten has a
-    time constant.
+    Every other node goes on from the one before, up to `DEEPEST` nodes deep; the others join any two wires.
+    Inhibitors have the shallower wire as the dominant one. One node in ten has a time constant.
     """
     random = Random(seed)
     pool = [(f"m{i}", 0) for i in range(size)]
-    random.shuffle(pool)
+    spine = _draw(pool, random)
     wires: list[Wire] = []
-    last = pool.pop()
     while pool:
-        if random.random() < 0.5 and last[1] < DEEPEST:
-            one = last
-        else:
-            pool.append(last)
-            one = _draw(pool, random)
-        other = _draw(pool, random) if pool else one
+        other = _draw(pool, random)
+        along = not pool or (spine[1] < DEEPEST and random.random() < 0.5)
+        one = spine if along else _draw(pool, random)
         if random.random() < FAN_OUT:
             pool.append(other)
-        relation: Relation = "inhibits" if random.random() < INHIBITORS else "suppresses"
-        if relation == "inhibits":  # the smaller with the larger, or little would be left to command
-            one, other = sorted((one, other), key=_depth)
-        elif random.random() < 0.5:
-            one, other = other, one
-        window_ns = random.randrange(1, 20) * 50_000_000 if random.random() < WINDOWS else 0
-        name = f"w{len(wires)}"
-        wires.append(Wire(name=name, wiring=joined(one[0], other[0], relation, window_ns)))
-        last = (name, 1 + max(_depth(one), _depth(other)))
-    return driven(size, wires, last[0])
+        wire, depth = f"w{len(wires)}", 1 + max(_depth(one), _depth(other))
+        wires.append(Wire(name=wire, wiring=_any_node(one, other, random)))
+        if along:
+            spine = (wire, depth)
+        else:
+            pool.append((wire, depth))
+    return driven(size, wires, spine[0])
+
+
+def _any_node(one: tuple[str, int], other: tuple[str, int], random: Random) -> Chain:
+    one, other = sorted((one, other), key=_depth)
+    likely = INHIBITORS_OVER_WIRES if _depth(one) else INHIBITORS_OVER_MODULES
+    relation: Relation = "inhibits" if random.random() < likely else "suppresses"
+    if relation == "suppresses" and random.random() < 0.5:
+        one, other = other, one
+    window_ns = random.randrange(1, 20) * 50_000_000 if random.random() < WINDOWS else 0
+    return joined(one[0], other[0], relation, window_ns)
 
 
 def ladder(rungs: int) -> Program:

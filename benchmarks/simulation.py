@@ -60,10 +60,10 @@ def _distance(segments: np.ndarray[tuple[int, ...], np.dtype[np.float64]], x: fl
 
 
 def step(world: World) -> None:
-    """One step of all robots, reading all of their sensors; they turn where they bump."""
+    """One step of all robots, reading all of their sensors; they back off, turning, where they bump."""
     for robot in range(len(world)):
-        front, rear = world.bumper(robot)
-        world.command(robot, 0.0 if front or rear else 300.0, 60.0 if front or rear else 5.0)
+        front, _ = world.bumper(robot)
+        world.command(robot, -200.0 if front else 300.0, 60.0 if front else 5.0)
     world.advance(STEP_S)
     for robot in range(len(world)):
         world.sonar(robot)

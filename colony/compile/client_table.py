@@ -43,14 +43,23 @@ def rows(one: ActuatorClients, guards: GuardText, limit: int | None = None) -> s
     return f"{text}\n{_GAP}({left_out} more clients left out)" if left_out else text
 
 
-def legend(guards: GuardText) -> str:
-    """What `P` is, and the parts of guards that were named so far."""
+def legend(guards: GuardText, limit: int | None = None) -> str:
+    """What `P` is, and the parts of guards that were named so far, up to `limit` of them."""
     lines = [f"{OWN}: the client's own activity. Both guards give the same winner."]
-    for name, text in guards.take_definitions():
+    return "\n".join(lines + definitions(guards, limit))
+
+
+def definitions(guards: GuardText, limit: int | None = None) -> list[str]:
+    """Lines for the parts of guards that were named since the last time."""
+    lines = []
+    taken = guards.take_definitions(limit)
+    for name, text in taken:
         first, *more = _wrapped(text, 2 * GUARD_WIDTH)
         lines.append(f"{name} = {first}")
         lines += [f"{'':{len(name)}}   {line}" for line in more]
-    return "\n".join(lines)
+    if len(taken) == limit:
+        lines.append("(more parts of guards left out)")
+    return lines
 
 
 def _wrapped(text: str, width: int = GUARD_WIDTH) -> list[str]:

@@ -33,9 +33,7 @@ def decide(actuator: ActuatorCode, winner: ClientCode | None, values: list[Any])
         for limit in actuator.limits
         if values[limit.applies]
     )
-    decision, sent, records = settle(
-        actuator.actuator.name, winner.module, command, fields, limits, idle, ()
-    )
+    decision, sent, records = settle(actuator.actuator.name, winner.module, command, fields, limits, idle, ())
     _, by, leaving, fault = decision
     return Decided(by, sent, leaving, fault, records)
 

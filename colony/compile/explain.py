@@ -9,7 +9,7 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 from textwrap import wrap
 
-from colony.compile.client_table import legend, rows
+from colony.compile.client_table import definitions, legend, rows
 from colony.compile.clients import ActuatorClients
 from colony.compile.guard_text import GuardText, duration_text
 from colony.compile.guards import Always, ModuleActive
@@ -53,7 +53,7 @@ def explain(compiled: Compiled) -> str:
             ),
             f"The clients of {actuator}\n{rows(one, guards, MOST_LINES)}",
         ]
-    sections.append(legend(guards))
+    sections.append(legend(guards, MOST_LINES))
     return "\n\n".join(sections)
 
 
@@ -159,9 +159,7 @@ def _tree(suppression: SuppressionNetwork, root: Link, one: ActuatorClients) -> 
                 lines.append(f"{branch.below}... (what is below is left out)")
     if stack:
         lines.append("... (what comes after is left out)")
-    for name, text in guards.take_definitions():
-        lines += _hanging(f"{name} = ", text)
-    return lines
+    return lines + definitions(guards, MOST_LINES)
 
 
 _FORK, _TRUNK, _LAST, _BLANK = "├─ ", "│  ", "└─ ", "   "

@@ -49,19 +49,27 @@ class GuardText:
 
     def text(self, ref: int, own: str | None = None) -> str:
         """The guard written out, with the module `own` as `P`, and first."""
-        return self._written(ref, own, own)
+        return self._written(ref, own)
 
-    def take_definitions(self) -> list[tuple[str, str]]:
-        """Names that were used since the last call, those used in their texts included, with their texts."""
-        taken = []
-        while self._defined < len(self._names):
+    def take_definitions(self, limit: int | None = None) -> list[tuple[str, str]]:
+        """Names that were used since the last call, those in their texts included, with their texts.
+
+        With `limit`, no more than that; the others are left for the next call.
+        """
+        taken: list[tuple[str, str]] = []
+        while self._defined < len(self._named) and len(taken) != limit:
             ref, name = self._named[self._defined]
             self._defined += 1
-            taken.append((name, self._written(ref, None, None)))
+            taken.append((name, self._written(ref, None)))
         return taken
 
-    def _written(self, ref: int, own: str | None, first: str | None) -> str:
+    def _written(self, ref: int, own: str | None) -> str:
         """Nesting is bounded by the number of terms: this recursion ends after `INLINE` levels."""
+        joined = self._joined(ref)
+        if joined is not None:
+            joint, parts, negated = joined
+            parts.sort(key=lambda part: self._rank(part, own))
+            return joint.join(self._negated(p, own) if negated else self._part(p, own) for p in parts)
         guard = self._guards[ref]
         match guard:
             case Always():
@@ -71,21 +79,25 @@ class GuardText:
             case ModuleActive(module=module):
                 return OWN if module == own else module
             case Not(operand=operand):
-                return f"not {self._part(operand, own, simple=True)}"
+                return f"not {self._part(operand, own)}"
             case Recently(operand=operand, window_ns=window_ns):
-                return f"recently({self._part(operand, own)}, {duration_text(window_ns)})"
+                inner = self._written(operand, own) if self._terms[operand] else self._name(operand)
+                return f"recently({inner}, {duration_text(window_ns)})"
             case And() | Or():
-                kind, joint = (And, " and ") if isinstance(guard, And) else (Or, " or ")
-                parts = sorted(self._flat(ref, kind), key=lambda part: self._rank(part, first))
-                return joint.join(self._part(part, own, simple=True) for part in parts)
+                raise AssertionError("joined")
             case _:
                 assert_never(guard)
 
-    def _part(self, ref: int, own: str | None, simple: bool = False) -> str:
+    def _part(self, ref: int, own: str | None) -> str:
+        """A term of another guard: its name, or its text, in parentheses where it is joined of several."""
         if not self._terms[ref]:
             return self._name(ref)
-        text = self._written(ref, own, None)
-        return f"({text})" if simple and isinstance(self._guards[ref], And | Or) else text
+        text = self._written(ref, own)
+        return text if self._joined(ref) is None else f"({text})"
+
+    def _negated(self, ref: int, own: str | None) -> str:
+        guard = self._guards[ref]
+        return self._part(guard.operand, own) if isinstance(guard, Not) else f"not {self._part(ref, own)}"
 
     def _name(self, ref: int) -> str:
         name = self._names.get(ref)
@@ -94,22 +106,42 @@ class GuardText:
             self._named.append((ref, name))
         return name
 
-    def _rank(self, ref: int, first: str | None) -> tuple[bool, int]:
-        """Where a term stands: the module `first`, then all by the table, negations with what they negate."""
-        guard = self._guards[ref]
-        return guard != ModuleActive(first or ""), guard.operand if isinstance(guard, Not) else ref
+    def _joined(self, ref: int) -> tuple[str, list[int], bool] | None:
+        """What joins it, its parts, and whether those are to be negated; None if it is no such guard.
 
-    def _flat(self, ref: int, kind: type[And] | type[Or]) -> list[int]:
+        `not (not a and not b)` is written `a or b`: a negation of mostly negations the other way round.
+        """
+        guard = self._guards[ref]
+        match guard:
+            case And():
+                return " and ", self._flat(guard), False
+            case Or():
+                return " or ", self._flat(guard), False
+            case Not(operand=operand):
+                inner = self._guards[operand]
+                if not isinstance(inner, And | Or) or not self._terms[operand]:
+                    return None
+                parts = self._flat(inner)
+                if 2 * sum(isinstance(self._guards[part], Not) for part in parts) <= len(parts):
+                    return None
+                return " or " if isinstance(inner, And) else " and ", parts, True
+            case _:
+                return None
+
+    def _flat(self, guard: And | Or) -> list[int]:
         """The operands of a conjunction (disjunction), with those of written-out ones among them in place."""
         flat: list[int] = []
-        guard = self._guards[ref]
-        assert isinstance(guard, And | Or)
         stack = list(reversed(guard.operands))
         while stack:
             part = stack.pop()
             inner = self._guards[part]
-            if self._terms[part] and isinstance(inner, kind):
+            if self._terms[part] and isinstance(inner, And | Or) and type(inner) is type(guard):
                 stack.extend(reversed(inner.operands))
             else:
                 flat.append(part)
         return list(dict.fromkeys(flat))
+
+    def _rank(self, ref: int, own: str | None) -> tuple[bool, int]:
+        """Where a term stands: the module `own`, then all by the table, negations with what they negate."""
+        guard = self._guards[ref]
+        return guard != ModuleActive(own or ""), guard.operand if isinstance(guard, Not) else ref

@@ -10,6 +10,7 @@ and it is plain, and a *clause* when it is negated. The rules, with a, b, c lite
     a, not a   = never      a, (not a or b)       = a, b           not a, not recently(a) = not recently(a)
     K, a       = K          where K has a         (a or b), (a or c) = a or (b, c)
     K, not a   = never      where K has a         a, not recently(a) = never
+    K, not a   = K          where K has not recently(a)
 
 Rules look at no more than `REACH` parts of a part, so that a conjunction costs about its own length. Parts
 that others imply are dropped all at once: these implications go down the graph (from a cube to its parts)
@@ -39,15 +40,13 @@ class InverterGraph:
         self.parts: list[Conjunction] = [()]  # of each node; () of atoms
         self.modules: dict[int, str] = {}
         self.recently: dict[int, tuple[int, int]] = {}  # literal and window
-        self._edges = 0
         self._kinds = bytearray([_MODULE])  # for speed: most looks at a node only ask for this
         self._conjunctions: dict[Conjunction, int] = {}
         self._atoms: dict[str | tuple[int, int], int] = {}
 
-    @property
-    def size(self) -> int:
-        """How many nodes and parts of nodes there are; at least one."""
-        return len(self.parts) + self._edges
+    def __len__(self) -> int:
+        """How many nodes there are."""
+        return len(self.parts)
 
     def module(self, name: str) -> int:
         """The literal of a module's activity."""
@@ -125,7 +124,6 @@ class InverterGraph:
 
     def _add(self, parts: Conjunction, kind: int) -> int:
         self.parts.append(parts)
-        self._edges += len(parts)
         self._kinds.append(kind)
         return len(self.parts) - 1
 
@@ -139,8 +137,11 @@ class InverterGraph:
             if kind == _SHORT:
                 if literal & 1:
                     clauses.append(literal)
-                else:
-                    facts.update(self.parts[literal >> 1])
+                    continue
+                for part in self.parts[literal >> 1]:
+                    facts.add(part)
+                    if part & 1 and kinds[part >> 1] == _RECENTLY:
+                        facts.add(self.recently[part >> 1][0] ^ 1)
             elif kind == _RECENTLY:
                 operand, _ = self.recently[literal >> 1]
                 if literal & 1:
@@ -180,6 +181,12 @@ def _count_uses(graph: InverterGraph, roots: Sequence[int]) -> array[int]:
         if not parts and node in graph.recently:
             uses[graph.recently[node][0] >> 1] += 2
     return uses
+
+
+def size_in_use(graph: InverterGraph, roots: Sequence[int]) -> int:
+    """How many nodes and parts of nodes the roots need, and one for the constant."""
+    uses = _count_uses(graph, roots)
+    return 1 + sum(1 + len(graph.parts[node]) for node in range(1, len(graph)) if uses[node])
 
 
 _PENDING = -1  # in place of a literal: the node waits to be merged

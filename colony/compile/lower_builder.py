@@ -95,10 +95,13 @@ class Builder:
 
     def apply(self, operator: Operator, *arguments: int) -> int:
         """An operator of values; of constants, the constant."""
-        ops = self.ops
         if operator is Operator.SELECT:
             return self._select(*arguments)
-        if all(type(ops[i]) is Literal for i in arguments):
+        ops = self.ops
+        for i in arguments:
+            if type(ops[i]) is not Literal:
+                break
+        else:
             return self._folded(operator, arguments)
         return self.add(Apply(operator, arguments), self._kind(operator))
 

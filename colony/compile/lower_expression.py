@@ -109,6 +109,11 @@ class ExpressionLowering:
         """The numbers of an expression's values."""
         apply = self.builder.apply
         match e:
+            case ir.Constant(value=value):
+                literal = self.builder.literal
+                return tuple([literal(x) for x in value]) if isinstance(value, tuple) else (literal(value),)
+            case ir.SensorValue(name=name, type=of_type):
+                return self._sensor(name, of_type)
             case ir.UnaryOperation(operator=operator, operand=operand):
                 of = self.builder.negation if operator is Unary.NOT else partial(apply, Operator.NEGATE)
                 return self._each(of, self.lower(operand, scope))
@@ -145,7 +150,7 @@ class ExpressionLowering:
 
     def _each(self, of: Callable[..., int], *operands: Values) -> Values:
         """`of` the operands, element by element; a scalar stands for all elements."""
-        size = max(len(x) for x in operands)
+        size = max([len(x) for x in operands])
         if size == 1:
             return (of(*[x[0] for x in operands]),)
         return tuple(of(*[x[i] if len(x) > 1 else x[0] for x in operands]) for i in range(size))
@@ -189,11 +194,6 @@ class ExpressionLowering:
     def _leaf(self, e: ir.Expression, scope: Scope) -> Values:
         builder, names = self.builder, self.names
         match e:
-            case ir.Constant(value=value):
-                elements = value if isinstance(value, tuple) else (value,)
-                return tuple(builder.literal(x) for x in elements)
-            case ir.SensorValue(name=name, type=of):
-                return self._sensor(name, of)
             case ir.DerivedValue(name=name) | ir.LocalValue(name=name):
                 return names.let(name)
             case ir.StateValue(name=name):

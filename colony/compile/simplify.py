@@ -18,11 +18,10 @@ from colony.compile.guards import (
     Recently,
     operands,
 )
-from colony.compile.inverter_graph import FALSE, TRUE, InverterGraph, rewrite, zeros
+from colony.compile.inverter_graph import FALSE, TRUE, InverterGraph, rewrite, size_in_use, zeros
 
-LARGE = 50_000
-"""What one round of rewriting does can open the way for another. Beyond this many nodes there is only one:
-what a second would find there (0.2 % of the nodes of random networks) is not worth its time."""
+WORTHWHILE = 0.01
+"""One round of rewriting can open the way for another. They end with one that saves less than this share."""
 
 
 def simplify(clients: ClientList) -> ClientList:
@@ -32,13 +31,14 @@ def simplify(clients: ClientList) -> ClientList:
     stay in the list: their priorities are part of the compiled form, and lints tell about them.
     """
     references = _references(clients)
-    graph, literals = _load(clients.guards, references)
-    simpler, moved = rewrite(graph, literals)
-    while simpler.size < graph.size:
-        graph, literals = simpler, moved
-        if graph.size > LARGE:
-            break
-        simpler, moved = rewrite(graph, literals)
+    graph, literals = rewrite(*_load(clients.guards, references))
+    size, saved = size_in_use(graph, literals), 1.0
+    while saved > WORTHWHILE:
+        simpler, simpler_literals = rewrite(graph, literals)
+        simpler_size = size_in_use(simpler, simpler_literals)
+        saved = 1 - simpler_size / size
+        if saved > 0:
+            graph, literals, size = simpler, simpler_literals, simpler_size
     guards, moved = _unload(graph, literals)
     return _moved(clients, guards, dict(zip(references, moved, strict=True)))
 

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
+import os
 import stat
-from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 
@@ -15,6 +15,7 @@ from colony.source import Source, Span
 
 MAX_BYTES = 64 * 1024 * 1024
 MAX_FILES = 1000
+_SHOWN_OF_CYCLE = 6
 
 
 @record
@@ -50,46 +51,69 @@ class SourceTree(Record):
     diagnostics: tuple[Diagnostic, ...]
 
 
-Report = Callable[[str, str, str | None], None]
-"""Called with a code, a message and a hint; the caller knows where."""
+class Unreadable(Exception):
+    """A file that cannot be read, as a diagnostic says it.
+
+    `span` is the place in the file's own text, where the trouble is with a byte of it.
+    """
+
+    def __init__(self, code: str, message: str, hint: str | None = None, span: Span | None = None) -> None:
+        super().__init__(message)
+        self.code, self.message, self.hint, self.span = code, message, hint, span
+
+    def diagnostic(self, at: Span) -> Diagnostic:
+        """What to report; `at` is where the file was asked for."""
+        return error(self.code, self.span or at, self.message, self.hint)
 
 
-def read_source(path: Path, name: str, report: Report) -> Source | None:
-    """The text of a regular file in UTF-8, or None after `report` was told why not."""
+def read_source(path: Path, name: str) -> Source:
+    """The text of a regular file in UTF-8.
+
+    Raises:
+        Unreadable: there is no such file, it is not a regular one, too large, or not text.
+    """
     try:
         status = path.stat()
         if stat.S_ISDIR(status.st_mode):
-            report("E001", f"cannot read `{name}`: it is a directory", "name a file that ends in .colony")
-            return None
+            hint = "name a file that ends in .colony"
+            raise Unreadable("E001", f"cannot read `{name}`: it is a directory", hint)
         if not stat.S_ISREG(status.st_mode):
-            report("E001", f"cannot read `{name}`: it is not a regular file", None)
-            return None
+            raise Unreadable("E001", f"cannot read `{name}`: it is not a regular file")
         if status.st_size > MAX_BYTES:
             size, limit = status.st_size >> 20, MAX_BYTES >> 20
-            report("E003", f"`{name}` has {size} MiB; at most {limit} MiB are read", None)
-            return None
+            raise Unreadable("E003", f"`{name}` has {size} MiB; at most {limit} MiB are read")
         data = path.read_bytes()
     except (OSError, ValueError) as problem:
         reason = problem.strerror if isinstance(problem, OSError) and problem.strerror else str(problem)
-        report("E001", f"cannot read `{name}`: {reason}", None)
-        return None
-    return decode(data, name, report)
+        raise Unreadable("E001", f"cannot read `{name}`: {reason}") from problem
+    return decode(data, name)
 
 
-def decode(data: bytes, name: str, report: Report) -> Source | None:
-    """The source of these bytes, or None after `report` was told of the first that is no text."""
+def decode(data: bytes, name: str) -> Source:
+    """The source of these bytes.
+
+    Raises:
+        Unreadable: they are not UTF-8 text; its span is the first byte that is none.
+    """
     try:
         text = data.decode("utf-8-sig")
-        bad = text.find("\0")
-        byte, what = (len(text[:bad].encode()), "a NUL byte") if bad >= 0 else (-1, "")
+        bad, what = text.find("\0"), "a NUL byte"
     except UnicodeDecodeError as problem:
-        byte, what = problem.start, "a byte that is not UTF-8"
-    if byte < 0:
-        return Source(name, text)
-    line = data.count(b"\n", 0, byte) + 1
-    column = byte - (data.rfind(b"\n", 0, byte) + 1) + 1
-    report("E002", f"{what} in line {line}, column {column} of `{name}`", "save the file as UTF-8 text")
-    return None
+        text, what = data.decode("utf-8-sig", errors="replace"), "a byte that is not UTF-8"
+        bad = len(problem.object[: problem.start].decode())
+    source = Source(name, text)
+    if bad >= 0:
+        hint = "save the file as UTF-8 text"
+        raise Unreadable("E002", f"found {what}, expected text", hint, Span(source, bad, bad + 1))
+    return source
+
+
+def resolved(path: Path) -> str:
+    """The one absolute name of a file, links followed; of a name that is none, the name itself."""
+    try:
+        return os.path.realpath(path)
+    except (OSError, ValueError):
+        return str(path)
 
 
 def load_tree(path: Path, name: str, text: str | None = None) -> SourceTree:
@@ -98,13 +122,12 @@ def load_tree(path: Path, name: str, text: str | None = None) -> SourceTree:
     Nothing is raised: what cannot be read, and cycles, are among the diagnostics.
     """
     loader = _Loader()
-    key = str(path.resolve())
-    source = Source(name, text) if text is not None else None
-    if source is None:
+    key = resolved(path)
+    try:
+        source = read_source(path, name) if text is None else Source(name, text)
+    except Unreadable as problem:
         at = Span(Source(name, ""), 0, 0)
-        source = read_source(path, name, lambda c, m, h: loader.diagnostics.append(error(c, at, m, h)))
-    if source is None:
-        return SourceTree(files=(), diagnostics=tuple(loader.diagnostics))
+        return SourceTree(files=(), diagnostics=(problem.diagnostic(at),))
     loader.load(key, path, source)
     return SourceTree(files=loader.in_order(key), diagnostics=tuple(loader.diagnostics))
 
@@ -127,14 +150,15 @@ class _Loader:
             for declaration in parsed.file.declarations:
                 if not isinstance(declaration, ast.ImportDecl):
                     continue
-                target = (path.parent / declaration.path).resolve()
-                imports.append(Import(declaration=declaration, target=str(target)))
-                if str(target) in seen:
+                target = path.parent / declaration.path
+                target_key = resolved(target)
+                imports.append(Import(declaration=declaration, target=target_key))
+                if target_key in seen:
                     continue
-                seen.add(str(target))
-                found = self._read(source, path, declaration, len(seen))
+                seen.add(target_key)
+                found = self._read(source, target, declaration, len(seen))
                 if found is not None:
-                    waiting.append((str(target), target, found))
+                    waiting.append((target_key, Path(target_key), found))
             self.files[key] = SourceFile(
                 key=key,
                 source=source,
@@ -144,16 +168,20 @@ class _Loader:
             )
 
     def _read(self, source: Source, path: Path, declaration: ast.ImportDecl, count: int) -> Source | None:
+        """The text of an imported file; None after reporting, at the import, why there is none."""
         span = Span(source, declaration.start, declaration.end)
-
-        def report(code: str, message: str, hint: str | None) -> None:
-            self.diagnostics.append(error("E103" if code == "E001" else code, span, message, hint))
-
         if count > MAX_FILES:
-            report("E103", f"more than {MAX_FILES} files are imported", None)
+            message = f"more than {MAX_FILES} files are imported"
+            self.diagnostics.append(error("E103", span, message))
             return None
-        shown = str(Path(source.name).parent / declaration.path)
-        return read_source(path.parent / declaration.path, shown, report)
+        shown = os.path.normpath(Path(source.name).parent / declaration.path)
+        try:
+            return read_source(path, shown)
+        except Unreadable as problem:
+            if problem.code == "E001":
+                problem.code = "E103"
+            self.diagnostics.append(problem.diagnostic(span))
+            return None
 
     def in_order(self, root: str) -> tuple[SourceFile, ...]:
         """Depth first, imports before importers; a cycle is reported where it closes, and cut there."""
@@ -179,7 +207,9 @@ class _Loader:
 
     def _report_cycle(self, key: str, closing: Import, trail: list[str]) -> None:
         cycle = [Path(k).name for k in trail[trail.index(closing.target) :]]
-        names = " imports ".join(f"`{name}`" for name in [*cycle, cycle[0]])
+        left_out = [] if len(cycle) <= _SHOWN_OF_CYCLE else [f"... {len(cycle) - _SHOWN_OF_CYCLE} more ..."]
+        shown = [f"`{name}`" for name in cycle[:_SHOWN_OF_CYCLE]]
+        names = " imports ".join([*shown, *left_out, f"`{cycle[0]}`"])
         span = Span(self.files[key].source, closing.declaration.start, closing.declaration.end)
         hint = "move what both need into a third file"
         self.diagnostics.append(error("E104", span, f"imports go round in a cycle: {names}", hint))

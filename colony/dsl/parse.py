@@ -22,7 +22,7 @@ from colony.source import Source, Span
 
 MAX_SYNTAX_ERRORS = 20
 
-_BRACKETS = re.compile(r'"[^"\n]*"|#[^\n]*|[(){}\[\]]')
+_BRACKETS = re.compile(r'"[^"\r\n]*"|#[^\r\n]*|[(){}\[\]]')
 
 
 @record
@@ -38,7 +38,10 @@ def parse(source: Source) -> Parsed:
     """Parse a whole file; never raises for bad text."""
     too_deep = _too_deep(source)
     if too_deep:
-        return Parsed(file=ast.File(declarations=()), diagnostics=(too_deep,))
+        from colony.dsl import recovery
+
+        lost_names = frozenset(recovery.lost_names(source.text))
+        return Parsed(file=ast.File(declarations=()), diagnostics=(too_deep,), lost_names=lost_names)
     text, start = source.text, 0
     declarations: list[ast.Declaration] = []
     diagnostics: list[Diagnostic] = []
@@ -53,7 +56,9 @@ def parse(source: Source) -> Parsed:
             kept = recovery.complete_declarations(problem)
             declarations += kept
             failed = kept[-1].end if kept else start
-            diagnostics.append(describe(source, problem, failed))
+            end = recovery.offset_of(problem, text)
+            before = _parser().parse_interactive(" " * failed + text[failed:end])
+            diagnostics.append(describe(source, problem, failed, recovery.accepted(problem, before)))
             start = recovery.next_declaration(text, failed, diagnostics[-1].span.start)
             lost |= recovery.lost_names(text[failed:start])
             if start >= len(text):

@@ -9,7 +9,7 @@ import re
 from typing import Any, cast
 
 from lark import Tree
-from lark.exceptions import UnexpectedInput
+from lark.exceptions import UnexpectedInput, UnexpectedToken
 
 from colony.dsl import ast
 
@@ -28,6 +28,27 @@ _DECLARED = re.compile(
 def lost_names(text: str) -> set[str]:
     """The names that a piece of text seems to declare."""
     return {a or b for a, b in _DECLARED.findall(text)}
+
+
+def offset_of(problem: UnexpectedInput, text: str) -> int:
+    """Where what could not be read begins: after the last character that is no blank, for the end."""
+    if isinstance(problem, UnexpectedToken):
+        at_end = problem.token.type == "$END"
+        return len(text.rstrip()) if at_end else int(problem.token.start_pos or 0)
+    return int(problem.pos_in_stream or 0)
+
+
+def accepted(problem: UnexpectedInput, before: Any) -> frozenset[str]:
+    """The terminals that could have stood where the error is.
+
+    `before` is an interactive parser of what precedes it, and is asked instead of the one that failed: that
+    one has been given the wrong token, and has closed everything that this token cannot continue.
+    """
+    try:
+        before.exhaust_lexer()
+    except UnexpectedInput:  # the text was cut off in the middle of a token, and reads differently
+        before = getattr(problem, "interactive_parser", None)
+    return frozenset() if before is None else frozenset(before.accepts())
 
 
 def complete_declarations(problem: UnexpectedInput) -> list[ast.Declaration]:
@@ -51,9 +72,7 @@ DECLARATIONS: tuple[type, ...] = ast.Declaration.__args__
 
 def next_declaration(text: str, failed: int, at: int) -> int:
     """Where to read on: the offset of a line, at or after the error, that begins a declaration."""
-    word = re.compile(r"(?:[ \t\r\n\f]|#[^\n]*)*").match(text, failed)
-    begin = word.end() if word else failed
-    indent = begin - (text.rfind("\n", 0, begin) + 1)
+    begin, indent = _begin_and_indent(text, failed)
     line = text.rfind("\n", 0, at) + 1
     search_from = line if line > begin else text.find("\n", max(at, begin))
     while search_from >= 0:
@@ -64,3 +83,20 @@ def next_declaration(text: str, failed: int, at: int) -> int:
             return match.start()
         search_from = match.end()
     return len(text)
+
+
+def declaration_begun(text: str, failed: int, at: int) -> int | None:
+    """Where, in the line of the error, another declaration than the one that failed seems to begin."""
+    begin, indent = _begin_and_indent(text, failed)
+    line = text.rfind("\n", 0, at) + 1
+    match = _DECLARATION.match(text, line)
+    if match is None or line <= begin or len(match[1]) > indent or match.end(1) > at:
+        return None
+    return match.end(1)
+
+
+def _begin_and_indent(text: str, failed: int) -> tuple[int, int]:
+    """Where the word is that the declaration begins with, and how far it is indented."""
+    blanks = re.compile(r"(?:[ \t\r\n\f]|#[^\r\n]*)*").match(text, failed)
+    begin = blanks.end() if blanks else failed
+    return begin, begin - (text.rfind("\n", 0, begin) + 1)

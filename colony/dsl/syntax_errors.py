@@ -3,26 +3,19 @@
 from __future__ import annotations
 
 import re
-from typing import Any
 
-from lark.exceptions import UnexpectedCharacters, UnexpectedInput, UnexpectedToken
+from lark.exceptions import UnexpectedInput, UnexpectedToken
 
 from colony.diagnostics import Diagnostic, error
+from colony.dsl.recovery import declaration_begun, offset_of
+from colony.dsl.syntax_hints import DECLARATION_STARTS, hint_for
 from colony.source import Source, Span
-from colony.units import BASE_UNITS
-
-RESERVED = frozenset(
-    "and or not implies if then else in is by suppresses inhibits true false missing".split()
-)
 
 _OPERATORS = frozenset(
     "PLUS MINUS TIMES OVER LESS AT_MOST GREATER AT_LEAST EQUAL UNEQUAL AND OR IMPLIES IN BY IS "
     "LSQB DOT".split()
 )
 _EXPRESSION_STARTS = frozenset("NUMBER TRUE FALSE NAME LPAR MINUS NOT IF".split())
-_DECLARATION_STARTS = frozenset(
-    "ROBOT ENUM IMPORT PARAM LET STATE NEXT MACHINE MODULE NETWORK LIMIT CONTRACT TEST".split()
-)
 _SPELLED = {
     "NAME": "a name",
     "FIELD": "a name",
@@ -53,59 +46,48 @@ _SPELLED = {
     "UNEQUAL": "`!=`",
     "$END": "the end of the file",
 }
-_SLIPS = {
-    "&": "write `and`",
-    "&&": "write `and`",
-    "|": "write `or`",
-    "||": "write `or`",
-    "!": "write `not`",
-    ";": "nothing ends a clause: leave the `;` out",
-    "'": "texts stand in double quotes",
-    "//": "comments begin with `#`",
-    "/*": "comments begin with `#`",
-    "**": "powers of numbers are written as products",
-    "%": "write `mod(x, y)`",
-    "^": "powers stand only in units, without blanks: `m/s^2`",
-    "elif": "write `else if`",
-    "elseif": "write `else if`",
-    "==": "a single `=` declares; compare in an expression",
-    "None": "write `missing`",
-    "null": "write `missing`",
-    "True": "write `true`",
-    "False": "write `false`",
-}
-_WORD = re.compile(r"[A-Za-z_]\w*|\d[\w.]*|==|&&|\|\||//|/\*|\*\*|.", re.DOTALL)
+_WORD = re.compile(
+    r'"[^"\r\n]*"|[A-Za-z_]\w*|\d[\w.]*|==|<=|>=|!=|=>|->|\.\.|&&|\|\||//|/\*|\*\*|\+=|-=|.', re.DOTALL
+)
+_SPLIT = ("==", "**", "=>", "->", "..", "<=", ">=", "//", "/*")
+"""Signs whose first character may have been read as a sign of its own before the error was seen."""
 
 
-def describe(source: Source, problem: UnexpectedInput, declaration: int) -> Diagnostic:
-    """The diagnostic of one syntax error; `declaration` is where the declaration that failed begins."""
+def describe(
+    source: Source, problem: UnexpectedInput, declaration: int, accepted: frozenset[str]
+) -> Diagnostic:
+    """The diagnostic of one syntax error.
+
+    `declaration` is where the declaration that failed begins; `accepted` are the terminals that could have
+    stood where the error is.
+    """
     text = source.text
     at_end = isinstance(problem, UnexpectedToken) and problem.token.type == "$END"
-    at = len(text.rstrip()) if at_end else _offset(problem)
-    accepted = _accepted(problem)
+    at = offset_of(problem, text)
+    if text[max(at - 1, 0) : at + 1] in _SPLIT and not at_end:
+        at, accepted = at - 1, _before_sign(text[at - 1], accepted)
     found = "" if at_end else _found(text, at)
     span = Span(source, max(at - 1, 0), at) if at_end else Span(source, at, at + len(found))
-    bracket = _open_bracket(text, declaration, at)
-    if bracket is not None and (at_end or _begins_declaration(text, at, found)):
-        return _unclosed(source, span, bracket, at_end, found)
+    begun = None if at_end else declaration_begun(text, declaration, at)
+    bracket = _open_bracket(text, declaration, at if begun is None else begun)
+    if bracket is not None and (at_end or begun is not None or _closes_another(text[bracket], found)):
+        return _unclosed(source, span, bracket, found, begun)
+    if begun is not None and begun < at:
+        word = _found(text, begun)
+        message = f"`{word}` begins a declaration, and the one before it is not complete"
+        return error("E005", Span(source, begun, begun + len(word)), message)
+    if found == '"':
+        hint = 'add the missing `"`; a text ends in the line in which it begins'
+        return error("E006", span, "the text that begins here is not closed in its line", hint)
     shown = "the end of the file" if at_end else _shown(found)
     message = f"found {shown}, expected {_expected(accepted)}"
-    return error("E005", span, message, _hint(text, at, found, accepted))
+    return error("E005", span, message, hint_for(text, at, found, accepted))
 
 
-def _offset(problem: UnexpectedInput) -> int:
-    if isinstance(problem, UnexpectedToken):
-        return int(problem.token.start_pos or 0)
-    return int(problem.pos_in_stream or 0)
-
-
-def _accepted(problem: UnexpectedInput) -> frozenset[str]:
-    """The terminals that would have been accepted."""
-    interactive: Any = getattr(problem, "interactive_parser", None)
-    if interactive is not None:
-        return frozenset(interactive.accepts())
-    allowed = problem.allowed if isinstance(problem, UnexpectedCharacters) else ()
-    return frozenset(allowed or ())
+def _before_sign(read: str, accepted: frozenset[str]) -> frozenset[str]:
+    """What could have stood before the character `read`, which was taken for a sign of its own."""
+    signs = {"=": {"ASSIGN"}, "*": _OPERATORS, "/": _OPERATORS, "<": _OPERATORS, ">": _OPERATORS}
+    return frozenset(signs.get(read, accepted))
 
 
 def _found(text: str, at: int) -> str:
@@ -127,10 +109,12 @@ def _expected(accepted: frozenset[str]) -> str:
         names -= _EXPRESSION_STARTS
     if "PLUS" in names:
         parts.append("an operator")
-        names -= _OPERATORS
-    if len(names & _DECLARATION_STARTS) > 6:
+        names -= _OPERATORS | {"LPAR"}
+    elif {"SUPPRESSES", "INHIBITS"} <= names:
+        names -= {"DOT", "LSQB"}
+    if len(names & DECLARATION_STARTS) > 6:
         parts.append("a declaration (`robot`, `module`, `network`, ...)")
-        names -= _DECLARATION_STARTS | {"$END"}
+        names -= DECLARATION_STARTS | {"$END"}
     parts += sorted({_spelled(name) for name in names if not name.startswith("__IGNORE")})
     if not parts:
         return "something else"
@@ -143,49 +127,7 @@ def _spelled(terminal: str) -> str:
     return f"`{terminal.lower()}`"
 
 
-def _hint(text: str, at: int, found: str, accepted: frozenset[str]) -> str | None:
-    before = text[:at].rstrip(" \t")[-40:]
-    if re.search(r"(?<![\w.])\d[\d.eE+-]*$", before) and re.match(r"[A-Za-z_]", found) and "PLUS" in accepted:
-        return f"`{found}` is not a unit; the units are {', '.join(BASE_UNITS)} and their products"
-    if found == "=" and "EQUAL" in accepted:
-        return "compare with `==`"
-    if found in ("<", ">", "<=", ">=", "==", "!=") and "AND" in accepted:
-        return "comparisons do not chain: write `a < b and b < c`, or `b in a .. c`"
-    if found == "if" and "LPAR" in accepted:
-        return "an `if` to the right of an operator needs parentheses"
-    if found in _SLIPS:
-        return _SLIPS[found]
-    if found in RESERVED and "NAME" in accepted:
-        return f"`{found}` is a reserved word and cannot be a name"
-    if found == "." and "NUMBER" in accepted and re.match(r"\.\d", text[at : at + 2]):
-        return "a number needs a digit before the point: `0.5`"
-    if found in ("suppresses", "inhibits") and "RBRACE" in accepted and "AND" in accepted:
-        return "modules are wired in a `network { ... }` block"
-    return _did_you_mean(found, accepted)
-
-
-def _did_you_mean(found: str, accepted: frozenset[str]) -> str | None:
-    if not found.isidentifier():
-        return None
-    from difflib import get_close_matches
-
-    words = [t.lower() for t in accepted if t.lower() not in _NOT_WORDS]
-    close = get_close_matches(found.lower(), words, n=1, cutoff=0.7)
-    return f"did you mean `{close[0]}`?" if close else None
-
-
-_NOT_WORDS = frozenset(
-    "name field number string unit plus minus times over less greater equal unequal comma dot colon "
-    "dots arrow assign lbrace rbrace lpar rpar lsqb rsqb".split()
-)
-
-
-def _begins_declaration(text: str, at: int, found: str) -> bool:
-    line = text.rfind("\n", 0, at) + 1
-    return found.upper() in _DECLARATION_STARTS and not text[line:at].strip()
-
-
-_BRACKET = re.compile(r'"[^"\n]*"|#[^\n]*|[(){}\[\]]')
+_BRACKET = re.compile(r'"[^"\r\n]*"|#[^\r\n]*|[(){}\[\]]')
 
 
 def _open_bracket(text: str, start: int, end: int) -> int | None:
@@ -199,9 +141,20 @@ def _open_bracket(text: str, start: int, end: int) -> int | None:
     return opened[-1] if opened else None
 
 
-def _unclosed(source: Source, span: Span, bracket: int, at_end: bool, found: str) -> Diagnostic:
+_CLOSING = {"(": ")", "[": "]", "{": "}"}
+
+
+def _closes_another(bracket: str, found: str) -> bool:
+    return found in ")]}" and found != "" and _CLOSING[bracket] != found
+
+
+def _unclosed(source: Source, span: Span, bracket: int, found: str, begun: int | None) -> Diagnostic:
+    """A bracket that is open where the file ends, another is closed, or a declaration has `begun`."""
     line, column = source.position(bracket)
-    closing = {"(": ")", "[": "]", "{": "}"}[source.text[bracket]]
-    where = "the file ends" if at_end else f"`{found}` begins a declaration"
+    closing = _CLOSING[source.text[bracket]]
+    where = f"`{found}` stands" if found else "the file ends"
+    if begun is not None:
+        word = _found(source.text, begun)
+        span, where = Span(source, begun, begun + len(word)), f"`{word}` begins a declaration"
     message = f"{where} before the `{source.text[bracket]}` of line {line}, column {column} is closed"
     return error("E006", span, message, f"add the missing `{closing}`")

@@ -6,9 +6,7 @@ writes the file anew; a test holds file and grammar together.
 
 from __future__ import annotations
 
-import hashlib
 import json
-from importlib.resources import files
 from pathlib import Path
 from typing import Any, BinaryIO, cast
 
@@ -17,8 +15,8 @@ from lark import __version__ as lark_version
 from lark.grammar import Rule
 from lark.lexer import TerminalDef
 
-GRAMMAR = files("colony.dsl") / "grammar.lark"
-TABLES = files("colony.dsl") / "grammar_tables.json"
+GRAMMAR = Path(__file__).with_name("grammar.lark")
+TABLES = Path(__file__).with_name("grammar_tables.json")
 
 
 _OPTIONS: dict[str, Any] = {
@@ -32,6 +30,8 @@ _OPTIONS: dict[str, Any] = {
 
 def grammar_digest() -> str:
     """What tells one grammar from another; the tables carry that of the grammar they were built from."""
+    import hashlib
+
     return hashlib.sha256(GRAMMAR.read_bytes()).hexdigest()
 
 
@@ -71,4 +71,4 @@ def _plain(value: Any) -> Any:
 
 
 if __name__ == "__main__":
-    Path(str(TABLES)).write_text(build(), encoding="utf-8")
+    TABLES.write_text(build(), encoding="utf-8")

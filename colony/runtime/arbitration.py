@@ -38,7 +38,7 @@ class Timing:
 
 def timing(frame_ns: int) -> Timing:
     """A deadline that leaves a fifth of the frame, and a tenth of it of grace."""
-    return Timing(deadline_ns=frame_ns * 4 // 5, grace_ns=frame_ns // 10)
+    return Timing(deadline_ns=max(1, frame_ns * 4 // 5), grace_ns=frame_ns // 10)
 
 
 class Choice(NamedTuple):

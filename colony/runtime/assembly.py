@@ -22,6 +22,9 @@ KEPT_NS = 2_000_000_000
 """For how long servers keep the frames that they published, and readers wait for one."""
 
 
+KEPT_MOST = 10_000
+"""How many frames a server keeps at most, however short they are."""
+
 ACTIVE = "active"
 """The one field of the frames in which the activity of a module in Python is published."""
 

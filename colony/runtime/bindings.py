@@ -1,7 +1,7 @@
 """The binding of a program's sensors and actuators to the servers of a robot, checked before anything moves.
 
-Codes: E401 no such server, E402 no such field, E403 a type that does not fit, E404 no such command,
-E405 no such parameter, E406 two actuators on one command.
+Codes: R001 no such server, R002 no such field, R003 a type that does not fit, R004 no such command,
+R005 no such parameter, R006 two actuators on one command.
 """
 
 from __future__ import annotations
@@ -87,7 +87,7 @@ def _server(
             return server
     hint = did_you_mean(declared.server, (s.name for s in servers))
     found.append(
-        error("E401", declared.span, f"`{declared.name}`: there is no server `{declared.server}`", hint)
+        error("R001", declared.span, f"`{declared.name}`: there is no server `{declared.server}`", hint)
     )
     return None
 
@@ -104,11 +104,11 @@ def _bind_sensor(
         if spec is None:
             hint = did_you_mean(sensor.field, (f.name for f in server.fields))
             what = f"`{sensor.name}`: {server.name} has no field `{sensor.field}`"
-            found.append(error("E402", sensor.span, what, hint))
+            found.append(error("R002", sensor.span, what, hint))
             return None
         if not _sensor_fits(sensor.type, spec):
             what = f"`{sensor.name}`: {server.name}.{spec.name} is {spec.type}, not {sensor.type}"
-            found.append(error("E403", sensor.span, what, f"it is {spec.meaning}"))
+            found.append(error("R003", sensor.span, what, f"it is {spec.meaning}"))
             return None
         factor = sensor.factor
     return SensorBinding(
@@ -153,7 +153,7 @@ def _bind_actuator(
         if command is None:
             hint = did_you_mean(actuator.command, (c.name for c in server.commands))
             what = f"`{actuator.name}`: {server.name} has no command `{actuator.command}`"
-            found.append(error("E404", actuator.span, what, hint))
+            found.append(error("R004", actuator.span, what, hint))
             return None
         before = len(found)
         _check_parameters(actuator, command, found)
@@ -172,10 +172,10 @@ def _check_parameters(actuator: Actuator, command: CommandSpec, found: list[Diag
         spec = known.get(field.name)
         if spec is None:
             what = f"`{actuator.name}.{field.name}`: {actuator.server}.{command.name} takes no `{field.name}`"
-            found.append(error("E405", field.span, what, did_you_mean(field.name, known)))
+            found.append(error("R005", field.span, what, did_you_mean(field.name, known)))
         elif not _fits(field.type, spec.type):
             what = f"`{actuator.name}.{field.name}` is {field.type}, but the command takes {spec.type}"
-            found.append(error("E403", field.span, what, f"it is the {spec.meaning}"))
+            found.append(error("R003", field.span, what, f"it is the {spec.meaning}"))
 
 
 def _shared_commands(actuators: tuple[Actuator, ...]) -> Iterable[Diagnostic]:
@@ -185,7 +185,7 @@ def _shared_commands(actuators: tuple[Actuator, ...]) -> Iterable[Diagnostic]:
         if other != actuator.name:
             where = f"{actuator.server}.{actuator.command}"
             yield error(
-                "E406",
+                "R006",
                 actuator.span,
                 f"`{actuator.name}` and `{other}` both command {where}: nothing would arbitrate between them",
                 "wire the modules of both under one actuator",

@@ -59,7 +59,7 @@ class Fetch:
 Bid = Literal[
     "command",  # active: the network lets its command through
     "held back",  # its predicate holds, but by the network another stands above it
-    "silent",  # its predicate does not hold, or something that it reads is missing
+    "silent",  # its predicate does not hold, something is missing, or it does not tell why it has no command
 ]
 
 

@@ -15,7 +15,7 @@ from colony.compile.clients import ClientList
 from colony.ir.program import Program
 from colony.ir.types import Value
 from colony.runtime.arbitration import timing
-from colony.runtime.assembly import KEPT_NS
+from colony.runtime.assembly import KEPT_MOST, KEPT_NS
 from colony.runtime.bindings import bind
 from colony.runtime.clock import Clock
 from colony.runtime.drivers import Drivers
@@ -64,7 +64,7 @@ class Session:
         frame_ns = program.robot.frame_ns
         bindings = bind(program)
         members = team(program, clients, bindings, sinks)
-        times, keep = timing(frame_ns), max(2, KEPT_NS // frame_ns)
+        times, keep = timing(frame_ns), min(max(2, KEPT_NS // frame_ns), KEPT_MOST)
         servers: tuple[Node, ...] = (
             RServer(
                 drivers.base,

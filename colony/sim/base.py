@@ -1,6 +1,6 @@
 """How the robots' bases move: two wheels, limited acceleration, a round hull that walls and robots stop.
 
-A step is cut into slices of ten milliseconds at most. In each slice the speeds move toward the command, as
+A step is cut into slices of twenty milliseconds at most. In each slice the speeds move toward the command, as
 far as the acceleration allows, and the robot drives an exact arc. Where the arc's end would be inside a wall
 or another robot, the base goes as far as it can and its wheels stall; it may still turn, and drive away. What
 a robot drives in a slice is much shorter than its hull, so nothing is jumped over. Within a step the robots
@@ -18,7 +18,7 @@ import math
 
 from colony.sim.compiled import Bools, Floats, Ints, compiled, inlined
 
-SLICE_S = 0.01
+SLICE_S = 0.02
 """The longest time over which speeds are taken as constant."""
 
 _SKIN_MM = 1.0  # nearer than this to the hull counts as touching it
@@ -108,7 +108,7 @@ def _gather(
     wall_room: Ints,
     robot_room: Ints,
 ) -> tuple[Ints, Ints]:
-    """The walls and robots that a robot may touch if each robot moves by less than `reach`."""
+    """The walls and robots that a robot may touch when it moves by `reach` at most."""
     x, y = poses[robot, 0], poses[robot, 1]
     wall_count = 0
     for wall in range(walls.shape[0]):
@@ -118,7 +118,7 @@ def _gather(
     robot_count = 0
     for other in range(poses.shape[0]):
         dx, dy = poses[other, 0] - x, poses[other, 1] - y
-        most = 2.0 * (radius + reach) + _SKIN_MM
+        most = 2.0 * radius + reach + _SKIN_MM
         if other != robot and dx * dx + dy * dy < most * most:
             robot_room[robot_count] = other
             robot_count += 1
@@ -126,7 +126,14 @@ def _gather(
 
 
 @inlined
-def _touch(
+def _half(heading: float, dx: float, dy: float) -> int:
+    """Which half of the hull is in the direction (dx, dy): 0 the front, 1 the rear."""
+    angle = math.radians(heading)
+    return 0 if dy * math.cos(angle) - dx * math.sin(angle) >= 0.0 else 1
+
+
+@inlined
+def _feel(
     robot: int,
     poses: Floats,
     walls: Floats,
@@ -134,20 +141,25 @@ def _touch(
     near_robots: Ints,
     radius: float,
     contacts: Bools,
+    bumps: Ints,
 ) -> None:
-    """Set the front and rear bumper of a robot: what touches the hull presses the half that it touches."""
-    x, y = poses[robot, 0], poses[robot, 1]
-    heading = math.radians(poses[robot, 2])
-    ahead_x, ahead_y = -math.sin(heading), math.cos(heading)
+    """Set the front and rear bumper of a robot: what touches the hull presses the half that it touches.
+
+    Where nothing was touched before, that is a bump.
+    """
+    before = contacts[robot, 0] or contacts[robot, 1]
     contacts[robot, 0] = contacts[robot, 1] = False
+    x, y = poses[robot, 0], poses[robot, 1]
     for wall in near_walls:
         distance, dx, dy = _wall_distance(walls, wall, x, y)
         if distance < radius + _SKIN_MM:
-            contacts[robot, 0 if dx * ahead_x + dy * ahead_y >= 0.0 else 1] = True
+            contacts[robot, _half(poses[robot, 2], dx, dy)] = True
     for other in near_robots:
         dx, dy = poses[other, 0] - x, poses[other, 1] - y
         if math.hypot(dx, dy) < 2.0 * radius + _SKIN_MM:
-            contacts[robot, 0 if dx * ahead_x + dy * ahead_y >= 0.0 else 1] = True
+            contacts[robot, _half(poses[robot, 2], dx, dy)] = True
+    if (contacts[robot, 0] or contacts[robot, 1]) and not before:
+        bumps[robot] += 1
 
 
 @inlined
@@ -205,14 +217,14 @@ def move(
         poses, odometry: (robots, 3), x, y, heading; changed.
         speeds, commands: (robots, 2), ahead and turning; speeds are changed.
         scales: (robots, 2), what the left and the right wheel report of a millimeter.
-        noise: (robots, slices, 2), standard normal, for the slip of the wheels in each slice.
-        walls: (n, 4).
+        noise: (robots, k), standard normal; the last two times `slices` are for the slip of the wheels.
+        walls: (n, 7), as `wall_table` gives them.
         distances: (robots,), the way driven so far; changed.
         radius, base: of hull and wheels, in mm; the accelerations in mm/s^2 and degrees/s^2.
         slip: the standard deviation of a wheel's count per square root of a millimeter.
         wall_room, robot_room: (n,) and (robots,), room to work in.
-        contacts: (robots, 2), front and rear bumper; bumps: (robots,), how often a robot ran into
-            something so far; both changed.
+        contacts: (robots, 2), front and rear bumper; changed.
+        bumps: (robots,), how often a robot ran into something so far; changed.
     """
     dt = time_s / slices
     first = noise.shape[1] - 2 * slices
@@ -234,9 +246,8 @@ def move(
             distances[robot] += abs(way)
             z = first + 2 * part
             _count(odometry, scales, robot, way, turn, base, slip, noise[robot, z], noise[robot, z + 1])
-    for robot in range(poses.shape[0]):
-        before = contacts[robot, 0] or contacts[robot, 1]
+            if len(near[0]) + len(near[1]) > 0:
+                _feel(robot, poses, walls, near[0], near[1], radius, contacts, bumps)
+    for robot in range(poses.shape[0]):  # those that moved later may touch those that moved before
         near = _gather(robot, poses, walls, 0.0, radius, wall_room, robot_room)
-        _touch(robot, poses, walls, near[0], near[1], radius, contacts)
-        if (contacts[robot, 0] or contacts[robot, 1]) and not before:
-            bumps[robot] += 1
+        _feel(robot, poses, walls, near[0], near[1], radius, contacts, bumps)

@@ -44,6 +44,15 @@ class Bumper(NamedTuple):
     rear: bool
 
 
+class _Snapshot(NamedTuple):
+    """The state of all robots, one row each."""
+
+    poses: list[list[float]]
+    odometry: list[list[float]]
+    speeds: list[list[float]]
+    contacts: list[list[bool]]
+
+
 class World:
     """Robots of one kind among walls.
 
@@ -100,6 +109,7 @@ class World:
         self._sonar = np.empty((count, CHANNELS))
         self._infrared = np.empty((count, CHANNELS), dtype=np.bool_)
         self._sensed = False
+        self._snapshot: _Snapshot | None = None
 
     def __len__(self) -> int:
         """How many robots there are."""
@@ -114,10 +124,9 @@ class World:
         if not (math.isfinite(velocity_mm_s) and math.isfinite(turn_deg_s)):
             raise ValueError(f"the speeds are {velocity_mm_s} and {turn_deg_s}; expected finite ones")
         fastest, turn = self.config.max_velocity_mm_s, self.config.max_turn_deg_s
-        self._commands[self._index(robot)] = (
-            min(max(velocity_mm_s, -fastest), fastest),
-            min(max(turn_deg_s, -turn), turn),
-        )
+        robot = self._index(robot)
+        self._commands[robot, 0] = min(max(velocity_mm_s, -fastest), fastest)
+        self._commands[robot, 1] = min(max(turn_deg_s, -turn), turn)
 
     def advance(self, dt_s: float) -> None:
         """Let `dt_s` seconds pass.
@@ -153,6 +162,7 @@ class World:
             self._bumps,
         )
         self._sensed = False
+        self._snapshot = None
 
     def sonar(self, robot: int) -> NDArray[np.float64]:
         """What the sonars read, (24,) float64 in mm: 12 ahead, 18 left, 0 back, 6 right."""
@@ -168,8 +178,7 @@ class World:
 
     def bumper(self, robot: int) -> Bumper:
         """Which halves of a robot's hull are touched by a wall or another robot."""
-        front, rear = self._contacts[self._index(robot)].tolist()
-        return Bumper(front, rear)
+        return Bumper(*self._now().contacts[self._index(robot)])
 
     def bumps(self, robot: int) -> int:
         """How often a robot has run into something so far; a contact that lasts counts once."""
@@ -181,15 +190,15 @@ class World:
 
     def speed(self, robot: int) -> Speed:
         """How fast a robot moves at the moment."""
-        return Speed(*self._speeds[self._index(robot)].tolist())
+        return Speed(*self._now().speeds[self._index(robot)])
 
     def true_pose(self, robot: int) -> Pose:
         """Where a robot really is."""
-        return Pose(*self._poses[self._index(robot)].tolist())
+        return Pose(*self._now().poses[self._index(robot)])
 
     def odometry(self, robot: int) -> Pose:
         """Where a robot believes it is, by counting what its wheels turn; at first the true pose."""
-        return Pose(*self._odometry[self._index(robot)].tolist())
+        return Pose(*self._now().odometry[self._index(robot)])
 
     def set_odometry(self, robot: int, pose: tuple[float, float, float]) -> None:
         """Make a robot believe that it is at `pose`; it does not move.
@@ -198,11 +207,19 @@ class World:
             ValueError: a number is not finite.
         """
         self._odometry[self._index(robot)] = _checked_poses([pose])[0]
+        self._snapshot = None
 
     def _index(self, robot: int) -> int:
         if not 0 <= robot < len(self._poses):
             raise IndexError(f"there is no robot {robot}; expected 0 to {len(self._poses) - 1}")
         return robot
+
+    def _now(self) -> _Snapshot:
+        """The present state as plain Python numbers, made once a step."""
+        if self._snapshot is None:
+            arrays = (self._poses, self._odometry, self._speeds, self._contacts)
+            self._snapshot = _Snapshot(*(array.tolist() for array in arrays))
+        return self._snapshot
 
     def _draw(self, slices: int) -> None:
         """Draw each robot's noise of one step: 24 numbers for its sonars, then two a slice for its wheels."""
@@ -269,9 +286,11 @@ def _checked_walls(walls: ArrayLike) -> NDArray[np.float64]:
 
 
 def _checked_poses(poses: Sequence[tuple[float, float, float]]) -> NDArray[np.float64]:
-    checked = np.array(poses, dtype=np.float64).reshape(len(poses), -1)
-    if checked.shape[1:] != (3,) or not 1 <= len(checked) <= MAX_ROBOTS:
-        raise ValueError(f"expected from 1 to {MAX_ROBOTS} poses of x, y, heading; found {len(checked)}")
+    checked = np.array(poses, dtype=np.float64)
+    if checked.ndim != 2 or checked.shape[1] != 3 or len(checked) > MAX_ROBOTS:
+        raise ValueError(
+            f"the poses have the shape {checked.shape}; expected (n, 3), n from 1 to {MAX_ROBOTS}"
+        )
     if not np.isfinite(checked).all():
         raise ValueError("a pose is not finite")
     checked[:, 2] %= 360.0

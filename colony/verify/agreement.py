@@ -9,6 +9,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from types import MappingProxyType
 
+from colony.compile.backends.python import generate, load
 from colony.compile.executor import ClientExecutor, ClientListExecutor, ClientStep
 from colony.compile.pipeline import Compiled, compile_program
 from colony.ir.frame import Decision, Executor, Frame, Outcome
@@ -27,10 +28,15 @@ def _exclusive_clients(compiled: Compiled) -> Executor:
     return ClientListExecutor(compiled.program, compiled.clients, exclusive=True)
 
 
+def _generated_python(compiled: Compiled) -> Executor:
+    return load(generate(compiled.program, compiled.clients))
+
+
 EXECUTORS: Mapping[str, Factory] = MappingProxyType(
     {
         "clients by priority": _clients,
         "clients by exclusive guards": _exclusive_clients,
+        "generated Python": _generated_python,
     }
 )
 """All executors of the compiled form in this process."""

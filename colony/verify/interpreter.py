@@ -21,7 +21,8 @@ from colony.verify.interpreter_expressions import Memory, Moment, evaluate, miss
 class Interpreter:
     """Executes `program` (an `ir.frame.Executor`). Mutable: it has all of the program's memory.
 
-    Classes of Python modules are imported and built here, and whatever that raises is raised.
+    Raises:
+        Failure: the class of a Python module cannot be imported and built.
     """
 
     def __init__(self, program: ir.Program) -> None:

@@ -6,6 +6,7 @@ import math
 from collections.abc import Iterator, Mapping
 from importlib import import_module
 
+from colony.diagnostics import Failure, error
 from colony.ir.frame import Reading, RecordKind
 from colony.ir.program import Actuator, PythonModule, Sensor
 from colony.ir.types import Array, Bool, Enum, Scalar, ScalarValue, Value
@@ -119,11 +120,22 @@ class PythonRunner:
     """One Python module and its answers. Mutable: the object that it runs has state."""
 
     def __init__(self, module: PythonModule, actuator: Actuator | None) -> None:
-        """Import and build the class once; whatever that raises is raised."""
+        """Import and build the class, once.
+
+        Raises:
+            Failure: that did not work; the error says why.
+        """
         self.module = module
         self._fields = actuator.fields if actuator else ()
-        cls = getattr(import_module(module.module_path), module.class_name)
-        self._object = cls(**dict(module.params))
+        try:
+            cls = getattr(import_module(module.module_path), module.class_name)
+            self._object = cls(**dict(module.params))
+        except Exception as problem:
+            path = f"{module.module_path}:{module.class_name}"
+            message = f"`{path}` cannot be imported and built: {type(problem).__name__}: {problem}"
+            raise Failure(
+                [error("E601", module.span, message, "its params are given by keyword")]
+            ) from problem
         self._last_call: int | None = None
         self._answers: list[tuple[int, Command]] = []  # with the time from which each stands
 

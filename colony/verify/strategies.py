@@ -1,18 +1,17 @@
 """Hypothesis strategies for behaviors and what happens to them, to property-test one's own with.
 
-    from hypothesis import given, strategies as st
-    from colony.dsl.load import load_text
-    from colony.verify.agreement import disagreement
+    from hypothesis import given
+    from colony.dsl.load import load_file
+    from colony.verify.interpreter import Interpreter
     from colony.verify.strategies import traces
 
-    program = load_text(Path("wander.colony").read_text())
+    wander = load_file("wander.colony")
 
-    @given(traces(program))
-    def test_never_drives_forward_while_bumped(trace):
-        interpreter = Interpreter(program)
+    @given(traces(wander))
+    def test_never_rams(trace):
+        interpreter = Interpreter(wander)
         for frame in trace:
-            outcome = interpreter.step(frame)
-            assert "never_ram" not in outcome.breaches
+            assert "never_ram" not in interpreter.step(frame).breaches
 
 What is drawn is valid by construction, shrinks towards small programs, short traces and ordinary readings,
 and holds what goes wrong in practice: missing and faulty sensors, times a nanosecond off, NaN, sharing.
@@ -20,13 +19,19 @@ and holds what goes wrong in practice: missing and faulty sensors, times a nanos
 
 from __future__ import annotations
 
+from random import Random
+
 from hypothesis import strategies as st
 
 from colony.ir.frame import Frame
 from colony.ir.program import Program
-from colony.verify.strategies_frames import drawn_frame, drawn_trace
-from colony.verify.strategies_network import network_programs
-from colony.verify.strategies_text import program_texts
+from colony.verify.strategies_drawing import Choices, choices
+from colony.verify.strategies_frames import draw_frame, draw_trace
+from colony.verify.strategies_network import draw_network
+from colony.verify.strategies_text import draw_text
+
+Run = tuple[Program, tuple[Frame, ...]]
+"""A program, and frames for it."""
 
 
 def networks(*, max_modules: int = 6, max_wires: int = 5) -> st.SearchStrategy[Program]:
@@ -37,7 +42,7 @@ def networks(*, max_modules: int = 6, max_wires: int = 5) -> st.SearchStrategy[P
     with shared wires, inhibitors of suppressors of inhibitors, and time constants. The contract
     `<name>_is_silent` of each module and wire is broken where it is active.
     """
-    return network_programs(max_modules=max_modules, max_wires=max_wires)
+    return choices().map(lambda c: draw_network(c, max_modules, max_wires))
 
 
 def texts(*, python: bool = True) -> st.SearchStrategy[str]:
@@ -45,7 +50,7 @@ def texts(*, python: bool = True) -> st.SearchStrategy[str]:
 
     With `python`, some modules are written in Python.
     """
-    return program_texts(python=python)
+    return choices().map(lambda c: draw_text(c, python))
 
 
 def programs(*, python: bool = True) -> st.SearchStrategy[Program]:
@@ -61,7 +66,7 @@ def programs(*, python: bool = True) -> st.SearchStrategy[Program]:
 
 def frames(program: Program, *, t_ns: int = 0) -> st.SearchStrategy[Frame]:
     """One frame of `program` at `t_ns`, in declared units: readings near its constants, odd, or missing."""
-    return drawn_frame(program, t_ns)
+    return choices().map(lambda c: draw_frame(c, program, t_ns))
 
 
 def traces(program: Program, *, max_frames: int = 8) -> st.SearchStrategy[tuple[Frame, ...]]:
@@ -70,4 +75,32 @@ def traces(program: Program, *, max_frames: int = 8) -> st.SearchStrategy[tuple[
     Times rise by frames and by the durations that the program waits for, exactly or a nanosecond off.
     Readings come back, go missing, and are of the wrong type, length or range.
     """
-    return drawn_trace(program, max_frames)
+    return choices().map(lambda c: draw_trace(c, program, max_frames))
+
+
+def network_runs(*, max_modules: int = 6, max_wires: int = 5, max_frames: int = 8) -> st.SearchStrategy[Run]:
+    """A network with a trace. More varied than `networks().flatmap(traces)`: drawn as one."""
+    return choices().map(lambda c: _network_run(c, max_modules, max_wires, max_frames))
+
+
+def runs(*, python: bool = True, max_frames: int = 8) -> st.SearchStrategy[Run]:
+    """A program with a trace. More varied than `programs().flatmap(traces)`: drawn as one."""
+    return choices().map(lambda c: _run(c, python, max_frames))
+
+
+def run_of_seed(seed: int, *, network: bool = False, max_frames: int = 8) -> Run:
+    """What `runs` (or `network_runs`) may draw, always the same for a seed, without hypothesis."""
+    c = Choices(Random(seed))
+    return _network_run(c, 6, 5, max_frames) if network else _run(c, True, max_frames)
+
+
+def _network_run(c: Choices, max_modules: int, max_wires: int, max_frames: int) -> Run:
+    program = draw_network(c, max_modules, max_wires)
+    return program, draw_trace(c, program, max_frames)
+
+
+def _run(c: Choices, python: bool, max_frames: int) -> Run:
+    from colony.dsl.load import load_text
+
+    program = load_text(draw_text(c, python))
+    return program, draw_trace(c, program, max_frames)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from random import Random
 from typing import TypeVar
 
 from hypothesis import strategies as st
@@ -11,17 +12,26 @@ T = TypeVar("T")
 
 
 class Choices:
-    """Draws of a composite strategy. Each is made so that it shrinks to the first, the fewest, or no."""
+    """Choices from a source of random numbers: a real one, or one of hypothesis, which then shrinks them.
 
-    def __init__(self, draw: st.DrawFn) -> None:
-        self._draw = draw
+    Each is made so that it shrinks to the first, the fewest, or no. They are drawn from one `randoms()`, not
+    by a strategy each: those cost more, and hypothesis repeats parts drawn by equal strategies, which makes
+    five of six drawn programs nearly the same.
+    """
+
+    def __init__(self, random: Random) -> None:
+        self._random = random
 
     def upto(self, most: int) -> int:
         """0 .. `most`."""
-        return self._draw(st.integers(0, most)) if most > 0 else 0
+        return self._random.randint(0, most) if most > 0 else 0
 
     def between(self, fewest: int, most: int) -> int:
         return fewest + self.upto(most - fewest)
+
+    def several(self, fewest: int, most: int) -> int:
+        """`fewest` .. `most`, rather many than few."""
+        return fewest + max(self.upto(most - fewest), self.upto(most - fewest))
 
     def one(self, of: Sequence[T]) -> T:
         """One of at least one."""
@@ -30,3 +40,8 @@ class Choices:
     def rarely(self, times: int = 3) -> bool:
         """Yes about once in `times`."""
         return self.upto(times - 1) == times - 1
+
+
+def choices() -> st.SearchStrategy[Choices]:
+    """Choices that hypothesis makes and shrinks."""
+    return st.randoms(use_true_random=False, note_method_calls=False).map(Choices)

@@ -17,14 +17,17 @@ SPEED = LENGTH.over(TIME)
 TURN_RATE = ANGLE.over(TIME)
 
 LITERALS: dict[Dimension, tuple[str, ...]] = {
-    NUMBER: ("1", "2", "3", "0.5", "0.1", "7", "100", "1e9", "1e300"),
-    LENGTH: ("1 mm", "100 mm", "0 mm", "50 cm", "1 m", "2.5 m", "1 inch", "0.1 ft", "1e300 m"),
+    NUMBER: ("1", "2", "2.5", "0.5", "0.1", "7", "100", "1e9", "1e300"),
+    LENGTH: ("1 mm", "0.5 mm", "100 mm", "0 mm", "50 cm", "1 m", "2.5 m", "1 inch", "0.1 ft", "1e300 m"),
     TIME: ("1 s", "50 ms", "0 s", "150 ms", "0.1 s", "1 min", "2 s"),
     ANGLE: ("10 deg", "90 deg", "0 deg", "180 deg", "1 rad", "359.5 deg", "720 deg"),
     SPEED: ("100 mm/s", "0 mm/s", "0.3 m/s", "600 mm/s", "1 ft/s", "7 inch/min"),
     TURN_RATE: ("30 deg/s", "0 deg/s", "1 rad/s", "90 deg/s", "600 deg/min"),
 }
 """A few magnitudes each, so that values often meet; some overflow when multiplied."""
+
+ODD_NUMBERS = ("sqrt(-1)", "(1 / 0)", "(-1 / 0)", "(-1 / (1 / 0))")
+"""NaN, the infinities, and -0.0."""
 
 DURATIONS_MS = (100, 50, 150, 20, 1000)
 
@@ -95,6 +98,9 @@ class Expressions:
 
     def bool(self, depth: int) -> str:
         if depth <= 0 or self.choices.rarely(5):
+            there = [f"fresh({n.text})" for n in self.scope.names if n.fresh]
+            if there and self.choices.rarely(6):
+                return self.choices.one(there)
             read = [*self.atoms(BOOL), *self.scope.promises]
             return self.choices.one(("true", "false") if not read or self.choices.rarely(8) else read)
         makers: list[Callable[[int], str]] = [self._comparison, self._logic, self._comparison]
@@ -154,13 +160,10 @@ class Expressions:
 
     def _bool_other(self, depth: int) -> str:
         arrays = self.arrays(BOOL)
-        there = [n.text for n in self.scope.names if n.fresh]
-        which = self.choices.upto(3)
-        if which == 0 and there:
-            return f"fresh({self.choices.one(there)})"
-        if which == 1 and arrays:
+        which = self.choices.upto(2)
+        if which == 0 and arrays:
             return self._element(self.choices.one(arrays), depth)
-        if which == 2:
+        if which == 1:
             return f"value_or({self.bool(depth)}, {self.bool(depth - 1)})"
         return f"(if {self.bool(depth - 1)} then {self.bool(depth)} else {self.bool(depth)})"
 
@@ -194,13 +197,8 @@ class Expressions:
     def quantity(self, of: Dimension, depth: int) -> str:
         if depth <= 0 or self.choices.rarely(5):
             return self._quantity_leaf(of)
-        makers: list[Callable[[Dimension, int], str]] = [
-            self._sum,
-            self._product,
-            self._several,
-            self._choice,
-        ]
-        makers += [self._array_reduction, self._own]
+        makers: list[Callable[[Dimension, int], str]] = [self._sum, self._product, self._several]
+        makers += [self._choice, self._array_reduction, self._own, self._own]
         if self.scope.memory:
             makers += [self._quantity_memory]
         return self.choices.one(makers)(of, depth - 1)
@@ -208,8 +206,10 @@ class Expressions:
     def _quantity_leaf(self, of: Dimension) -> str:
         """Mostly what changes from frame to frame; made from a bool if nothing has the dimension."""
         params = self.scope.constants.get(of, ())
-        if self.choices.rarely():
+        if self.choices.rarely(4):
             return self.choices.one(params) if params else self.literal(of)
+        if self.choices.rarely(10):
+            return f"({self.choices.one(ODD_NUMBERS)} * {self.literal(of)})"
         atoms = self.atoms(Quantity(of))
         if atoms:
             return self.choices.one(atoms)
@@ -255,7 +255,7 @@ class Expressions:
     def _several(self, of: Dimension, depth: int) -> str:
         """Functions of numbers of one dimension that give one of it."""
         function = self.choices.one(
-            ("min", "max", "abs", "clamp", "round", "floor", "ceil", "sum", "mean", "sqrt")
+            ("min", "max", "round", "sum", "abs", "clamp", "floor", "ceil", "round", "mean", "sqrt")
         )
         count = {"abs": 1, "round": 1, "floor": 1, "ceil": 1, "clamp": 3}.get(function, 2)
         arguments = [self.quantity(of, depth if i == 0 else depth - 1) for i in range(count)]
@@ -296,10 +296,7 @@ class Expressions:
                 array = self.some_array(BOOL, depth)
                 return self._comprehension("count", BOOL, depth) if array is None else f"count({array})"
             case 1 | 7:
-                array = self.some_array(Quantity(self.dimension()), depth)
-                return (
-                    "1" if array is None else f"{self.choices.one(('index_of_min', 'index_of_max'))}({array})"
-                )
+                return self._index_function(depth)
             case 2:
                 return f"{self.choices.one(('sin', 'cos'))}({self.quantity(ANGLE, depth)})"
             case 3:
@@ -423,11 +420,23 @@ class Expressions:
             case _:
                 return f"(if {self.bool(depth)} then {one} else {other})"
 
+    def _index_function(self, depth: int) -> str:
+        """Where the least or greatest of some array of numbers stands; `now()` where there is none."""
+        have = [
+            e for n in self.scope.names if isinstance(e := element_type(n.type), Quantity) and e != n.type
+        ]
+        if not have:
+            return "(now() / 1 s)"
+        array = self.some_array(self.choices.one(have), depth)
+        return f"{self.choices.one(('index_of_min', 'index_of_max'))}({array})"
+
     def _element(self, one: NamedArray, depth: int) -> str:
         """An element by a constant index, or by one that is computed from something read."""
         numbers = self.scope.of(PLAIN)
-        if numbers and self.choices.rarely(2):
+        if numbers and self.choices.rarely(3):
             return f"{one.text}[{self.choices.one(numbers)} + {self.quantity(NUMBER, depth - 1)}]"
+        if self.choices.rarely(2):
+            return f"{one.text}[{self._index_function(depth)} + {self.choices.upto(one.type.size)}]"
         return f"{one.text}[{self.choices.upto(one.type.size - 1)}]"
 
     def _comprehension(self, function: str, of: Scalar, depth: int) -> str:

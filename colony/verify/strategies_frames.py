@@ -5,8 +5,6 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator
 
-from hypothesis import strategies as st
-
 from colony.ir import expression as ir
 from colony.ir.frame import Frame, Reading
 from colony.ir.program import Chain, Let, Machine, Module, Program, PythonModule, Sensor, State, Wiring
@@ -29,28 +27,24 @@ ODD_READINGS: tuple[Reading, ...] = (
 """Readings that are wrong for most sensors, each in its way."""
 
 
-@st.composite
-def drawn_frame(draw: st.DrawFn, program: Program, t_ns: int) -> Frame:
+def draw_frame(choices: Choices, program: Program, t_ns: int) -> Frame:
     """See `colony.verify.strategies.frames`."""
-    choices = Choices(draw)
     numbers = constants_of(program)
     return Frame(t_ns, {s.name: _reading(choices, s, numbers) for s in program.robot.sensors})
 
 
-@st.composite
-def drawn_trace(draw: st.DrawFn, program: Program, max_frames: int) -> tuple[Frame, ...]:
+def draw_trace(choices: Choices, program: Program, max_frames: int) -> tuple[Frame, ...]:
     """See `colony.verify.strategies.traces`."""
-    choices = Choices(draw)
     numbers = constants_of(program)
     # A few readings a sensor, met again and again: memory shows only where values come back.
     pools = {
-        s.name: [_reading(choices, s, numbers) for _ in range(choices.between(1, 4))]
+        s.name: [_reading(choices, s, numbers) for _ in range(choices.several(1, 4))]
         for s in program.robot.sensors
     }
     gaps = _gaps(program)
     t_ns = choices.one((0, 1_000_000_000, 1, -50_000_001))
     frames: list[Frame] = []
-    while not frames or (len(frames) < max_frames and choices.upto(9) > 0):
+    while not frames or (len(frames) < max_frames and choices.upto(14) > 0):
         frames.append(Frame(t_ns, {name: choices.one(pool) for name, pool in pools.items()}))
         t_ns += choices.one(gaps)
     return tuple(frames)
@@ -81,7 +75,7 @@ def _scalar(choices: Choices, of: Scalar, sensor: Sensor, numbers: list[float]) 
         case Quantity():
             bounds = [x / sensor.factor for x in (sensor.low, sensor.high) if x is not None]
             near = [x / sensor.factor for x in numbers]
-            return choices.one((0.0, 1.0, *bounds, *near, 2, -1, -0.0, 3.5, 100.0, 0.5, -7.25, 1e12, 1e-300))
+            return choices.one((0.0, 1.0, *bounds, *near, 2, -1, -0.0, 2.5, 100.0, 0.5, -7.25, 1e12, -0.0))
 
 
 def constants_of(program: Program) -> list[float]:

@@ -10,8 +10,6 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Literal
 
-from hypothesis import strategies as st
-
 from colony.ir.expression import Constant, IsActive, SensorValue, Unary, UnaryOperation
 from colony.ir.program import (
     Actuator,
@@ -51,6 +49,7 @@ class Wirings:
         self.choices = choices
         self.ports = list(ports)
         self.windows_ns = windows_ns
+        self._before = ""
 
     def commanding(self, actuator: str | None) -> list[Port]:
         """The ports whose every output commands `actuator`."""
@@ -68,11 +67,18 @@ class Wirings:
             case Chain(operands=operands):
                 return frozenset[str | None]().union(*map(self.outputs, operands))
 
+    def _another(self, among: Sequence[Port]) -> Port:
+        """One of `among`, mostly not the one before: a module that only meets itself shows nothing."""
+        others = [p for p in among if p.name != self._before] or list(among)
+        port = self.choices.one(among if self.choices.rarely(6) else others)
+        self._before = port.name
+        return port
+
     def draw(self, among: Sequence[Port], depth: int) -> Wiring:
         """A wiring whose outputs come from ports in `among`; what only inhibits may be any port."""
         kind = self.choices.upto(7) if depth > 0 else 0
         if kind <= 1:
-            return Use(name=self.choices.one(among).name)
+            return Use(name=self._another(among).name)
         relation: Literal["suppresses", "inhibits"] = "suppresses" if kind <= 5 else "inhibits"
         count = self.choices.between(2, 3)
         inhibiting = self.ports[::-1]  # the latest first: seldom what they inhibit, which would be dead
@@ -90,7 +96,7 @@ class Wirings:
 def draw_wires(wirings: Wirings, actuators: Sequence[str], most: int, depth: int) -> list[Wire]:
     """Up to `most` named wires, each for one actuator, and one that drives each actuator."""
     wires: list[Wire] = []
-    for i in range(wirings.choices.upto(most)):
+    for i in range(wirings.choices.several(0, most)):
         among = wirings.commanding(wirings.choices.one(actuators))
         if among:
             wire = Wire(name=f"w{i}", wiring=wirings.draw(among, depth))
@@ -105,12 +111,10 @@ def draw_wires(wirings: Wirings, actuators: Sequence[str], most: int, depth: int
     return wires
 
 
-@st.composite
-def network_programs(draw: st.DrawFn, max_modules: int = 6, max_wires: int = 5) -> Program:
+def draw_network(choices: Choices, max_modules: int, max_wires: int) -> Program:
     """See `colony.verify.strategies.networks`."""
-    choices = Choices(draw)
     actuators = ("drive", "arm")[: choices.between(1, 2)]
-    count = choices.between(1, max_modules)
+    count = choices.several(1, max_modules)
     modules = tuple(_module(i, choices.one((*actuators, *actuators, None))) for i in range(count))
     ports = [Port(name=m.name, actuators=frozenset({m.actuator})) for m in modules]
     wires = draw_wires(Wirings(choices, ports), actuators, max_wires, 2)

@@ -8,8 +8,6 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import replace
 
-from hypothesis import strategies as st
-
 from colony.ir.types import BOOL, PLAIN, Array, Enum, Quantity, Scalar, Type
 from colony.units import ANGLE, LENGTH, NUMBER, TIME, Dimension
 from colony.verify.strategies_drawing import Choices
@@ -36,10 +34,9 @@ UNITS: dict[Dimension, tuple[str, ...]] = {
 WINDOWS_NS = (0, 0, 100_000_000, 50_000_000, 150_000_000)
 
 
-@st.composite
-def program_texts(draw: st.DrawFn, python: bool = True) -> str:
+def draw_text(choices: Choices, python: bool) -> str:
     """See `colony.verify.strategies.texts`."""
-    return _Text(Choices(draw), python).program()
+    return _Text(choices, python).program()
 
 
 Constants = dict[Dimension, tuple[str, ...]]
@@ -59,6 +56,8 @@ class _Text:
         self.lines: list[str] = []
         self.scope = Scope(enums=(MOOD,))
         self.light = False
+        self.probes = choices.several(0, 2)
+        self.seen: list[Quantity] = []  # what the probes send
         self.ports: list[Port] = []
         self.parts: list[Named] = []  # `module.name`, for contracts
         self.params: Constants = {}
@@ -67,9 +66,10 @@ class _Text:
     def program(self) -> str:
         self.robot()
         self.file_level()
-        for i in range(self.choices.between(1, 5)):
+        for i in range(self.choices.several(1, 4)):
             self.module(i)
         self.variations()
+        self.watches()
         wires = self.network()
         self.limits()
         self.contracts(wires)
@@ -92,7 +92,7 @@ class _Text:
         self.add(f"  frame {self.choices.one(('50', '100', '20'))} ms")
         self.add("  sensor b0 : bool from DServer.b0")
         self.readable("b0", BOOL, fresh=True)
-        for i in range(self.choices.upto(4)):
+        for i in range(self.choices.several(0, 4)):
             self.sensor(f"d{i}")
         velocity = self.choices.one(("mm/s", "m/s", "ft/s"))
         turn = self.choices.one(("deg/s", "rad/s", "rad/min"))
@@ -106,6 +106,11 @@ class _Text:
             self.add(f"  actuator light {{ level : number{self.range(3)}, on : bool, mood : mood }}")
             idle = self.choices.one(("light(level = 1, on = false, mood = mood.lost)", "hold"))
             self.add(f"    to DServer.Light idle {idle}{self.on_loss()}")
+        for i in range(self.probes):
+            dimension = self.choices.one([*UNITS])
+            unit = self.choices.one(UNITS[dimension])
+            self.add(f"  actuator probe{i} {{ seen : {unit} }} to DServer.Probe{i} idle hold")
+            self.seen.append(Quantity(dimension))
         self.add("}")
 
     def range(self, most: int) -> str:
@@ -129,7 +134,7 @@ class _Text:
             scalar, unit = Quantity(dimension), self.choices.one(UNITS[dimension])
         size = self.choices.between(1, 5) if self.choices.rarely(2) else 0
         extra = self.range(9) if isinstance(scalar, Quantity) else ""
-        if self.choices.rarely(4):
+        if self.choices.rarely(3):
             default = {"bool": "true", "mood": "mood.alert"}.get(unit, "1")
             extra += f" default {default}"
         shape = f"[{size}]" if size else ""
@@ -275,6 +280,11 @@ class _Text:
             actuators = next(p.actuators for p in self.ports if p.name == name)
             self.ports.append(Port(name="other", actuators=actuators))
 
+    def watches(self) -> None:
+        """Modules that show values as they are, bit for bit; elsewhere most only decide something."""
+        for i, of in enumerate(self.seen):
+            self.add(f"module watch{i} {{\n  when true\n  do probe{i}(seen = {self.write(of, 3)})\n}}")
+
     # --- network, limits, contracts --------------------------------------------------------------
 
     def network(self) -> list[str]:
@@ -283,6 +293,7 @@ class _Text:
         wirings = Wirings(self.choices, self.ports, WINDOWS_NS)
         wires = draw_wires(wirings, actuators, 3, 2)
         lines = [f"  {wire.name} = {wiring_text(wire.wiring)}" for wire in wires]
+        lines += [f"  probe{i} = watch{i}" for i in range(self.probes)]
         if self.choices.rarely(2):
             lines.reverse()
         self.lines += ["network {", *lines, "}"]

@@ -2,7 +2,21 @@
 
 from __future__ import annotations
 
-from colony.view.graph_dot import to_dot
-from colony.view.graph_svg import to_svg
+from colony.compile.elaborate import elaborate
+from colony.compile.network import Network
+from colony.ir.program import Program
+from colony.view import graph_dot, graph_svg
 
-__all__ = ["to_dot", "to_svg"]
+
+def to_svg(drawn: Program | Network, title: str = "") -> str:
+    """A program's network, or a network, as an SVG document."""
+    return graph_svg.to_svg(_network(drawn), title)
+
+
+def to_dot(drawn: Program | Network, title: str = "") -> str:
+    """A program's network, or a network, as a DOT digraph, for Graphviz."""
+    return graph_dot.to_dot(_network(drawn), title)
+
+
+def _network(drawn: Program | Network) -> Network:
+    return elaborate(drawn) if isinstance(drawn, Program) else drawn

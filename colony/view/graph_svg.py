@@ -21,7 +21,7 @@ RADIUS = 15.0
 BEND = 10.0
 LEAST_PITCH = 66.0
 TITLE_HEIGHT = 34.0
-LEGEND_HEIGHT = 30.0
+LEGEND_LINE = 17.0
 
 _STYLE = """
   text { font-family: "Inter", "Helvetica Neue", "Segoe UI", Arial, sans-serif; fill: #1d2b3a; }
@@ -43,7 +43,7 @@ _STYLE = """
   .letter { font-size: 14px; font-weight: 700; text-anchor: middle; }
   .window { font-size: 11px; text-anchor: middle; }
   text.name { font-size: 11.5px; font-style: italic; fill: #5a6b7b; }
-  .legend { font-size: 11.5px; fill: #5a6b7b; }
+  text.legend { font-size: 11.5px; fill: #5a6b7b; }
 """
 
 
@@ -96,9 +96,12 @@ class _Picture:
         rows = sum(place.column == 0 for d in self.drawn.diagrams for place in d.places)
         gaps = max(len(self.drawn.diagrams) - 1, 0) * BETWEEN_DIAGRAMS
         bottom = self.top + rows * ROW + gaps + 8
-        legend_width = text_width(_LEGEND, 9.5)
+        legend = [
+            text for kind, text in _LEGEND.items() if any(isinstance(n, kind) for n in self.network.nodes)
+        ]
+        legend_width = max((text_width(text, 10) for text in legend), default=0)
         width = max(self._end_x() + self.end + MARGIN, legend_width + 2 * MARGIN)
-        height = bottom + LEGEND_HEIGHT
+        height = bottom + len(legend) * LEGEND_LINE + MARGIN / 2
         title = escape(self.title or "Network")
         head = (
             f'<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 {_n(width)} {_n(height)}" '
@@ -108,8 +111,9 @@ class _Picture:
         )
         if self.title:
             head += f'<text class="title" x="{_n(MARGIN)}" y="{_n(MARGIN + 12)}">{title}</text>\n'
-        legend = f'<text class="legend" x="{_n(MARGIN)}" y="{_n(bottom + 10)}">{escape(_LEGEND)}</text>\n'
-        return head + "\n".join(elements) + "\n" + legend + "</svg>\n"
+        for i, text in enumerate(legend):
+            elements.append(_text(MARGIN, bottom + 10 + i * LEGEND_LINE, text, "legend"))
+        return head + "\n".join(elements) + "\n</svg>\n"
 
     def _end_x(self) -> float:
         """Where the boxes of actuators begin."""
@@ -183,10 +187,10 @@ class _Picture:
         return f'<g class="{kind}" data-node="{place.node}">{inside}</g>'
 
 
-_LEGEND = (
-    "S: the dominant wire (from above) where it is active, else the inferior one. "
-    "I: the inferior one, where the dominant is not active."
-)
+_LEGEND = {
+    Suppressor: "S: the dominant wire (from above) where it is active, else the inferior one",
+    Inhibitor: "I: the inferior wire where the dominant one (from above) is not active",
+}
 
 
 def _n(value: float) -> str:

@@ -91,11 +91,10 @@ def draw_map(
         low_x, high_y + 0.75 * margin, title or drawn.name,
         fontsize=13, color=_INK, weight="bold", va="center",
     )  # fmt: skip
-    place, columns = (
-        ((high_x, low_y - 0.85 * margin), 12) if rows == 1 else ((low_x, low_y - 1.15 * margin), 2)
-    )
+    beside = rows == 1
     axes.legend(
-        loc="center right" if rows == 1 else "upper left", bbox_to_anchor=place, ncols=columns,
+        loc="center right" if beside else "upper left", ncols=12 if beside else 2,
+        bbox_to_anchor=(high_x, low_y - 0.85 * margin) if beside else (low_x, low_y - 1.15 * margin),
         bbox_transform=axes.transData, borderaxespad=0, fontsize=8, frameon=False, labelcolor=_INK,
         handlelength=1.6, columnspacing=1.4,
     )  # fmt: skip
@@ -106,7 +105,7 @@ _ENTRY_INCHES = 1.6
 
 
 def _legend_rows(width: float, margin: float, paths: int) -> int:
-    """How many rows the legend takes: one beside the scale bar where there is room, else several of two below."""
+    """How many rows of the legend: one beside the scale bar if there is room, else two columns below it."""
     entries = 4 + min(max(paths, 1), len(_PATHS))
     inches = _LONG_SIDE_INCHES * width / max(width, margin / 0.06)
     return 1 if entries * _ENTRY_INCHES < 0.75 * inches else 1 + (entries + 1) // 2

@@ -11,9 +11,7 @@ import time
 from pathlib import Path
 
 import pytest
-from click.testing import CliRunner, Result
-
-from colony.cli.main import colony
+from conftest import Colony
 
 ROOT = Path(__file__).parents[2]
 MAP = str(ROOT / "maps" / "loop.stickrep")
@@ -38,57 +36,51 @@ contract slow_near_walls: min(sonar[9..15]) < 900 mm implies drive.velocity <= 1
 
 @pytest.fixture
 def behavior(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """A behavior that roams, in the present directory."""
     monkeypatch.chdir(tmp_path)
     path = tmp_path / "roam.colony"
     path.write_text(ROAM)
     return path
 
 
-def run(*arguments: object) -> Result:
-    return CliRunner().invoke(colony, ["run", *map(str, arguments)], catch_exceptions=False)
-
-
-def test_a_run_ends_with_a_summary_and_a_picture(behavior: Path) -> None:
-    result = run(behavior, "--map", MAP, "--seed", 3)
-    assert result.exit_code == 0
-    assert "rome: 60.0 s, 1200 frames, seed 3" in result.stdout
-    assert "1 contract held in every frame" in result.stdout
-    assert "wrote run.png" in result.stdout
-    assert [line.split(":")[0] for line in result.stderr.splitlines()] == [
-        f"{10 * n} %" for n in range(1, 10)
-    ]
+def test_a_run_ends_with_a_summary_and_a_picture(colony: Colony, behavior: Path) -> None:
+    result = colony("run", behavior, "--map", MAP, "--seed", "3")
+    assert result.code == 0
+    assert "rome: 60.0 s, 1200 frames, seed 3" in result.out
+    assert "1 contract held in every frame" in result.out
+    assert "wrote run.png" in result.out
+    assert [line.split(":")[0] for line in result.err.splitlines()] == [f"{10 * n} %" for n in range(1, 10)]
     assert (behavior.parent / "run.png").read_bytes().startswith(b"\x89PNG")
 
 
-def test_the_same_seed_gives_the_same_recording(behavior: Path) -> None:
+def test_the_same_seed_gives_the_same_recording(colony: Colony, behavior: Path) -> None:
     for name, seed in (("a", 1), ("b", 1), ("c", 2)):
-        arguments = ("--map", MAP, "--no-picture", "--duration", "10", "--seed", seed, "--record", name)
-        assert run(behavior, *arguments).exit_code == 0
+        arguments = ("--map", MAP, "--no-picture", "--duration", "10", "--seed", str(seed), "--record", name)
+        assert colony("run", behavior, *arguments).code == 0
     a, b, c = (Path(name).read_bytes() for name in "abc")
     assert a == b
     assert a != c
     assert len(a.splitlines()) == 200
 
 
-def test_a_recording_is_input_of_trace(behavior: Path) -> None:
-    assert (
-        run(behavior, "--map", MAP, "--no-picture", "--duration", "20s", "--record", "run.jsonl").exit_code
-        == 0
-    )
+def test_a_recording_is_input_of_trace(colony: Colony, behavior: Path) -> None:
+    arguments = ("--map", MAP, "--no-picture", "--duration", "20s", "--record", "run.jsonl")
+    assert colony("run", behavior, *arguments).code == 0
     recorded = [json.loads(line) for line in Path("run.jsonl").read_text().splitlines()]
     for backend in ("network", "clients"):
-        arguments = ["trace", str(behavior), "--input", "run.jsonl", "--backend", backend]
-        traced = CliRunner().invoke(colony, arguments, catch_exceptions=False)
-        rows = [json.loads(line) for line in traced.stdout.splitlines()]
+        traced = colony("trace", behavior, "--input", "run.jsonl", "--backend", backend)
+        rows = [json.loads(line) for line in traced.out.splitlines()]
         assert [row["t"] for row in rows] == [row["t"] for row in recorded]
         assert [row["drive"] for row in rows] == [row["drive"] for row in recorded]
     assert {row["drive"]["by"] for row in recorded} >= {"cruise", "stagger"}
 
 
-def test_json(behavior: Path) -> None:
-    result = run(behavior, "--map", MAP, "--format", "json", "--duration", "5", "--picture", "way.svg")
-    assert result.exit_code == 0
-    row = json.loads(result.stdout)
+def test_json(colony: Colony, behavior: Path) -> None:
+    result = colony(
+        "run", behavior, "--map", MAP, "--format", "json", "--duration", "5", "--picture", "way.svg"
+    )
+    assert result.code == 0
+    row = json.loads(result.out)
     assert row["frames"] == 100
     assert row["picture"] == "way.svg"
     assert row["recording"] is None
@@ -97,24 +89,24 @@ def test_json(behavior: Path) -> None:
     assert Path("way.svg").read_text().lstrip().startswith("<?xml")
 
 
-def test_a_variable_can_be_held(behavior: Path) -> None:
-    result = run(behavior, "--map", MAP, "--no-picture", "--duration", "2", "--set", "DockedAt=1")
-    assert "(nobody)     2.00 s  100.0 %" in result.stdout
+def test_a_variable_can_be_held(colony: Colony, behavior: Path) -> None:
+    result = colony("run", behavior, "--map", MAP, "--no-picture", "--duration", "2", "--set", "DockedAt=1")
+    assert "(nobody)     2.00 s  100.0 %" in result.out
 
 
-def test_a_broken_contract_is_exit_code_1(behavior: Path) -> None:
+def test_a_broken_contract_is_exit_code_1(colony: Colony, behavior: Path) -> None:
     behavior.write_text(ROAM + "contract crawls: drive.velocity <= 10 mm/s\n")
-    result = run(behavior, "--map", MAP, "--no-picture", "--duration", "2")
-    assert result.exit_code == 1
-    assert "contract crawls: BROKEN in 40 frames, first at 0 s, last at 1.95 s" in result.stdout
+    result = colony("run", behavior, "--map", MAP, "--no-picture", "--duration", "2")
+    assert result.code == 1
+    assert "contract crawls: BROKEN in 40 frames, first at 0 s, last at 1.95 s" in result.out
 
 
-def test_errors_in_the_program_are_located_and_exit_code_1(behavior: Path) -> None:
+def test_errors_in_the_program_are_located_and_exit_code_1(colony: Colony, behavior: Path) -> None:
     behavior.write_text(ROAM.replace("PServer.sonar", "PServer.sonor"))
-    result = run(behavior, "--map", MAP, "--record", "run.jsonl")
-    assert result.exit_code == 1
-    assert "roam.colony:3:12: error[E402]: `sonar`: PServer has no field `sonor`" in result.stderr
-    assert "did you mean `sonar`?" in result.stderr
+    result = colony("run", behavior, "--map", MAP, "--record", "run.jsonl")
+    assert result.code == 1
+    assert "roam.colony:3:12: error[R002]: `sonar`: PServer has no field `sonor`" in result.err
+    assert "did you mean `sonar`?" in result.err
     assert not Path("run.jsonl").exists()
 
 
@@ -132,51 +124,40 @@ MISUSE = [
 ]
 
 
-def run_process(*arguments: object) -> subprocess.CompletedProcess[str]:
-    return subprocess.run(
-        command(*arguments), capture_output=True, text=True, env=environment(), timeout=60, check=False
-    )
-
-
-def command(*arguments: object) -> list[str]:
-    return [sys.executable, "-m", "colony.cli.main", "run", *map(str, arguments)]
-
-
-def environment() -> dict[str, str]:
-    return {**os.environ, "PYTHONPATH": str(ROOT)}
-
-
 @pytest.mark.parametrize(("arguments", "text"), MISUSE)
-def test_misuse_is_one_line_and_exit_code_2(behavior: Path, arguments: tuple[str, ...], text: str) -> None:
-    done = run_process("roam.colony", "--map", MAP, *arguments)
-    assert done.returncode == 2
-    assert text in done.stderr
-    assert len(done.stderr.splitlines()) == 1
-    assert done.stdout == ""
+def test_misuse_is_one_line_and_exit_code_2(
+    colony: Colony, behavior: Path, arguments: tuple[str, ...], text: str
+) -> None:
+    result = colony("run", "roam.colony", "--map", MAP, *arguments)
+    assert result.code == 2
+    assert text in result.err
+    assert len(result.err.splitlines()) == 1
+    assert result.out == ""
     assert behavior.read_text() == ROAM
 
 
-def test_a_missing_file_is_misuse(behavior: Path) -> None:
-    done = run_process("room.colony", "--map", MAP)
-    assert (done.returncode, len(done.stderr.splitlines())) == (2, 1)
-    assert "room.colony:1:1: error[E001]" in done.stderr
+def test_a_missing_file_is_misuse(colony: Colony) -> None:
+    result = colony("run", "room.colony", "--map", MAP)
+    assert (result.code, len(result.err.splitlines())) == (2, 1)
+    assert "room.colony:1:1: error[E001]" in result.err
 
 
-def test_a_full_disk_is_said_in_one_line(behavior: Path) -> None:
+def test_a_full_disk_is_said_in_one_line(colony: Colony, behavior: Path) -> None:
     if not Path("/dev/full").exists():
         pytest.skip("no /dev/full")
-    done = run_process("roam.colony", "--map", MAP, "--record", "/dev/full", "--no-picture")
-    assert (done.returncode, done.stderr) == (2, "/dev/full: error: cannot write: No space left on device\n")
+    result = colony("run", behavior, "--map", MAP, "--record", "/dev/full", "--no-picture")
+    assert (result.code, result.err) == (2, "/dev/full: error: cannot write: No space left on device\n")
 
 
-def started(*arguments: object) -> subprocess.Popen[str]:
+def started() -> subprocess.Popen[str]:
     """A run at wall-clock speed that has recorded a few frames."""
+    arguments = ("--realtime", "--record", "run.jsonl")
     process = subprocess.Popen(
-        command("roam.colony", "--map", MAP, "--realtime", "--record", "run.jsonl", *arguments),
+        [sys.executable, "-m", "colony.cli.main", "run", "roam.colony", "--map", MAP, *arguments],
         stdout=subprocess.PIPE,
         stderr=subprocess.PIPE,
         text=True,
-        env=environment(),
+        env={**os.environ, "PYTHONPATH": str(ROOT)},
     )
     deadline = time.monotonic() + 60
     record = Path("run.jsonl")
@@ -209,7 +190,7 @@ def test_a_killed_run_leaves_whole_lines(behavior: Path) -> None:
     assert [json.loads(line)["t"] for line in data.splitlines()][:3] == [0.0, 0.05, 0.1]
 
 
-def test_help_shows_an_example() -> None:
-    result = run("--help")
-    assert result.exit_code == 0
-    assert "colony run behaviors/wander.colony --map maps/loop.stickrep" in result.stdout
+def test_help_shows_an_example(colony: Colony) -> None:
+    result = colony("run", "--help")
+    assert result.code == 0
+    assert "colony run behaviors/wander.colony --map maps/loop.stickrep" in result.out

@@ -73,7 +73,12 @@ def test_shared_lights_pair_across_the_beginning_of_the_ring(room: Ring) -> None
     assert light == pytest.approx((30 * INCH, 20 * INCH))
     four = with_lights(room, A=(20, 70), B=(30, 90), C=(30, 80), D=(30, 90))
     lights = shared_lights(four) or ()
-    assert sorted((round(p.x / INCH), round(p.y / INCH)) for p in lights) == [(30, 20), (30, 70), (90, 20), (90, 70)]
+    assert sorted((round(p.x / INCH), round(p.y / INCH)) for p in lights) == [
+        (30, 20),
+        (30, 70),
+        (90, 20),
+        (90, 70),
+    ]
 
 
 def test_shared_lights_that_do_not_pair(room: Ring) -> None:

@@ -60,7 +60,11 @@ def test_nothing_is_lost_but_the_seventh_decimal(drawn: Map) -> None:
     for ring, original in zip(back.rings, drawn.rings, strict=True):
         assert [(n.name, n.corner) for n in ring.nodes] == [(n.name, n.corner) for n in original.nodes]
         for edge, before in zip(ring.edges, original.edges, strict=True):
-            assert (edge.kind, edge.counted, edge.attribute) == (before.kind, before.counted, before.attribute)
+            assert (edge.kind, edge.counted, edge.attribute) == (
+                before.kind,
+                before.counted,
+                before.attribute,
+            )
             assert edge.length_mm == pytest.approx(before.length_mm, abs=1e-3)
             offsets = [light.offset_mm for light in before.lights]
             assert [light.offset_mm for light in edge.lights] == pytest.approx(offsets, abs=5e-3)

@@ -16,7 +16,19 @@ from colony.ir.expression import (
     Unary,
     UnaryOperation,
 )
-from colony.ir.program import Actuator, ActuatorField, Chain, Command, Contract, Module, Program, Robot, Sensor, Use, Wire
+from colony.ir.program import (
+    Actuator,
+    ActuatorField,
+    Chain,
+    Command,
+    Contract,
+    Module,
+    Program,
+    Robot,
+    Sensor,
+    Use,
+    Wire,
+)
 from colony.ir.types import BOOL, DISTANCE, PLAIN, Array, Value
 from colony.runtime.fields import SPEED, TURN_RATE
 
@@ -81,9 +93,7 @@ def go(velocity: float, turn: float) -> Command:
 def roam(**changes: object) -> Program:
     """back_off suppresses (asleep inhibits (avoid suppresses cruise)), and a contract that can break."""
     bumper = SensorValue(type=BOOL, name="bumper")
-    held = MemoryCall(
-        type=BOOL, function=Memory.HELD, arguments=(bumper,), cell=0, duration_ns=1_000_000_000
-    )
+    held = MemoryCall(type=BOOL, function=Memory.HELD, arguments=(bumper,), cell=0, duration_ns=1_000_000_000)
     still = BinaryOperation(
         type=BOOL,
         operator=Binary.LESS_EQUAL,

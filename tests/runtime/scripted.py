@@ -18,7 +18,7 @@ FAR = (5000.0,) * 24
 
 @dataclass(frozen=False, slots=True, kw_only=True)
 class Script:
-    """`sonar` and `bumper` give a reading for a time in ns, None for "no value"; `told` is (time, v, turn)."""
+    """`sonar_at` and `bumper_at` give readings for a time in ns; `told` is (time, velocity, turn)."""
 
     clock: VirtualClock = field(default_factory=VirtualClock)
     sonar_at: Callable[[int], Sample | None] = lambda t: Sample(FAR, t)

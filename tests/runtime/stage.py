@@ -1,4 +1,4 @@
-"""A stage for any program: one server plays all of its servers and reads a trace, a clock ticks at its times."""
+"""A stage for any program: one server reads all of its sensors from a trace, a clock ticks at its times."""
 
 from __future__ import annotations
 
@@ -19,6 +19,7 @@ from colony.runtime.messages import (
     Effect,
     Fetch,
     Message,
+    Node,
     Request,
     Sample,
     Send,
@@ -26,7 +27,7 @@ from colony.runtime.messages import (
     Wake,
     WakeAt,
 )
-from colony.runtime.servers.commanding import Commanded, CommandDesk
+from colony.runtime.servers.commanding import CommandDesk, Commanded
 from colony.runtime.servers.publishing import Fields, Publisher
 from colony.runtime.servers.relaying import ActivityRelay
 from colony.runtime.team import commanded_by, team
@@ -67,7 +68,9 @@ class TraceServer:
 
     address = SERVER
 
-    def __init__(self, trace: Sequence[Frame], commanded: tuple[Commanded, ...], announced: tuple[str, ...]) -> None:
+    def __init__(
+        self, trace: Sequence[Frame], commanded: tuple[Commanded, ...], announced: tuple[str, ...]
+    ) -> None:
         self._trace = trace
         self._publisher = Publisher(SERVER, self._read, keep=100)
         self._relay = ActivityRelay(SERVER, announced, keep=100)
@@ -138,7 +141,13 @@ def play(program: Program, trace: Sequence[Frame], *, order_seed: int = 0, link:
     members = team(program, clients, bindings, (log,))
     server = TraceServer(trace, commanded_by(program, clients, bindings, SERVER), members.announced)
     transport = VirtualTransport(VirtualClock(trace[0].t_ns), seed=order_seed, link=link)
-    nodes = (server, *members.clients, *members.announcers, members.observer, TraceClock(trace))
+    nodes: tuple[Node, ...] = (
+        server,
+        *members.clients,
+        *members.announcers,
+        members.observer,
+        TraceClock(trace),
+    )
     for node in nodes:
         transport.add(node)
     transport.run_until(trace[-1].t_ns + 10_000_000_000)

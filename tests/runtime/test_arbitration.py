@@ -69,7 +69,9 @@ TABLE = [
 ]
 
 
-@pytest.mark.parametrize(("bids", "lost", "winner", "fates"), [row[1:] for row in TABLE], ids=[r[0] for r in TABLE])
+@pytest.mark.parametrize(
+    ("bids", "lost", "winner", "fates"), [row[1:] for row in TABLE], ids=[r[0] for r in TABLE]
+)
 def test_frames(bids: str, lost: str, winner: str | None, fates: str) -> None:
     names = {"s": "silent", "c": "command", "h": "held back"}
     came = [(c, names[b]) for c, b in zip(PLACES, bids, strict=True) if b != "-"]

@@ -20,7 +20,9 @@ def tick(k: int, **more: tuple[str, ...]) -> Tick:
 
 
 def proximity(k: int, value: tuple[float, ...] = (1.0, 2.0), t_ns: int | None = None) -> ServerFrame:
-    return ServerFrame(server="P", k=k, fields={"sonar": Sample(value, k * 50 * MS if t_ns is None else t_ns)})
+    return ServerFrame(
+        server="P", k=k, fields={"sonar": Sample(value, k * 50 * MS if t_ns is None else t_ns)}
+    )
 
 
 def base(k: int, bumper: bool = False) -> ServerFrame:
@@ -36,7 +38,14 @@ def frames(assembler: FrameAssembler, *messages: Tick | ServerFrame) -> list[Fra
 
 
 def test_any_order_and_doubled_messages_give_the_same_frames() -> None:
-    messages = (tick(0), proximity(0), base(0), tick(1), proximity(1), base(1, True))
+    messages: tuple[Tick | ServerFrame, ...] = (
+        tick(0),
+        proximity(0),
+        base(0),
+        tick(1),
+        proximity(1),
+        base(1, True),
+    )
     expected = [
         Frame(0, {"sonar": (1.0, 2.0), "bumper": False}),
         Frame(50 * MS, {"sonar": (1.0, 2.0), "bumper": True}),
@@ -82,7 +91,9 @@ def test_only_the_newest_frame_is_current() -> None:
 def test_the_sensors_of_a_server_that_is_down_are_missing_even_if_its_frame_comes() -> None:
     assembler = FrameAssembler((SONAR, BUMPER))
     assert frames(assembler, base(0), tick(0, down=("P",))) == [Frame(0, {"bumper": False})]
-    assert frames(assembler, proximity(1), base(1), tick(1, down=("P",))) == [Frame(50 * MS, {"bumper": False})]
+    assert frames(assembler, proximity(1), base(1), tick(1, down=("P",))) == [
+        Frame(50 * MS, {"bumper": False})
+    ]
 
 
 def test_frames_that_a_dead_server_did_not_give_are_given_up_when_a_tick_says_so() -> None:

@@ -31,15 +31,15 @@ def test_a_good_program_is_bound() -> None:
 
 
 BAD_SENSORS = [
-    (BOOL, "Pserver", "sonar", "E401", "no server `Pserver`", "`PServer`"),
-    (DISTANCE, "CServer", "lights", "E401", "no server `CServer`", "?"),
-    (Array(DISTANCE, 24), "PServer", "sonars", "E402", "no field `sonars`", "`sonar`"),
-    (BOOL, "RServer", "qqq", "E402", "no field `qqq`", "front_bumper"),
-    (Array(DISTANCE, 12), "PServer", "sonar", "E403", "mm[24], not mm[12]", "range"),
-    (DISTANCE, "PServer", "sonar", "E403", "mm[24], not mm", "range"),
-    (DEGREES, "RServer", "x", "E403", "mm, not deg", "east"),
-    (BOOL, "RServer", "heading", "E403", "deg, not bool", "north"),
-    (Enum("goal", (("none", 0.0),)), "RServer", "bumper", "E403", "bool, not goal", "touches"),
+    (BOOL, "Pserver", "sonar", "R001", "no server `Pserver`", "`PServer`"),
+    (DISTANCE, "CServer", "lights", "R001", "no server `CServer`", "?"),
+    (Array(DISTANCE, 24), "PServer", "sonars", "R002", "no field `sonars`", "`sonar`"),
+    (BOOL, "RServer", "qqq", "R002", "no field `qqq`", "front_bumper"),
+    (Array(DISTANCE, 12), "PServer", "sonar", "R003", "mm[24], not mm[12]", "range"),
+    (DISTANCE, "PServer", "sonar", "R003", "mm[24], not mm", "range"),
+    (DEGREES, "RServer", "x", "R003", "mm, not deg", "east"),
+    (BOOL, "RServer", "heading", "R003", "deg, not bool", "north"),
+    (Enum("goal", (("none", 0.0),)), "RServer", "bumper", "R003", "bool, not goal", "touches"),
 ]
 
 
@@ -67,9 +67,9 @@ def test_errors_are_at_the_declaration_and_all_are_told() -> None:
     with pytest.raises(Failure) as failed:
         bind(program)
     texts = [render(d) for d in failed.value.diagnostics]
-    assert texts[0].startswith("rome.colony:1:8: error[E402]: `a`: RServer has no field `bumpre`")
+    assert texts[0].startswith("rome.colony:1:8: error[R002]: `a`: RServer has no field `bumpre`")
     assert "did you mean `bumper`?" in texts[0]
-    assert texts[1].startswith("rome.colony:2:8: error[E401]")
+    assert texts[1].startswith("rome.colony:2:8: error[R001]")
 
 
 def test_dserver_has_every_field_and_plain_numbers_take_base_units() -> None:
@@ -91,10 +91,10 @@ def test_parameters_are_found_by_name_and_may_be_left_out() -> None:
 
 
 BAD_COMMANDS = [
-    ("driv", ActuatorField(name="velocity", type=SPEED), "E404", "`drive`"),
-    ("drive", ActuatorField(name="speed", type=SPEED), "E405", "velocity"),
-    ("drive", ActuatorField(name="turn", type=SPEED), "E403", "turning"),
-    ("drive", ActuatorField(name="turn", type=BOOL), "E403", "turning"),
+    ("driv", ActuatorField(name="velocity", type=SPEED), "R004", "`drive`"),
+    ("drive", ActuatorField(name="speed", type=SPEED), "R005", "velocity"),
+    ("drive", ActuatorField(name="turn", type=SPEED), "R003", "turning"),
+    ("drive", ActuatorField(name="turn", type=BOOL), "R003", "turning"),
 ]
 
 
@@ -116,7 +116,7 @@ def test_a_sensor_server_takes_no_commands() -> None:
 def test_two_actuators_on_one_command_would_not_be_arbitrated() -> None:
     with pytest.raises(Failure) as failed:
         bind(Program(robot=replace(robot(), actuators=(drive(), replace(drive(), name="wheels")))))
-    assert failed.value.diagnostics[0].code == "E406"
+    assert failed.value.diagnostics[0].code == "R006"
 
 
 def test_did_you_mean_ignores_case() -> None:

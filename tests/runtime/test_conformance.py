@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import random
+from collections.abc import Iterable
 
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
@@ -10,7 +11,7 @@ from stage import play
 
 from colony.compile.executor import ClientListExecutor
 from colony.compile.pipeline import compile_program
-from colony.ir.frame import Frame, Outcome
+from colony.ir.frame import Decision, Frame, Outcome
 from colony.ir.program import Program
 from colony.runtime.messages import Message, Wake
 from colony.verify.interpreter import Interpreter
@@ -28,32 +29,33 @@ def check(program: Program, trace: tuple[Frame, ...], order_seed: int) -> None:
         expected = interpreter.step(frame)
         assert repr(by_list.step(frame)) == repr(expected)
         decided = {name: (v.by, v.values, v.fault) for name, v in log.verdicts.items()}
-        assert repr(decided) == repr({d.actuator: (d.by, d.values, d.fault) for d in _in_order(expected, decided)})
+        due = _in_order(expected, decided)
+        assert repr(decided) == repr({d.actuator: (d.by, d.values, d.fault) for d in due})
         assert log.disagreements == ()
         assert repr(log.expected) == repr(expected)
         assert not any(v.violation or v.notes for v in log.verdicts.values())
 
 
-def _in_order(expected: Outcome, decided: dict[str, object]) -> list[object]:
+def _in_order(expected: Outcome, decided: Iterable[str]) -> list[Decision]:
     by_name = {d.actuator: d for d in expected.decisions}
     return [by_name[name] for name in decided]
 
 
-@settings(max_examples=40, deadline=None, derandomize=True, suppress_health_check=QUIET)
+@settings(suppress_health_check=QUIET)
 @given(st.data(), st.integers(0, 5))
 def test_networks(data: st.DataObject, order_seed: int) -> None:
     program = data.draw(networks())
     check(program, data.draw(traces(program)), order_seed)
 
 
-@settings(max_examples=40, deadline=None, derandomize=True, suppress_health_check=QUIET)
+@settings(suppress_health_check=QUIET)
 @given(st.data(), st.integers(0, 5))
 def test_programs(data: st.DataObject, order_seed: int) -> None:
     program = data.draw(programs())
     check(program, data.draw(traces(program)), order_seed)
 
 
-@settings(max_examples=15, deadline=None, derandomize=True, suppress_health_check=QUIET)
+@settings(suppress_health_check=QUIET)
 @given(st.data())
 def test_the_order_of_messages_changes_nothing(data: st.DataObject) -> None:
     program = data.draw(programs())
@@ -63,12 +65,12 @@ def test_the_order_of_messages_changes_nothing(data: st.DataObject) -> None:
     assert repr(sorted(one.performed, key=repr)) == repr(sorted(other.performed, key=repr))
 
 
-def _same(one: list[tuple[object, ...]], other: list[tuple[object, ...]]) -> bool:
+def _same(one: list[tuple[Decision, ...]], other: list[tuple[Decision, ...]]) -> bool:
     """Equal frame by frame, whatever the order of actuators in it."""
     return [sorted(map(repr, frame)) for frame in one] == [sorted(map(repr, frame)) for frame in other]
 
 
-@settings(max_examples=25, deadline=None, derandomize=True, suppress_health_check=QUIET)
+@settings(suppress_health_check=QUIET)
 @given(st.data(), st.integers(0, 100))
 def test_when_messages_are_lost_it_decides_the_same_or_idles(data: st.DataObject, fault_seed: int) -> None:
     program = data.draw(networks())

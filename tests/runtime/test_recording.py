@@ -131,7 +131,8 @@ READINGS: list[tuple[Reading, str]] = [
 @pytest.mark.parametrize(("reading", "text"), READINGS)
 def test_readings_are_valid_json_that_means_the_same(reading: Reading, text: str) -> None:
     assert line({"n": reading}) == f'{{"t": 0.0, "n": {text}}}'
-    assert line({"a": (reading, 0.0)}) == f'{{"t": 0.0, "a": [{text}, 0.0]}}'  # type: ignore[arg-type]
+    array: Reading = (reading, 0.0)  # type: ignore[assignment]
+    assert line({"a": array}) == f'{{"t": 0.0, "a": [{text}, 0.0]}}'
     (back,) = read_frames([line({"n": reading}).encode()], "x", small())
     if isinstance(reading, float) and math.isnan(reading):
         assert isinstance(back.readings["n"], str)
@@ -145,7 +146,14 @@ def test_faulty_readings_stay_faulty() -> None:
 
 
 def verdict(**changes: object) -> Verdict:
-    fields: dict[str, object] = {"k": 0, "t_ns": 0, "actuator": "lamp", "by": "m", "values": (True,), "fates": ()}
+    fields: dict[str, object] = {
+        "k": 0,
+        "t_ns": 0,
+        "actuator": "lamp",
+        "by": "m",
+        "values": (True,),
+        "fates": (),
+    }
     return Verdict(**(fields | changes))  # type: ignore[arg-type]
 
 

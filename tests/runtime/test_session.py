@@ -5,13 +5,24 @@ from __future__ import annotations
 from dataclasses import replace
 
 import pytest
-from runtime_programs import SONAR, drive, go, number, roam, robot
+from runtime_programs import drive, go, number, roam, robot
 from scripted import FAR, Log, Script, session
 
 from colony.ir.expression import Binary, BinaryOperation, Constant, Expression, SensorValue
-from colony.ir.program import Actuator, ActuatorField, Command, Module, Program, Sensor, Use, Wire
+from colony.ir.program import (
+    Actuator,
+    ActuatorField,
+    Chain,
+    Command,
+    Module,
+    Program,
+    PythonModule,
+    Sensor,
+    Use,
+    Wire,
+)
 from colony.ir.types import BOOL, PLAIN
-from colony.runtime.messages import Message, Request, Sample, ServerFrame, Tick
+from colony.runtime.messages import Announcement, Message, Request, Sample, ServerFrame, Tick
 from colony.runtime.servers.runtime_server import random_of_frame
 from colony.runtime.virtual import Link
 
@@ -33,6 +44,9 @@ def run(program: Program, stage: Script, duration_ns: int = 5 * S, **options: ob
     return log
 
 
+COMMANDS = {"cruise": (300.0, 0.0), "avoid": (60.0, 45.0), "back_off": (-200.0, 20.0), None: (0.0, 0.0)}
+
+
 def test_a_run_does_what_the_program_says() -> None:
     stage = script()
     log = run(roam(), stage)
@@ -43,7 +57,7 @@ def test_a_run_does_what_the_program_says() -> None:
     assert set(winners[60:81]) == {"back_off"}
     assert set(winners[82:]) == {"avoid", None}
     for k, winner in enumerate(winners):
-        assert stage.told[k] == (k * 50 * MS, *{"cruise": (300.0, 0.0), "avoid": (60.0, 45.0), "back_off": (-200.0, 20.0), None: (0.0, 0.0)}[winner])
+        assert stage.told[k] == (k * 50 * MS, *COMMANDS[winner])
     assert len(stage.told) == 100
     assert stage.stopped == [5 * S]
     assert log.closed == 1
@@ -85,10 +99,10 @@ def test_a_sensor_that_never_gave_a_value_is_missing() -> None:
 
 def test_a_server_that_stops_answering_is_idle_first_and_then_its_sensors_are_missing() -> None:
     def dead_after_1s(sender: str, receiver: str, message: Message) -> int | None:
-        return None if isinstance(message, ServerFrame) and message.server == "PServer" and message.k >= 20 else 0
+        dead = isinstance(message, ServerFrame) and message.server == "PServer" and message.k >= 20
+        return None if dead else 0
 
-    program = replace(roam(), robot=robot())
-    log = run(program, Script(), 3 * S, link=dead_after_1s)
+    log = run(roam(), Script(), 3 * S, link=dead_after_1s)
     assert log.winners()[:20].count("cruise") > 10
     fates = [dict(f.verdicts["drive"].fates).get("avoid") for f in log.frames if f.verdicts]
     assert "late" in fates[20:27]
@@ -189,7 +203,8 @@ def test_with_on_loss_degrade_lesser_behaviors_take_over() -> None:
         program, robot=replace(program.robot, actuators=(replace(drive(), on_loss="degrade"),))
     )
     for other, winner in ((program, None), (degrading, "cruise")):
-        log = run(other, Script(sonar_at=lambda t: Sample((400.0, *FAR[1:]), t)), 3 * S, link=cut_off("drive/avoid", 0))
+        stage = Script(sonar_at=lambda t: Sample((400.0, *FAR[1:]), t))
+        log = run(other, stage, 3 * S, link=cut_off("drive/avoid", 0))
         assert set(log.winners()[10:]) <= {winner, None}
         assert (winner in log.winners()[10:]) is True
 
@@ -197,11 +212,8 @@ def test_with_on_loss_degrade_lesser_behaviors_take_over() -> None:
 def test_a_killed_client_never_gives_way_to_a_lesser_one() -> None:
     stage, log = Script(sonar_at=lambda t: Sample((400.0, *FAR[1:]), t)), Log()
     whole = session(roam(), stage, log)
-    ticks = 0
 
     def stop() -> bool:
-        nonlocal ticks
-        ticks += 1
         if stage.clock() >= 1 * S and "drive/avoid" not in killed:
             whole.transport.kill("drive/avoid")
             killed.append("drive/avoid")
@@ -237,6 +249,56 @@ def test_late_ticks_and_frames_are_caught_up_with() -> None:
     fates = [dict(f.verdicts["drive"].fates)["cruise"] for f in log.frames]
     assert "late" in fates[20:28]
     assert "late" not in fates[30:]
+    assert all(not f.disagreements for f in log.frames)
+
+
+# --- modules in Python ---------------------------------------------------------------------------
+
+
+class Pulse:
+    """Applicable in every third step."""
+
+    def __init__(self, velocity: float) -> None:
+        self.velocity = velocity
+        self.steps = 0
+
+    def step(self, frame: object) -> dict[str, float] | None:
+        self.steps += 1
+        return {"velocity": self.velocity, "turn": 0.0} if self.steps % 3 == 0 else None
+
+
+def pulsing() -> Program:
+    """A module in Python over one in the language, which needs the activity of the former."""
+    pulse = PythonModule(
+        name="pulse",
+        module_path=__name__,
+        class_name="Pulse",
+        params=(("velocity", 50.0),),
+        reads=(SensorValue(type=BOOL, name="bumper"),),
+        actuator="drive",
+    )
+    over = Chain(relation="suppresses", operands=(Use(name="pulse"), Use(name="cruise")), windows_ns=(0,))
+    program = roam()
+    return replace(
+        program,
+        modules=(pulse, program.modules[0]),
+        wires=(Wire(name="drive", actuator="drive", wiring=over),),
+    )
+
+
+def test_guards_over_a_module_in_python_read_its_activity_from_dserver() -> None:
+    log = run(pulsing(), Script(), 600 * MS)
+    assert log.winners() == ["cruise", "cruise", "pulse"] * 4
+    assert all(not f.disagreements for f in log.frames)
+
+
+def test_while_the_activity_of_a_module_in_python_is_unknown_nobody_below_it_drives() -> None:
+    def mute(sender: str, receiver: str, message: Message) -> int | None:
+        return None if isinstance(message, Announcement) and message.k >= 6 else 0
+
+    log = run(pulsing(), Script(), 3 * S, link=mute)
+    assert log.winners()[:6] == ["cruise", "cruise", "pulse"] * 2
+    assert set(log.winners()[6:]) == {None, "pulse"}
     assert all(not f.disagreements for f in log.frames)
 
 
@@ -287,7 +349,3 @@ def test_held_variables_are_fresh_in_every_frame() -> None:
     log = run(counting(), Script(), 1 * S, variables={"Goal": 1.0})
     assert log.winners() == ["drive_to"] * 20
     assert run(counting(), Script(), 1 * S).winners() == [None] * 20
-
-
-def test_arrays_reach_the_program() -> None:
-    assert SONAR.size == len(FAR)

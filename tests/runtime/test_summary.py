@@ -10,7 +10,7 @@ from scripted import FAR, Script, session
 
 from colony.compile.pipeline import compile_program
 from colony.ir.expression import SensorValue
-from colony.ir.program import Command, Limit, Program, Use, Wire
+from colony.ir.program import Command, Limit, Module, Program, Use, Wire
 from colony.ir.types import BOOL
 from colony.runtime.messages import Message, Request, Sample
 from colony.runtime.summary import RunSummary, Tally, Travel, render
@@ -36,6 +36,12 @@ def awake() -> Program:
     return replace(program, wires=wires)
 
 
+def cruise(program: Program) -> Module:
+    module = program.modules[0]
+    assert isinstance(module, Module)
+    return module
+
+
 def test_shares_and_breaches() -> None:
     summary = summarize(awake(), Script(bumper_at=lambda t: t in (1 * S, 2 * S)))
     (drive,) = summary.actuators
@@ -56,7 +62,7 @@ def test_shares_and_breaches() -> None:
 def test_records_of_limits_and_faults() -> None:
     bumper = SensorValue(type=BOOL, name="bumper")
     program = awake()
-    fast = replace(program.modules[0], command=go(900.0, 0.0))
+    fast = replace(cruise(program), command=go(900.0, 0.0))
     limited = replace(
         program,
         modules=(fast, *program.modules[1:]),
@@ -92,7 +98,7 @@ def test_troubles() -> None:
 def test_a_command_that_is_not_finite_is_a_fault() -> None:
     program = awake()
     bad = replace(
-        program.modules[0], command=Command(actuator="drive", fields=(number(float("nan")), number(0.0)))
+        cruise(program), command=Command(actuator="drive", fields=(number(float("nan")), number(0.0)))
     )
     summary = summarize(replace(program, modules=(bad, *program.modules[1:])), Script(), 1 * S)
     assert [(r.kind, r.subject, r.frames) for r in summary.records] == [("not finite", "cruise", 20)]

@@ -13,7 +13,9 @@ from colony.runtime.virtual import VirtualClock, VirtualTransport
 class Echo:
     """Notes what it gets, and says something at its start."""
 
-    def __init__(self, address: str, *, listens: tuple[str, ...] = ("news",), says: tuple[Effect, ...] = ()) -> None:
+    def __init__(
+        self, address: str, *, listens: tuple[str, ...] = ("news",), says: tuple[Effect, ...] = ()
+    ) -> None:
         self.address = address
         self.listens = listens
         self.says = says
@@ -105,6 +107,8 @@ def test_ticks_are_messages_like_any_other() -> None:
     reader = Echo("reader", listens=("Clock/ticks",))
     transport = VirtualTransport(VirtualClock(), seed=0)
     transport.add(reader)
-    transport.add(Echo("w", listens=(), says=(Send("Clock/ticks", Tick(k=0, t_ns=0)), Send("nobody", Wake()))))
+    transport.add(
+        Echo("w", listens=(), says=(Send("Clock/ticks", Tick(k=0, t_ns=0)), Send("nobody", Wake())))
+    )
     transport.run_until(1)
     assert reader.heard == [(0, Tick(k=0, t_ns=0))]

@@ -180,7 +180,7 @@ ALL = every(50, a="00001111", b="00110011", c="01010101")
         ("out = ma suppresses mb", "--bbaaaa"),
         ("out = ma inhibits mb", "--bb----"),
         ("out = ma suppresses mb suppresses mc", "-cbbaaaa"),
-        ("out = ma inhibits mb inhibits mc", "-c---c-c" if False else "-c------"),
+        ("out = ma inhibits mb inhibits mc", "-c------"),
         ("out = (ma inhibits mb) inhibits mc", "-c---c-c"),
         ("out = na inhibits (mb suppresses mc)", "-cbb----"),
         ("out = (na inhibits mb) suppresses mc", "-cbb-c-c"),
@@ -352,7 +352,8 @@ def test_memory_of_a_limit_moves_on_while_nobody_commands() -> None:
 
 
 def test_idle_commands_are_not_limited() -> None:
-    text = ROBOT.replace("idle base(speed = 0", "idle base(speed = 0.9") + "limit base.speed <= 0.1 m/s"
+    moving = ROBOT.replace("idle base(speed = 0", "idle base(speed = 0.9 m/s")
+    text = moving + "limit base.speed <= 0.1 m/s"
     [outcome] = run(load_text(text), (0, {}))
     assert outcome.decisions[1].values == (0.9, 0.0)
     assert outcome.records == ()

@@ -15,6 +15,7 @@ from types import ModuleType
 
 from colony.compile import arithmetic, intake, python_step, settle
 
+_MATH = frozenset(name for name in dir(math) if not name.startswith("_"))
 _MODULES: tuple[ModuleType, ...] = (arithmetic, intake, python_step, settle)
 
 
@@ -32,7 +33,7 @@ def support(names: Iterable[str]) -> tuple[list[str], list[str]]:
             wanted.add(name)
             work.extend(_mentioned(definitions[name]) if name in definitions else ())
     texts = [ast.unparse(node) for name, node in definitions.items() if name in wanted]
-    return texts, sorted(name for name in wanted if hasattr(math, name) and name not in definitions)
+    return texts, sorted(name for name in wanted if name in _MATH and name not in definitions)
 
 
 @cache
@@ -44,11 +45,6 @@ def _definitions() -> dict[str, ast.FunctionDef | ast.ClassDef]:
             if isinstance(node, ast.FunctionDef | ast.ClassDef):
                 found[node.name] = _bare(node)
     return found
-
-
-@cache
-def _math_names() -> frozenset[str]:
-    return frozenset(dir(math))
 
 
 def _mentioned(node: ast.AST) -> set[str]:
@@ -76,3 +72,8 @@ class _Bare(ast.NodeTransformer):
         if node.value is None:
             return None
         return ast.copy_location(ast.Assign([node.target], node.value), node)
+
+
+def definition_names() -> frozenset[str]:
+    """The names of all definitions that a program may bring along."""
+    return frozenset(_definitions())

@@ -129,7 +129,7 @@ def _applied(operator: Operator, o: list[Text], x: list[Range]) -> tuple[str, Bi
             terms = [first.inside(Binding.SUM), *[p.inside(Binding.PRODUCT) for p in rest]]
             return " + ".join(terms), Binding.SUM
         case Operator.SUM:
-            return o[0]
+            return o[0].text, o[0].binding
         case Operator.COUNT:
             return f"float({' + '.join(p.inside(Binding.PRODUCT) for p in o)})", Binding.ATOM
         case Operator.SECONDS:

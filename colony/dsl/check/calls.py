@@ -7,8 +7,8 @@ from dataclasses import replace
 from typing import TYPE_CHECKING
 
 from colony.dsl import ast
-from colony.dsl.check.compatibility import article, unify
-from colony.dsl.check.scope import Broken, LetSymbol, SensorSymbol, did_you_mean
+from colony.dsl.check.compatibility import article, listed, unify
+from colony.dsl.check.scope import Broken, LetSymbol, SensorSymbol
 from colony.ir import expression as ir
 from colony.ir.types import BOOL, DEGREES, DURATION, PLAIN, Array, Bool, Quantity, Scalar, element_type
 from colony.units import ANGLE, NUMBER, Dimension
@@ -39,7 +39,9 @@ def check_call(checker: Checker, node: ast.Call) -> ir.Expression | None:
     }
     if name in special:
         return special[name](checker, node)
-    checker.error("E107", node.function, f"unknown function `{name}`", did_you_mean(name, FUNCTION_NAMES))
+    checker.error(
+        "E107", node.function, f"unknown function `{name}`", checker.report.suggest(name, FUNCTION_NAMES)
+    )
     for argument in node.arguments:
         checker.visit(argument)
     return None
@@ -50,7 +52,7 @@ def _arguments(checker: Checker, node: ast.Call, low: int, high: int | None) -> 
     count = len(node.arguments)
     if count < low or (high is not None and count > high):
         wanted = str(low) if low == high else f"{low} or more" if high is None else f"{low} to {high}"
-        plural = "" if wanted == "1" else "s"
+        wanted, plural = wanted.replace("0", "no"), "" if wanted == "1" else "s"
         usage = _USAGE.get(node.function.text)
         hint = f"use: {usage}" if usage else None
         message = f"`{node.function.text}` takes {wanted} argument{plural}, found {count}"
@@ -142,7 +144,7 @@ def _common(checker: Checker, node: ast.Call, elements: list[Quantity]) -> Quant
         common = unify(common, element) if common is not None else None
     if isinstance(common, Quantity):
         return common
-    shown = ", ".join(article(e) for e in elements)
+    shown = listed(elements)
     message = f"`{node.function.text}` needs numbers of one dimension, found {shown}"
     checker.error("E201", node, message)
     return None
@@ -178,7 +180,8 @@ def reduction_result(
     if function in _BOOL_REDUCTIONS:
         for element in elements:
             if not isinstance(element, Bool):
-                checker.error("E202", node, f"`{name.text}` takes bools, found {article(element)}")
+                hint = f"compare first: `{name.text}(x > 0)`" if isinstance(element, Quantity) else None
+                checker.error("E202", node, f"`{name.text}` takes bools, found {article(element)}", hint)
                 return None
         return PLAIN if function is ir.Function.COUNT else BOOL
     numbers = [e for e in elements if isinstance(e, Quantity)]
@@ -306,7 +309,7 @@ def _value_or(checker: Checker, node: ast.Call) -> ir.Expression | None:
     expression, other = arguments
     element = unify(element_type(expression.type), element_type(other.type))
     if element is None:
-        shown = f"{article(expression.type)} and {article(other.type)}"
+        shown = listed((expression.type, other.type))
         checker.error("E201", node, f"`value_or` needs two values of one type, found {shown}")
         return None
     type_ = checker.broadcast(node, element, expression.type, other.type)
@@ -387,7 +390,7 @@ def _memory_result(
             first, initial = (element_type(a.type) for a in arguments)
             common = unify(first, initial)
             if common is None:
-                found = f"{article(first)} and {article(initial)}"
+                found = listed((first, initial))
                 checker.error("E201", node, f"`previous` needs two values of one type, found {found}")
             return common
         case ir.Memory.CAPTURED:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
+
 from colony.ir.types import PLAIN, Array, Bool, Enum, Quantity, Scalar, Type, element_type, shaped
 
 
@@ -34,9 +36,23 @@ def settled(type_: Type) -> Type:
 def article(type_: Type) -> str:
     """A type as part of a sentence."""
     if isinstance(type_, Array):
-        return f"an array of {type_.size} {type_.element}"
+        return f"an array of {type_.size} {_plural(type_.element)}"
     if isinstance(type_, Bool):
         return "a bool"
     if isinstance(type_, Enum):
         return f"a phase of `{type_.name}`" if type_.kind == "machine" else f"a `{type_.name}`"
     return "a plain number" if type_.dimension == PLAIN.dimension else f"a value in {type_}"
+
+
+def _plural(type_: Scalar) -> str:
+    if isinstance(type_, Bool):
+        return "bools"
+    if isinstance(type_, Enum):
+        return f"phases of `{type_.name}`" if type_.kind == "machine" else f"`{type_.name}` values"
+    return "plain numbers" if type_.dimension == PLAIN.dimension else f"values in {type_}"
+
+
+def listed(types: Iterable[Type]) -> str:
+    """Several types as part of a sentence."""
+    shown = [article(t) for t in types]
+    return shown[0] if len(shown) == 1 else f"{', '.join(shown[:-1])} and {shown[-1]}"

@@ -8,33 +8,58 @@ from fractions import Fraction
 
 from colony.ir import expression as ir
 from colony.ir.types import ScalarValue
+from colony.units import BadUnit, Unit, parse_unit
 
 _NUMBER = re.compile(r"(\d+)(?:\.(\d+))?(?:[eE]([+-]?\d+))?")
-_LONGEST = 1100
+_SIGNIFICANT = 1100
 _LARGEST_EXPONENT = 400
+_LONGEST_UNIT = 100
 
 
 def literal(digits: str, factor: Fraction) -> float | None:
-    """The double nearest to `digits` times `factor`, rounded once; None where it overflows or is too long."""
+    """The double nearest to `digits` times `factor`, rounded once; None where it overflows.
+
+    Of more than `_SIGNIFICANT` digits it matters only whether any of the rest is not 0.
+    """
     match = _NUMBER.fullmatch(digits)
-    if match is None or len(digits) > _LONGEST:
-        return None
+    assert match is not None, "the grammar lets no other numbers through"
     whole, fraction, exponent_text = match[1], match[2] or "", match[3] or "0"
-    mantissa = int(whole + fraction)
-    if mantissa == 0:
+    significant = (whole + fraction).lstrip("0")
+    exponent = _bounded(exponent_text) - len(fraction)
+    if len(significant) > _SIGNIFICANT:
+        exponent += len(significant) - _SIGNIFICANT - 1
+        sticky = "1" if significant[_SIGNIFICANT:].strip("0") else "0"
+        significant = significant[:_SIGNIFICANT] + sticky
+    if not significant:
         return 0.0
-    negative, size = exponent_text.startswith("-"), exponent_text.lstrip("+-").lstrip("0") or "0"
-    exponent = int(size[:9]) * (-1 if negative else 1) - len(fraction)
-    magnitude = len(str(mantissa)) + exponent
+    magnitude = len(significant) + exponent
     if magnitude > _LARGEST_EXPONENT:
         return None
     if magnitude < -_LARGEST_EXPONENT:
         return 0.0
-    exact = Fraction(mantissa) * Fraction(10) ** exponent * factor
+    exact = int(significant) * Fraction(10) ** exponent * factor
     try:
         return float(exact)
     except OverflowError:
         return None
+
+
+def _bounded(exponent: str) -> int:
+    """The exponent as written, or one that is as hopeless."""
+    digits = exponent.lstrip("+-").lstrip("0")
+    size = int(digits or "0") if len(digits) < 12 else 10**12
+    return -size if exponent.startswith("-") else size
+
+
+def unit_of(text: str) -> Unit:
+    """The unit of this text.
+
+    Raises:
+        BadUnit: as `parse_unit`, and for a text so long that reading it takes long.
+    """
+    if len(text) > _LONGEST_UNIT:
+        raise BadUnit(f"a unit of {len(text)} characters; at most {_LONGEST_UNIT} are allowed")
+    return parse_unit(text)
 
 
 def constant_value(node: ir.Expression) -> ScalarValue | None:

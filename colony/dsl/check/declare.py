@@ -13,12 +13,17 @@ def declare_names(report: Report, scopes: list[Scope]) -> None:
     """Fill every scope's visible names; report names declared twice, here or by an import."""
     sensors, actuators = _robot_names(scopes)
     for scope in scopes:
-        _declare(report, scope, sensors, actuators)
+        scope.robot.sensor_names, scope.robot.actuator_names = sensors, actuators
+        _declare(report, scope)
+    _name_drives(scopes)
     by_key = {scope.file.key: scope for scope in scopes}
     for scope in scopes:  # imports stand before those that import them
+        scope.lost_names |= scope.file.lost_names
         for one in scope.file.imports:
             target = by_key.get(one.target)
-            if target is not None and target is not scope:
+            if target is None:
+                _excuse(scope, one.declaration)
+            elif target is not scope:
                 _bring_in(report, scope, target, one.declaration)
 
 
@@ -37,8 +42,9 @@ def _robot_names(scopes: list[Scope]) -> tuple[set[str], set[str]]:
     return sensors, actuators
 
 
-def _declare(report: Report, scope: Scope, sensors: set[str], actuators: set[str]) -> None:
+def _declare(report: Report, scope: Scope) -> None:
     """Modules and wires can be named at once, values when they are checked."""
+    sensors, actuators = scope.robot.sensor_names, scope.robot.actuator_names
     values: dict[str, ast.Name] = {}
     parts: dict[str, ast.Name] = {}
     for node in scope.file.tree.declarations:
@@ -47,6 +53,8 @@ def _declare(report: Report, scope: Scope, sensors: set[str], actuators: set[str
                 report.error(scope, "E102", node.name, f"the robot has a sensor `{node.name.text}` already")
             elif _once(report, scope, values, node.name):
                 scope.visible_values[node.name.text] = scope
+                if isinstance(node, ast.EnumDecl | ast.ParamDecl):
+                    scope.constant_names.add(node.name.text)
         elif isinstance(node, MODULE_DECLARATIONS):
             if node.name.text in actuators:
                 report.error(
@@ -70,18 +78,32 @@ def _declare_wire(
             hint = f"the first wiring is in line {line}"
             report.error(scope, "E503", name, f"actuator `{name.text}` is driven twice", hint)
         parts.setdefault(name.text, name)
-        scope.drives[name.text] = WireSymbol(name=_drive_name(scope, name.text))
+        scope.drives[name.text] = WireSymbol(name=name.text)
     elif _once(report, scope, parts, name):
         scope.parts[name.text] = WireSymbol(name=scope.full(name.text))
         scope.visible_parts[name.text] = scope
 
 
-def _drive_name(scope: Scope, actuator: str) -> str:
+def _name_drives(scopes: list[Scope]) -> None:
     """What drives an actuator is called after it; in a plainly imported file that needs a name of its own."""
-    prefix = scope.file.prefix
-    if prefix or scope.file.is_root:
-        return f"{prefix}{actuator}"
-    return f"{scope.file.stem}:{actuator}"
+    taken = set(scopes[-1].robot.actuator_names)
+    for scope in reversed(scopes):  # those that import come first to the short name
+        prefix, stem = scope.file.prefix, scope.file.stem
+        for actuator in scope.drives:
+            name, count = f"{prefix}{actuator}", 1
+            while name in taken and not scope.file.is_root:
+                name = f"{prefix}{stem}:{actuator}" if count == 1 else f"{prefix}{stem}:{actuator}:{count}"
+                count += 1
+            taken.add(name)
+            scope.drives[actuator] = WireSymbol(name=name)
+
+
+def _excuse(scope: Scope, node: ast.ImportDecl) -> None:
+    """Names of a file that could not be read are not called unknown."""
+    if node.alias is None:
+        scope.incomplete = True
+    else:
+        scope.lost_names.add(node.alias.text)
 
 
 def _once(report: Report, scope: Scope, names: dict[str, ast.Name], name: ast.Name) -> bool:
@@ -98,11 +120,16 @@ def _bring_in(report: Report, scope: Scope, target: Scope, node: ast.ImportDecl)
     """A plain import brings all names in; with `as` they stand behind the alias."""
     alias = node.alias
     if alias is not None:
-        taken = {*scope.aliases, *scope.visible_values, *scope.visible_parts}
-        if alias.text in taken and scope.aliases.get(alias.text) is not target:
+        robot = scope.robot
+        others = (scope.aliases, scope.visible_values, scope.visible_parts)
+        names = (robot.sensor_names, robot.actuator_names)
+        is_taken = any(alias.text in some for some in (*others, *names))
+        if is_taken and scope.aliases.get(alias.text) is not target:
             report.error(scope, "E102", alias, f"`{alias.text}` is declared twice", "choose another alias")
         scope.aliases.setdefault(alias.text, target)
         return
+    scope.lost_names |= target.lost_names
+    scope.incomplete |= target.incomplete
     for mine, theirs in (
         (scope.visible_values, target.visible_values),
         (scope.visible_parts, target.visible_parts),

@@ -15,7 +15,6 @@ from colony.dsl.check.scope import (
     ParamSymbol,
     StateSymbol,
     ValueSymbol,
-    did_you_mean,
 )
 from colony.ir import program as ir
 from colony.ir.expression import Expression
@@ -65,7 +64,7 @@ def check_nexts(
         name = node.name.text
         symbol = states.get(name)
         if symbol is None:
-            hint = did_you_mean(name, states) or f"declare it: `state {name} = ...`"
+            hint = checker.report.suggest(name, states) or f"declare it: `state {name} = ...`"
             checker.error("E403", node.name, f"there is no state `{name}` here", hint)
             continue
         if name in given:
@@ -92,6 +91,9 @@ def machine_type(checker: Checker, node: ast.MachineDecl) -> MachineSymbol | Bro
         if name in BASE_UNITS:
             hint = "after a number in a condition it would be read as the unit"
             checker.error("E407", phase, f"a phase cannot be called `{name}`, which is a unit", hint)
+        if name == "any":
+            hint = "`any -> b` is from every phase but `b`"
+            checker.error("E407", phase, "a phase cannot be called `any`, which stands for all", hint)
     full = checker.scope.full(node.name.text)
     members = tuple((name, float(i)) for i, name in enumerate(phases))
     return MachineSymbol(name=full, type=Enum(name=full, members=members, kind="machine"))

@@ -8,11 +8,12 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
+from fractions import Fraction
 
 from colony.dsl import ast
 from colony.dsl.check import calls
-from colony.dsl.check.compatibility import article, fits, unify
-from colony.dsl.check.constants import constant_value, literal
+from colony.dsl.check.compatibility import article, fits, listed, unify
+from colony.dsl.check.constants import constant_value, literal, unit_of
 from colony.dsl.check.references import resolve_reference, resolve_status, resolve_winner
 from colony.dsl.check.scope import Report, Scope, ValueSymbol, span_of
 from colony.ir import expression as ir
@@ -30,7 +31,10 @@ from colony.ir.types import (
     element_type,
 )
 from colony.source import Span
-from colony.units import TIME, BadUnit, nanoseconds, parse_unit
+from colony.units import TIME, BadUnit, nanoseconds
+
+MAX_DURATION_NS = 10**18
+"""So that sums of times fit 64 bits in every executor."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -38,7 +42,8 @@ class Checker:
     """What an expression may name, and where findings go.
 
     `local` hides the file's names; `promise` allows what only contracts and expectations may say;
-    `memory` allows memory functions; `loops` are the variables of the enclosing reductions.
+    `memory` allows memory functions; `constants` says that only constants can stand here; `later` are the
+    names that the module declares, perhaps further down; `loops` are the variables of enclosing reductions.
     """
 
     scope: Scope
@@ -46,6 +51,8 @@ class Checker:
     local: Mapping[str, ValueSymbol] = field(default_factory=dict)
     promise: bool = False
     memory: bool = True
+    constants: bool = False
+    later: frozenset[str] = frozenset()
     loops: Mapping[str, str] = field(default_factory=dict)
     iterations: int = 1
 
@@ -66,13 +73,13 @@ class Checker:
             return None
         if fits(found.type, wanted):
             return found
-        hint = _type_hint(found.type, wanted)
+        hint = _type_hint(node, found.type, wanted)
         self.error("E202", node, f"{what} must be {article(wanted)}, found {article(found.type)}", hint)
         return None
 
     def constant(self, node: ast.Expression, wanted: Scalar | None, what: str) -> ir.Constant | None:
         """A constant, finite, of type `wanted` (of any scalar type for None)."""
-        constants = replace(self, memory=False)
+        constants = replace(self, memory=False, constants=True)
         found = constants.check(node) if wanted is None else constants.expect(node, wanted, what)
         if found is None:
             return None
@@ -101,7 +108,7 @@ class Checker:
             if found is None:
                 return None
             if isinstance(found.type, Quantity) and found.type.dimension == PLAIN.dimension:
-                return float(found.value) * float(parse_unit(unit).factor) if unit else found.value  # type: ignore[arg-type,return-value]
+                return float(found.value) * float(unit_of(unit).factor) if unit else found.value  # type: ignore[arg-type,return-value]
             if fits(found.type, type_):
                 return found.value  # type: ignore[return-value]
             self.error("E202", node, f"{what} must be {article(type_)}, found {article(found.type)}")
@@ -117,6 +124,10 @@ class Checker:
         ns = nanoseconds(found.value)  # type: ignore[arg-type]
         if ns < 0:
             self.error("E213", node, f"{what} is negative", "durations count forward")
+            return None
+        if ns > MAX_DURATION_NS:
+            years = MAX_DURATION_NS // (365 * 86_400 * 10**9)
+            self.error("E213", node, f"{what} is longer than {years} years")
             return None
         return ns
 
@@ -174,11 +185,11 @@ class Checker:
 
     def _literal(self, node: ast.Number, unit: str | None) -> float | None:
         try:
-            factor = parse_unit(unit).factor if unit else 1
+            factor = unit_of(unit).factor if unit else Fraction(1)
         except BadUnit as problem:
             self.error("E011", node, str(problem))
             return None
-        value = literal(node.digits, factor)  # type: ignore[arg-type]
+        value = literal(node.digits, factor)
         if value is None:
             self.error("E010", node, "the number is too large for a 64-bit float")
         return value
@@ -187,7 +198,7 @@ class Checker:
         value = self._literal(node, node.unit)
         if value is None:
             return None
-        type_ = Quantity(parse_unit(node.unit).dimension) if node.unit else (PLAIN if value != 0 else ZERO)
+        type_ = Quantity(unit_of(node.unit).dimension) if node.unit else (PLAIN if value != 0 else ZERO)
         return ir.Constant(type=type_, value=value, span=self.span(node))
 
     def _prefix(self, node: ast.Prefix) -> ir.Expression | None:
@@ -213,7 +224,10 @@ class Checker:
         element = _result(operator, element_type(left.type), element_type(right.type))
         if element is None:
             self.error(
-                "E201", node, _mismatch(operator, left.type, right.type), _infix_hint(operator, left.type)
+                "E201",
+                node,
+                _mismatch(operator, left.type, right.type),
+                _infix_hint(operator, left.type, right.type),
             )
             return None
         type_ = self.broadcast(node, element, left.type, right.type)
@@ -257,7 +271,7 @@ class Checker:
         elements = [element_type(p.type) for p in (operand, low, high)]
         first = unify(elements[0], elements[1])
         if first is None or unify(first, elements[2]) is None or not isinstance(first, Quantity):
-            shown = ", ".join(article(p.type) for p in (operand, low, high))
+            shown = listed(p.type for p in (operand, low, high))
             self.error("E201", node, f"`in` needs three numbers of one dimension, found {shown}")
             return None
         type_ = self.broadcast(node, BOOL, operand.type, low.type, high.type)
@@ -269,7 +283,7 @@ class Checker:
         """An expression that must be an array."""
         found = self.visit(node)
         if found is not None and not isinstance(found.type, Array):
-            self.error("E207", node, f"needs an array, found {article(found.type)}")
+            self.error("E207", node, f"expected an array, found {article(found.type)}")
             return None
         return found
 
@@ -279,7 +293,7 @@ class Checker:
             return None
         assert isinstance(array.type, Array)
         if not isinstance(index.type, Quantity) or index.type.dimension != PLAIN.dimension:
-            self.error("E202", node.index, f"an index must be a number, found {article(index.type)}")
+            self.error("E202", node.index, f"an index must be a plain number, found {article(index.type)}")
             return None
         value = constant_value(index)
         if value is not None and not 0 <= round(value) < array.type.size:
@@ -335,22 +349,30 @@ def _mismatch(operator: ir.Binary, a: Type, b: Type) -> str:
         wanted = "two numbers of one dimension"
     if operator in (ir.Binary.MULTIPLY, ir.Binary.DIVIDE):
         wanted = "two numbers"
-    return f"`{operator.value}` needs {wanted}, found {article(a)} and {article(b)}"
+    return f"`{operator.value}` needs {wanted}, found {listed((a, b))}"
 
 
-def _infix_hint(operator: ir.Binary, a: Type) -> str | None:
-    if isinstance(element_type(a), Enum) and operator not in _EQUALITY | _BOOLEAN:
+def _infix_hint(operator: ir.Binary, left: Type, right: Type) -> str | None:
+    a, b = element_type(left), element_type(right)
+    if (isinstance(a, Enum) or isinstance(b, Enum)) and operator not in _EQUALITY | _BOOLEAN:
         return "only `==` and `!=` apply to an enum"
-    if operator in _BOOLEAN or operator in _EQUALITY:
-        return None
-    return "write the unit after the number, or divide by one: `x / 1 mm` is a plain number"
+    if isinstance(a, Quantity) and isinstance(b, Quantity) and PLAIN in (a, b) and operator not in _BOOLEAN:
+        unit = b if a == PLAIN else a
+        return f"write the unit after the number, or divide the other by it: `x / 1 {unit}` is a plain number"
+    if isinstance(a, Bool) and isinstance(b, Bool) and operator not in _BOOLEAN:
+        return "turn a bool into a number with `if b then 1 else 0`, or count bools with `count`"
+    return None
 
 
-def _type_hint(found: Type, wanted: Type) -> str | None:
+def _type_hint(node: ast.Expression, found: Type, wanted: Type) -> str | None:
     if isinstance(found, Array) and not isinstance(wanted, Array):
         if isinstance(wanted, Bool):
             return "reduce the array with `any(...)` or `all(...)`"
         return "take an element, or reduce the array with `min`, `max`, `mean` or `sum`"
-    if isinstance(found, Quantity) and isinstance(wanted, Quantity) and not isinstance(found, Array):
-        return f"write a unit of the dimension {wanted}"
-    return None
+    if not isinstance(found, Quantity) or not isinstance(wanted, Quantity):
+        return None
+    if isinstance(node, ast.Number) and node.unit is None:
+        return f"write its unit, for example `{node.digits[:20]} {wanted}`"
+    if found == PLAIN:
+        return f"give it a unit: times `1 {wanted}`"
+    return f"divide by a unit for a plain number: `x / 1 {found}`" if wanted == PLAIN else None

@@ -21,7 +21,6 @@ from colony.dsl.check.scope import (
     Scope,
     StateSymbol,
     ValueSymbol,
-    did_you_mean,
     span_of,
 )
 from colony.ir import program as ir
@@ -90,14 +89,17 @@ def _template(
 ) -> Template | None:
     """Follow `module a = b(...)` to a module with a text of its own; iterative, as chains may be long."""
     trail: list[Pending] = []
+    met: dict[str, int] = {}
     here: Pending | None = one
     while here is not None and here.full_name not in templates:
-        if here in trail:
-            names = " = ".join(f"`{p.node.name.text}`" for p in [*trail[trail.index(here) :], here])
+        if here.full_name in met:
+            cycle = [f"`{p.node.name.text}`" for p in [*trail[met[here.full_name] :], here]]
+            names = " = ".join(cycle if len(cycle) <= 6 else [*cycle[:4], "...", cycle[-1]])
             report.error(here.scope, "E404", here.node.name, f"the module is derived from itself: {names}")
             for p in trail:
                 templates[p.full_name] = None
             return None
+        met[here.full_name] = len(trail)
         trail.append(here)
         if not isinstance(here.node, ast.DerivedModuleDecl):
             templates[here.full_name] = Template(node=here.node, scope=here.scope, params={})
@@ -135,12 +137,15 @@ def _base(
 def _derive(report: Report, one: Pending, node: ast.DerivedModuleDecl, base: Template) -> Template:
     checker = Checker(scope=one.scope, report=report)
     known = [c.name.text for c in base.node.clauses if isinstance(c, ast.ParamDecl)]
+    declared: dict[str, ValueSymbol] = {}
+    quiet = Checker(scope=base.scope, report=Report(), local=declared)
+    _params(quiet, _clauses(base.node, ast.ParamDecl), base.params, declared)
     params = dict(base.params)
     given: set[str] = set()
     for argument in node.arguments:
         name = argument.name.text
         if name not in known:
-            hint = did_you_mean(name, known)
+            hint = checker.report.suggest(name, known)
             hint = hint or (f"its params are {', '.join(known)}" if known else "it has no params")
             checker.error("E404", argument.name, f"`{node.base.text}` has no param `{name}`", hint)
             continue
@@ -148,8 +153,14 @@ def _derive(report: Report, one: Pending, node: ast.DerivedModuleDecl, base: Tem
             checker.error("E404", argument.name, f"param `{name}` is set twice")
         given.add(name)
         found = checker.constant(argument.value, None, f"param `{name}`")
-        if found is not None:
-            params[name] = ParamSymbol(type=found.type, value=found.value)
+        param = declared.get(name)
+        if found is None or not isinstance(param, ParamSymbol):
+            continue
+        if fits(found.type, param.type):
+            params[name] = ParamSymbol(type=param.type, value=found.value)
+        else:
+            wanted = f"param `{name}` of `{node.base.text}` is {article(param.type)}"
+            checker.error("E404", argument.value, f"{wanted}, found {article(found.type)}")
     return replace(base, params=params)
 
 
@@ -178,12 +189,15 @@ def _instance(
 
 def _report_misfits(report: Report, one: Pending, sink: Report) -> None:
     """A param set anew may not fit where the base uses it: say so where it is set."""
+    if not sink.diagnostics:
+        return
     base_errors = {(d.code, d.span.start, d.message) for d in report.diagnostics}
     for d in sink.diagnostics:
-        if (d.code, d.span.start, d.message) not in base_errors and d.severity == "error":
+        if (d.code, d.span.start, d.message) not in base_errors:
             line, _ = d.span.source.position(d.span.start)
-            message = f"with these params line {line} of its base is wrong: {d.message}"
-            report.error(one.scope, "E404", one.node, message)
+            file = "" if d.span.source is one.scope.file.source else f" of `{d.span.source.name}`"
+            message = f"with these params line {line}{file}, in its base, is wrong: {d.message}"
+            report.error(one.scope, "E404", one.node, message, d.hint)
             return
 
 
@@ -200,6 +214,8 @@ def _module(
 ) -> ir.Module | None:
     """A module written in the language; None if anything in it is wrong."""
     full, before = one.full_name, len(checker.report.diagnostics)
+    names = frozenset(c.name.text for c in node.clauses if not isinstance(c, ast.NextDecl))
+    checker = replace(checker, later=names)
     _report_duplicates(checker, node.clauses)
     params = _params(checker, _clauses(node, ast.ParamDecl), anew, local)
     states = _states(checker, full, _clauses(node, ast.StateDecl), local)
@@ -246,15 +262,7 @@ def _params(
     for clause in clauses:
         name = clause.name.text
         symbol: ParamSymbol | Broken = check_param(checker, clause)
-        given = anew.get(name)
-        if given is not None and isinstance(symbol, ParamSymbol):
-            if fits(given.type, symbol.type):
-                symbol = ParamSymbol(type=symbol.type, value=given.value)
-            else:
-                wanted, found = article(symbol.type), article(given.type)
-                checker.error("E404", clause, f"param `{name}` is {wanted}, set to {found}")
-                symbol = Broken()
-        local[name] = symbol
+        local[name] = symbol = anew.get(name, symbol)
         if isinstance(symbol, ParamSymbol):
             params.append((name, symbol.value))  # type: ignore[arg-type]
     return tuple(params)

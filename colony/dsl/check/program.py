@@ -84,28 +84,32 @@ class _Check:
             tests=tuple(t for t in tests if t is not None),
         )
 
-    def _each(self, *kinds: type[_Node]) -> Iterator[tuple[Checker, _Node]]:
+    def _each(self, kind: type[_Node]) -> Iterator[tuple[Checker, _Node]]:
         """Every declaration of a kind in all files, with a checker in the scope of its file."""
         for scope in self.scopes:
             checker = Checker(scope=scope, report=self.report)
             for node in scope.file.tree.declarations:
-                if isinstance(node, kinds):
+                if isinstance(node, kind):
                     yield checker, node
 
     def _constants(self) -> None:
-        """Enums, then params, each of which may use those above it."""
-        for checker, enum in self._each(ast.EnumDecl):
-            type_ = check_enum(checker, enum)
-            checker.scope.values.setdefault(enum.name.text, EnumSymbol(type=type_) if type_ else Broken())
-        for checker, param in self._each(ast.ParamDecl):
-            checker.scope.values.setdefault(param.name.text, check_param(checker, param))
+        """Enums and params, each of which may use those above it."""
+        for scope in self.scopes:
+            checker = Checker(scope=scope, report=self.report)
+            for node in scope.file.tree.declarations:
+                if isinstance(node, ast.EnumDecl):
+                    type_ = check_enum(checker, node)
+                    symbol = EnumSymbol(type=type_) if type_ else Broken()
+                    scope.values.setdefault(node.name.text, symbol)
+                elif isinstance(node, ast.ParamDecl):
+                    scope.values.setdefault(node.name.text, check_param(checker, node))
 
     def _robot(self) -> ir.Robot | None:
         """The one robot of the program."""
         found = list(self._each(ast.RobotDecl))
         if not found:
             self.robot.absent = True
-            if not any("robot" in d.message or d.code in _UNREAD for d in self.report.diagnostics):
+            if not any(d.code in _UNREAD for d in self.report.diagnostics):
                 start = ast.Name(text="", start=0, end=0)
                 hint = 'declare one, or import a file that does: `import "rome.colony"`'
                 self.report.error(self.root, "E301", start, "the program has no robot", hint)
@@ -121,6 +125,8 @@ class _Check:
     def _derived(self) -> list[ir.Derived]:
         """States and machines can be read anywhere, so their types come first; lets only what is above."""
         initial: dict[str, ScalarValue] = {}
+        for checker, machine in self._each(ast.MachineDecl):
+            checker.scope.values.setdefault(machine.name.text, machine_type(checker, machine))
         for checker, state in self._each(ast.StateDecl):
             found = check_state(checker, state)
             full = checker.scope.full(state.name.text)
@@ -128,8 +134,6 @@ class _Check:
                 initial[full] = found[1]
             symbol = Broken() if found is None else StateSymbol(name=full, type=found[0])
             checker.scope.values.setdefault(state.name.text, symbol)
-        for checker, machine in self._each(ast.MachineDecl):
-            checker.scope.values.setdefault(machine.name.text, machine_type(checker, machine))
         derived: list[ir.Derived] = []
         for checker, let in self._each(ast.LetDecl):
             done = check_let(checker, let, checker.scope.full(let.name.text))
@@ -161,9 +165,11 @@ class _Check:
 
     def _machines(self) -> list[ir.Derived]:
         machines: list[ir.Derived] = []
+        checked: set[str] = set()
         for checker, node in self._each(ast.MachineDecl):
             symbol = checker.scope.values[node.name.text]
-            if isinstance(symbol, MachineSymbol):
+            if isinstance(symbol, MachineSymbol) and symbol.name not in checked:  # a second was reported
+                checked.add(symbol.name)
                 machine = check_machine(checker, node, symbol.type)
                 machines += [machine] if machine else []
         return machines
@@ -188,6 +194,8 @@ class _Check:
                     continue
                 for node in network.wires:
                     name = node.name.text
+                    if name not in scope.drives and not isinstance(scope.parts.get(name), WireSymbol):
+                        continue  # it has the name of a module, which was reported
                     drives = name if name in scope.drives and scope is self.root else None
                     symbol = scope.drives.get(name) or WireSymbol(name=scope.full(name))
                     one = PendingWire(node=node, scope=scope, name=symbol.name, drives=drives)
@@ -223,7 +231,9 @@ class _Check:
             for part in parts:
                 if part.name not in used and part.span.source is own:
                     message = f"{kind} `{part.name}` reaches no actuator"
-                    hint = "wire it in a `network { ... }` block, or take it out"
+                    actuators = [a.name for a in robot.actuators]
+                    close = self.report.suggest(part.name, actuators) if kind == "wire" else None
+                    hint = close or "wire it in a `network { ... }` block, or take it out"
                     self.report.diagnostics.append(warning("W001", part.span, message, hint))
         driven = {w.actuator for w in wires}
         for actuator in robot.actuators:
@@ -238,4 +248,4 @@ class _Check:
         return any(isinstance(d, kinds) for d in self.root.file.tree.declarations)
 
 
-_UNREAD = frozenset({"E005", "E006", "E103"})
+_UNREAD = frozenset({"E002", "E003", "E004", "E005", "E006", "E007", "E103"})

@@ -8,7 +8,7 @@ from colony.dsl import ast
 from colony.dsl.check.compatibility import article
 from colony.dsl.check.expressions import Checker
 from colony.dsl.check.references import actuator_named
-from colony.dsl.check.scope import Broken, SensorSymbol, did_you_mean
+from colony.dsl.check.scope import Broken, SensorSymbol
 from colony.ir import program as ir
 from colony.ir.expression import Expression
 from colony.ir.types import BOOL, Array, Quantity, ScalarValue, element_type
@@ -27,7 +27,7 @@ def check_limit(checker: Checker, node: ast.LimitDecl) -> ir.Limit | None:
         return None
     names = [f.name for f in actuator.fields]
     if node.field.text not in names:
-        hint = did_you_mean(node.field.text, names) or f"it has {', '.join(names)}"
+        hint = checker.report.suggest(node.field.text, names) or f"it has {', '.join(names)}"
         checker.error("E601", node.field, f"`{actuator.name}` has no field `{node.field.text}`", hint)
         checker.check(node.bound)
         return None
@@ -52,7 +52,7 @@ def check_limit(checker: Checker, node: ast.LimitDecl) -> ir.Limit | None:
 def check_contract(checker: Checker, node: ast.ContractDecl) -> ir.Contract | None:
     """What must hold in every frame."""
     promise = replace(checker, promise=True)
-    found = promise.expect(node.expression, BOOL, f"contract `{node.name.text}`")
+    found = promise.expect(node.expression, BOOL, "a contract")
     if found is None:
         return None
     name = checker.scope.full(node.name.text)
@@ -114,8 +114,10 @@ def _given(checker: Checker, node: ast.GivenDecl) -> ir.Given | None:
     """`sensor = value`, `sensor[index] = value` or `sensor = missing`."""
     symbol = checker.scope.robot.values.get(node.sensor.text)
     if not isinstance(symbol, SensorSymbol):
-        if not isinstance(symbol, Broken) and not checker.scope.robot.absent:
-            hint = did_you_mean(node.sensor.text, checker.scope.robot.values)
+        if not isinstance(symbol, Broken) and not checker.scope.excused(node.sensor.text):
+            hint = checker.report.suggest(node.sensor.text, checker.scope.robot.values)
+            if checker.scope.value(node.sensor.text) is not None:
+                hint = "tests give values to sensors; what is derived from them follows"
             checker.error("E603", node.sensor, f"unknown sensor `{node.sensor.text}`", hint)
         return None
     sensor = symbol.sensor

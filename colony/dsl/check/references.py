@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+from itertools import islice
 from typing import TYPE_CHECKING
 
 from colony.dsl import ast
+from colony.dsl.check.calls import FUNCTION_NAMES
 from colony.dsl.check.scope import (
     ActuatorSymbol,
     Broken,
@@ -19,7 +21,6 @@ from colony.dsl.check.scope import (
     StateSymbol,
     ValueSymbol,
     WireSymbol,
-    did_you_mean,
 )
 from colony.ir import expression as ir
 from colony.ir import program as program_ir
@@ -91,7 +92,7 @@ def _member(
             if value is not None:
                 return ir.Constant(type=enum, value=value, span=checker.span(node))
             names = [name for name, _ in enum.members]
-            hint = did_you_mean(rest[0], names) or f"it has {', '.join(names)}"
+            hint = checker.report.suggest(rest[0], names) or f"it has {', '.join(names)}"
             checker.error("E108", node, f"`{owner}` has no {_member_word(enum)} `{rest[0]}`", hint)
         case Broken():
             pass
@@ -119,12 +120,12 @@ def _part_member(checker: Checker, node: ast.Reference, part: PartSymbol, name: 
                 if one.name == name:
                     span = checker.span(node)
                     return ir.SentField(type=one.type, actuator=actuator.name, field_index=index, span=span)
-            close = did_you_mean(name, [f.name for f in actuator.fields])
+            close = checker.report.suggest(name, [f.name for f in actuator.fields])
             checker.error("E108", node, f"actuator `{owner}` has no field `{name}`", close)
         case ModuleSymbol(members=members):
             if name in members:
                 return _value(checker, node, members[name])
-            hint = did_you_mean(name, members) or "a contract sees its params, lets and states"
+            hint = checker.report.suggest(name, members) or "a contract sees its params, lets and states"
             checker.error("E108", node, f"module `{owner}` has no `{name}`", hint)
         case WireSymbol():
             checker.error("E108", node, f"`{owner}` is a wire and has no `{name}`")
@@ -138,15 +139,47 @@ def _unknown(checker: Checker, node: ast.Reference, scope: Scope, name: str) -> 
         return
     if part is not None:
         kind = {ModuleSymbol: "module", WireSymbol: "wire", ActuatorSymbol: "actuator"}[type(part)]
-        where = f"ask `{name} is active`" if checker.promise else "only contracts and tests speak of it"
+        status = "commanded" if isinstance(part, ActuatorSymbol) else "active"
+        where = f"ask `{name} is {status}`" if checker.promise else "only contracts and tests speak of it"
         checker.error("E106", node, f"`{name}` is {_a(kind)}, not a value", where)
         return
-    if name in scope.visible_values:
-        hint = "what is read must be declared above"
-        checker.error("E105", node, f"`{name}` is used before it is declared", hint)
+    if checker.constants and _declared_but_not_constant(scope, name):
+        checker.error(
+            "E204", node, f"`{name}` is not constant", "use literals, params and arithmetic on them"
+        )
+        return
+    if name in scope.visible_values or name in checker.later:
+        checker.error("E105", node, f"`{name}` is used before it is declared", _ABOVE)
         return
     known = [*checker.local, *scope.visible_values, *scope.robot.values, *scope.aliases, *checker.loops]
-    checker.error("E101", node, f"unknown name `{name}`", did_you_mean(name, known))
+    hint = _WORDS.get(name) or _member_hint(scope, name) or checker.report.suggest(name, known)
+    checker.error("E101", node, f"unknown name `{name}`", hint)
+
+
+_ABOVE = "what is read must be declared above"
+_WORDS = {
+    "True": "write `true`",
+    "False": "write `false`",
+    "None": "say `missing` in tests; in expressions ask `fresh(sensor)`",
+    "t": "the time since the first frame is `now()`",
+    "time": "the time since the first frame is `now()`",
+    "pi": "angles have units: `180 deg`, `3.14 rad`",
+    **{name: f"it is a function: `{name}(...)`" for name in FUNCTION_NAMES},
+    "now": "it is a function: `now()`",
+}
+
+
+def _member_hint(scope: Scope, name: str) -> str | None:
+    """The enum or machine of which this is a member."""
+    for owner, symbol in islice(scope.values.items(), 1000):
+        if isinstance(symbol, EnumSymbol | MachineSymbol) and name in dict(symbol.type.members):
+            return f"did you mean `{owner}.{name}`?"
+    return None
+
+
+def _declared_but_not_constant(scope: Scope, name: str) -> bool:
+    owner = scope.visible_values.get(name)
+    return name in scope.robot.sensor_names if owner is None else name not in owner.constant_names
 
 
 def _a(word: str) -> str:
@@ -222,9 +255,18 @@ def resolve_part(checker: Checker, node: ast.Reference) -> PartSymbol | None:
         part = scope.drives.get(path[0])
     if len(path) == 1 and part is None:
         part = scope.part(path[0])
+    if part is None and len(path) > 1 and scope.excused(path[0]):
+        part = Broken()
+    if part is None and len(path) == 1 and scope.value(path[0]) is not None:
+        message = f"`{node.text}` is a value, not a module, wire or actuator"
+        hint = None if checker.promise else "a module reads values in `when` and `do`"
+        checker.error("E106", node, message, hint)
+        return None
     if part is None:
         known = [*scope.visible_parts, *scope.robot.parts, *scope.aliases]
-        checker.error("E101", node, f"unknown module or wire `{node.text}`", did_you_mean(path[-1], known))
+        checker.error(
+            "E101", node, f"unknown module or wire `{node.text}`", checker.report.suggest(path[-1], known)
+        )
     return part
 
 
@@ -233,8 +275,10 @@ def actuator_named(checker: Checker, name: ast.Name) -> program_ir.Actuator | No
     symbol = checker.scope.robot.parts.get(name.text)
     if isinstance(symbol, ActuatorSymbol):
         return symbol.actuator
-    if not isinstance(symbol, Broken):
+    if not isinstance(symbol, Broken) and not checker.scope.excused(name.text):
         known = [n for n, s in checker.scope.robot.parts.items() if isinstance(s, ActuatorSymbol)]
-        hint = did_you_mean(name.text, known) or (f"the robot has {', '.join(known)}" if known else None)
+        hint = checker.report.suggest(name.text, known) or (
+            f"the robot has {', '.join(known)}" if known else None
+        )
         checker.error("E402", name, f"unknown actuator `{name.text}`", hint)
     return None

@@ -4,15 +4,16 @@ from __future__ import annotations
 
 from colony.dsl import ast
 from colony.dsl.check.compatibility import article
+from colony.dsl.check.constants import unit_of
 from colony.dsl.check.expressions import Checker
-from colony.dsl.check.scope import ActuatorSymbol, Broken, EnumSymbol, SensorSymbol, did_you_mean
+from colony.dsl.check.scope import ActuatorSymbol, Broken, EnumSymbol, SensorSymbol
 from colony.ir import program as ir
 from colony.ir.types import BOOL, PLAIN, Array, Enum, Quantity, Scalar, ScalarValue
-from colony.units import BadUnit, parse_unit
+from colony.units import BadUnit
 
 MAX_ELEMENTS = 4096
 RESERVED_SENSORS = {"t": "the frame's time"}
-RESERVED_FIELDS = {"by": "the winner", "fault": "what went wrong"}
+RESERVED_FIELDS = {"fault": "what went wrong"}  # nor `by`, the winner, which is a reserved word
 
 
 def check_type(checker: Checker, node: ast.TypeName) -> tuple[Scalar, str] | None:
@@ -22,22 +23,25 @@ def check_type(checker: Checker, node: ast.TypeName) -> tuple[Scalar, str] | Non
         return BOOL, ""
     if node.path == ("number",):
         return PLAIN, ""
+    try:
+        unit = unit_of(name)
+        return Quantity(unit.dimension), unit.text
+    except BadUnit as problem:
+        trouble = str(problem)
     scope, path = checker.scope.resolve(node.path)
     symbol = scope.value(path[0]) if len(path) == 1 else None
     if isinstance(symbol, EnumSymbol):
         return symbol.type, ""
     if isinstance(symbol, Broken):
         return None
-    try:
-        unit = parse_unit(name)
-    except BadUnit as problem:
+    if not all(part.isidentifier() for part in node.path):
+        checker.error("E011", node, trouble)
+    else:
         enums = [n for n in scope.visible_values if isinstance(scope.value(n), EnumSymbol)]
         known = [*enums, "bool", "number", "mm", "deg", "mm/s", "deg/s"]
-        hint = did_you_mean(name, known) or "a type is `bool`, `number`, a unit or an enum"
-        message = str(problem) if "exponent" in str(problem) else f"unknown type `{name}`"
-        checker.error("E011" if "exponent" in str(problem) else "E101", node, message, hint)
-        return None
-    return Quantity(unit.dimension), unit.text
+        hint = checker.report.suggest(name, known) or "a type is `bool`, `number`, a unit or an enum"
+        checker.error("E101", node, f"unknown type `{name}`", hint)
+    return None
 
 
 def check_robot(checker: Checker, node: ast.RobotDecl) -> ir.Robot:
@@ -104,7 +108,7 @@ def _range(
 
 
 def _factor(unit: str) -> float:
-    return float(parse_unit(unit).factor) if unit else 1.0
+    return float(unit_of(unit).factor) if unit else 1.0
 
 
 def _sensor(checker: Checker, item: ast.SensorDecl) -> ir.Sensor | None:
@@ -235,14 +239,15 @@ def command_arguments(
     for argument in arguments:
         name = argument.name.text
         if name not in fields:
-            hint = did_you_mean(name, fields) or f"it has {', '.join(fields)}"
+            hint = checker.report.suggest(name, fields) or f"it has {', '.join(fields)}"
             checker.error("E401", argument.name, f"`{actuator}` has no field `{name}`", hint)
         elif name in values:
             checker.error("E401", argument.name, f"field `{name}` is given twice")
         else:
             values[name] = argument
     left_out = [name for name in fields if name not in values]
-    if left_out:
+    misspelled = sum(argument.name.text not in fields for argument in arguments)
+    if len(left_out) > misspelled:
         shown = ", ".join(f"`{name}`" for name in left_out)
         checker.error("E401", node, f"every field must be given; {shown} of `{actuator}` left out")
     return values

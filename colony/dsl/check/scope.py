@@ -8,8 +8,9 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from dataclasses import dataclass, field
+from itertools import islice
 
-from colony.diagnostics import Diagnostic, error, warning
+from colony.diagnostics import Diagnostic, error
 from colony.dsl import ast
 from colony.dsl.files import SourceFile
 from colony.ir import program as ir
@@ -107,6 +108,8 @@ class RobotScope:
     """
 
     absent: bool = False
+    sensor_names: set[str] = field(default_factory=set)
+    actuator_names: set[str] = field(default_factory=set)
     values: dict[str, ValueSymbol] = field(default_factory=dict)
     parts: dict[str, PartSymbol] = field(default_factory=dict)
 
@@ -116,7 +119,8 @@ class Scope:
     """The names that one file sees. Filled while the file is checked, then only read.
 
     `values` and `parts` are what the file itself declares, as far as it is checked; `visible_values` and
-    `visible_parts` tell, for these and for what plain imports bring in, whose file it is.
+    `visible_parts` tell, for these and for what plain imports bring in, whose file it is. `lost_names` are
+    declared in text that could not be read; where a whole import could not be, `incomplete`, any name may be.
     """
 
     file: SourceFile
@@ -127,20 +131,23 @@ class Scope:
     visible_parts: dict[str, Scope] = field(default_factory=dict)
     drives: dict[str, WireSymbol] = field(default_factory=dict)  # what this file assigns to actuators
     aliases: dict[str, Scope] = field(default_factory=dict)
+    constant_names: set[str] = field(default_factory=set)  # the file's own params and enums
+    lost_names: set[str] = field(default_factory=set)
+    incomplete: bool = False
 
     def value(self, name: str) -> ValueSymbol | None:
         owner = self.visible_values.get(name)
         found = self.robot.values.get(name) if owner is None else owner.values.get(name)
-        return Broken() if found is None and self._excused(name) else found
+        return Broken() if found is None and self.excused(name) else found
 
     def part(self, name: str) -> PartSymbol | None:
         owner = self.visible_parts.get(name)
         found = self.robot.parts.get(name) if owner is None else owner.parts.get(name)
-        return Broken() if found is None and self._excused(name) else found
+        return Broken() if found is None and self.excused(name) else found
 
-    def _excused(self, name: str) -> bool:
+    def excused(self, name: str) -> bool:
         """Whether the name may be declared in text that could not be read."""
-        return self.robot.absent or name in self.file.lost_names
+        return self.robot.absent or self.incomplete or name in self.lost_names
 
     def resolve(self, path: tuple[str, ...]) -> tuple[Scope, tuple[str, ...]]:
         """Follow aliases at the front of a path: the scope that they lead to, and the rest."""
@@ -156,16 +163,28 @@ class Scope:
 
 @dataclass(slots=True)
 class Report:
-    """Where checkers put what they find, and where they get numbers for memory cells."""
+    """Where checkers put what they find, and where they get numbers for memory cells.
+
+    `suggestions` is how many names may still be compared with those that are known, which takes long.
+    """
 
     diagnostics: list[Diagnostic] = field(default_factory=list)
     cells: int = 0
+    suggestions: int = 100
 
     def error(self, scope: Scope, code: str, node: ast.Node, message: str, hint: str | None = None) -> None:
-        self.diagnostics.append(error(code, span_of(scope, node), message, hint))
+        self.diagnostics.append(error(code, span_of(scope, node), _clipped(message), hint))
 
-    def warn(self, scope: Scope, code: str, node: ast.Node, message: str, hint: str | None = None) -> None:
-        self.diagnostics.append(warning(code, span_of(scope, node), message, hint))
+    def suggest(self, name: str, known: Iterable[str]) -> str | None:
+        """A hint with the closest known name, if one is close."""
+        if self.suggestions == 0 or len(name) > _LONGEST_NAME:
+            return None
+        from difflib import get_close_matches
+
+        self.suggestions -= 1
+        some = islice((k for k in known if abs(len(k) - len(name)) <= _LONGEST_NAME // 8), 20_000)
+        close = get_close_matches(name, dict.fromkeys(some), n=1, cutoff=0.6)
+        return f"did you mean `{close[0]}`?" if close else None
 
     def new_cell(self) -> int:
         self.cells += 1
@@ -176,9 +195,10 @@ def span_of(scope: Scope, node: ast.Node) -> Span:
     return Span(scope.file.source, node.start, node.end)
 
 
-def did_you_mean(name: str, known: Iterable[str]) -> str | None:
-    """A hint with the closest known name, if one is close."""
-    from difflib import get_close_matches
+def _clipped(message: str) -> str:
+    """A message that a name of a million letters does not make as long."""
+    return message if len(message) <= _LONGEST_MESSAGE else f"{message[:_LONGEST_MESSAGE]} ..."
 
-    close = get_close_matches(name, list(known)[:20_000], n=1, cutoff=0.6)
-    return f"did you mean `{close[0]}`?" if close else None
+
+_LONGEST_MESSAGE = 1000
+_LONGEST_NAME = 64

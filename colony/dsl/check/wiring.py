@@ -140,39 +140,61 @@ def check_outputs(
 ) -> None:
     """Whatever can reach an actuator must command it: modules elsewhere stand only where they inhibit.
 
-    Follows each actuator's wiring without the dominant sides of `inhibits`.
+    Follows each actuator's wiring without the dominant sides of `inhibits`; what is wrong is reported where
+    the actuator's own wiring names the wire that leads to it.
     """
     by_name = {w.name: w for w in wires}
     for root in wires:
         if root.actuator is None:
             continue
-        seen = {root.name}
-        stack: list[tuple[ir.Wiring, Scope]] = [(root.wiring, scopes[root.name])]
-        while stack:
-            wiring, scope = stack.pop()
-            if isinstance(wiring, ir.Chain):
-                passing = wiring.operands if wiring.relation == "suppresses" else wiring.operands[-1:]
-                stack.extend((w, scope) for w in passing)
-            elif wiring.name in by_name:
-                if wiring.name not in seen:
-                    seen.add(wiring.name)
-                    stack.append((by_name[wiring.name].wiring, scopes[wiring.name]))
-            elif wiring.name in modules:
-                _check_output(report, scope, wiring, modules[wiring.name], root.actuator)
+        seen: set[str] = set()
+        for use in _passing(root.wiring):
+            wrong = _first_misfit(use, root.actuator, by_name, modules, seen)
+            if wrong is not None:
+                _report_misfit(report, scopes[root.name], use, wrong, root.actuator)
 
 
-def _check_output(report: Report, scope: Scope, use: ir.Use, module: ir.AnyModule, actuator: str) -> None:
+def _passing(wiring: ir.Wiring) -> Iterator[ir.Use]:
+    """The uses whose output may come out of the wiring, from the left."""
+    stack = [wiring]
+    while stack:
+        here = stack.pop()
+        if isinstance(here, ir.Use):
+            yield here
+        else:
+            passing = here.operands if here.relation == "suppresses" else here.operands[-1:]
+            stack.extend(reversed(passing))
+
+
+def _first_misfit(
+    use: ir.Use,
+    actuator: str,
+    by_name: Mapping[str, ir.Wire],
+    modules: Mapping[str, ir.AnyModule],
+    seen: set[str],
+) -> ir.AnyModule | None:
+    """A module that this use leads to and that does not command the actuator; `seen` is passed over."""
+    stack = [use.name]
+    while stack:
+        name = stack.pop()
+        if name in by_name and name not in seen:
+            seen.add(name)
+            stack.extend(u.name for u in _passing(by_name[name].wiring))
+        elif name in modules and modules[name].actuator != actuator:
+            return modules[name]
+    return None
+
+
+def _report_misfit(report: Report, scope: Scope, use: ir.Use, module: ir.AnyModule, actuator: str) -> None:
     node = ast.Name(text=use.name, start=use.span.start, end=use.span.end)
+    who = f"`{module.name}`" if use.name == module.name else f"`{use.name}` leads to `{module.name}`, which"
+    stands = f"and stands where it would drive `{actuator}`"
     if module.actuator is None:
-        message = f"`{module.name}` commands nothing, and stands where it would drive `{actuator}`"
         hint = "a module without `do` can stand only below the dominant side of an `inhibits`"
-        report.error(scope, "E504", node, message, hint)
-    elif module.actuator != actuator:
-        message = (
-            f"`{module.name}` commands `{module.actuator}`, and stands where it would drive `{actuator}`"
-        )
+        report.error(scope, "E504", node, f"{who} commands nothing, {stands}", hint)
+    else:
         hint = "all modules under one wiring command the same actuator, dominant sides of `inhibits` aside"
-        report.error(scope, "E505", node, message, hint)
+        report.error(scope, "E505", node, f"{who} commands `{module.actuator}`, {stands}", hint)
 
 
 def reached(wires: list[ir.Wire]) -> set[str]:

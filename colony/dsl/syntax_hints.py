@@ -1,0 +1,145 @@
+"""Hints to syntax errors: the usual slip behind what was found where something else was expected."""
+
+from __future__ import annotations
+
+import re
+
+from colony.units import BASE_UNITS
+
+RESERVED = frozenset(
+    "and or not implies if then else in is by suppresses inhibits true false missing".split()
+)
+
+DECLARATION_STARTS = frozenset(
+    "ROBOT ENUM IMPORT PARAM LET STATE NEXT MACHINE MODULE NETWORK LIMIT CONTRACT TEST".split()
+)
+_KEYWORDS = frozenset(name.lower() for name in DECLARATION_STARTS) | {"when", "do"}
+_SLIPS = {
+    "&": "write `and`",
+    "&&": "write `and`",
+    "|": "write `or`",
+    "||": "write `or`",
+    "!": "write `not`",
+    ";": "nothing ends a clause: leave the `;` out",
+    "'": "texts stand in double quotes",
+    "//": "comments begin with `#`",
+    "/*": "comments begin with `#`",
+    "**": "powers of numbers are written as products",
+    "%": "write `mod(x, y)`",
+    "“": "texts stand in straight double quotes",
+    "”": "texts stand in straight double quotes",
+    "=>": "write `implies` between bools, `>=` between numbers",
+    "xor": "write `a != b`",
+    "^": "powers stand only in units, without blanks: `m/s^2`",
+    "elif": "write `else if`",
+    "elseif": "write `else if`",
+    "None": "write `missing`",
+    "null": "write `missing`",
+    "True": "write `true`",
+    "False": "write `false`",
+}
+
+
+_PLACES = {
+    **dict.fromkeys(("sensor", "actuator", "frame"), "it stands inside `robot NAME { ... }`"),
+    **dict.fromkeys(("when", "do"), "it stands inside `module NAME { ... }`"),
+    **dict.fromkeys(("reads", "commands", "rate"), "it stands inside a Python module"),
+    **dict.fromkeys(("at", "given", "expect"), 'it stands inside `test "TITLE" { ... }`'),
+}
+
+
+def hint_for(text: str, at: int, found: str, accepted: frozenset[str]) -> str | None:
+    """What the person probably meant to write."""
+    before = text[max(at - 40, 0) : at]
+    return (
+        _did_you_mean(found, accepted)
+        or _about_numbers(before, found, text[at + len(found) : at + len(found) + 40], accepted)
+        or _about_signs(text, at, found, accepted)
+        or _about_words(before, found, accepted)
+        or (_PLACES.get(found) if "MODULE" in accepted else None)
+        or _SLIPS.get(found)
+        or _about_names(found, accepted)
+    )
+
+
+_AFTER_NUMBER = re.compile(r"(?<![\w.])\d[\d.]*([ \t]*)$")
+
+
+def _about_numbers(before: str, found: str, after: str, accepted: frozenset[str]) -> str | None:
+    number = _AFTER_NUMBER.search(before)
+    begins_more = re.match(r"\s*(=|:|->)", after) or found in RESERVED | _KEYWORDS
+    if number and re.match(r"[A-Za-z_]", found) and not begins_more:
+        if re.match(r"[xXoObB][0-9a-fA-F]|_\d|[eE]$", found) and not number[1]:
+            return (
+                "numbers are decimal: digits, perhaps a point and digits, perhaps an exponent such as `e-3`"
+            )
+        return f"`{found}` is not a unit; the units are {', '.join(BASE_UNITS)} and their products"
+    if number and found == "." and not number[1]:
+        return "a number needs a digit after the point: `5.0`"
+    if found == "." and "NUMBER" in accepted:
+        return "a number needs a digit before the point: `0.5`"
+    return None
+
+
+def _about_signs(text: str, at: int, found: str, accepted: frozenset[str]) -> str | None:
+    if found == "=" and "EQUAL" in accepted:
+        return "compare with `==`"
+    if found == "=>" and "ARROW" in accepted:
+        return "a transition is written `a -> b when CONDITION`"
+    if found == "==" and "ASSIGN" in accepted:
+        return "a single `=` gives something a value; `==` compares"
+    if found in ("<", ">", "<=", ">=", "==", "!=") and "AND" in accepted:
+        return "comparisons do not chain: write `a < b and b < c`, or `b in a .. c`"
+    if (
+        found in "*/"
+        and "UNIT" not in accepted
+        and re.search(r":[ \t]*[A-Za-z]+[ \t]+$", text[max(at - 40, 0) : at])
+    ):
+        return "a unit is written without blanks: `mm/s`"
+    if found == "," and {"AT", "EXPECT"} <= accepted:
+        return "no comma stands before `given` and `expect`"
+    return None
+
+
+def _about_words(before: str, found: str, accepted: frozenset[str]) -> str | None:
+    if found == "if" and "LPAR" in accepted and "NUMBER" in accepted:
+        return "an `if` to the right of an operator needs parentheses"
+    if found in ("let", "param", "state", "next") and "DO" in accepted:
+        return f"`{found}` stands before `when`"
+    if found == "do" and {"WHEN", "LET"} <= accepted:
+        return "`when` stands before `do`; `when true` is always"
+    if found == "when" and "DO" in accepted:
+        return "a module has one `when`: join conditions with `and` or `or`"
+    if found in ("not", "by") and "COMMANDED" in accepted:
+        return "write `drive by module`" if found == "by" else "write `not (drive is idle)`"
+    if found in ("suppresses", "inhibits") and "AND" in accepted:
+        return "modules are wired in a `network { ... }` block"
+    if found in ("suppresses", "inhibits") and accepted == {"ASSIGN"}:
+        return f"name the wire, or the actuator that it drives: `NAME = {before.split()[-1]} {found} ...`"
+    return None
+
+
+def _about_names(found: str, accepted: frozenset[str]) -> str | None:
+    if found in RESERVED and "NAME" in accepted:
+        return f"`{found}` is a reserved word and cannot be a name"
+    if found[:1].isalpha() and not found.isascii():
+        return "names are made of the letters A to Z and a to z, digits and `_`"
+    if found.startswith('"') and "STRING" not in accepted:
+        return "texts stand only after `import`, `test` and `python`"
+    return None
+
+
+def _did_you_mean(found: str, accepted: frozenset[str]) -> str | None:
+    if not found.isidentifier():
+        return None
+    from difflib import get_close_matches
+
+    words = [t.lower() for t in accepted if t.lower() not in _NOT_WORDS]
+    close = get_close_matches(found.lower(), words, n=1, cutoff=0.7)
+    return f"did you mean `{close[0]}`?" if close else None
+
+
+_NOT_WORDS = frozenset(
+    "name field number string unit plus minus times over less greater equal unequal comma dot colon "
+    "dots arrow assign lbrace rbrace lpar rpar lsqb rsqb".split()
+)

@@ -1,0 +1,51 @@
+from __future__ import annotations
+
+import gc
+
+import pytest
+
+from benchmarks.networks import chain, ladder, random_program
+from colony.compile.elaborate import elaborate
+from colony.compile.pipeline import PASSES, compile_network, compile_program
+
+
+@pytest.mark.parametrize("program", [chain(5), ladder(5), random_program(30, seed=4)])
+def test_the_passes_are_what_compilation_is(program) -> None:
+    compiled = compile_program(program)
+    stages: list[object] = [program]
+    for one in PASSES:
+        stages.append(one(stages[-1]))
+    assert stages == [
+        compiled.program,
+        compiled.network,
+        compiled.suppression,
+        compiled.traversal,
+        compiled.clients,
+    ]
+
+
+def test_a_network_without_a_program_compiles_to_the_same() -> None:
+    program = random_program(30, seed=5)
+    assert compile_network(elaborate(program)) == compile_program(program).clients
+
+
+def test_each_pass_is_named_for_its_file() -> None:
+    for one in PASSES:
+        assert one.__module__ == f"colony.compile.{one.__name__}"
+
+
+def test_the_garbage_collector_is_left_as_it_was() -> None:
+    assert gc.isenabled()
+    compile_program(chain(3))
+    assert gc.isenabled()
+    gc.disable()
+    try:
+        compile_program(chain(3))
+        assert not gc.isenabled()
+    finally:
+        gc.enable()
+
+
+def test_ten_thousand_modules_ten_thousand_deep() -> None:
+    clients = compile_program(chain(10_000)).clients
+    assert [client.priority for client in clients.actuators[0].clients] == list(range(10_000, 0, -1))

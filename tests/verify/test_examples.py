@@ -1,0 +1,158 @@
+"""Running `test` blocks, and what is said where one fails."""
+
+from __future__ import annotations
+
+from stepping import ROBOT
+
+from colony.diagnostics import headline, render
+from colony.dsl.load import load_text
+from colony.verify.examples import ExampleResult, failures_as_diagnostics, run_examples
+
+BEHAVIOR = """
+robot r {
+  sensor sonar[4] : m range 0 .. 10 from PServer.sonar
+  sensor bumper : bool from RServer.bumper
+  sensor spare[2] : number default 3 from DServer.spare
+  sensor where_to : mm default 5 m from DServer.where_to
+  actuator drive { speed : m/s range -1 .. 1 } to RServer.drive idle drive(speed = 0)
+}
+enum light { off = 0, green = 2 }
+let ahead = min(sonar)
+module cruise { when ahead > 1 m do drive(speed = 0.3 m/s) }
+module back_off { when held(bumper, 2 s) do drive(speed = -0.2 m/s) }
+network { drive = back_off suppresses cruise }
+contract never_fast: drive.speed <= 0.25 m/s or not bumper or true
+"""
+
+
+def results(text: str, behavior: str = BEHAVIOR) -> list[ExampleResult]:
+    return list(run_examples(load_text(behavior + text)))
+
+
+def failed(text: str, behavior: str = BEHAVIOR) -> list[str]:
+    """The headline of every failure, without the file name."""
+    return [headline(d).split(": ", 1)[1] for d in failures_as_diagnostics(results(text, behavior))]
+
+
+def test_a_good_example() -> None:
+    [result] = results("""
+      test "backs off for two seconds" {
+        at 0 s   given sonar = 3 m, bumper = true  expect drive by back_off, back_off is active
+        from 0.1 s to 1.9 s every 100 ms given bumper = false expect drive by back_off, drive.speed < 0
+        at 2 s                                     expect drive by cruise
+        at 3 s   given sonar[1] = 50 cm            expect drive is idle, ahead == 50 cm
+        at 4 s   given sonar = [2 m, 3, 4, 5 m]    expect ahead == 2 m, drive is commanded
+        at 5 s   given sonar = missing             expect drive is idle, not fresh(ahead)
+      }
+    """)
+    assert result.passed, result
+    assert result.name == "backs off for two seconds"
+    assert result.frames == 24
+
+
+def test_each_example_starts_anew() -> None:
+    text = """
+      test "one" { at 0 s given bumper = true, sonar = 3 expect drive by back_off }
+      test "two" { at 0.1 s given bumper = false, sonar = 3 expect drive by cruise }
+    """
+    assert [r.passed for r in results(text)] == [True, True]
+
+
+def test_given_values_reach_the_program_unrounded() -> None:
+    given = "given where_to = 0.1 ft, sonar = 0.1 inch"
+    assert results(f'test "t" {{ at 0 s {given} expect where_to == 0.1 ft, ahead == 0.1 inch }}')[0].passed
+
+
+def test_a_false_expectation_says_what_was_found() -> None:
+    [message] = failed("""
+      test "t" { at 0.5 s given sonar = 3 m, bumper = false expect drive by back_off }
+    """)
+    assert message == (
+        'error[T001]: in "t" at 0.5 s: expected `drive by back_off`; found: drive by cruise, speed = 300 mm/s'
+    )
+
+
+def test_values_that_an_expectation_reads_are_said() -> None:
+    [message] = failed("""
+      test "t" { at 0 s given sonar = 3 m, bumper = true
+                 expect ahead < 2 m and bumper and fresh(bumper) and cruise is active and sonar[1] > 0 mm }
+    """)
+    assert "ahead = 3000 mm; bumper = true; bumper is fresh; cruise is active" in message
+    assert "sonar = [3000 mm, 3000 mm, 3000 mm, 3000 mm]" in message
+
+
+def test_an_expectation_that_says_nothing_fails() -> None:
+    [message] = failed('test "t" { at 0 s expect ahead > 1 m }')
+    assert message.startswith(
+        'error[T002]: in "t" at 0 s: `ahead > 1 m` says nothing: it reads something missing'
+    )
+    assert message.endswith("found: ahead is missing")
+
+
+def test_failures_of_one_step_are_counted() -> None:
+    [message] = failed("""
+      test "t" { from 0 s to 1 s every 100 ms given sonar = 3 m, bumper = false expect drive is idle }
+    """)
+    assert 'in "t" at 0 s, and in 10 more frames: expected `drive is idle`' in message
+
+
+def test_contracts_are_checked_in_every_frame() -> None:
+    behavior = BEHAVIOR + "contract slow: drive.speed < 0.2 m/s\n"
+    [message] = failed(
+        'test "t" { from 0 s to 0.2 s every 100 ms given sonar = 3 m, bumper = false }', behavior
+    )
+    assert message == (
+        'error[T003]: in "t" at 0 s, and in 2 more frames: '
+        "contract `slow: drive.speed < 0.2 m/s` does not hold; found: drive by cruise, speed = 300 mm/s"
+    )
+
+
+def test_an_element_can_be_set_only_in_an_array_that_is_there() -> None:
+    text = """
+      test "t" {
+        at 0 s given sonar[1] = 3 m
+        at 1 s given sonar = 2 m
+        at 2 s given sonar[1] = 3 m expect ahead == 2 m, sonar[1] == 3 m
+        at 3 s given sonar = missing
+        at 4 s given sonar[0] = 1 m
+        at 5 s given spare[0] = 1
+      }
+    """
+    messages = failed(text)
+    assert [m.split(":")[1].strip() for m in messages] == [
+        'in "t" at 0 s',
+        'in "t" at 4 s',
+        'in "t" at 5 s',
+    ]
+    assert all(m.startswith("error[T004]") for m in messages)
+    [first, _, last] = failures_as_diagnostics(results(text))
+    assert "give all of it first, as in `sonar = 0`" in render(first)
+    assert "its default only stands in for it" in render(last)
+
+
+def test_records_are_told_where_an_expectation_fails() -> None:
+    [message] = failed(
+        """
+      module bad { when bumper do drive(speed = 1 m/s / (1 - 1)) }
+      test "t" { at 0 s given bumper = true expect drive is commanded }
+    """,
+        BEHAVIOR.replace("back_off suppresses", "bad suppresses"),
+    )
+    assert "drive by bad, whose command is not finite, speed = 0 mm/s; recorded: not finite of bad" in message
+
+
+def test_enumerators_and_idle_hold_are_shown() -> None:
+    [first, second] = failed(
+        """
+        test "t" { at 0 s given feel = mood.alert expect feel == mood.calm, out is commanded }
+        """,
+        ROBOT,
+    )
+    assert first.endswith("found: feel = mood.alert")
+    assert second.endswith("found: out is idle")
+
+
+def test_long_arrays_are_cut() -> None:
+    behavior = "robot r { sensor many[24] : number from DServer.many }"
+    [message] = failed('test "t" { at 0 s given many = 1 expect many[0] > 1 }', behavior)
+    assert message.endswith("many = [1, 1, 1, 1, 1, 1, 1, 1, ...]")

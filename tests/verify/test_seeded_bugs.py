@@ -1,0 +1,49 @@
+"""Would agreement notice? Every known compiler bug, planted on purpose, must be caught.
+
+The programs and traces are those of the seeds 0, 1, ...; a bug that none of them shows fails its test.
+"""
+
+from __future__ import annotations
+
+from functools import cache
+
+import pytest
+from seeded_bugs import BUGS, Bug
+
+from colony.verify.agreement import disagreement
+from colony.verify.strategies import Run, run_of_seed
+
+NETWORKS = 200
+PROGRAMS = 400
+
+
+@cache
+def drawn(network: bool, seed: int) -> Run:
+    """A run, drawn once for all bugs."""
+    return run_of_seed(seed, network=network)
+
+
+def caught(network: bool) -> int | None:
+    """The first seed whose run shows that executors disagree; None if none does."""
+    for seed in range(NETWORKS if network else PROGRAMS):
+        if disagreement(*drawn(network, seed)) is not None:
+            return seed
+    return None
+
+
+@pytest.mark.parametrize("network", [True, False], ids=["networks", "programs"])
+def test_without_a_bug_there_is_no_disagreement(network: bool) -> None:
+    seed = caught(network)
+    assert seed is None, f"seed {seed}:\n{disagreement(*drawn(network, seed))}"
+
+
+@pytest.mark.parametrize("bug", BUGS, ids=[bug.name.replace(" ", "-") for bug in BUGS])
+def test_caught(bug: Bug, monkeypatch: pytest.MonkeyPatch) -> None:
+    bug.plant(monkeypatch)
+    seed = caught(bug.network)
+    assert seed is not None, f"{bug.name}: not noticed in {NETWORKS if bug.network else PROGRAMS} runs"
+    print(f"{bug.name}: noticed with seed {seed}")
+
+
+def test_bugs_are_distinct() -> None:
+    assert len({bug.name for bug in BUGS}) == len(BUGS) >= 20

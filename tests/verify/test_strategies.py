@@ -1,0 +1,136 @@
+"""What the strategies draw is valid, varied, and the same for the same seed."""
+
+from __future__ import annotations
+
+import math
+from collections import Counter
+from random import Random
+
+from hypothesis import HealthCheck, find, given, settings
+from hypothesis import strategies as st
+from stepping import program
+
+from colony.dsl.load import check_text
+from colony.ir.frame import Frame
+from colony.ir.program import Chain, Program, Wiring
+from colony.verify.interpreter import Interpreter
+from colony.verify.strategies import frames, network_runs, networks, programs, run_of_seed, texts, traces
+from colony.verify.strategies_drawing import Choices
+from colony.verify.strategies_text import draw_text
+
+
+@given(texts())
+def test_texts_are_valid_programs(text: str) -> None:
+    checked = check_text(text)
+    assert checked.program is not None, checked.diagnostics
+
+
+@given(st.data())
+def test_public_strategies_fit_together(data: st.DataObject) -> None:
+    of = data.draw(networks(max_modules=3, max_wires=2))
+    interpreter = Interpreter(of)
+    for frame in data.draw(traces(of, max_frames=4)):
+        assert len(interpreter.step(frame).decisions) == len(of.robot.actuators)
+    assert data.draw(frames(of, t_ns=7)).t_ns == 7
+
+
+@settings(max_examples=10)
+@given(programs(python=False))
+def test_python_modules_can_be_left_out(of: Program) -> None:
+    assert "PythonModule" not in {type(module).__name__ for module in of.modules}
+
+
+def test_a_seed_is_a_run() -> None:
+    assert repr(run_of_seed(5)) == repr(run_of_seed(5))
+    assert repr(run_of_seed(5, network=True)) != repr(run_of_seed(6, network=True))
+
+
+def depth(wiring: Wiring) -> int:
+    return 1 + max(map(depth, wiring.operands)) if isinstance(wiring, Chain) else 0
+
+
+def test_networks_are_varied() -> None:
+    found: Counter[str] = Counter()
+    for seed in range(100):
+        of, trace = run_of_seed(seed, network=True)
+        chains = [w.wiring for w in of.wires if isinstance(w.wiring, Chain)]
+        uses = Counter(repr(w.wiring).count("name='w0'") for w in of.wires)
+        found["fan-out"] += sum(count * times for count, times in uses.items()) > 1
+        found["nested"] += any(depth(c) > 1 for c in chains)
+        found["time constants"] += any(any(c.windows_ns) for c in chains)
+        found["pure inhibitors"] += any(m.actuator is None for m in of.modules)
+        found["several actuators"] += len(of.robot.actuators) > 1
+        found["several frames"] += len(trace) > 2
+    assert min(found.values()) >= 20, found
+    assert len(found) == 6
+
+
+def test_programs_use_the_whole_language() -> None:
+    words = (
+        "held elapsed latch captured every previous changed rising falling value_or fresh window machine state "
+        "param let limit contract python index_of_min index_of_max angle_difference atan2 sin mod clamp sqrt "
+        "suppresses[ inhibits[ idle default within range count any all mean sum min max for implies now()"
+    ).split()
+    found: Counter[str] = Counter()
+    for seed in range(300):
+        text = draw_text(Choices(Random(seed)), True)
+        found.update(word for word in words if word in text)
+    assert [word for word in words if found[word] < 3] == []
+
+
+def test_outcomes_are_varied() -> None:
+    found: Counter[str] = Counter()
+    for seed in range(150):
+        of, trace = run_of_seed(seed)
+        interpreter = Interpreter(of)
+        for frame in trace:
+            outcome = interpreter.step(frame)
+            found.update({record.kind for record in outcome.records})
+            found["breach"] += bool(outcome.breaches)
+            found["commanded"] += any(d.by for d in outcome.decisions)
+            found["idle hold"] += any(d.values is None for d in outcome.decisions)
+    kinds = ("sensor fault", "sensor clamped", "python error", "not finite", "limited", "command clamped")
+    assert all(found[kind] >= 10 for kind in (*kinds, "breach", "commanded", "idle hold")), found
+
+
+TIMED = program("module m { when held(a, 120 ms) do out(v = 1) }\nnetwork { out = m suppresses[170 ms] m }")
+
+
+@given(traces(TIMED, max_frames=6))
+def test_times_rise(trace: tuple[Frame, ...]) -> None:
+    times = [frame.t_ns for frame in trace]
+    assert times == sorted(set(times))
+    assert 1 <= len(times) <= 6
+
+
+def test_traces_hold_what_goes_wrong() -> None:
+    def gaps(trace: tuple[Frame, ...]) -> set[int]:
+        return {b.t_ns - a.t_ns for a, b in zip(trace, trace[1:], strict=False)}
+
+    quick = settings(
+        max_examples=2000, derandomize=True, database=None, suppress_health_check=list(HealthCheck)
+    )
+    for gap in (120_000_000, 119_999_999, 120_000_001, 170_000_000, 169_999_999, 50_000_000, 1):
+        find(traces(TIMED), lambda trace, gap=gap: gap in gaps(trace), settings=quick)
+    find(traces(TIMED), lambda trace: trace[0].readings["a"] is None, settings=quick)
+    find(
+        traces(TIMED),
+        lambda trace: any(isinstance(x, float) and math.isnan(x) for x in trace[0].readings.values()),
+        settings=quick,
+    )
+    find(traces(TIMED), lambda trace: isinstance(trace[0].readings["four"], list), settings=quick)
+
+
+def test_what_is_drawn_shrinks() -> None:
+    quick = settings(
+        max_examples=2000, derandomize=True, database=None, suppress_health_check=list(HealthCheck)
+    )
+
+    def wins_late(run: tuple[Program, tuple[Frame, ...]]) -> bool:
+        interpreter = Interpreter(run[0])
+        return any(decision.by == "m1" for frame in run[1] for decision in interpreter.step(frame).decisions)
+
+    of, trace = find(network_runs(), wins_late, settings=quick)
+    assert len(of.modules) == 2
+    assert len(trace) == 1
+    assert len(of.wires) <= 2

@@ -1,0 +1,84 @@
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+
+from colony.nav.stickrep_reader import load_map
+from colony.view.map_picture import draw_map, picture_format, save_picture
+
+MAPS = Path(__file__).resolve().parents[2] / "maps"
+LOOP = load_map(MAPS / "loop.stickrep")
+WAY = np.array([[6_604.0, 1_270.0, 270.0], [12_000.0, 1_270.0, 270.0], [np.nan, 0.0, 0.0]])
+
+
+def test_a_picture_names_corners_and_doors_and_explains_its_marks() -> None:
+    figure = draw_map(LOOP, [WAY], title="a run")
+    (axes,) = figure.axes
+    texts = {text.get_text() for text in axes.texts}
+    assert {"A", "B", "C", "D", "201", "lift", "5 m", "a run"} <= texts
+    legend = axes.get_legend()
+    assert legend is not None
+    labels = [text.get_text() for text in legend.get_texts()]
+    assert labels == ["wall", "door", "elevator", "ceiling light", "robot (○ start, ■ end)"]
+
+
+def test_a_map_alone_shows_its_start() -> None:
+    legend = draw_map(LOOP).axes[0].get_legend()
+    assert legend is not None
+    assert legend.get_texts()[-1].get_text() == "start"
+
+
+def test_names_do_not_lie_on_each_other() -> None:
+    figure = draw_map(LOOP)
+    renderer = FigureCanvasAgg(figure).get_renderer()
+    boxes = [text.get_window_extent(renderer) for text in figure.axes[0].texts]
+    assert not any(a.overlaps(b) for i, a in enumerate(boxes) for b in boxes[:i])
+
+
+def test_everything_is_inside_the_picture() -> None:
+    for name in ("hallway", "loop"):
+        figure = draw_map(load_map(MAPS / f"{name}.stickrep"), [WAY] * 8)
+        renderer = FigureCanvasAgg(figure).get_renderer()
+        legend = figure.axes[0].get_legend()
+        assert legend is not None
+        for artist in (*figure.axes[0].texts, legend):
+            box = artist.get_window_extent(renderer)
+            assert figure.bbox.x0 <= box.x0 < box.x1 <= figure.bbox.x1
+            assert figure.bbox.y0 <= box.y0 < box.y1 <= figure.bbox.y1
+
+
+def test_svg_is_the_same_byte_for_byte(tmp_path: Path) -> None:
+    for name in ("one.svg", "two.svg"):
+        save_picture(draw_map(LOOP, [WAY]), tmp_path / name)
+    one = (tmp_path / "one.svg").read_bytes()
+    assert one == (tmp_path / "two.svg").read_bytes()
+    assert b"<svg" in one
+    assert b"dc:date" not in one
+
+
+def test_png(tmp_path: Path) -> None:
+    save_picture(draw_map(LOOP), tmp_path / "map.PNG")
+    assert (tmp_path / "map.PNG").read_bytes().startswith(b"\x89PNG")
+    assert [p.name for p in tmp_path.iterdir()] == ["map.PNG"]
+
+
+def test_what_cannot_be_written_leaves_nothing_behind(tmp_path: Path) -> None:
+    (tmp_path / "taken.svg").mkdir()
+    with pytest.raises(OSError, match="taken"):
+        save_picture(draw_map(LOOP), tmp_path / "taken.svg")
+    assert [p.name for p in tmp_path.iterdir()] == ["taken.svg"]
+
+
+def test_only_png_and_svg() -> None:
+    assert picture_format("a/b.Svg") == "svg"
+    with pytest.raises(ValueError, match=r"ending in \.png or \.svg"):
+        picture_format("map.pdf")
+
+
+def test_paths_of_a_wrong_shape_and_empty_ones() -> None:
+    with pytest.raises(ValueError, match="shape"):
+        draw_map(LOOP, [np.zeros(3)])
+    draw_map(LOOP, [np.full((2, 2), np.nan)])
