@@ -9,12 +9,13 @@ from __future__ import annotations
 
 import os
 
-from hypothesis import HealthCheck, settings
+from hypothesis import HealthCheck, Phase, settings
 
 _COMMON = settings(
     deadline=None,  # machines differ
     database=None,  # what was drawn once must not change what is drawn next
     print_blob=True,
+    phases=[Phase.explicit, Phase.generate, Phase.shrink],  # not `explain`, which is slow
     suppress_health_check=[HealthCheck.too_slow],
 )
 settings.register_profile("dev", _COMMON, derandomize=True, max_examples=60)

@@ -34,7 +34,9 @@ def command(file: str, output: Path | None, format_: str | None) -> None:
     kind = format_ or (output.suffix[1:] if output is not None else "svg")
     target = output or Path(Path(file).stem + "." + kind)
     program = load_program(file)
+    from colony.compile.elaborate import elaborate
     from colony.view.graph import to_dot, to_svg
 
-    write_whole(target, to_svg(program) if kind == "svg" else to_dot(program))
+    draw = to_svg if kind == "svg" else to_dot
+    write_whole(target, draw(elaborate(program), Path(file).stem))
     click.echo(f"wrote {target}")

@@ -82,6 +82,6 @@ def _executor(program: Program, backend: str) -> Executor:
         from colony.compile.executor import ClientListExecutor
 
         return ClientListExecutor(program, clients)
-    from colony.compile.backends.python import PythonExecutor
+    from colony.compile.backends.python import generate, load
 
-    return PythonExecutor(program, clients)
+    return load(generate(program, clients))

@@ -25,6 +25,14 @@ _DECLARED = re.compile(
 )
 
 
+WORDS = frozenset(
+    "ROBOT FRAME SENSOR ACTUATOR RANGE DEFAULT WITHIN FROM TO IDLE ON_LOSS STOP DEGRADE ENUM "
+    "IMPORT AS PARAM LET STATE NEXT MACHINE START WHEN MODULE DO PYTHON READS COMMANDS RATE "
+    "NETWORK LIMIT CONTRACT TEST AT EVERY GIVEN EXPECT FOR ACTIVE COMMANDED".split()
+)
+"""The words that are keywords where they can stand (`any` aside, which stands for phases)."""
+
+
 def lost_names(text: str) -> set[str]:
     """The names that a piece of text seems to declare."""
     return {a or b for a, b in _DECLARED.findall(text)}
@@ -48,7 +56,8 @@ def accepted(problem: UnexpectedInput, before: Any) -> frozenset[str]:
         before.exhaust_lexer()
     except UnexpectedInput:  # the text was cut off in the middle of a token, and reads differently
         before = getattr(problem, "interactive_parser", None)
-    return frozenset() if before is None else frozenset(before.accepts())
+    found = frozenset() if before is None else frozenset(before.accepts())
+    return found - WORDS if {"NAME", *WORDS} <= found else found  # a name: words are but names there
 
 
 def complete_declarations(problem: UnexpectedInput) -> list[ast.Declaration]:

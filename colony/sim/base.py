@@ -15,8 +15,9 @@ Positions are in mm, headings in degrees counterclockwise from north, speeds in 
 from __future__ import annotations
 
 import math
+from typing import NamedTuple
 
-from colony.sim.compiled import Bools, Floats, Ints, compiled, inlined
+from colony.sim.compiled import Bools2, Floats, Floats2, Ints, compiled, inlined
 
 SLICE_S = 0.02
 """The longest time over which speeds are taken as constant."""
@@ -25,18 +26,54 @@ _SKIN_MM = 1.0  # nearer than this to the hull counts as touching it
 _BISECTIONS = 40
 
 
+class Bases(NamedTuple):
+    """The state of all robots, one row each, and room to work in.
+
+    Attributes:
+        poses, odometry: (robots, 3), x, y, heading.
+        speeds, commands: (robots, 2), ahead and turning.
+        scales: (robots, 2), what the left and the right wheel report of a millimeter.
+        distances: (robots,), the way driven so far.
+        contacts: (robots, 2), front and rear bumper.
+        bumps: (robots,), how often a robot ran into something so far.
+        wall_room, robot_room: (walls,) and (robots,), numbers of what is near.
+    """
+
+    poses: Floats2
+    odometry: Floats2
+    speeds: Floats2
+    commands: Floats2
+    scales: Floats2
+    distances: Floats
+    contacts: Bools2
+    bumps: Ints
+    wall_room: Ints
+    robot_room: Ints
+
+
+class Drive(NamedTuple):
+    """How a base drives, as in `RobotConfig`; `slip` is a deviation per square root of a millimeter."""
+
+    radius: float
+    wheel_base: float
+    acceleration: float
+    turn_acceleration: float
+    slip: float
+
+
 @inlined
-def _wall_distance(
-    walls: Floats,
-    wall: int,
-    x: float,
-    y: float,
-) -> tuple[float, float, float]:
-    """From a point to a wall, and the vector to its nearest point."""
+def _wall_vector(walls: Floats2, wall: int, x: float, y: float) -> tuple[float, float]:
+    """The vector from a point to the nearest point of a wall."""
     ax, ay, ex, ey = walls[wall, 0] - x, walls[wall, 1] - y, walls[wall, 4], walls[wall, 5]
     part = min(max(-(ax * ex + ay * ey), 0.0), walls[wall, 6])
-    dx, dy = ax + part * ex, ay + part * ey
-    return math.sqrt(dx * dx + dy * dy), dx, dy
+    return ax + part * ex, ay + part * ey
+
+
+@inlined
+def _wall_distance(walls: Floats2, wall: int, x: float, y: float) -> float:
+    """From a point to a wall."""
+    dx, dy = _wall_vector(walls, wall, x, y)
+    return math.sqrt(dx * dx + dy * dy)
 
 
 @inlined
@@ -55,74 +92,62 @@ def _arc(heading: float, distance: float, turn: float) -> tuple[float, float]:
 
 
 @inlined
-def _free_part(
-    x: float,
-    y: float,
-    dx: float,
-    dy: float,
-    poses: Floats,
-    walls: Floats,
-    near_walls: Ints,
-    near_robots: Ints,
-    radius: float,
+def _free_of_wall(
+    x: float, y: float, dx: float, dy: float, walls: Floats2, wall: int, radius: float
 ) -> float:
-    """How much of the way (dx, dy) a hull at (x, y) can go; 1 is all.
+    """How much of the way (dx, dy) a hull at (x, y) can go before it touches a wall; 1 is all.
 
-    What is already too near stops only what comes nearer to it.
+    Where the hull is in the wall already, only what comes nearer to it is stopped.
     """
+    before = _wall_distance(walls, wall, x, y)
+    after = _wall_distance(walls, wall, x + dx, y + dy)
     free = 1.0
-    for wall in near_walls:
-        before = _wall_distance(walls, wall, x, y)[0]
-        after = _wall_distance(walls, wall, x + free * dx, y + free * dy)[0]
-        if after < radius and after < before:
-            low, high = 0.0, free
-            for _ in range(_BISECTIONS if before > radius else 0):
-                middle = (low + high) / 2.0
-                if _wall_distance(walls, wall, x + middle * dx, y + middle * dy)[0] < radius:
-                    high = middle
-                else:
-                    low = middle
-            free = low
-    for other in near_robots:
-        ox, oy = poses[other, 0] - x, poses[other, 1] - y
-        before = math.hypot(ox, oy)
-        if math.hypot(ox - free * dx, oy - free * dy) < min(before, 2.0 * radius):
-            low, high = 0.0, free
-            for _ in range(_BISECTIONS if before > 2.0 * radius else 0):
-                middle = (low + high) / 2.0
-                if math.hypot(ox - middle * dx, oy - middle * dy) < 2.0 * radius:
-                    high = middle
-                else:
-                    low = middle
-            free = low
+    if after < radius and after < before:
+        free, high = 0.0, 1.0
+        for _ in range(_BISECTIONS if before > radius else 0):
+            middle = (free + high) / 2.0
+            if _wall_distance(walls, wall, x + middle * dx, y + middle * dy) < radius:
+                high = middle
+            else:
+                free = middle
     return free
 
 
 @inlined
-def _gather(
-    robot: int,
-    poses: Floats,
-    walls: Floats,
-    reach: float,
-    radius: float,
-    wall_room: Ints,
-    robot_room: Ints,
-) -> tuple[Ints, Ints]:
-    """The walls and robots that a robot may touch when it moves by `reach` at most."""
-    x, y = poses[robot, 0], poses[robot, 1]
+def _free_of_robot(ox: float, oy: float, dx: float, dy: float, apart: float) -> float:
+    """How much of the way (dx, dy) a hull can go before it touches one at (ox, oy) from it; 1 is all."""
+    before, after = math.hypot(ox, oy), math.hypot(ox - dx, oy - dy)
+    free = 1.0
+    if after < apart and after < before:
+        free, high = 0.0, 1.0
+        for _ in range(_BISECTIONS if before > apart else 0):
+            middle = (free + high) / 2.0
+            if math.hypot(ox - middle * dx, oy - middle * dy) < apart:
+                high = middle
+            else:
+                free = middle
+    return free
+
+
+@inlined
+def _gather(robot: int, bases: Bases, walls: Floats2, reach: float, radius: float) -> tuple[int, int]:
+    """How many walls and robots, put into the rooms, a robot may touch when it moves by `reach` at most."""
+    x, y = bases.poses[robot, 0], bases.poses[robot, 1]
+    most = (radius + reach + _SKIN_MM) ** 2
     wall_count = 0
     for wall in range(walls.shape[0]):
-        if _wall_distance(walls, wall, x, y)[0] < radius + reach + _SKIN_MM:
-            wall_room[wall_count] = wall
+        dx, dy = _wall_vector(walls, wall, x, y)
+        if dx * dx + dy * dy < most:
+            bases.wall_room[wall_count] = wall
             wall_count += 1
+    most = (2.0 * radius + reach + _SKIN_MM) ** 2
     robot_count = 0
-    for other in range(poses.shape[0]):
-        dx, dy = poses[other, 0] - x, poses[other, 1] - y
-        most = 2.0 * radius + reach + _SKIN_MM
-        if other != robot and dx * dx + dy * dy < most * most:
-            robot_room[robot_count] = other
+    for other in range(bases.poses.shape[0]):
+        dx, dy = bases.poses[other, 0] - x, bases.poses[other, 1] - y
+        if dx * dx + dy * dy < most and other != robot:
+            bases.robot_room[robot_count] = other
             robot_count += 1
-    return wall_room[:wall_count], robot_room[:robot_count]
+    return wall_count, robot_count
 
 
 @inlined
@@ -133,121 +158,94 @@ def _half(heading: float, dx: float, dy: float) -> int:
 
 
 @inlined
-def _feel(
-    robot: int,
-    poses: Floats,
-    walls: Floats,
-    near_walls: Ints,
-    near_robots: Ints,
-    radius: float,
-    contacts: Bools,
-    bumps: Ints,
-) -> None:
+def _feel(robot: int, bases: Bases, walls: Floats2, near: tuple[int, int], radius: float) -> None:
     """Set the front and rear bumper of a robot: what touches the hull presses the half that it touches.
 
     Where nothing was touched before, that is a bump.
     """
-    before = contacts[robot, 0] or contacts[robot, 1]
-    contacts[robot, 0] = contacts[robot, 1] = False
-    x, y = poses[robot, 0], poses[robot, 1]
-    for wall in near_walls:
-        distance, dx, dy = _wall_distance(walls, wall, x, y)
-        if distance < radius + _SKIN_MM:
-            contacts[robot, _half(poses[robot, 2], dx, dy)] = True
-    for other in near_robots:
-        dx, dy = poses[other, 0] - x, poses[other, 1] - y
+    before = bases.contacts[robot, 0] or bases.contacts[robot, 1]
+    bases.contacts[robot, 0] = bases.contacts[robot, 1] = False
+    x, y, heading = bases.poses[robot, 0], bases.poses[robot, 1], bases.poses[robot, 2]
+    for wall in bases.wall_room[: near[0]]:
+        dx, dy = _wall_vector(walls, wall, x, y)
+        if math.hypot(dx, dy) < radius + _SKIN_MM:
+            bases.contacts[robot, _half(heading, dx, dy)] = True
+    for other in bases.robot_room[: near[1]]:
+        dx, dy = bases.poses[other, 0] - x, bases.poses[other, 1] - y
         if math.hypot(dx, dy) < 2.0 * radius + _SKIN_MM:
-            contacts[robot, _half(poses[robot, 2], dx, dy)] = True
-    if (contacts[robot, 0] or contacts[robot, 1]) and not before:
-        bumps[robot] += 1
+            bases.contacts[robot, _half(heading, dx, dy)] = True
+    if (bases.contacts[robot, 0] or bases.contacts[robot, 1]) and not before:
+        bases.bumps[robot] += 1
 
 
 @inlined
 def _count(
-    odometry: Floats,
-    scales: Floats,
     robot: int,
+    bases: Bases,
+    drive: Drive,
     distance: float,
     turn: float,
-    base: float,
-    slip: float,
     left_noise: float,
     right_noise: float,
 ) -> None:
-    """Move an odometry pose by what the wheels report of a drive."""
-    half_difference = math.radians(turn) * base / 2.0
+    """Move a robot's odometry by what its wheels report of a drive."""
+    half_difference = math.radians(turn) * drive.wheel_base / 2.0
     left, right = distance - half_difference, distance + half_difference
-    left = left * scales[robot, 0] + slip * math.sqrt(abs(left)) * left_noise
-    right = right * scales[robot, 1] + slip * math.sqrt(abs(right)) * right_noise
-    counted = math.degrees((right - left) / base)
-    dx, dy = _arc(odometry[robot, 2], (left + right) / 2.0, counted)
-    odometry[robot, 0] += dx
-    odometry[robot, 1] += dy
-    odometry[robot, 2] = (odometry[robot, 2] + counted) % 360.0
+    left = left * bases.scales[robot, 0] + drive.slip * math.sqrt(abs(left)) * left_noise
+    right = right * bases.scales[robot, 1] + drive.slip * math.sqrt(abs(right)) * right_noise
+    counted = math.degrees((right - left) / drive.wheel_base)
+    dx, dy = _arc(bases.odometry[robot, 2], (left + right) / 2.0, counted)
+    bases.odometry[robot, 0] += dx
+    bases.odometry[robot, 1] += dy
+    bases.odometry[robot, 2] = (bases.odometry[robot, 2] + counted) % 360.0
 
 
-@compiled(
-    "void(f8[:,::1], f8[:,::1], f8[:,::1], f8[:,::1], f8[:,::1], f8[:,::1], i8, f8[:,::1], f8[::1],"
-    " f8, f8, f8, f8, f8, f8, i8[::1], i8[::1], b1[:,::1], i8[::1])"
-)
+@inlined
+def _slice(
+    robot: int, bases: Bases, drive: Drive, walls: Floats2, near: tuple[int, int], dt: float,
+    left_noise: float, right_noise: float,
+) -> None:  # fmt: skip
+    """Move one robot for `dt` seconds."""
+    speeds, commands, poses = bases.speeds, bases.commands, bases.poses
+    speeds[robot, 0] = _approach(speeds[robot, 0], commands[robot, 0], drive.acceleration * dt)
+    speeds[robot, 1] = _approach(speeds[robot, 1], commands[robot, 1], drive.turn_acceleration * dt)
+    way, turn = speeds[robot, 0] * dt, speeds[robot, 1] * dt
+    x, y, heading = poses[robot, 0], poses[robot, 1], poses[robot, 2]
+    dx, dy = _arc(heading, way, turn)
+    free = 1.0
+    for wall in bases.wall_room[: near[0]]:
+        free = min(free, _free_of_wall(x, y, dx, dy, walls, wall, drive.radius))
+    for other in bases.robot_room[: near[1]]:
+        ox, oy = poses[other, 0] - x, poses[other, 1] - y
+        free = min(free, _free_of_robot(ox, oy, dx, dy, 2.0 * drive.radius))
+    if free < 1.0:
+        speeds[robot, 0] = 0.0
+        way *= free
+    poses[robot, 0], poses[robot, 1] = x + free * dx, y + free * dy
+    poses[robot, 2] = (heading + turn) % 360.0
+    bases.distances[robot] += abs(way)
+    _count(robot, bases, drive, way, turn, left_noise, right_noise)
+    if near[0] + near[1] > 0:
+        _feel(robot, bases, walls, near, drive.radius)
+
+
+@compiled
 def move(
-    poses: Floats,
-    odometry: Floats,
-    speeds: Floats,
-    commands: Floats,
-    scales: Floats,
-    noise: Floats,
-    slices: int,
-    walls: Floats,
-    distances: Floats,
-    time_s: float,
-    radius: float,
-    base: float,
-    acceleration: float,
-    turn_acceleration: float,
-    slip: float,
-    wall_room: Ints,
-    robot_room: Ints,
-    contacts: Bools,
-    bumps: Ints,
+    bases: Bases, drive: Drive, walls: Floats2, noise: Floats2, at: int, slices: int, time_s: float
 ) -> None:
     """Move all robots for `time_s` seconds, one after the other, in slices of equal length.
 
     Args:
-        poses, odometry: (robots, 3), x, y, heading; changed.
-        speeds, commands: (robots, 2), ahead and turning; speeds are changed.
-        scales: (robots, 2), what the left and the right wheel report of a millimeter.
-        noise: (robots, k), standard normal; the last two times `slices` are for the slip of the wheels.
-        walls: (n, 7), as `wall_table` gives them.
-        distances: (robots,), the way driven so far; changed.
-        radius, base: of hull and wheels, in mm; the accelerations in mm/s^2 and degrees/s^2.
-        slip: the standard deviation of a wheel's count per square root of a millimeter.
-        wall_room, robot_room: (n,) and (robots,), room to work in.
-        contacts: (robots, 2), front and rear bumper; changed.
-        bumps: (robots,), how often a robot ran into something so far; changed.
+        bases: changed.
+        walls: as `wall_table` gives them.
+        noise: (robots, k), standard normal; those of the wheels begin at column `at`, two a slice.
     """
-    dt = time_s / slices
-    first = noise.shape[1] - 2 * slices
-    for robot in range(poses.shape[0]):
-        fastest = max(abs(speeds[robot, 0]), abs(commands[robot, 0]))
-        near = _gather(robot, poses, walls, fastest * time_s, radius, wall_room, robot_room)
+    for robot in range(bases.poses.shape[0]):
+        fastest = max(abs(bases.speeds[robot, 0]), abs(bases.commands[robot, 0]))
+        near = _gather(robot, bases, walls, fastest * time_s, drive.radius)
         for part in range(slices):
-            speeds[robot, 0] = _approach(speeds[robot, 0], commands[robot, 0], acceleration * dt)
-            speeds[robot, 1] = _approach(speeds[robot, 1], commands[robot, 1], turn_acceleration * dt)
-            way, turn = speeds[robot, 0] * dt, speeds[robot, 1] * dt
-            x, y, heading = poses[robot, 0], poses[robot, 1], poses[robot, 2]
-            dx, dy = _arc(heading, way, turn)
-            free = _free_part(x, y, dx, dy, poses, walls, near[0], near[1], radius)
-            if free < 1.0:
-                speeds[robot, 0] = 0.0
-                way *= free
-            poses[robot, 0], poses[robot, 1] = x + free * dx, y + free * dy
-            poses[robot, 2] = (heading + turn) % 360.0
-            distances[robot] += abs(way)
-            z = first + 2 * part
-            _count(odometry, scales, robot, way, turn, base, slip, noise[robot, z], noise[robot, z + 1])
-            if len(near[0]) + len(near[1]) > 0:
-                _feel(robot, poses, walls, near[0], near[1], radius, contacts, bumps)
-    for robot in range(poses.shape[0]):  # those that moved later may touch those that moved before
-        near = _gather(robot, poses, walls, 0.0, radius, wall_room, robot_room)
-        _feel(robot, poses, walls, near[0], near[1], radius, contacts, bumps)
+            left, right = noise[robot, at + 2 * part], noise[robot, at + 2 * part + 1]
+            _slice(robot, bases, drive, walls, near, time_s / slices, left, right)
+    for robot in range(bases.poses.shape[0]):  # those that moved later may touch those that moved before
+        near = _gather(robot, bases, walls, 0.0, drive.radius)
+        _feel(robot, bases, walls, near, drive.radius)

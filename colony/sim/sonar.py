@@ -20,11 +20,11 @@ Everything happens in the robot's frame: u ahead, v to the left, so that the ray
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
-from colony.sim.compiled import Bools, Floats, Ints, compiled, inlined
+from colony.sim.compiled import Bools2, Floats, Floats2, Ints2, compiled, inlined
 from colony.sim.config import AHEAD, CHANNELS, SPACING_DEG, RobotConfig
 
 RAY_STEP_DEG = 3.0
@@ -36,39 +36,77 @@ _ROBOT = -2
 _EDGE = 1e-9  # rays meet walls up to this part beyond their ends: no leak where two walls meet
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class RayTable:
-    """The rays of a robot in its frame, u ahead and v to the left.
+class Fan(NamedTuple):
+    """The rays of a robot in its frame, u ahead and v to the left, and room to cast them.
 
     Attributes:
         origin_u, origin_v: (24,), the transducers in mm.
         ray_u, ray_v: (24, rays), unit vectors; the middle one is the axis.
-        half_beam_deg: the largest angle between a ray and its axis.
+        depth: (24, rays), how far each ray goes, in mm.
+        target: (24, rays), what stops it: the number of a wall, a robot, or nothing.
+        deepest: (24,), the greatest depth of each cone.
     """
 
     origin_u: Floats
     origin_v: Floats
-    ray_u: Floats
-    ray_v: Floats
-    half_beam_deg: float
-
-    @classmethod
-    def of(cls, config: RobotConfig) -> RayTable:
-        """The rays of a robot."""
-        on_a_side = int(config.sonar_half_beam_deg / RAY_STEP_DEG + 1e-9)
-        axes = np.radians((np.arange(CHANNELS) - AHEAD) * SPACING_DEG)
-        offsets = np.radians(np.arange(-on_a_side, on_a_side + 1) * RAY_STEP_DEG)
-        angles = axes[:, None] + offsets[None, :]
-        return cls(
-            origin_u=config.sonar_ring_mm * np.cos(axes),
-            origin_v=config.sonar_ring_mm * np.sin(axes),
-            ray_u=np.cos(angles),
-            ray_v=np.sin(angles),
-            half_beam_deg=on_a_side * RAY_STEP_DEG,
-        )
+    ray_u: Floats2
+    ray_v: Floats2
+    depth: Floats2
+    target: Ints2
+    deepest: Floats
 
 
-def wall_table(walls: Floats) -> Floats:
+class Ears(NamedTuple):
+    """What a robot hears and sees, as in `RobotConfig`; angles are given by what is computed from them."""
+
+    radius: float
+    full_range: float
+    least: float
+    half_beam_rad: float
+    cos_critical: float
+    tan_half_step: float
+    noise_mm: float
+    noise_part: float
+    infrared_range: float
+
+
+def _rays_on_a_side(config: RobotConfig) -> int:
+    return int(config.sonar_half_beam_deg / RAY_STEP_DEG + 1e-9)
+
+
+def fan_of(config: RobotConfig) -> Fan:
+    """The rays of a robot."""
+    on_a_side = _rays_on_a_side(config)
+    axes = np.radians((np.arange(CHANNELS) - AHEAD) * SPACING_DEG)
+    offsets = np.radians(np.arange(-on_a_side, on_a_side + 1) * RAY_STEP_DEG)
+    angles = axes[:, None] + offsets[None, :]
+    return Fan(
+        origin_u=config.sonar_ring_mm * np.cos(axes),
+        origin_v=config.sonar_ring_mm * np.sin(axes),
+        ray_u=np.cos(angles),
+        ray_v=np.sin(angles),
+        depth=np.empty(angles.shape),
+        target=np.empty(angles.shape, dtype=np.int64),
+        deepest=np.empty(CHANNELS),
+    )
+
+
+def ears_of(config: RobotConfig) -> Ears:
+    """What a robot hears and sees."""
+    return Ears(
+        radius=config.radius_mm,
+        full_range=config.sonar_range_mm,
+        least=config.sonar_least_mm,
+        half_beam_rad=math.radians(_rays_on_a_side(config) * RAY_STEP_DEG),
+        cos_critical=math.cos(math.radians(config.sonar_critical_deg)),
+        tan_half_step=math.tan(math.radians(RAY_STEP_DEG / 2)),
+        noise_mm=config.sonar_noise_mm,
+        noise_part=config.sonar_noise,
+        infrared_range=config.infrared_range_mm,
+    )
+
+
+def wall_table(walls: Floats2) -> Floats2:
     """Walls as the compiled functions take them.
 
     Args:
@@ -82,7 +120,7 @@ def wall_table(walls: Floats) -> Floats:
     return np.ascontiguousarray(np.hstack([walls, along / lengths, lengths]))
 
 
-def corner_reflectors(walls: Floats) -> Bools:
+def corner_reflectors(walls: Floats2) -> Bools2:
     """Which ends of walls are corners that send sound back, seen from which side.
 
     Args:
@@ -127,13 +165,8 @@ def _cast_at_wall(
     v1: float,
     start: float,
     end: float,
-    origin_u: Floats,
-    origin_v: Floats,
-    ray_u: Floats,
-    ray_v: Floats,
     half_beam: float,
-    depth: Floats,
-    target: Ints,
+    fan: Fan,
 ) -> None:
     """Let one wall, its ends and their bearings in the robot's frame, stop the rays that reach it first."""
     low, high = min(start, end), max(start, end)
@@ -142,247 +175,156 @@ def _cast_at_wall(
     channel, count = _cones(low, high, half_beam)
     eu, ev = u1 - u0, v1 - v0
     for _ in range(count):
-        au, av = u0 - origin_u[channel], v0 - origin_v[channel]
+        au, av = u0 - fan.origin_u[channel], v0 - fan.origin_v[channel]
         height = au * ev - av * eu
         side = 1.0 if height >= 0.0 else -1.0  # which end is to the left does not matter
         height *= side
         seu, sev, sau, sav = side * eu, side * ev, side * au, side * av
-        for ray in range(ray_u.shape[1]):  # without branches, so that the compiler makes vectors of it
-            du, dv = ray_u[channel, ray], ray_v[channel, ray]
+        for ray in range(fan.ray_u.shape[1]):  # without branches, so that the compiler makes vectors of it
+            du, dv = fan.ray_u[channel, ray], fan.ray_v[channel, ray]
             across = du * sev - dv * seu
             along = sau * dv - sav * du
-            before = depth[channel, ray]
+            before = fan.depth[channel, ray]
             first = (across > 0.0) & (height < before * across)
             first &= (along >= -_EDGE * across) & (along <= (1.0 + _EDGE) * across)
-            depth[channel, ray] = height / across if first else before
-            target[channel, ray] = wall if first else target[channel, ray]
+            fan.depth[channel, ray] = height / across if first else before
+            fan.target[channel, ray] = wall if first else fan.target[channel, ray]
         channel = 0 if channel == CHANNELS - 1 else channel + 1
 
 
 @inlined
-def _cast_at_robot(
-    u: float,
-    v: float,
-    radius: float,
-    origin_u: Floats,
-    origin_v: Floats,
-    ray_u: Floats,
-    ray_v: Floats,
-    half_beam: float,
-    deepest: Floats,
-    depth: Floats,
-    target: Ints,
-) -> None:
-    """Let another robot at (u, v) stop the rays that reach it first.
-
-    `deepest` is, for each cone, how far any ray of it goes so far.
-    """
+def _cast_at_robot(u: float, v: float, radius: float, half_beam: float, fan: Fan) -> None:
+    """Let another robot at (u, v) stop the rays that reach it first."""
     # The arc sine of up to one half (hulls do not overlap) is less than pi / 3 times as much.
     bearing, half_width = math.atan2(v, u), math.pi / 3.0 * radius / math.sqrt(u * u + v * v)
     channel, count = _cones(bearing - half_width, bearing + half_width, half_beam)
     for _ in range(count):
-        cu, cv = u - origin_u[channel], v - origin_v[channel]
+        cu, cv = u - fan.origin_u[channel], v - fan.origin_v[channel]
         distance_squared = cu * cu + cv * cv
-        if distance_squared < (deepest[channel] + radius) * (deepest[channel] + radius):
-            for ray in range(ray_u.shape[1]):
-                ahead = cu * ray_u[channel, ray] + cv * ray_v[channel, ray]
+        if distance_squared < (fan.deepest[channel] + radius) * (fan.deepest[channel] + radius):
+            for ray in range(fan.ray_u.shape[1]):  # without branches, as above
+                ahead = cu * fan.ray_u[channel, ray] + cv * fan.ray_v[channel, ray]
                 under_root = ahead * ahead - distance_squared + radius * radius
-                if ahead > 0.0 and under_root > 0.0:
-                    reach = max(ahead - math.sqrt(under_root), 0.0)
-                    if reach < depth[channel, ray]:
-                        depth[channel, ray] = reach
-                        target[channel, ray] = _ROBOT
+                reach = max(ahead - math.sqrt(max(under_root, 0.0)), 0.0)
+                before = fan.depth[channel, ray]
+                first = (ahead > 0.0) & (under_root > 0.0) & (reach < before)
+                fan.depth[channel, ray] = reach if first else before
+                fan.target[channel, ray] = _ROBOT if first else fan.target[channel, ray]
         channel = 0 if channel == CHANNELS - 1 else channel + 1
 
 
 @inlined
+def _meet_walls(x: float, y: float, sine: float, cosine: float, walls: Floats2, ears: Ears, fan: Fan) -> None:
+    """Find how far the rays of a robot go, at most the full range, and which wall stops them."""
+    for channel in range(CHANNELS):
+        for ray in range(fan.ray_u.shape[1]):
+            fan.depth[channel, ray] = ears.full_range
+            fan.target[channel, ray] = _NOTHING
+    last_x = last_y = math.nan
+    last_bearing = 0.0
+    farthest = (ears.full_range + fan.origin_u[AHEAD]) ** 2
+    for wall in range(walls.shape[0]):
+        x0, y0, x1, y1 = walls[wall, 0] - x, walls[wall, 1] - y, walls[wall, 2] - x, walls[wall, 3] - y
+        part = min(max(-(x0 * walls[wall, 4] + y0 * walls[wall, 5]), 0.0), walls[wall, 6])
+        if (x0 + part * walls[wall, 4]) ** 2 + (y0 + part * walls[wall, 5]) ** 2 < farthest:
+            u0, v0 = y0 * cosine - x0 * sine, -x0 * cosine - y0 * sine
+            u1, v1 = y1 * cosine - x1 * sine, -x1 * cosine - y1 * sine
+            # Walls usually go on where the last one ended.
+            start = last_bearing if x0 == last_x and y0 == last_y else math.atan2(v0, u0)
+            last_x, last_y, last_bearing = x1, y1, math.atan2(v1, u1)
+            _cast_at_wall(wall, u0, v0, u1, v1, start, last_bearing, ears.half_beam_rad, fan)
+
+
+@inlined
+def _meet_robots(robot: int, poses: Floats2, sine: float, cosine: float, ears: Ears, fan: Fan) -> None:
+    """Stop the rays of a robot where they meet another one."""
+    for channel in range(CHANNELS):
+        fan.deepest[channel] = fan.depth[channel].max()
+    farthest = (ears.full_range + fan.origin_u[AHEAD] + ears.radius) ** 2
+    for other in range(poses.shape[0]):
+        dx, dy = poses[other, 0] - poses[robot, 0], poses[other, 1] - poses[robot, 1]
+        if other != robot and dx * dx + dy * dy < farthest:
+            u, v = dy * cosine - dx * sine, -dx * cosine - dy * sine
+            _cast_at_robot(u, v, ears.radius, ears.half_beam_rad, fan)
+
+
+@inlined
 def _wall_echo(
-    x: float,
-    y: float,
-    dx: float,
-    dy: float,
-    reach: float,
-    wall: int,
-    walls: Floats,
-    reflectors: Bools,
-    cos_critical: float,
-    half_step: float,
-) -> float:
+    x: float, y: float, dx: float, dy: float, reach: float, wall: int, walls: Floats2, reflectors: Bools2,
+    ears: Ears,
+) -> float:  # fmt: skip
     """How far away a wall is heard by a ray from (x, y) that meets it after `reach`; infinity if it is not.
 
     All in the world's frame; (dx, dy) is the ray's direction.
     """
     wx, wy = walls[wall, 4], walls[wall, 5]
     cosine = abs(dx * wy - dy * wx)
-    if cosine >= cos_critical:
-        return reach
-    # A corner is heard by the ray that passes closest to it: less than half a step away.
-    near = reach * half_step
-    sx, sy = x - walls[wall, 0], y - walls[wall, 1]
-    from_start = sx * wx + sy * wy + reach * (dx * wx + dy * wy)
-    seen_from = 0 if wx * sy - wy * sx > 0.0 else 2
-    if from_start * cosine <= near and reflectors[wall, seen_from]:
-        return math.hypot(sx, sy)
-    if (walls[wall, 6] - from_start) * cosine <= near and reflectors[wall, seen_from + 1]:
-        return math.hypot(walls[wall, 2] - x, walls[wall, 3] - y)
-    return math.inf
+    echo = math.inf
+    if cosine >= ears.cos_critical:
+        echo = reach
+    else:  # a corner is heard by the ray that passes closest to it: less than half a step away
+        near = reach * ears.tan_half_step
+        sx, sy = x - walls[wall, 0], y - walls[wall, 1]
+        from_start = sx * wx + sy * wy + reach * (dx * wx + dy * wy)
+        seen_from = 0 if wx * sy - wy * sx > 0.0 else 2
+        if from_start * cosine <= near and reflectors[wall, seen_from]:
+            echo = math.hypot(sx, sy)
+        elif (walls[wall, 6] - from_start) * cosine <= near and reflectors[wall, seen_from + 1]:
+            echo = math.hypot(walls[wall, 2] - x, walls[wall, 3] - y)
+    return echo
 
 
 @inlined
-def _meet_walls(
-    x: float,
-    y: float,
-    sine: float,
-    cosine: float,
-    limit: float,
-    walls: Floats,
-    origin_u: Floats,
-    origin_v: Floats,
-    ray_u: Floats,
-    ray_v: Floats,
-    half_beam: float,
-    depth: Floats,
-    target: Ints,
-) -> None:
-    """Find how far the rays of a robot go, at most `limit`, and which wall stops them."""
-    for channel in range(CHANNELS):
-        for ray in range(ray_u.shape[1]):
-            depth[channel, ray] = limit
-            target[channel, ray] = _NOTHING
-    last_x = last_y = math.nan
-    last_bearing = 0.0
-    farthest = (limit + origin_u[AHEAD]) ** 2
-    for wall in range(walls.shape[0]):
-        x0, y0, x1, y1 = walls[wall, 0] - x, walls[wall, 1] - y, walls[wall, 2] - x, walls[wall, 3] - y
-        part = min(max(-(x0 * walls[wall, 4] + y0 * walls[wall, 5]), 0.0), walls[wall, 6])
-        if (x0 + part * walls[wall, 4]) ** 2 + (y0 + part * walls[wall, 5]) ** 2 >= farthest:
-            continue
-        u0, v0 = y0 * cosine - x0 * sine, -x0 * cosine - y0 * sine
-        u1, v1 = y1 * cosine - x1 * sine, -x1 * cosine - y1 * sine
-        # Walls usually go on where the last one ended.
-        start = last_bearing if x0 == last_x and y0 == last_y else math.atan2(v0, u0)
-        last_x, last_y, last_bearing = x1, y1, math.atan2(v1, u1)
-        _cast_at_wall(
-            wall, u0, v0, u1, v1, start, last_bearing,
-            origin_u, origin_v, ray_u, ray_v, half_beam, depth, target,
-        )  # fmt: skip
+def _nearest_echo(
+    channel: int, x: float, y: float, sine: float, cosine: float, walls: Floats2, reflectors: Bools2,
+    ears: Ears, fan: Fan,
+) -> float:  # fmt: skip
+    """The nearest thing that a transducer of a robot at (x, y) hears, at most the full range."""
+    u, v = fan.origin_u[channel], fan.origin_v[channel]
+    from_x, from_y = x - u * sine - v * cosine, y + u * cosine - v * sine
+    nearest = ears.full_range
+    for ray in range(fan.ray_u.shape[1]):
+        reach, met = fan.depth[channel, ray], fan.target[channel, ray]
+        if reach < nearest and met == _ROBOT:
+            nearest = reach
+        elif reach < nearest:
+            u, v = fan.ray_u[channel, ray], fan.ray_v[channel, ray]
+            dx, dy = -u * sine - v * cosine, u * cosine - v * sine
+            nearest = min(nearest, _wall_echo(from_x, from_y, dx, dy, reach, met, walls, reflectors, ears))
+    return nearest
 
 
-@inlined
-def _meet_robots(
-    robot: int,
-    poses: Floats,
-    sine: float,
-    cosine: float,
-    limit: float,
-    radius: float,
-    origin_u: Floats,
-    origin_v: Floats,
-    ray_u: Floats,
-    ray_v: Floats,
-    half_beam: float,
-    deepest: Floats,
-    depth: Floats,
-    target: Ints,
-) -> None:
-    """Stop the rays of a robot where they meet another one."""
-    for channel in range(CHANNELS):
-        deepest[channel] = depth[channel].max()
-    farthest = (limit + origin_u[AHEAD] + radius) ** 2
-    for other in range(poses.shape[0]):
-        dx, dy = poses[other, 0] - poses[robot, 0], poses[other, 1] - poses[robot, 1]
-        if other != robot and dx * dx + dy * dy < farthest:
-            u, v = dy * cosine - dx * sine, -dx * cosine - dy * sine
-            _cast_at_robot(u, v, radius, origin_u, origin_v, ray_u, ray_v, half_beam, deepest, depth, target)
-
-
-@inlined
-def _listen(
-    robot: int,
-    poses: Floats,
-    sine: float,
-    cosine: float,
-    limit: float,
-    walls: Floats,
-    reflectors: Bools,
-    origin_u: Floats,
-    origin_v: Floats,
-    ray_u: Floats,
-    ray_v: Floats,
-    cos_critical: float,
-    half_step: float,
-    depth: Floats,
-    target: Ints,
-    echoes: Floats,
-) -> None:
-    """Fill `echoes` with the nearest thing that each transducer of a robot hears, at most `limit`."""
-    for channel in range(CHANNELS):
-        u, v = origin_u[channel], origin_v[channel]
-        x, y = poses[robot, 0] - u * sine - v * cosine, poses[robot, 1] + u * cosine - v * sine
-        nearest = limit
-        for ray in range(ray_u.shape[1]):
-            reach, met = depth[channel, ray], target[channel, ray]
-            if reach < nearest and met == _ROBOT:
-                nearest = reach
-            elif reach < nearest:
-                u, v = ray_u[channel, ray], ray_v[channel, ray]
-                dx, dy = -u * sine - v * cosine, u * cosine - v * sine
-                echo = _wall_echo(x, y, dx, dy, reach, met, walls, reflectors, cos_critical, half_step)
-                nearest = min(nearest, echo)
-        echoes[robot, channel] = nearest
-
-
-@compiled(
-    "void(f8[:,::1], f8[:,::1], b1[:,::1], f8[::1], f8[::1], f8[:,::1], f8[:,::1], f8, f8, f8, f8, f8,"
-    " f8[::1], f8[:,::1], i8[:,::1], f8[:,::1], f8[:,::1])"
-)
+@compiled
 def sense(
-    poses: Floats,
-    walls: Floats,
-    reflectors: Bools,
-    origin_u: Floats,
-    origin_v: Floats,
-    ray_u: Floats,
-    ray_v: Floats,
-    radius: float,
-    limit: float,
-    half_beam: float,
-    cos_critical: float,
-    half_step: float,
-    deepest: Floats,
-    depth: Floats,
-    target: Ints,
-    echoes: Floats,
-    axis_depths: Floats,
+    poses: Floats2,
+    walls: Floats2,
+    reflectors: Bools2,
+    ears: Ears,
+    fan: Fan,
+    noise: Floats2,
+    at: int,
+    sonar: Floats2,
+    infrared: Bools2,
 ) -> None:
     """Cast the rays of all robots and listen to what they meet.
 
     Args:
         poses: (robots, 3), x and y in mm, heading in degrees.
-        walls: (n, 7) and reflectors: (n, 4), as `wall_table` and `corner_reflectors` give them.
-        origin_u, origin_v, ray_u, ray_v: as in `RayTable`.
-        radius: of the robots, in mm.
-        limit: the full range, in mm.
-        half_beam: the largest angle between a ray and its axis, in radians.
-        cos_critical: the cosine of the critical angle.
-        half_step: the tangent of half the angle between rays.
-        deepest, depth, target: (24,), (24, rays) and (24, rays), room to work in.
-        echoes: (robots, 24), gets the nearest thing heard, in mm from the transducer.
-        axis_depths: (robots, 24), gets the nearest thing on the axis, heard or not, in mm.
+        walls, reflectors: as `wall_table` and `corner_reflectors` give them.
+        noise: (robots, k), standard normal; those of the 24 transducers begin at column `at`.
+        sonar: (robots, 24), gets the readings in mm.
+        infrared: (robots, 24), gets whether there is something on the axis, heard or not.
     """
     for robot in range(poses.shape[0]):
         x, y, heading = poses[robot, 0], poses[robot, 1], math.radians(poses[robot, 2])
         sine, cosine = math.sin(heading), math.cos(heading)
-        _meet_walls(
-            x, y, sine, cosine, limit, walls, origin_u, origin_v, ray_u, ray_v, half_beam, depth, target
-        )
+        _meet_walls(x, y, sine, cosine, walls, ears, fan)
         if poses.shape[0] > 1:
-            _meet_robots(
-                robot, poses, sine, cosine, limit, radius,
-                origin_u, origin_v, ray_u, ray_v, half_beam, deepest, depth, target,
-            )  # fmt: skip
-        _listen(
-            robot, poses, sine, cosine, limit, walls, reflectors, origin_u, origin_v, ray_u, ray_v,
-            cos_critical, half_step, depth, target, echoes,
-        )  # fmt: skip
-        axis_depths[robot] = depth[:, ray_u.shape[1] // 2]
+            _meet_robots(robot, poses, sine, cosine, ears, fan)
+        for channel in range(CHANNELS):
+            reading = _nearest_echo(channel, x, y, sine, cosine, walls, reflectors, ears, fan)
+            if reading < ears.full_range:
+                reading += noise[robot, at + channel] * (ears.noise_mm + ears.noise_part * reading)
+                reading = min(max(reading, ears.least), ears.full_range)
+            sonar[robot, channel] = reading
+            infrared[robot, channel] = fan.depth[channel, fan.ray_u.shape[1] // 2] <= ears.infrared_range

@@ -14,12 +14,13 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from colony.sim.base import SLICE_S, move
+from colony.sim.base import SLICE_S, Bases, Drive, move
 from colony.sim.config import CHANNELS, RobotConfig
-from colony.sim.sonar import RAY_STEP_DEG, RayTable, corner_reflectors, sense, wall_table
+from colony.sim.sonar import corner_reflectors, ears_of, fan_of, sense, wall_table
 
 MAX_STEP_S = 10.0
 MAX_ROBOTS = 10_000
+_NOISE_BLOCK = 512
 
 
 class Pose(NamedTuple):
@@ -81,39 +82,44 @@ class World:
         """
         self.config = config or RobotConfig()
         self._walls = wall_table(_checked_walls(walls))
-        self._poses = _checked_poses(poses)
-        count = len(self._poses)
-        self._check_room()
-        self._odometry = self._poses.copy()
-        self._speeds = np.zeros((count, 2))
-        self._commands = np.zeros((count, 2))
-        self._distances = np.zeros(count)
-        self._contacts = np.zeros((count, 2), dtype=np.bool_)
-        self._bumps = np.zeros(count, dtype=np.int64)
+        self._reflectors = corner_reflectors(self._walls)
+        places = _checked_poses(poses)
+        count = len(places)
+        _check_room(places, self._walls, self.config.radius_mm)
         self._generators = [np.random.default_rng(s) for s in np.random.SeedSequence(seed).spawn(count)]
         errors = np.array([generator.standard_normal(2) for generator in self._generators])
-        self._scales = 1.0 + self.config.wheel_scale * errors
-        self._draws = np.empty((count, CHANNELS))
-        self._draw(0)
-        self._rays = RayTable.of(self.config)
-        self._reflectors = corner_reflectors(self._walls)
-        self._wired = np.zeros(CHANNELS, dtype=np.bool_)
-        self._wired[list(self.config.infrared_wired)] = True
-        self._deepest = np.empty(CHANNELS)
-        self._depth = np.empty(self._rays.ray_u.shape)
-        self._target = np.empty(self._rays.ray_u.shape, dtype=np.int64)
-        self._echoes = np.empty((count, CHANNELS))
-        self._axis_depths = np.empty((count, CHANNELS))
-        self._wall_room = np.empty(len(self._walls), dtype=np.int64)
-        self._robot_room = np.empty(count, dtype=np.int64)
+        self._noise = np.empty((count, 0))
+        self._noise_at = 0
+        self._bases = Bases(
+            poses=places,
+            odometry=places.copy(),
+            speeds=np.zeros((count, 2)),
+            commands=np.zeros((count, 2)),
+            scales=1.0 + self.config.wheel_scale * errors,
+            distances=np.zeros(count),
+            contacts=np.zeros((count, 2), dtype=np.bool_),
+            bumps=np.zeros(count, dtype=np.int64),
+            wall_room=np.empty(len(self._walls), dtype=np.int64),
+            robot_room=np.empty(count, dtype=np.int64),
+        )
+        self._drive = Drive(
+            radius=self.config.radius_mm,
+            wheel_base=self.config.wheel_base_mm,
+            acceleration=self.config.acceleration_mm_s2,
+            turn_acceleration=self.config.turn_acceleration_deg_s2,
+            slip=self.config.wheel_slip_mm / math.sqrt(1000.0),
+        )
+        self._ears, self._fan = ears_of(self.config), fan_of(self.config)
+        self._unwired = np.setdiff1d(np.arange(CHANNELS), self.config.infrared_wired)
         self._sonar = np.empty((count, CHANNELS))
         self._infrared = np.empty((count, CHANNELS), dtype=np.bool_)
+        self._sonar_noise_at = self._draw(CHANNELS)
         self._sensed = False
         self._snapshot: _Snapshot | None = None
 
     def __len__(self) -> int:
         """How many robots there are."""
-        return len(self._poses)
+        return len(self._bases.poses)
 
     def command(self, robot: int, velocity_mm_s: float, turn_deg_s: float) -> None:
         """Set the speeds that a robot is to reach; they are clamped to what it can do.
@@ -125,8 +131,8 @@ class World:
             raise ValueError(f"the speeds are {velocity_mm_s} and {turn_deg_s}; expected finite ones")
         fastest, turn = self.config.max_velocity_mm_s, self.config.max_turn_deg_s
         robot = self._index(robot)
-        self._commands[robot, 0] = min(max(velocity_mm_s, -fastest), fastest)
-        self._commands[robot, 1] = min(max(turn_deg_s, -turn), turn)
+        self._bases.commands[robot, 0] = min(max(velocity_mm_s, -fastest), fastest)
+        self._bases.commands[robot, 1] = min(max(turn_deg_s, -turn), turn)
 
     def advance(self, dt_s: float) -> None:
         """Let `dt_s` seconds pass.
@@ -136,31 +142,10 @@ class World:
         """
         if not 0.0 < dt_s <= MAX_STEP_S:
             raise ValueError(f"cannot advance by {dt_s} s; expected a time above 0, up to {MAX_STEP_S:g} s")
-        config = self.config
         slices = math.ceil(dt_s / SLICE_S - 1e-9)
-        self._draw(slices)
-        slip = config.wheel_slip_mm / math.sqrt(1000.0)
-        move(
-            self._poses,
-            self._odometry,
-            self._speeds,
-            self._commands,
-            self._scales,
-            self._draws,
-            slices,
-            self._walls,
-            self._distances,
-            dt_s,
-            config.radius_mm,
-            config.wheel_base_mm,
-            config.acceleration_mm_s2,
-            config.turn_acceleration_deg_s2,
-            slip,
-            self._wall_room,
-            self._robot_room,
-            self._contacts,
-            self._bumps,
-        )
+        at = self._draw(CHANNELS + 2 * slices)
+        self._sonar_noise_at = at
+        move(self._bases, self._drive, self._walls, self._noise, at + CHANNELS, slices, dt_s)
         self._sensed = False
         self._snapshot = None
 
@@ -182,11 +167,11 @@ class World:
 
     def bumps(self, robot: int) -> int:
         """How often a robot has run into something so far; a contact that lasts counts once."""
-        return int(self._bumps[self._index(robot)])
+        return int(self._bases.bumps[self._index(robot)])
 
     def distance(self, robot: int) -> float:
         """How far a robot has driven so far, forward and backward, in mm."""
-        return float(self._distances[self._index(robot)])
+        return float(self._bases.distances[self._index(robot)])
 
     def speed(self, robot: int) -> Speed:
         """How fast a robot moves at the moment."""
@@ -206,71 +191,65 @@ class World:
         Raises:
             ValueError: a number is not finite.
         """
-        self._odometry[self._index(robot)] = _checked_poses([pose])[0]
+        self._bases.odometry[self._index(robot)] = _checked_poses([pose])[0]
         self._snapshot = None
 
     def _index(self, robot: int) -> int:
-        if not 0 <= robot < len(self._poses):
-            raise IndexError(f"there is no robot {robot}; expected 0 to {len(self._poses) - 1}")
+        if not 0 <= robot < len(self._bases.poses):
+            raise IndexError(f"there is no robot {robot}; expected 0 to {len(self._bases.poses) - 1}")
         return robot
 
     def _now(self) -> _Snapshot:
         """The present state as plain Python numbers, made once a step."""
         if self._snapshot is None:
-            arrays = (self._poses, self._odometry, self._speeds, self._contacts)
+            arrays = (self._bases.poses, self._bases.odometry, self._bases.speeds, self._bases.contacts)
             self._snapshot = _Snapshot(*(array.tolist() for array in arrays))
         return self._snapshot
 
-    def _draw(self, slices: int) -> None:
-        """Draw each robot's noise of one step: 24 numbers for its sonars, then two a slice for its wheels."""
-        if self._draws.shape[1] != CHANNELS + 2 * slices:
-            self._draws = np.empty((len(self._poses), CHANNELS + 2 * slices))
-        for generator, row in zip(self._generators, self._draws, strict=True):
-            generator.standard_normal(out=row)
+    def _draw(self, count: int) -> int:
+        """Take `count` numbers from each robot's stream of noise; gives their first column in `_noise`.
+
+        The streams are drawn ahead in blocks; where these begin and end makes no difference.
+        """
+        if self._noise_at + count > self._noise.shape[1]:
+            rest = self._noise[:, self._noise_at :]
+            block = np.empty((len(self._generators), max(_NOISE_BLOCK, count)))
+            block[:, : rest.shape[1]] = rest
+            for generator, row in zip(self._generators, block, strict=True):
+                generator.standard_normal(out=row[rest.shape[1] :])
+            self._noise, self._noise_at = block, 0
+        self._noise_at += count
+        return self._noise_at - count
 
     def _sense(self) -> None:
-        if self._sensed:
-            return
-        config, rays = self.config, self._rays
-        sense(
-            self._poses,
-            self._walls,
-            self._reflectors,
-            rays.origin_u,
-            rays.origin_v,
-            rays.ray_u,
-            rays.ray_v,
-            config.radius_mm,
-            config.sonar_range_mm,
-            math.radians(rays.half_beam_deg),
-            math.cos(math.radians(config.sonar_critical_deg)),
-            math.tan(math.radians(RAY_STEP_DEG / 2)),
-            self._deepest,
-            self._depth,
-            self._target,
-            self._echoes,
-            self._axis_depths,
-        )
-        limit = config.sonar_range_mm
-        deviation = config.sonar_noise_mm + config.sonar_noise * self._echoes
-        noisy = self._echoes + self._draws[:, :CHANNELS] * deviation
-        self._sonar = np.where(self._echoes < limit, np.clip(noisy, config.sonar_least_mm, limit), limit)
-        self._infrared = (self._axis_depths <= config.infrared_range_mm) & self._wired
-        self._sensed = True
+        if not self._sensed:
+            sense(
+                self._bases.poses,
+                self._walls,
+                self._reflectors,
+                self._ears,
+                self._fan,
+                self._noise,
+                self._sonar_noise_at,
+                self._sonar,
+                self._infrared,
+            )
+            self._infrared[:, self._unwired] = False
+            self._sensed = True
 
-    def _check_room(self) -> None:
-        """Refuse robots that begin inside something."""
-        radius = self.config.radius_mm
-        for i, (x, y, _) in enumerate(self._poses):
-            start, along = self._walls[:, :2] - (x, y), self._walls[:, 4:6]
-            part = np.clip(-(start * along).sum(axis=1), 0.0, self._walls[:, 6])
-            distances = np.hypot(*(start + part[:, None] * along).T)
-            if (distances < radius).any():
-                found = f"robot {i} at ({x:.0f}, {y:.0f}) is {distances.min():.0f} mm from a wall"
-                raise ValueError(f"{found}; expected at least {radius:.0f} mm")
-            apart = np.hypot(*(self._poses[:i, :2] - (x, y)).T)
-            if (apart < 2 * radius).any():
-                raise ValueError(f"robot {i} at ({x:.0f}, {y:.0f}) overlaps robot {int(apart.argmin())}")
+
+def _check_room(poses: NDArray[np.float64], walls: NDArray[np.float64], radius: float) -> None:
+    """Refuse robots that begin inside a wall or another robot."""
+    for i, (x, y, _) in enumerate(poses):
+        start, along = walls[:, :2] - (x, y), walls[:, 4:6]
+        part = np.clip(-(start * along).sum(axis=1), 0.0, walls[:, 6])
+        distances = np.hypot(*(start + part[:, None] * along).T)
+        if (distances < radius).any():
+            found = f"robot {i} at ({x:.0f}, {y:.0f}) is {distances.min():.0f} mm from a wall"
+            raise ValueError(f"{found}; expected at least {radius:.0f} mm")
+        apart = np.hypot(*(poses[:i, :2] - (x, y)).T)
+        if (apart < 2 * radius).any():
+            raise ValueError(f"robot {i} at ({x:.0f}, {y:.0f}) overlaps robot {int(apart.argmin())}")
 
 
 def _checked_walls(walls: ArrayLike) -> NDArray[np.float64]:

@@ -31,14 +31,10 @@ def take(sensor: Sensor, get: str, names: Names) -> list[str]:
     value, fresh = names.sensors[sensor.name], names.fresh[sensor.name]
     converted = sensor.factor != 1.0 and not isinstance(element_type(sensor.type), Bool)
     reading = "reading" if converted else value
-    tests = (
-        _usual_array(sensor, reading, value)
-        if isinstance(sensor.type, Array)
-        else _usual(sensor, reading, value)
-    )
+    usual = _usual_array if isinstance(sensor.type, Array) else _usual
     return [
         f"{reading} = {get}({sensor.name!r})",
-        *_if(tests),
+        *_if(usual(sensor, reading, value)),
         f"    {fresh} = True",
         "else:",
         f"    {value}, {fresh}, records = {_unusual(sensor, reading)}",
@@ -79,13 +75,12 @@ def _usual_array(sensor: Sensor, reading: str, value: str) -> list[str]:
     ]
     if isinstance(kind, Bool):
         return tests
-    source = reading
     if reading != value:
-        source = f"({value} := [x * {literal(sensor.factor).text} for x in {reading}])"
+        tests.append(f"({value} := [x * {literal(sensor.factor).text} for x in {reading}])")
     if numbers is not None:
-        return [*tests, f"not [x for x in {source} if x not in {_listed(numbers)}]"]
+        return [*tests, f"not [x for x in {value} if x not in {_listed(numbers)}]"]
     ranged = _in_range(sensor, "x")
-    return [*tests, f"not [x for x in {source} if not ({ranged})]" if ranged else f"sum({source}) <= inf"]
+    return [*tests, f"not [x for x in {value} if not ({ranged})]" if ranged else f"sum({value}) <= inf"]
 
 
 def _in_range(sensor: Sensor, x: str) -> str:

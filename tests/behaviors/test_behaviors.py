@@ -1,0 +1,209 @@
+"""The behaviors that come with the project: they check, their examples hold, and they drive well."""
+
+from __future__ import annotations
+
+import json
+import random
+import re
+import sys
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from colony.cli.main import main
+from colony.compile.executor import ClientListExecutor
+from colony.compile.pipeline import compile_program
+from colony.dsl.load import check_file, load_file
+from colony.ir.frame import Frame, Reading
+from colony.ir.program import Module, Program, Sensor
+from colony.ir.types import Array, Bool
+from colony.runtime.bindings import bind
+from colony.verify.examples import failures_as_diagnostics, run_examples
+from colony.verify.interpreter import Interpreter
+
+ROOT = Path(__file__).parents[2]
+FILES = sorted((ROOT / "behaviors").glob("*.colony"))
+MAPS = sorted((ROOT / "maps").glob("*.stickrep"))
+
+every_file = pytest.mark.parametrize("file", FILES, ids=lambda path: path.stem)
+every_map = pytest.mark.parametrize("building", MAPS, ids=lambda path: path.stem)
+
+
+def test_there_are_behaviors_and_maps() -> None:
+    assert {f.stem for f in FILES} >= {"rome", "wander", "hallway", "allen", "herbert", "teleop", "figure_4_14"}
+    assert {m.stem for m in MAPS} >= {"loop", "hallway"}
+
+
+@every_file
+def test_checks_without_a_word(file: Path) -> None:
+    checked = check_file(file)
+    assert checked.diagnostics == ()
+    assert checked.program is not None
+
+
+@every_file
+def test_asks_for_nothing_that_no_server_has(file: Path) -> None:
+    bind(load_file(file))
+
+
+@every_file
+def test_its_examples_hold(file: Path) -> None:
+    results = run_examples(load_file(file))
+    assert len(results) >= 3
+    assert failures_as_diagnostics(results) == ()
+
+
+@every_file
+def test_its_examples_show_every_module_at_work(file: Path) -> None:
+    text = file.read_text()
+    examples = text[text.index('\ntest "') :]
+    for module in load_file(file).modules:
+        if module.span.source.name != str(file):
+            continue
+        shown = rf"\bby {module.name}\b" if module.actuator else rf"\b{module.name} is active\b"
+        assert re.search(shown, examples), f"no example in which `{module.name}` acts"
+
+
+@every_file
+def test_is_written_like_the_others(file: Path) -> None:
+    lines = file.read_text().splitlines()
+    assert lines[0].startswith(f"# {file.name} - ")
+    for number, line in enumerate(lines, 1):
+        assert len(line) <= 115, f"line {number} is too long"
+        assert line == line.rstrip(), f"line {number} ends in blanks"
+        assert "\t" not in line, f"line {number} has a tab"
+
+
+# --- any frames at all ---------------------------------------------------------------------------
+
+
+@every_file
+def test_contracts_hold_and_the_clients_agree_on_random_frames(file: Path) -> None:
+    program = load_file(file)
+    clients = compile_program(program).clients
+    reference = Interpreter(program)
+    compiled = ClientListExecutor(program, clients), ClientListExecutor(program, clients, exclusive=True)
+    for frame in random_frames(program, seed=414, count=400):
+        outcome = reference.step(frame)
+        assert outcome.breaches == (), f"at {frame.t_ns} ns"
+        assert all(executor.step(frame) == outcome for executor in compiled)
+
+
+def random_frames(program: Program, *, seed: int, count: int) -> Iterator[Frame]:
+    """Frames of random readings; each stays for half a second on average, and is missing now and then."""
+    chance = random.Random(seed)
+    readings: dict[str, Reading] = {}
+    for k in range(count):
+        for sensor in program.robot.sensors:
+            if k == 0 or chance.random() < 0.1:
+                readings[sensor.name] = None if chance.random() < 0.05 else random_reading(sensor, chance)
+        yield Frame(k * program.robot.frame_ns, dict(readings))
+
+
+def random_reading(sensor: Sensor, chance: random.Random) -> Reading:
+    """A reading in the sensor's declared unit."""
+    one = (lambda: chance.random() < 0.1) if is_bool(sensor) else (lambda: random_number(sensor, chance))
+    return tuple(one() for _ in range(sensor.type.size)) if isinstance(sensor.type, Array) else one()
+
+
+def is_bool(sensor: Sensor) -> bool:
+    return isinstance(sensor.type.element if isinstance(sensor.type, Array) else sensor.type, Bool)
+
+
+def random_number(sensor: Sensor, chance: random.Random) -> float:
+    """Small ones are as likely as large ones, and the ends of the range are hit, too."""
+    low = -5000.0 if sensor.low is None else sensor.low
+    high = 5000.0 if sensor.high is None else sensor.high
+    part = chance.choice((0.0, 1.0, chance.random(), chance.random() ** 3, chance.random() ** 3))
+    return (low + part * (high - low)) / sensor.factor
+
+
+# --- in the building -----------------------------------------------------------------------------
+
+Run = Callable[..., dict[str, Any]]
+
+
+@pytest.fixture
+def run(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> Run:
+    """Run a behavior in a building for some seconds, as `colony run` does; gives its report."""
+
+    def colony_run(file: Path, building: Path, seconds: int, *arguments: str) -> dict[str, Any]:
+        command = ["colony", "run", str(file), "--map", str(building), "--duration", str(seconds)]
+        command += ["--seed", "1", "--no-picture", "--format", "json", *arguments]
+        monkeypatch.setattr(sys, "argv", command)
+        with pytest.raises(SystemExit) as stopped:
+            main()
+        report: dict[str, Any] = json.loads(capsys.readouterr().out)
+        assert stopped.value.code == 0
+        assert report["breaches"] == report["troubles"] == report["disagreements"] == []
+        assert report["bumps"] == 0
+        return report
+
+    return colony_run
+
+
+def seconds_by(report: dict[str, Any], module: str | None) -> float:
+    """For how long a module commanded the first actuator."""
+    shares = report["actuators"][0]["shares"]
+    return float(next(share["seconds"] for share in shares if share["module"] == module))
+
+
+@every_map
+@every_file
+def test_runs_in_every_building(file: Path, building: Path, run: Run) -> None:
+    report = run(file, building, 8)
+    if file.stem in {"wander", "hallway", "allen", "herbert", "teleop"}:
+        assert report["distance_mm"] > 1000.0
+
+
+@every_map
+def test_wander_goes_a_long_way(building: Path, run: Run) -> None:
+    report = run(ROOT / "behaviors" / "wander.colony", building, 60)
+    assert report["distance_mm"] > 30_000.0  # at 600 mm/s it would be 36 m without any corner
+    assert seconds_by(report, "avoid") > 1.0  # there was one
+
+
+@every_map
+def test_hallway_comes_to_the_end_and_waits_there(building: Path, run: Run) -> None:
+    report = run(ROOT / "behaviors" / "hallway.colony", building, 60)
+    assert 21_000.0 < report["distance_mm"] < 24_000.0
+    assert seconds_by(report, None) < 20.0
+    assert seconds_by(report, "check_goal") == 0.0  # it never lost its way
+
+
+def test_hallway_turns_to_the_goal_and_stops_at_its_distance(run: Run) -> None:
+    arguments = ("--set", "GoalHeading=90", "--set", "GoalDistance=3")
+    report = run(ROOT / "behaviors" / "hallway.colony", ROOT / "maps" / "loop.stickrep", 20, *arguments)
+    assert seconds_by(report, "check_goal") > 4.0  # half a turn, at 30 degrees a second
+    assert 3_000.0 < report["distance_mm"] < 3_400.0
+
+
+def test_the_operator_drives_while_the_stick_is_held(run: Run) -> None:
+    arguments = ("--set", "TeleopVelocity=150")
+    report = run(ROOT / "behaviors" / "teleop.colony", ROOT / "maps" / "loop.stickrep", 8, *arguments)
+    assert seconds_by(report, "operator") == pytest.approx(8.0)
+    assert report["distance_mm"] == pytest.approx(150.0 * 8, rel=0.05)
+
+
+# --- Figure 4.14 ---------------------------------------------------------------------------------
+
+
+def test_both_networks_of_figure_4_14_have_the_same_priorities() -> None:
+    program = load_file(ROOT / "behaviors" / "figure_4_14.colony")
+    lists = compile_program(program).clients.actuators
+    priorities = [{c.module.rstrip("2"): c.priority for c in one.clients} for one in lists]
+    assert [one.actuator for one in lists] == ["left", "right"]
+    assert priorities == [{"A": 4, "B": 3, "C": 2, "D": 1}] * 2
+
+
+def test_the_order_of_visit_of_figure_4_14_is_d_c_b_a() -> None:
+    program = load_file(ROOT / "behaviors" / "figure_4_14.colony")
+    left = compile_program(program).clients.actuators[0]
+    assert [c.module for c in sorted(left.clients, key=lambda c: c.priority)] == ["D", "C", "B", "A"]
+
+
+def test_its_modules_are_written_in_the_language() -> None:
+    for file in FILES:
+        assert all(isinstance(module, Module) for module in load_file(file).modules)
