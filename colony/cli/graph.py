@@ -1,4 +1,4 @@
-"""`colony graph`: the network as a picture."""
+"""`colony graph`: the network as a picture, or as a graph for other tools."""
 
 from __future__ import annotations
 
@@ -8,18 +8,18 @@ import click
 
 from colony.cli.reporting import load_program, write_whole
 
+FORMATS = ("svg", "dot", "graphml")
 
-@click.command("graph", short_help="draw the network as SVG or DOT")
+
+@click.command("graph", short_help="draw the network as SVG, DOT or GraphML")
 @click.argument("file", metavar="FILE")
 @click.option(
     "-o",
     "--output",
     type=click.Path(dir_okay=False, path_type=Path),
-    help="Where to; .svg or .dot says which. [default: FILE's name with .svg, here]",
+    help="Where to; the ending (.svg, .dot, .graphml) says which. [default: FILE's name with .svg, here]",
 )
-@click.option(
-    "--format", "format_", type=click.Choice(["svg", "dot"]), help="Where the name does not say it."
-)
+@click.option("--format", "format_", type=click.Choice(FORMATS), help="If the name does not say it.")
 def command(file: str, output: Path | None, format_: str | None) -> None:
     """Draw modules, suppressor and inhibitor nodes, each with its dominant side above, and actuators.
 
@@ -28,15 +28,24 @@ def command(file: str, output: Path | None, format_: str | None) -> None:
       colony graph behaviors/wander.colony
       colony graph behaviors/wander.colony -o wander.dot
     """
-    if output is not None and format_ is None and output.suffix not in (".svg", ".dot"):
-        message = f"`{output}` ends neither in .svg nor in .dot: give --format"
-        raise click.UsageError(message, click.get_current_context())
     kind = format_ or (output.suffix[1:] if output is not None else "svg")
+    if kind not in FORMATS:
+        message = f"`{output}` ends in none of .svg, .dot, .graphml: give --format"
+        raise click.UsageError(message, click.get_current_context())
     target = output or Path(Path(file).stem + "." + kind)
     program = load_program(file)
-    from colony.compile.elaborate import elaborate
-    from colony.view.graph import to_dot, to_svg
+    title = Path(file).stem
+    if kind == "svg":
+        from colony.view.graph import to_svg
 
-    draw = to_svg if kind == "svg" else to_dot
-    write_whole(target, draw(elaborate(program), Path(file).stem))
+        text = to_svg(program, title)
+    elif kind == "dot":
+        from colony.view.graph import to_dot
+
+        text = to_dot(program, title)
+    else:
+        from colony.view.graph_networkx import to_graphml
+
+        text = to_graphml(program)
+    write_whole(target, text)
     click.echo(f"wrote {target}")

@@ -19,11 +19,11 @@ def command(files: tuple[str, ...], format_: str) -> None:
     Example:
       colony test behaviors/wander.colony
     """
-    from colony.diagnostics import to_json
+    from colony.diagnostics import Diagnostic, to_json
     from colony.verify.examples import failures_as_diagnostics, run_examples
 
     passed = failed = 0
-    failures = []
+    failures: list[Diagnostic] = []
     for file in files:
         results = run_examples(load_program(file))
         for result in results:

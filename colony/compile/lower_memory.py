@@ -19,7 +19,7 @@ from colony.ir.expression import Memory, MemoryCall
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Place:
-    """Where a memory call stands: its name, the loop values and element it is for, and when it moves on."""
+    """The name of one scalar memory call, and the value that says in which frames it moves on."""
 
     name: str
     ready: int

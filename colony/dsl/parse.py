@@ -56,7 +56,7 @@ def parse(source: Source) -> Parsed:
             kept = recovery.complete_declarations(problem)
             declarations += kept
             failed = kept[-1].end if kept else start
-            end = recovery.offset_of(problem, text)
+            end = recovery.offset_of(problem)
             before = _parser().parse_interactive(" " * failed + text[failed:end])
             diagnostics.append(describe(source, problem, failed, recovery.accepted(problem, before)))
             start = recovery.next_declaration(text, failed, diagnostics[-1].span.start)

@@ -38,11 +38,11 @@ def lost_names(text: str) -> set[str]:
     return {a or b for a, b in _DECLARED.findall(text)}
 
 
-def offset_of(problem: UnexpectedInput, text: str) -> int:
-    """Where what could not be read begins: after the last character that is no blank, for the end."""
+def offset_of(problem: UnexpectedInput) -> int:
+    """Where what could not be read begins; for the end of the file, where the last token ends."""
     if isinstance(problem, UnexpectedToken):
-        at_end = problem.token.type == "$END"
-        return len(text.rstrip()) if at_end else int(problem.token.start_pos or 0)
+        token = problem.token
+        return int((token.end_pos if token.type == "$END" else token.start_pos) or 0)
     return int(problem.pos_in_stream or 0)
 
 

@@ -63,7 +63,7 @@ def describe(
     """
     text = source.text
     at_end = isinstance(problem, UnexpectedToken) and problem.token.type == "$END"
-    at = offset_of(problem, text)
+    at = offset_of(problem)
     if text[max(at - 1, 0) : at + 1] in _SPLIT and not at_end:
         at, accepted = at - 1, _before_sign(text[at - 1], accepted)
     found = "" if at_end else _found(text, at)

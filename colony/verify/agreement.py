@@ -66,23 +66,31 @@ class Disagreement:
         return "\n".join(lines)
 
 
+def reference(program: Program, trace: Sequence[Frame]) -> tuple[Outcome, ...]:
+    """What the reference interpreter does over `trace`, from its initial memory."""
+    interpreter = Interpreter(program)
+    return tuple(interpreter.step(frame) for frame in trace)
+
+
 def disagreement(
-    program: Program, trace: Sequence[Frame], executors: Mapping[str, Factory] = EXECUTORS
+    program: Program,
+    trace: Sequence[Frame],
+    executors: Mapping[str, Factory] = EXECUTORS,
+    expected: Sequence[Outcome] | None = None,
 ) -> Disagreement | None:
     """The first executor that differs from the reference over `trace`, at its first frame; None if none does.
 
     Each executor starts from its initial memory. What an executor raises is a disagreement too; what
-    compiling raises is raised.
+    compiling raises is raised. `expected` is what `reference` gave, where that is known already.
     """
-    interpreter = Interpreter(program)
-    expected = [interpreter.step(frame) for frame in trace]
+    outcomes = reference(program, trace) if expected is None else expected
     compiled = compile_program(program)
     for name, make in executors.items():
-        found = _first_difference(make, compiled, trace, expected)
+        found = _first_difference(make, compiled, trace, outcomes)
         if found is not None:
             at, outcome = found
             return Disagreement(
-                executor=name, trace=tuple(trace[: at + 1]), expected=expected[at], found=outcome
+                executor=name, trace=tuple(trace[: at + 1]), expected=outcomes[at], found=outcome
             )
     return None
 

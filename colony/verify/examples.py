@@ -137,7 +137,7 @@ class _Run:
             )
         else:
             stands_in = default_of(sensor) is not None
-            hint = f"give all of it first, as in `{sensor.name} = 0`" + (
+            hint = f"give all of it first: `{sensor.name} = ...`" + (
                 ": its default only stands in for it" if stands_in else ""
             )
             self.fail("no array to set an element in", given, given.span, t_ns, sensor.name, (hint,))

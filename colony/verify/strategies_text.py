@@ -11,15 +11,9 @@ from dataclasses import replace
 from colony.ir.types import BOOL, PLAIN, Array, Enum, Quantity, Scalar, Type
 from colony.units import ANGLE, LENGTH, NUMBER, TIME, Dimension
 from colony.verify.strategies_drawing import Choices
-from colony.verify.strategies_expressions import (
-    LITERALS,
-    SPEED,
-    TURN_RATE,
-    Expressions,
-    Named,
-    Scope,
-)
+from colony.verify.strategies_expressions import Expressions
 from colony.verify.strategies_network import Port, Wirings, draw_wires, wiring_text
+from colony.verify.strategies_scope import LITERALS, SPEED, TURN_RATE, Named, Scope
 
 MOOD = Enum("mood", (("calm", 0.0), ("alert", 67.0), ("lost", -2.5)))
 WORDS = ("resting", "going", "stuck")

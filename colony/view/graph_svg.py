@@ -84,10 +84,16 @@ class _Picture:
         """The x of each column (of modules, their right side), and at last that of the actuators."""
         places = [place for d in self.drawn.diagrams for place in d.places]
         pitches = [LEAST_PITCH] * (1 + max((place.column for place in places), default=0))
-        for place in places:
-            if place.column and place.name:
-                needed = 2 * RADIUS + text_width(place.name, 11.5) + 14
-                pitches[place.column] = max(pitches[place.column], needed)
+        for d in self.drawn.diagrams:
+            short = [d.places[d.root]]  # wires that their name must fit on: those to the next column
+            for connection in d.connections:
+                source, target = d.places[connection.source], d.places[connection.target]
+                if target.column == source.column + 1:
+                    short.append(source)
+            for place in short:
+                if place.name:
+                    needed = 2 * RADIUS + text_width(place.name, 11.5) + 14
+                    pitches[place.column] = max(pitches[place.column], needed)
         pitches[0] = 52.0
         return list(accumulate(pitches, initial=MARGIN + self.box))
 

@@ -30,9 +30,11 @@ def test_graphs(colony: Colony, behavior: Path, tmp_path: Path) -> None:
     assert "cruise" in svg
     assert colony("graph", behavior, "-o", "b.dot").code == 0
     assert (tmp_path / "b.dot").read_text().startswith("digraph")
+    assert colony("graph", behavior, "-o", "b.graphml").code == 0
+    assert "<graphml" in (tmp_path / "b.graphml").read_text()
     code, _, err = colony("graph", behavior, "-o", "b.bmp")
     assert code == 2
-    assert "ends neither in .svg nor in .dot" in err
+    assert "ends in none of .svg, .dot, .graphml" in err
 
 
 def test_new_writes_a_behavior_that_checks_tests_and_compiles(colony: Colony, tmp_path: Path) -> None:

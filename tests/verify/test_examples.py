@@ -126,7 +126,7 @@ def test_an_element_can_be_set_only_in_an_array_that_is_there() -> None:
     ]
     assert all(m.startswith("error[T004]") for m in messages)
     [first, _, last] = failures_as_diagnostics(results(text))
-    assert "give all of it first, as in `sonar = 0`" in render(first)
+    assert "give all of it first: `sonar = ...`" in render(first)
     assert "its default only stands in for it" in render(last)
 
 

@@ -95,7 +95,7 @@ class _Generator:
     def imported(self, call: PythonCall) -> str:
         parts = (*call.module_path.split("."), call.class_name)
         if not all(part.isidentifier() and not keyword.iskeyword(part) for part in parts):
-            raise Failure([error("E602", call.span, f"`{'.'.join(parts)}` is no name of a Python class")])
+            raise Failure([error("E405", call.span, f"`{'.'.join(parts)}` is no name of a Python class")])
         return f"from {call.module_path} import {call.class_name} as {_class_name(self.names, call)}"
 
     def initial(self) -> None:

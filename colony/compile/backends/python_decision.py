@@ -100,6 +100,7 @@ class DecisionText:
         lines = [f"{self.target}, settled, records = settle({arguments})"]
         if self.observed:
             lines.append(f"{self.names.commanded[self.name]} = {self.target}[3] is None")
+        if self.observed and self.fields:
             unpacked = f"{', '.join(self.fields)}{',' if len(self.fields) == 1 else ''} = settled"
             if self.actuator.idle is None:
                 lines += ["if settled is not None:", f"    {unpacked}"]

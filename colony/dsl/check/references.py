@@ -24,7 +24,7 @@ from colony.dsl.check.scope import (
 )
 from colony.ir import expression as ir
 from colony.ir import program as program_ir
-from colony.ir.types import BOOL, PLAIN, Enum
+from colony.ir.types import BOOL, DURATION, PLAIN, Enum
 
 if TYPE_CHECKING:
     from colony.dsl.check.expressions import Checker
@@ -39,6 +39,8 @@ def resolve_reference(checker: Checker, node: ast.Reference) -> ir.Expression | 
         symbol = checker.local.get(first) or checker.scope.value(first)
         if symbol is not None:
             return _value(checker, node, symbol)
+        if first == "now":  # `now` and `now()` are the same, unless something else is called so
+            return ir.Now(type=DURATION, span=checker.span(node))
         _unknown(checker, node, checker.scope, first)
         return None
     if first in checker.local:
@@ -152,6 +154,11 @@ def _unknown(checker: Checker, node: ast.Reference, scope: Scope, name: str) -> 
         checker.error("E105", node, f"`{name}` is used before it is declared", _ABOVE)
         return
     known = [*checker.local, *scope.visible_values, *scope.robot.values, *scope.aliases, *checker.loops]
+    robot = checker.scope.robot
+    if name in robot.sensor_names | robot.actuator_names:
+        prefixed = f"the robot's names are never prefixed: write `{name}`"
+        checker.error("E101", node, f"unknown name `{node.text}`", prefixed)
+        return
     hint = _WORDS.get(name) or _member_hint(scope, name) or checker.report.suggest(name, known)
     checker.error("E101", node, f"unknown name `{name}`", hint)
 

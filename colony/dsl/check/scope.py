@@ -7,7 +7,7 @@ and parts of the network (modules, wires, actuators). Robots are shared by all f
 from __future__ import annotations
 
 from collections.abc import Iterable
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from itertools import islice
 
 from colony.diagnostics import Diagnostic, error
@@ -150,11 +150,14 @@ class Scope:
         return self.robot.absent or self.incomplete or name in self.lost_names
 
     def resolve(self, path: tuple[str, ...]) -> tuple[Scope, tuple[str, ...]]:
-        """Follow aliases at the front of a path: the scope that they lead to, and the rest."""
+        """Follow aliases at the front of a path: the scope that they lead to, and the rest.
+
+        The robot is not seen through an alias: its names are never prefixed.
+        """
         scope = self
         while len(path) > 1 and path[0] in scope.aliases:
             scope, path = scope.aliases[path[0]], path[1:]
-        return scope, path
+        return (scope, path) if scope is self else (replace(scope, robot=RobotScope()), path)
 
     def full(self, name: str) -> str:
         """What a name declared in this file is called in the program."""

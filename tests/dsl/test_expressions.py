@@ -1,0 +1,258 @@
+"""Expressions that are accepted: their types, what they become, and how literals 0 and arrays spread."""
+
+from __future__ import annotations
+
+import pytest
+from texts import expression, findings, type_of
+
+from colony.ir import expression as e
+from colony.ir.types import Array, Bool, Quantity
+from colony.units import LENGTH
+
+BEFORE = """
+enum goal { none = 0, light = 76 }
+machine mode { start one  one -> two when bumper }
+state laps = 0
+let ahead = sonar[12]
+let far = sonar > 1 m
+"""
+
+
+@pytest.mark.parametrize(
+    ("text", "type_"),
+    [
+        ("sonar", "mm[24]"),
+        ("sonar[3]", "mm"),
+        ("sonar[docked_at]", "mm"),
+        ("sonar[7..11]", "mm[5]"),
+        ("sonar[22..1]", "mm[4]"),
+        ("sonar[5..5]", "mm[1]"),
+        ("sonar[7..11][2]", "mm"),
+        ("(sonar + sonar)[3]", "mm"),
+        ("infrared[0]", "bool"),
+        # arithmetic and dimensions
+        ("ahead + 1 mm", "mm"),
+        ("ahead * ahead", "mm^2"),
+        ("ahead / 2 s", "mm/s"),
+        ("1 / ahead", "mm^-1"),
+        ("ahead / ahead", "number"),
+        ("-ahead", "mm"),
+        ("heading * 2", "deg"),
+        ("heading / 1 s * 2 s", "deg"),
+        # a literal 0 fits any dimension
+        ("ahead + 0", "mm"),
+        ("0 - heading", "deg"),
+        ("0 + 0", "number"),
+        ("if bumper then 0 else ahead", "mm"),
+        ("max(0, ahead)", "mm"),
+        ("clamp(ahead, 0, 1 m)", "mm"),
+        ("mod(ahead, 0)", "mm"),
+        ("previous(ahead, 0)", "mm"),
+        ("value_or(ahead, 0)", "mm"),
+        ("sin(0)", "number"),
+        ("angle_difference(0, heading)", "deg"),
+        ("atan2(0, ahead)", "deg"),
+        ("ahead > -0", "bool"),
+        ("0 in 0 .. 1 m", "bool"),
+        ("0 * ahead", "mm"),
+        # arrays element by element
+        ("sonar < 1 m", "bool[24]"),
+        ("1 m < sonar", "bool[24]"),
+        ("sonar + sonar", "mm[24]"),
+        ("sonar[0..3] - sonar[20..23]", "mm[4]"),
+        ("not infrared", "bool[24]"),
+        ("infrared and bumper", "bool[24]"),
+        ("sonar in 1 m .. 2 m", "bool[24]"),
+        ("sonar / 1 m == 1", "bool[24]"),
+        ("if bumper then sonar else 0", "mm[24]"),
+        ("if bumper then sonar else sonar * 2", "mm[24]"),
+        ("abs(sonar)", "mm[24]"),
+        ("clamp(sonar, 0, sonar)", "mm[24]"),
+        ("held(infrared, 1 s)", "bool[24]"),
+        ("previous(sonar, 0)", "mm[24]"),
+        ("captured(sonar, bumper)", "mm[24]"),
+        ("elapsed(far)", "s[24]"),
+        ("value_or(sonar, 0)", "mm[24]"),
+        # reductions and functions
+        ("min(sonar)", "mm"),
+        ("min(ahead, 1 m, sonar[3])", "mm"),
+        ("min(ahead)", "mm"),
+        ("sum(sonar * sonar)", "mm^2"),
+        ("mean(sonar[1..3])", "mm"),
+        ("count(far)", "number"),
+        ("count(bumper, true)", "number"),
+        ("any(far)", "bool"),
+        ("all(bumper, far[0])", "bool"),
+        ("index_of_min(sonar)", "number"),
+        ("index_of_max(window(sonar, 3, 2))", "number"),
+        ("window(sonar, docked_at, 11)", "mm[23]"),
+        ("window(infrared, 0, 0)", "bool[1]"),
+        ("sign(heading)", "number"),
+        ("sqrt(ahead * ahead)", "mm"),
+        ("sqrt(2)", "number"),
+        ("floor(ahead)", "mm"),
+        ("ceil(heading) + round(heading)", "deg"),
+        ("mod(heading, 360 deg)", "deg"),
+        ("cos(heading)", "number"),
+        ("atan2(ahead, sonar[0])", "deg"),
+        ("atan2(1, 2)", "deg"),
+        ("now()", "s"),
+        ("fresh(sonar)", "bool"),
+        ("fresh(ahead)", "bool"),
+        ("sum(sonar[k] for k in 0 .. 23)", "mm"),
+        ("count(infrared[k] for k in 0 .. 23 if k > 3)", "number"),
+        ("max(sonar[k] - sonar[k + 1] for k in 0 .. 22 if sonar[k] > 1 m)", "mm"),
+        ("sum(sum(j * k for j in 0 .. 3) for k in 0 .. 3)", "number"),
+        ("any(held(infrared[k], 1 s) for k in 3 .. 2)", "bool"),
+        ("sum(1 for k in 1 .. 4096)", "number"),
+        # comparisons
+        ("goal.light == goal.none", "bool"),
+        ("mode != mode.two", "bool"),
+        ("bumper == true", "bool"),
+        ("bumper implies not bumper or bumper and true", "bool"),
+        ("goal.light", "goal"),
+        ("if bumper then goal.light else goal.none", "goal"),
+        ("previous(mode, mode.one)", "mode"),
+        ("changed(mode)", "bool"),
+        ("captured(laps, mode)", "number"),
+        ("rising(bumper) or falling(bumper)", "bool"),
+        ("latch(bumper, not bumper)", "bool"),
+        ("every(1 s)", "bool"),
+        ("elapsed(bumper) > 2 s", "bool"),
+        ("elapsed(mode == mode.two)", "s"),
+    ],
+)
+def test_types(text: str, type_: str) -> None:
+    assert type_of(text, BEFORE) == type_
+
+
+def test_a_let_of_a_lone_zero_is_a_plain_number() -> None:
+    assert findings("let z = 0\nlet x = sonar[0] < z") == ["2:9 E201"]
+    assert findings("param z = 0\nlet x = sonar[0] < z") == ["2:9 E201"]
+    assert findings("state z = 0\nlet x = sonar[0] < z") == ["2:9 E201"]
+
+
+def test_a_slice_wraps_round_the_end() -> None:
+    found = expression("sonar[22..1]")
+    assert isinstance(found, e.Slice)
+    assert found.indices == (22, 23, 0, 1)
+
+
+def test_a_constant_index_is_rounded_before_it_must_be_inside() -> None:
+    assert findings("let x = sonar[23.4]") == []
+    assert findings("let x = sonar[-0.5]") == []  # halves to even
+    assert findings("let x = sonar[23.5]") == ["1:15 E205"]
+    assert findings("param i = 24\nlet x = sonar[i]") == ["2:15 E205"]
+    assert findings("let x = sum(sonar[k + 20] for k in 0 .. 23)") == []  # computed: taken modulo the size
+
+
+def test_a_reduction() -> None:
+    found = expression("sum(sonar[k] for k in -1 .. 2 * 3 if infrared[k])")
+    assert isinstance(found, e.Reduce)
+    assert (found.function, found.variable, found.low, found.high) == (e.Function.SUM, "k", -1, 6)
+    assert isinstance(found.body, e.Element)
+    assert found.body.index == e.LoopIndex(type=Quantity(), name="k")
+    assert isinstance(found.condition, e.Element)
+
+
+def test_variables_of_nested_reductions_are_told_apart() -> None:
+    found = expression("sum(sum(k for k in 0 .. k0) for k in 0 .. 3) + k", "param k0 = 2\nlet k = 1")
+    assert isinstance(found, e.BinaryOperation)
+    outer = found.left
+    assert isinstance(outer, e.Reduce)
+    assert isinstance(outer.body, e.Reduce)
+    assert outer.variable != outer.body.variable
+    assert outer.body.body == e.LoopIndex(type=Quantity(), name=outer.body.variable)
+    assert found.right == e.DerivedValue(type=Quantity(), name="k")
+
+
+def test_the_variable_of_a_reduction_hides_other_names() -> None:
+    found = expression("sum(sonar for sonar in 0 .. 3)")
+    assert isinstance(found, e.Reduce)
+    assert found.body == e.LoopIndex(type=Quantity(), name="sonar")
+
+
+def test_the_bounds_of_a_reduction_do_not_see_its_variable() -> None:
+    assert findings("let x = sum(k for k in 0 .. k)") == ["1:29 E101"]
+
+
+def test_fresh_and_value_or() -> None:
+    assert expression("fresh(sonar)") == e.Fresh(type=Bool(), name="sonar", derived=False)
+    assert expression("fresh(a)", "let a = 3") == e.Fresh(type=Bool(), name="a", derived=True)
+    found = expression("value_or(sonar, 3 m)")
+    assert isinstance(found, e.ValueOr)
+    assert found.type == Array(Quantity(LENGTH), 24)
+
+
+@pytest.mark.parametrize("name", ["p", "s", "mode", "g", "cruise"])
+def test_only_sensors_and_lets_of_the_file_can_be_fresh(name: str) -> None:
+    text = (
+        f"let x = fresh({name})\nparam p = 3\nstate s = 0\nmachine mode {{ start one }}\n"
+        "enum g { a = 1 }\nmodule cruise { when true }"
+    )
+    assert findings(text) == ["1:15 E202" if name != "cruise" else "1:15 E106"]
+
+
+def test_a_let_of_a_module_is_never_missing_to_it() -> None:
+    assert findings("module m { let a = sonar[0] when fresh(a) }") == ["1:40 E202"]
+
+
+# --- where memory may stand ----------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "let x = held(bumper, 1 s)",
+        "state s = false next s = rising(bumper)",
+        "module m { let a = every(1 s) when held(a, 1 s)"
+        " do drive(velocity = 0, turn = elapsed(a) * 1 deg/s/s) }",
+        "module m { state s = 0 s next s = elapsed(bumper) when s > 0 }",
+        "machine p { start a a -> b when held(bumper, 1 s) }",
+        "limit drive.velocity <= previous(3 mm/s, 0) when held(bumper, 1 s)",
+        "contract c: held(bumper, 1 s)",
+        'test "t" { at 0 s expect held(bumper, 1 s) }',
+        "let x = sum(if held(infrared[k], 1 s) then 1 else 0 for k in 0 .. 3 if rising(infrared[k]))",
+    ],
+)
+def test_memory_is_allowed(text: str) -> None:
+    assert findings(text) == []
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "param p = previous(3, 4)",
+        "state s = held(true, 1 s)",
+        "enum g { a = previous(1, 2) }",
+        "module m { param p = previous(1, 2) when true }",
+        "module m { param p = 1 when true } module n = m(p = previous(1, 2))",
+        "let x = held(bumper, previous(1 s, 2 s))",
+        "let x = sum(k for k in previous(1, 2) .. 3)",
+        "let x = sonar[previous(1, 2) .. 3]",
+        'test "t" { at previous(1 s, 2 s) }',
+        'test "t" { at 0 s given docked_at = previous(1, 2) }',
+        "network { drive = a suppresses[previous(1 s, 2 s)] a }"
+        " module a { when true do drive(velocity = 0, turn = 0) }",
+    ],
+)
+def test_memory_is_refused_where_a_constant_must_stand(text: str) -> None:
+    assert [f.split()[1] for f in findings(text)] == ["E209"]
+
+
+# --- how deep and how large ----------------------------------------------------------------------
+
+
+def test_expressions_nest_a_hundred_deep() -> None:
+    for good, bad in ((" + ".join("1" * 100), " + ".join("1" * 101)), ("-" * 99 + "1", "-" * 100 + "1")):
+        assert findings(f"let x = {good}") == []
+        assert findings(f"let x = {bad}") == ["1:9 E004"]
+
+
+def test_brackets_nest_a_hundred_deep() -> None:
+    assert findings("let x = " + "(" * 100 + "1" + ")" * 100) == []
+    assert findings("let x = " + "(" * 101 + "1" + ")" * 101 + "\n") == ["1:109 E004"]
+
+
+def test_brackets_in_comments_and_texts_do_not_nest() -> None:
+    assert findings("# " + "(" * 200 + '\ntest "' + "[" * 200 + '" { }') == []
