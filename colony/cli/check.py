@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-import gc
-
 import click
 
 from colony.cli.reporting import EXIT_ERRORS, EXIT_MISUSE, is_unreadable, report
+from colony.collector import collector_at_rest
 
 
 @click.command("check", short_help="find what is wrong in behavior files")
@@ -23,20 +22,20 @@ def command(files: tuple[str, ...], format_: str) -> None:
       colony check behaviors/wander.colony
       colony check --format json behaviors/*.colony
     """
-    gc.disable()  # a check makes many objects and hardly any cycles, and is soon over
-    from colony.diagnostics import Diagnostic, has_errors, to_json
-    from colony.dsl.load import check_file
+    with collector_at_rest():
+        from colony.diagnostics import Diagnostic, has_errors, to_json
+        from colony.dsl.load import check_file
 
-    found: list[Diagnostic] = []
-    unreadable = False
-    for file in files:
-        checked = check_file(file)
-        found += checked.diagnostics
-        unreadable = unreadable or is_unreadable(checked.diagnostics)
-        if format_ == "text":
-            report(checked.diagnostics)
-            if checked.program is not None:
-                click.echo(f"{file}: ok")
+        found: list[Diagnostic] = []
+        unreadable = False
+        for file in files:
+            checked = check_file(file)
+            found += checked.diagnostics
+            unreadable = unreadable or is_unreadable(checked.diagnostics)
+            if format_ == "text":
+                report(checked.diagnostics)
+                if checked.program is not None:
+                    click.echo(f"{file}: ok")
     if format_ == "json":
         click.echo(to_json(found))
     if unreadable:

@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-import gc
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
+from colony.collector import collector_at_rest
 from colony.compile.clients import ClientList
 from colony.compile.elaborate import elaborate
 from colony.compile.eliminate_inhibition import eliminate_inhibition
@@ -39,7 +38,7 @@ class Compiled:
 
 def compile_program(program: Program) -> Compiled:
     """All passes over a typed program. Near-linear in the size of its network."""
-    with _collector_at_rest():
+    with collector_at_rest():
         network = elaborate(program)
         suppression = eliminate_inhibition(network)
         traversal = forward_traversal(suppression)
@@ -51,18 +50,5 @@ def compile_program(program: Program) -> Compiled:
 
 def compile_network(network: Network) -> ClientList:
     """The passes over a network that no program describes, such as one drawn by a property test."""
-    with _collector_at_rest():
+    with collector_at_rest():
         return simplify(forward_traversal(eliminate_inhibition(network)))
-
-
-@contextmanager
-def _collector_at_rest() -> Iterator[None]:
-    """Without garbage collection by cycles: passes make many objects and no cycles, and the collector, going
-    over all of them time and again, takes a third of the time of a large network."""
-    running = gc.isenabled()
-    gc.disable()
-    try:
-        yield
-    finally:
-        if running:
-            gc.enable()

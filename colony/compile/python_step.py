@@ -5,51 +5,29 @@ The classes need `math` and `intake` alone: the Python backend copies them into 
 
 from __future__ import annotations
 
-from collections.abc import ItemsView, Iterator, KeysView, Mapping, ValuesView
+from typing import NoReturn
 
 from colony.compile.intake import as_float
 
 
-class Snapshot:
+class Snapshot(dict[str, object]):
     """What a module's `step` is given: a read-only mapping from the names that it reads to their values.
 
     Values are in base units (mm, s, deg), arrays are tuples; `t` is in seconds since the first frame.
     """
 
-    __slots__ = ("_values", "t")
-    _values: dict[str, object]
+    __slots__ = ("t",)
     t: float
 
     def __init__(self, t: float, values: dict[str, object]) -> None:
+        dict.__init__(self, values)
         object.__setattr__(self, "t", t)
-        object.__setattr__(self, "_values", values)
 
-    def __setattr__(self, name: str, value: object) -> None:
-        raise AttributeError("a snapshot cannot be changed")
+    def _refused(self, *_: object, **__: object) -> NoReturn:
+        raise TypeError("a snapshot cannot be changed")
 
-    def __getitem__(self, name: str) -> object:
-        return self._values[name]
-
-    def __iter__(self) -> Iterator[str]:
-        return iter(self._values)
-
-    def __len__(self) -> int:
-        return len(self._values)
-
-    def __contains__(self, name: object) -> bool:
-        return name in self._values
-
-    def get(self, name: str, default: object = None) -> object:
-        return self._values.get(name, default)
-
-    def keys(self) -> KeysView[str]:
-        return self._values.keys()
-
-    def values(self) -> ValuesView[object]:
-        return self._values.values()
-
-    def items(self) -> ItemsView[str, object]:
-        return self._values.items()
+    __setattr__ = __delattr__ = __setitem__ = __delitem__ = __ior__ = _refused
+    clear = pop = popitem = setdefault = update = _refused
 
 
 class PythonStep:
@@ -135,6 +113,3 @@ class PythonStep:
                 raise TypeError(name)
             answer.append(number)
         return tuple(answer)
-
-
-Mapping.register(Snapshot)

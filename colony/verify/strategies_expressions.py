@@ -165,13 +165,13 @@ class Expressions:
         params = self.scope.constants.get(of, ())
         if self.choices.rarely(4):
             return self.choices.one(params) if params else self.literal(of)
-        if self.choices.rarely(10):
+        if self.choices.rarely(8):
             return f"({self.choices.one(ODD_NUMBERS)} * {self.literal(of)})"
         atoms = self.atoms(Quantity(of))
         if atoms:
             return self.choices.one(atoms)
         if of == TIME:
-            return "now()"
+            return self.choices.one(("now", "now()"))
         bools = self.atoms(BOOL) or ["true"]
         return f"(if {self.choices.one(bools)} then {self.literal(of)} else {self.literal(of)})"
 
@@ -212,7 +212,7 @@ class Expressions:
     def _several(self, of: Dimension, depth: int) -> str:
         """Functions of numbers of one dimension that give one of it."""
         function = self.choices.one(
-            ("min", "max", "round", "sum", "abs", "clamp", "floor", "ceil", "round", "mean", "sqrt")
+            ("min", "max", "round", "sum", "abs", "clamp", "max", "ceil", "min", "mean", "sqrt", "floor")
         )
         count = {"abs": 1, "round": 1, "floor": 1, "ceil": 1, "clamp": 3}.get(function, 2)
         arguments = [self.quantity(of, depth if i == 0 else depth - 1) for i in range(count)]

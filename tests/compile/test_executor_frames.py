@@ -287,7 +287,7 @@ def test_idle_commands_are_not_limited() -> None:
 def test_contracts_read_decisions() -> None:
     text = DRIVE.format(
         "contract sent: drive.v <= 0.5 m/s\n"
-        "contract by: not (drive by m)\n"
+        "contract won: not (drive by m)\n"
         "contract commanded: not (drive is commanded)\n"
         "contract idle: drive is commanded\n"
         "contract active: not (m is active)\n"
@@ -298,8 +298,8 @@ def test_contracts_read_decisions() -> None:
         {"x": 3.0, "y": 0.0, "b": False},
     ]
     sent, faulty, idle = (o.breaches for o in _outcomes(text, *frames))
-    assert sent == ("sent", "by", "commanded", "active")
-    assert faulty == ("by", "idle", "active")
+    assert sent == ("sent", "won", "commanded", "active")
+    assert faulty == ("won", "idle", "active")
     assert idle == ("idle",)
 
 

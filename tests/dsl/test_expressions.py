@@ -97,6 +97,7 @@ let far = sonar > 1 m
         ("atan2(ahead, sonar[0])", "deg"),
         ("atan2(1, 2)", "deg"),
         ("now()", "s"),
+        ("now", "s"),
         ("fresh(sonar)", "bool"),
         ("fresh(ahead)", "bool"),
         ("sum(sonar[k] for k in 0 .. 23)", "mm"),
@@ -174,6 +175,12 @@ def test_the_variable_of_a_reduction_hides_other_names() -> None:
 
 def test_the_bounds_of_a_reduction_do_not_see_its_variable() -> None:
     assert findings("let x = sum(k for k in 0 .. k)") == ["1:29 E101"]
+
+
+def test_now_may_be_called_or_not_unless_something_else_has_its_name() -> None:
+    assert isinstance(expression("now"), e.Now)
+    assert expression("now") == expression("now()")
+    assert type_of("now", "let now = 3 mm") == "mm"
 
 
 def test_fresh_and_value_or() -> None:

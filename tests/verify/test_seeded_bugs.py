@@ -16,7 +16,7 @@ from colony.verify.agreement import EXECUTORS, Factory, disagreement, reference
 from colony.verify.strategies import Run, run_of_seed
 
 NETWORKS = 200
-PROGRAMS = 400
+PROGRAMS = 500
 
 
 BY_CLIENTS = {name: make for name, make in EXECUTORS.items() if name.startswith("clients")}

@@ -228,6 +228,8 @@ def _module(
     nexts = check_nexts(checker, _clauses(node, ast.NextDecl), state_symbols)
     when = checker.expect(node.when, BOOL, "the predicate after `when`")
     command = None if node.do is None else _command(checker, node.do)
+    if node.do is not None and command is None:
+        return None
     if when is None or any(d.severity == "error" for d in checker.report.diagnostics[before:]):
         return None
     return ir.Module(
@@ -333,6 +335,8 @@ def _python_module(
             "E406", rates[0], "the rate must be longer than nothing", "leave it out for every frame"
         )
     if any(d.severity == "error" for d in checker.report.diagnostics[before:]):
+        return None
+    if commands and actuator is None:
         return None
     module_path, _, class_name = node.path.partition(":")
     return ir.PythonModule(

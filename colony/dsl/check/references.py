@@ -168,11 +168,10 @@ _WORDS = {
     "True": "write `true`",
     "False": "write `false`",
     "None": "say `missing` in tests; in expressions ask `fresh(sensor)`",
-    "t": "the time since the first frame is `now()`",
-    "time": "the time since the first frame is `now()`",
+    "t": "the time since the first frame is `now`",
+    "time": "the time since the first frame is `now`",
     "pi": "angles have units: `180 deg`, `3.14 rad`",
     **{name: f"it is a function: `{name}(...)`" for name in FUNCTION_NAMES},
-    "now": "it is a function: `now()`",
 }
 
 

@@ -1,0 +1,127 @@
+"""Single clients, each with the slice of the program that it needs, and what they remember."""
+
+from __future__ import annotations
+
+import json
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from colony.compile.executor import ClientExecutor, ClientMemory
+from colony.compile.pipeline import compile_program
+from colony.dsl.load import load_text
+from colony.ir.frame import Frame
+from colony.ir.program import Program
+from colony.verify.strategies import programs, traces
+
+TEXT = """
+robot r {
+  sensor x : number range 0 .. 10 from DServer.x
+  sensor y : number from DServer.y
+  sensor z : number from DServer.z
+  sensor b : bool from DServer.b
+  actuator out { v : m range 0 .. 5 } to DServer.Out idle out(v = 0) on_loss %s
+  actuator other { v : number } to DServer.Other idle hold
+}
+let far = previous(z, 0)
+module high { when held(b, 1 s)  do out(v = far * y * 1 m) }
+module low { when x > 0  do out(v = x * 1 m) }
+module apart { when z > 0  do other(v = z) }
+network { out = high suppresses[2 s] low  other = apart }
+limit out.v <= 3 m when x > 5
+contract c: previous(z, 0) < 10
+"""
+
+
+def _client(module: str, on_loss: str = "stop", actuator: str = "out") -> ClientExecutor:
+    program = load_text(TEXT % on_loss)
+    return ClientExecutor(program, compile_program(program).clients, actuator, module)
+
+
+def test_a_client_reads_only_what_it_needs() -> None:
+    assert _client("apart", actuator="other").sensors == ("z",)
+    assert _client("high").sensors == ("x", "y", "z", "b")
+    low = _client("low")
+    assert low.sensors == ("x", "y", "z", "b")  # `high` is silent without y and z
+    assert {cell.name for cell in low.code.cells} == {"high held 2 until", "guard 2 until"} or (
+        len(low.code.cells) == 2
+    )
+    assert low.code.contracts == ()
+
+
+def test_a_command_within_limits_and_range() -> None:
+    low = _client("low")
+    quiet = {"y": 0.0, "z": 0.0, "b": False}
+    assert low.step(Frame(0, quiet | {"x": 2.0}))[:3] == (True, (2000.0,), None)
+    limited = low.step(Frame(1, quiet | {"x": 20.0}))
+    assert limited.values == (3000.0,)
+    assert limited.records == (("sensor clamped", "x"), ("limited", "out.v"))
+    assert low.step(Frame(2, quiet | {"x": 0.0}))[:2] == (False, None)
+
+
+def test_a_command_that_is_not_finite() -> None:
+    high = _client("high")
+    frame = {"x": 0.0, "y": float("inf"), "z": 1.0, "b": True}
+    step = high.step(Frame(0, frame))
+    assert (step.active, step.values, step.fault) == (True, None, "not finite")
+    assert step.records == (("not finite", "high"),)
+
+
+@pytest.mark.parametrize(("on_loss", "takes_over"), [("stop", False), ("degrade", True)])
+def test_what_a_lost_client_does(on_loss: str, takes_over: bool) -> None:
+    low = _client("low", on_loss)
+    frame = {"x": 2.0, "y": 1.0, "z": 1.0, "b": True}
+    assert not low.step(Frame(0, frame)).active
+    later = frame | {"b": False}
+    assert not low.step(Frame(2 * 10**9, frame)).active
+    assert low.step(Frame(6 * 10**9, frame), lost=frozenset({"high"})).active == takes_over
+    assert low.step(Frame(7 * 10**9, later)).active == takes_over
+
+
+def test_there_must_be_such_a_client() -> None:
+    with pytest.raises(KeyError):
+        _client("nobody")
+    with pytest.raises(KeyError):
+        _client("high", actuator="other")
+
+
+def test_memory_survives_as_plain_data() -> None:
+    high = _client("high")
+    high.step(Frame(5, {"x": 0.0, "y": 1.0, "z": 2.0, "b": True}))
+    stored = json.loads(json.dumps(high.memory._asdict()))
+    again = _client("high")
+    again.memory = ClientMemory(**stored)
+    assert again.memory == high.memory
+    frame = Frame(10**9, {"x": 0.0, "y": 1.0, "z": 7.0, "b": False})
+    assert again.step(frame) == high.step(frame)
+    assert again.memory == high.memory
+
+
+def test_memory_of_another_client_is_refused() -> None:
+    high = _client("high")
+    with pytest.raises(ValueError, match="another client"):
+        high.memory = ClientMemory(0, {"x": 1.0})
+    cells = high.memory.cells
+    name = next(iter(cells))
+    with pytest.raises(ValueError, match=name):
+        high.memory = ClientMemory(0, cells | {name: "x"})
+
+
+def _without_python(program: Program) -> list[tuple[str, str]]:
+    clients = compile_program(program).clients
+    return [(a.actuator, c.module) for a in clients.actuators for c in a.clients]
+
+
+@given(data=st.data())
+def test_a_client_that_was_started_anew_goes_on_as_the_other(data: st.DataObject) -> None:
+    program = data.draw(programs(python=False))
+    trace = data.draw(traces(program))
+    clients = compile_program(program).clients
+    for actuator, module in _without_python(program):
+        one = ClientExecutor(program, clients, actuator, module)
+        for frame in trace:
+            other = ClientExecutor(program, clients, actuator, module)
+            other.memory = one.memory
+            assert repr(other.step(frame)) == repr(one.step(frame))
+            assert repr(other.memory) == repr(one.memory)

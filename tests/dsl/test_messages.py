@@ -1,0 +1,164 @@
+"""What common slips are told: the message names what was found, the hint what was probably meant."""
+
+from __future__ import annotations
+
+import pytest
+from texts import MODULES, findings, messages
+
+PARTS = MODULES.split("network")[0]
+SLIPS = [
+    # text, the end of the headline, the hint
+    ("modul m { when true }", "found `modul`", "did you mean `module`?"),
+    ("module m { wen true }", "expected `let`, `next`, `param`, `state` or `when`", "did you mean `when`?"),
+    ("module m { do lamp(on = true) }", "found `do`", "`when` stands before `do`; `when true` is always"),
+    ("module m { when true let a = 1 }", "found `let`", "`let` stands before `when`"),
+    ("module m { when bumper when true }", "found `when`", "a module has one `when`"),
+    ("let a = b == 3 == c", "found `==`", "comparisons do not chain"),
+    ("let a = b = 3", "found `=`", "compare with `==`"),
+    ("let a == 3", "found `==`, expected `=`", "a single `=` gives something a value"),
+    ("let a = if b then 1", "expected an operator or `else`", ""),
+    ("let a = 1 + if b then 1 else 2", "found `if`", "needs parentheses"),
+    ("let a = b && c", "found `&&`", "write `and`"),
+    ("let a = b || c", "found `||`", "write `or`"),
+    ("let a = !b", "found `!`", "write `not`"),
+    ("let a = 3;", "found `;`", "nothing ends a clause"),
+    ("let a = b % 2", "found `%`", "write `mod(x, y)`"),
+    ("let a = b ** 2", "found `**`", "powers of numbers"),
+    ("let a = b ^ 2", "found `^`", "powers stand only in units"),
+    ("let a = 'text'", "found `'`", "double quotes"),
+    ('let a = "text"', 'found `"text"`', "texts stand only after"),
+    ("let a = 5 kg", "found `kg`", "`kg` is not a unit"),
+    ("let a = 3 metres", "found `metres`", "`metres` is not a unit"),
+    ("let a = .5", "found `.`", "a digit before the point"),
+    ("let a = 5.", "found `.`", "a digit after the point"),
+    ("let a = 0x1F", "found `x1F`", "numbers are decimal"),
+    ("let a = 1_000", "found `_000`", "numbers are decimal"),
+    ("let a = α", "found `α`", "names are made of the letters"),
+    ("let if = 3", "found `if`", "`if` is a reserved word"),
+    ("// comment", "found `//`", "comments begin with `#`"),
+    ("sensor s : mm", "found `sensor`", "inside `robot NAME { ... }`"),
+    ("when true", "found `when`", "inside `module NAME { ... }`"),
+    ("test 'x' { }", "found `'`", "double quotes"),
+    ("test “x” { }", "found `“`", "straight double quotes"),
+    ('test "x { }', "the text that begins here is not closed in its line", "add the missing `\"`"),
+    ('test "x" { at 0 s, given bumper = true }', "found `,`", "no comma stands before `given`"),
+    ('test "x" { at 0 s given bumper == true }', "found `==`, expected `=`", "a single `=`"),
+    ("contract c: drive is by avoid", "found `by`", "write `drive by module`"),
+    ("contract c: drive is not idle", "found `not`", "write `not (drive is idle)`"),
+    ("contract c: drive is comanded", "found `comanded`", "did you mean `commanded`?"),
+    ("contract c = bumper", "found `=`, expected `:`", ""),
+    ("network { a suppresses b }", "found `suppresses`, expected `=`", "name the wire"),
+    ("module m { when a suppresses b }", "found `suppresses`", "wired in a `network { ... }` block"),
+    ("machine m { start a a => b when true }", "found `=>`, expected `->`", "`a -> b when CONDITION`"),
+    ("robot r { sensor a : mm / s from A.b }", "found `/`", "a unit is written without blanks: `mm/s`"),
+    ("module m { when (bumper }", "`}` stands before the `(` of line 1, column 17 is closed", "missing `)`"),
+    ("module m { when true\nmodule n { when true }", "`module` begins a declaration before", "missing `}`"),
+    ("network {\n  a = b\nlimit drive.velocity <= 0", "`limit` begins a declaration before", "missing `}`"),
+    ("let a = 1 +\nlet b = 2", "`let` begins a declaration, and the one before it is not complete", ""),
+    # names
+    ("let a = bumpr", "unknown name `bumpr`", "did you mean `bumper`?"),
+    ("let a = True", "unknown name `True`", "write `true`"),
+    ("let a = held", "unknown name `held`", "it is a function: `held(...)`"),
+    ("let a = foor(3)", "unknown function `foor`", "did you mean `floor`?"),
+    ("enum g { light = 1 } let a = light", "unknown name `light`", "did you mean `g.light`?"),
+    ("let a = drive", "`drive` is an actuator, not a value", "only contracts and tests speak of it"),
+    ("let a = cruise", "`cruise` is a module, not a value", "only contracts and tests speak of it"),
+    ("contract c: drive", "`drive` is an actuator, not a value", "ask `drive is commanded`"),
+    ("contract c: avoid", "`avoid` is a module, not a value", "ask `avoid is active`"),
+    ("let a = avoid.near", "`avoid.near` can be read only in contracts", "share values through file-level"),
+    ("let b = a let a = 3", "`a` is used before it is declared", "must be declared above"),
+    ("param p = bumper", "`bumper` is not constant", "use literals, params and arithmetic"),
+    ("network { w = bumper suppresses avoid }", "`bumper` is a value, not a module, wire", "`when`"),
+    ("network { w = drive suppresses avoid }", "`drive` is an actuator", "a name of its own"),
+    ("module m { when true do drve(velocity = 0) }", "unknown actuator `drve`", "did you mean `drive`?"),
+    ("module m { when true do drive(velocity = 0) }", "`turn` of `drive` left out", ""),
+    ("module m { when true do drive(velocty = 0, turn = 0) }", "no field `velocty`", "mean `velocity`?"),
+    # types
+    ("let a = sonar < 3", "`<` needs two numbers of one dimension", "`x / 1 mm` is a plain number"),
+    ("let a = sonar[0] + heading", "found a value in mm and a value in deg", ""),
+    ("let a = bumper + bumper", "found a bool and a bool", "`if b then 1 else 0`"),
+    ("let a = held(bumper, 2)", "must be a value in s, found a plain number", "for example `2 s`"),
+    ("module m { when sonar < 1 m }", "found an array of 24 bools", "`any(...)` or `all(...)`"),
+    ("let a = count(sonar)", "`count` takes bools, found a value in mm", "compare first"),
+    ("let a = sum(infrared)", "`sum` takes numbers, found a bool", "count bools with `count`"),
+    ("let a = sqrt(sonar[0])", "the square root of a value in mm has no unit", "such as `a * a`"),
+    ("let a = mod(3)", "`mod` takes 2 arguments, found 1", "use: mod(x, y)"),
+    ("let a = min(sonar, 1 m)", "takes one array or several scalars, not both", "reduce each array first"),
+    ("network { d = avoid suppresses cruise inhibits avoid }", "mixed without parentheses",
+     "write `avoid suppresses (cruise inhibits avoid)` or `(avoid suppresses cruise) inhibits avoid`"),
+]  # fmt: skip
+
+
+@pytest.mark.parametrize(("text", "message", "hint"), SLIPS, ids=[text[:40] for text, _, _ in SLIPS])
+def test_a_slip_is_one_error_with_its_hint(text: str, message: str, hint: str) -> None:
+    shown = messages(f"{text}\n{PARTS}")
+    first = shown.split("\n<text>")[0]
+    headline, _, rest = first.partition("\n")
+    assert message in headline, shown
+    assert hint in rest.rpartition("hint: ")[2], shown
+    assert shown.count(": error[") == 1, shown
+
+
+def test_the_end_of_the_file() -> None:
+    shown = messages("module m { when true", robot="")
+    assert "the file ends before the `{` of line 1, column 10 is closed" in shown
+    assert "hint: add the missing `}`" in shown
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "let a = nobody let b = a + 1 let c = b module m { let d = c when d > 3 }",
+        "param p = nobody param q = p * 2 let a = q",
+        "enum g { a = nobody } let x = g.a state s : g = g.a",
+        "module m { let a = nobody let b = a state s = 0 next s = b when b > s } network { w = m }",
+        "module m { state s : nothing = 3 next s = s + 1 when s > 3 }",
+        "module m { when nobody } module n = m module o = n contract c: o is active",
+        "module m { when true do nothing(v = 3) } network { drive = m }",
+        "network { w = nobody drive = w }",
+        "network { w = w x = w drive = x }",
+        "module n { when true } network { w = n x = w y = x drive = y }",
+        "machine m { start a a -> b when nobody } let x = m == m.b",
+        "let x = sum(nobody for k in 0 .. 3) + 1 mm",
+        "let x = sonar[nobody] + 3 s",
+        "let x = held(nobody, 1 s) and bumper",
+        "limit drive.velocity <= nobody",
+        "contract c: nobody is active implies drive.velocity > 0",
+        'test "t" { at 0 s given nobody = 3 expect bumper }',
+        "import \"nothing.colony\" let a = what + ever network { drive = there suppresses is_there }",
+        "import \"nothing.colony\" as n let a = n.what + n.ever module m = n.o(p = 3) network { w = n.p }",
+    ],
+)  # fmt: skip
+def test_one_mistake_is_one_error(text: str) -> None:
+    assert len(findings(text)) == 1, messages(text)
+
+
+def test_a_robot_that_could_not_be_read_is_one_error() -> None:
+    text = """
+robot r {
+  sensor a : mm from A.a
+  sensr b : mm from A.b
+}
+let x = a + b + c
+module m { when x > 3 mm do drive(velocity = 0) }
+network { drive = m }
+contract c: drive.velocity > 0 and drive by m
+test "t" { at 0 s given a = 3 expect drive by m }
+"""
+    assert findings(text, robot="") == ["4:3 E005"]
+
+
+def test_all_independent_errors_are_told_at_once() -> None:
+    text = """let a = one
+param b = two
+module c { when three do drive(velocity = four, turn = five) }
+network { d = six suppresses seven }
+limit drive.velocity <= eight when nine
+contract e: ten
+test "f" { at 0 s given eleven = 1 expect twelve, thirteen }"""
+    assert len(findings(text)) == 13
+
+
+def test_a_message_is_never_endless() -> None:
+    assert len(messages("let a = " + "b" * 100_000)) < 2000
+    assert len(messages("let a = sonar" + ".b" * 100_000)) < 2000
