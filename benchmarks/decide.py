@@ -84,14 +84,22 @@ def measure(size: int) -> dict[str, float]:
             assert contestant.winner(contestant.tick(0, frame)) == _expected(frame["sensor"]), name
     counts = {name: _batch(c.tick, frames) for name, c in contestants.items()}
     times: dict[str, list[float]] = {name: [] for name in contestants}
+    ballast: list[bytes] = []
     gc.disable()
     try:
         for _ in range(ROUNDS):
             for name, contestant in contestants.items():
+                _stir(ballast, draw)
                 times[name].append(_timed(contestant.tick, frames, counts[name]) / counts[name])
     finally:
         gc.enable()
     return {name: median(found) for name, found in times.items()}
+
+
+def _stir(ballast: list[bytes], draw: random.Random) -> None:
+    """Change where the heap ends: a tick that allocates there can take twice as long, by luck alone."""
+    del ballast[: draw.randrange(len(ballast) + 1)]
+    ballast += [bytes(draw.randrange(1_000, 200_000)) for _ in range(draw.randrange(1, 8))]
 
 
 def _batch(tick: Tick, frames: Sequence[Readings]) -> int:

@@ -68,6 +68,17 @@ def colony() -> None:
     """
 
 
+def _report_failure(problem: Exception) -> int:
+    """What a stage found wrong is reported as it stands; anything else is a bug, and raised."""
+    from colony.cli.reporting import EXIT_ERRORS, report
+    from colony.diagnostics import Failure
+
+    if not isinstance(problem, Failure):
+        raise problem
+    report(problem.diagnostics)
+    return EXIT_ERRORS
+
+
 def main() -> None:
     """The console script."""
     try:
@@ -86,6 +97,8 @@ def main() -> None:
     except BrokenPipeError:  # whoever read our output has seen enough
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         code = 0
+    except Exception as problem:
+        code = _report_failure(problem)
     sys.exit(code if isinstance(code, int) else 0)
 
 

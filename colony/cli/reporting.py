@@ -44,12 +44,14 @@ def is_unreadable(diagnostics: Sequence[Diagnostic]) -> bool:
 def load_program(path: str) -> Program:
     """The program of a file that a command works on; warnings are left to `colony check`.
 
+    Modules written in Python are looked for in the file's directory and in this one, too.
     Exits with 2 where the file cannot be read, with 1 where there are errors in it.
     """
     from colony.dsl.load import check_file
 
     checked = check_file(path)
     if checked.program is not None:
+        sys.path += [str(Path(path).resolve().parent), str(Path.cwd())]
         return checked.program
     if is_unreadable(checked.diagnostics):
         refuse(checked.diagnostics)

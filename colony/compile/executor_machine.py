@@ -170,7 +170,7 @@ def build(call: PythonCall) -> PythonStep:
         made = getattr(import_module(call.module_path), call.class_name)(**dict(call.params))
     except Exception as problem:
         what = f"cannot build `{call.module_path}:{call.class_name}`: {type(problem).__name__}: {problem}"
-        raise Failure([error("E701", call.span, what, "its params are given by keyword")]) from problem
+        raise Failure([error("P001", call.span, what, "its params are given by keyword")]) from problem
     return PythonStep(call.module, made, field_types(call), call.rate_ns)
 
 

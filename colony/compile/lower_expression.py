@@ -212,9 +212,7 @@ class ExpressionLowering:
         if name not in self._sensors:
             kind = self.names.sensor_kind(name)
             size = of.size if isinstance(of, Array) else 1
-            self._sensors[name] = tuple(
-                self.builder.add(SensorElement(name, i), kind) for i in range(size)
-            )
+            self._sensors[name] = tuple(self.builder.add(SensorElement(name, i), kind) for i in range(size))
         return self._sensors[name]
 
     def _decision(self, e: ir.Expression) -> int:

@@ -134,7 +134,7 @@ class PythonRunner:
             path = f"{module.module_path}:{module.class_name}"
             message = f"`{path}` cannot be imported and built: {type(problem).__name__}: {problem}"
             raise Failure(
-                [error("E601", module.span, message, "its params are given by keyword")]
+                [error("P001", module.span, message, "its params are given by keyword")]
             ) from problem
         self._last_call: int | None = None
         self._answers: list[tuple[int, Command]] = []  # with the time from which each stands

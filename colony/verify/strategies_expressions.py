@@ -248,7 +248,9 @@ class Expressions:
             return f"elapsed({self.bool(depth)})" if self.scope.memory else "now()"
         if of != NUMBER:
             return self._sum(of, depth)
-        match self.choices.upto(7):
+        match self.choices.upto(8):
+            case 8:
+                return f"round({self.quantity(NUMBER, depth)} + 0.5)"  # halves: where roundings differ
             case 0 | 6:
                 array = self.some_array(BOOL, depth)
                 return self._comprehension("count", BOOL, depth) if array is None else f"count({array})"

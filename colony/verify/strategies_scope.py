@@ -21,7 +21,7 @@ LITERALS: dict[Dimension, tuple[str, ...]] = {
 """A few magnitudes each, so that values often meet; some overflow when multiplied."""
 
 ODD_NUMBERS = ("sqrt(-1)", "(1 / 0)", "(-1 / 0)", "(-1 / (1 / 0))", "(sqrt(-1) + 1)")
-"""NaN, the infinities, and -0.0."""
+"""NaN (twice: most mistakes are about it), the infinities, and -0.0."""
 
 DURATIONS_MS = (100, 50, 150, 20, 1000)
 

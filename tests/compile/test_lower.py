@@ -13,7 +13,16 @@ from colony.compile.lower import lower, lower_client
 from colony.compile.operators import Operator
 from colony.compile.pipeline import compile_program
 from colony.dsl.load import load_text
-from colony.ir.expression import NESTING_LIMIT, Binary, BinaryOperation, Constant, Expression, SensorValue
+from colony.ir.expression import (
+    NESTING_LIMIT,
+    Binary,
+    BinaryOperation,
+    Constant,
+    DerivedValue,
+    Expression,
+    LocalValue,
+    SensorValue,
+)
 from colony.ir.frame import Frame
 from colony.ir.program import Actuator, ActuatorField, Command, Let, Module, Program, Robot, Sensor, Use, Wire
 from colony.ir.types import BOOL, PLAIN
@@ -218,8 +227,6 @@ def test_the_deepest_expression() -> None:
 
 
 def test_long_chains_of_lets() -> None:
-    from colony.ir.expression import DerivedValue, LocalValue
-
     n = 5000
     lets = [Let(name="g0", expression=X)]
     lets += [

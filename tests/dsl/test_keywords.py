@@ -78,7 +78,7 @@ def test_the_program_is_good() -> None:
 @pytest.mark.parametrize("role", sorted(set(ROLES)))
 def test_every_word_is_a_name(role: str) -> None:
     for word in WORDS:
-        if (role, word) != ("sensor", "t"):  # recordings need it for the time
+        if word != "t" or role not in ("sensor", "actuator"):  # recordings need it for the time
             assert findings(PROGRAM.format(**{**NAMES, role: word}), robot="") == [], word
 
 

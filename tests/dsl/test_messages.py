@@ -74,7 +74,8 @@ SLIPS = [
     ("module m { when true do drive(velocity = 0) }", "`turn` of `drive` left out", ""),
     ("module m { when true do drive(velocty = 0, turn = 0) }", "no field `velocty`", "mean `velocity`?"),
     # types
-    ("let a = sonar < 3", "`<` needs two numbers of one dimension", "`x / 1 mm` is a plain number"),
+    ("let a = sonar < 3", "`<` needs two numbers of one dimension", "write its unit, for example `3 mm`"),
+    ("let a = sonar[0] + docked_at", "a value in mm and a plain number", "`x / 1 mm` is a plain number"),
     ("let a = sonar[0] + heading", "found a value in mm and a value in deg", ""),
     ("let a = bumper + bumper", "found a bool and a bool", "`if b then 1 else 0`"),
     ("let a = held(bumper, 2)", "must be a value in s, found a plain number", "for example `2 s`"),

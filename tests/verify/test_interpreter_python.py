@@ -147,7 +147,7 @@ def test_an_error_with_a_rate_is_recorded_when_it_happens_and_silent_when_it_is_
 @pytest.mark.parametrize("path", ["no_such:X", "scripted_modules:Missing", "scripted_modules:Unbuildable"])
 def test_a_class_that_cannot_be_built_is_a_located_error(path: str) -> None:
     text = f'module m from python "{path}" {{ commands out }}\nnetwork {{ out = m }}'
-    with pytest.raises(Failure, match=r"<text>:\d+:\d+: error\[E601\]"):
+    with pytest.raises(Failure, match=r"<text>:\d+:\d+: error\[P001\]"):
         Interpreter(program(text))
 
 

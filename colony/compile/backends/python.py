@@ -64,7 +64,9 @@ class _Generator:
         self.initial()
         self.step()
         body, self.lines = self.lines, []
-        definitions, from_math = support(_words([*self.constants, *body]))
+        words = _words(body)
+        constants = [line for line in self.constants if line.split(" ", 1)[0] in words]
+        definitions, from_math = support(words | _words(constants))
         head = [
             f'"""Clients of {_comment(self.title)}, by `colony compile`. Changes here will be lost."""',
             "",
@@ -76,8 +78,8 @@ class _Generator:
             head += [*imports, ""]
         for definition in definitions:
             head += ["", definition, ""]
-        if self.constants:
-            head += ["", *self.constants]
+        if constants:
+            head += ["", *constants]
         return "\n".join([*head, "", "", *body]) + "\n"
 
     # --- the class -------------------------------------------------------------------------------

@@ -35,4 +35,4 @@ def load(source: str) -> PythonExecutor:
         return PythonExecutor(namespace["Program"]())
     except Exception as problem:
         what = f"cannot build a Python module: {type(problem).__name__}: {problem}"
-        raise Failure([error("E701", NOWHERE, what)]) from problem
+        raise Failure([error("P001", NOWHERE, what)]) from problem

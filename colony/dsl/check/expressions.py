@@ -227,7 +227,7 @@ class Checker:
                 "E201",
                 node,
                 _mismatch(operator, left.type, right.type),
-                _infix_hint(operator, left.type, right.type),
+                _infix_hint(node, operator, left.type, right.type),
             )
             return None
         type_ = self.broadcast(node, element, left.type, right.type)
@@ -352,13 +352,15 @@ def _mismatch(operator: ir.Binary, a: Type, b: Type) -> str:
     return f"`{operator.value}` needs {wanted}, found {listed((a, b))}"
 
 
-def _infix_hint(operator: ir.Binary, left: Type, right: Type) -> str | None:
+def _infix_hint(node: ast.Infix, operator: ir.Binary, left: Type, right: Type) -> str | None:
     a, b = element_type(left), element_type(right)
     if (isinstance(a, Enum) or isinstance(b, Enum)) and operator not in _EQUALITY | _BOOLEAN:
         return "only `==` and `!=` apply to an enum"
     if isinstance(a, Quantity) and isinstance(b, Quantity) and PLAIN in (a, b) and operator not in _BOOLEAN:
-        unit = b if a == PLAIN else a
-        return f"write the unit after the number, or divide the other by it: `x / 1 {unit}` is a plain number"
+        plain, unit = (node.left, b) if a == PLAIN else (node.right, a)
+        if isinstance(plain, ast.Number):
+            return f"write its unit, for example `{plain.digits[:20]} {unit}`"
+        return f"give it a unit, times `1 {unit}`; or divide the other: `x / 1 {unit}` is a plain number"
     if isinstance(a, Bool) and isinstance(b, Bool) and operator not in _BOOLEAN:
         return "turn a bool into a number with `if b then 1 else 0`, or count bools with `count`"
     return None

@@ -12,8 +12,10 @@ from colony.ir.types import BOOL, PLAIN, Array, Enum, Quantity, Scalar, ScalarVa
 from colony.units import BadUnit
 
 MAX_ELEMENTS = 4096
+# What lines of recordings and traces use beside sensors, actuators and their fields:
 RESERVED_SENSORS = {"t": "the frame's time"}
-RESERVED_FIELDS = {"fault": "what went wrong"}  # nor `by`, the winner, which is a reserved word
+RESERVED_ACTUATORS = {**RESERVED_SENSORS, "breaches": "the broken contracts"}
+RESERVED_FIELDS = {"fault": "what went wrong", "fates": "what became of clients"}  # `by` is reserved anyway
 
 
 def check_type(checker: Checker, node: ast.TypeName) -> tuple[Scalar, str] | None:
@@ -112,10 +114,7 @@ def _factor(unit: str) -> float:
 
 
 def _sensor(checker: Checker, item: ast.SensorDecl) -> ir.Sensor | None:
-    reserved = RESERVED_SENSORS.get(item.name.text)
-    if reserved:
-        message = f"`{item.name.text}` is {reserved} in recordings; no sensor can be called so"
-        checker.error("E307", item.name, message, "choose another name")
+    _refuse_reserved(checker, item.name, RESERVED_SENSORS, "sensor")
     found = check_type(checker, item.type)
     size = None
     if item.size is not None:
@@ -148,16 +147,20 @@ def _sensor(checker: Checker, item: ast.SensorDecl) -> ir.Sensor | None:
     )
 
 
+def _refuse_reserved(checker: Checker, name: ast.Name, reserved: dict[str, str], kind: str) -> None:
+    if name.text in reserved:
+        message = f"`{name.text}` is {reserved[name.text]} in recordings; no {kind} can be called so"
+        checker.error("E307", name, message, "choose another name")
+
+
 def _actuator(checker: Checker, item: ast.ActuatorDecl) -> ir.Actuator | None:
+    _refuse_reserved(checker, item.name, RESERVED_ACTUATORS, "actuator")
     fields: list[ir.ActuatorField] = []
     units: dict[str, str] = {}
     complete = True
     for one in item.fields:
         found = check_type(checker, one.type)
-        if one.name.text in RESERVED_FIELDS:
-            meaning = RESERVED_FIELDS[one.name.text]
-            message = f"`{one.name.text}` is {meaning} in recordings; no field can be called so"
-            checker.error("E307", one.name, message, "choose another name")
+        _refuse_reserved(checker, one.name, RESERVED_FIELDS, "field")
         if one.name.text in units:
             checker.error("E102", one.name, f"field `{one.name.text}` is declared twice")
             continue

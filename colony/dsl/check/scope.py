@@ -143,6 +143,8 @@ class Scope:
     def part(self, name: str) -> PartSymbol | None:
         owner = self.visible_parts.get(name)
         found = self.robot.parts.get(name) if owner is None else owner.parts.get(name)
+        if self.robot.absent and isinstance(found, WireSymbol):
+            return Broken()  # it may be an actuator of the robot that is not there
         return Broken() if found is None and self.excused(name) else found
 
     def excused(self, name: str) -> bool:
