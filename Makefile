@@ -1,5 +1,5 @@
 # Each target stands alone: it makes the environment where there is none, installs, and does its job.
-PYTHON ?= python3.11
+PYTHON ?= $(shell command -v python3.11 || command -v python3)
 VENV   ?= .venv
 BIN    := $(VENV)/bin
 STAMP  := $(VENV)/.installed

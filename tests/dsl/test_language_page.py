@@ -1,4 +1,4 @@
-"""docs/language.md: every example is checked, its tests are run, and the tables name every function and word."""
+"""docs/language.md: every example is checked, its tests are run, and the tables leave nothing out."""
 
 from __future__ import annotations
 
