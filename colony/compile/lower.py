@@ -98,9 +98,10 @@ class _Lowering(Declarations):
         """Every Python module that this code has to call, as declared."""
         for module in self.program.modules:
             if isinstance(module, ir.PythonModule) and self.client in (None, module.name):
-                self.prepare(*module.reads)
+                reads = [r.expression for r in module.reads]
+                self.prepare(*reads)
                 fields = self.actuators[module.actuator].fields if module.actuator else ()
-                scope = self.file_scope(module.name, module.reads)
+                scope = self.file_scope(module.name, tuple(reads))
                 call = PythonCall(
                     module=module.name,
                     module_path=module.module_path,
@@ -114,10 +115,9 @@ class _Lowering(Declarations):
                 )
                 self._python.append(call)
 
-    def _read(self, read: e.Expression, scope: Scope) -> PythonRead:
-        assert isinstance(read, e.SensorValue | e.DerivedValue | e.StateValue)
-        elements = self.expressions.lower(read, scope)
-        return PythonRead(name=read.name, elements=elements, array=isinstance(read.type, Array))
+    def _read(self, read: ir.PythonReading, scope: Scope) -> PythonRead:
+        elements = self.expressions.lower(read.expression, scope)
+        return PythonRead(name=read.name, elements=elements, array=isinstance(read.expression.type, Array))
 
     # --- actuators and contracts -----------------------------------------------------------------
 

@@ -266,7 +266,7 @@ def _everything(module: ir.AnyModule) -> tuple[e.Expression, ...]:
                 *(module.command.fields if module.command else ()),
             )
         case ir.PythonModule():
-            return module.reads
+            return tuple(r.expression for r in module.reads)
         case _:
             assert_never(module)
 

@@ -159,16 +159,24 @@ class Module(Declared):
 
 
 @record
-class PythonModule(Declared):
-    """A module whose `step(frame)` is Python: `class_name` of `module_path`, built with the params.
+class PythonReading(Record):
+    """What a Python module is given each frame under `name`, as written in its file.
 
-    `reads` are sensors, file-level lets, states and machines by name.
+    `expression` is a sensor, a file-level let, a state or a machine.
     """
+
+    name: str
+    expression: Expression
+
+
+@record
+class PythonModule(Declared):
+    """A module whose `step(frame)` is Python: `class_name` of `module_path`, built with the params."""
 
     module_path: str
     class_name: str
     params: tuple[tuple[str, ScalarValue], ...] = ()
-    reads: tuple[Expression, ...] = ()
+    reads: tuple[PythonReading, ...] = ()
     actuator: str | None = None
     rate_ns: int | None = None
 

@@ -165,9 +165,9 @@ class Interpreter:
     def _python_module(
         self, module: ir.PythonModule, moment: Moment, records: list[Record]
     ) -> tuple[ScalarValue, ...] | None:
-        if any(missing(e, moment) for e in module.reads):
+        if any(missing(r.expression, moment) for r in module.reads):
             return None
-        values = {_name_read(e): evaluate(e, moment, self._memory) for e in module.reads}
+        values = {r.name: evaluate(r.expression, moment, self._memory) for r in module.reads}
         frame = ModuleFrame((moment.t_ns - moment.first_ns) / 1e9, values)
         command, failed = self._python[module.name].step(moment.t_ns, frame)
         if failed:
@@ -303,9 +303,3 @@ def _memory_cells(program: ir.Program) -> list[tuple[ir.State | ir.Machine, Scal
         if isinstance(module, ir.Module):
             cells.extend((state, state.initial) for state in module.states)
     return cells
-
-
-def _name_read(e: Expression) -> str:
-    name = getattr(e, "name", None)
-    assert isinstance(name, str), "a Python module reads sensors and derived values by name"
-    return name

@@ -3,7 +3,7 @@ from __future__ import annotations
 import json
 from pathlib import Path
 
-from conftest import ROOT, Colony
+from tests.cli.conftest import ROOT, Colony
 
 
 def test_good_files(colony: Colony, behavior: Path) -> None:

@@ -3,7 +3,7 @@ from __future__ import annotations
 import json
 from pathlib import Path
 
-from conftest import Colony
+from tests.cli.conftest import Colony
 
 
 def test_the_table(colony: Colony, behavior: Path) -> None:

@@ -5,9 +5,9 @@ import sys
 from pathlib import Path
 
 import pytest
-from conftest import Colony
 
 from colony.cli.main import COMMANDS
+from tests.cli.conftest import Colony
 
 
 def test_help_names_every_command(colony: Colony) -> None:

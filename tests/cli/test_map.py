@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 from pathlib import Path
 
-from conftest import Colony
+from tests.cli.conftest import Colony
 
 MAPS = Path(__file__).resolve().parents[2] / "maps"
 

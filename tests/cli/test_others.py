@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from conftest import Colony
+from tests.cli.conftest import Colony
 
 
 def test_tests_that_pass(colony: Colony, behavior: Path) -> None:

@@ -4,7 +4,8 @@ import json
 from pathlib import Path
 
 import pytest
-from conftest import Colony
+
+from tests.cli.conftest import Colony
 
 BACKENDS = ["network", "clients", "python"]
 

@@ -2,11 +2,10 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-from wiring_notation import program
-
 from benchmarks.networks import chain
 from colony.compile.client_table import client_table
 from colony.compile.pipeline import compile_program
+from tests.compile.wiring_notation import program
 
 
 def test_columns_stand_under_one_another() -> None:

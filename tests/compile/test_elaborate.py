@@ -3,7 +3,6 @@ from __future__ import annotations
 from dataclasses import replace
 
 import pytest
-from wiring_notation import program
 
 from benchmarks.networks import chain
 from colony.compile.elaborate import elaborate
@@ -11,6 +10,7 @@ from colony.compile.network import Inhibitor, ModuleLeaf, Network, Suppressor
 from colony.ir.expression import Binary, BinaryOperation, IsActive, WonBy
 from colony.ir.program import Contract, Example, Step, Use, Wire
 from colony.ir.types import BOOL
+from tests.compile.wiring_notation import program
 
 MS = 1_000_000
 

@@ -1,13 +1,12 @@
 from __future__ import annotations
 
-from wiring_notation import program
-
 from benchmarks.networks import chain, ladder
 from colony.compile.elaborate import elaborate
 from colony.compile.eliminate_inhibition import eliminate_inhibition
 from colony.compile.guard_text import GuardText
 from colony.compile.network import ModuleLeaf
 from colony.compile.suppression import GatedSuppressor, Link, SuppressionNetwork
+from tests.compile.wiring_notation import program
 
 
 def eliminated(text: str) -> SuppressionNetwork:

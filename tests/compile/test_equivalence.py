@@ -5,7 +5,6 @@ from __future__ import annotations
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from network_semantics import History, all_valuations, assert_same, histories, networks
 
 from benchmarks.networks import chain, ladder, random_program
 from colony.compile.elaborate import elaborate
@@ -14,6 +13,7 @@ from colony.compile.forward_traversal import forward_traversal
 from colony.compile.network import Network
 from colony.compile.pipeline import compile_network, compile_program
 from colony.compile.simplify import simplify
+from tests.compile.network_semantics import History, all_valuations, assert_same, histories, networks
 
 SETTINGS = settings(max_examples=150, deadline=None, derandomize=True)
 

@@ -5,12 +5,12 @@ from __future__ import annotations
 from pathlib import Path
 
 import pytest
-from wiring_notation import program
 
 from benchmarks.networks import chain, ladder, random_program
 from colony.compile.explain import DEEPEST, MOST_LINES, explain, wiring_text
 from colony.compile.pipeline import compile_program
 from colony.ir.program import Chain, Use
+from tests.compile.wiring_notation import program
 
 CASES = sorted((Path(__file__).parent / "cases" / "explain").glob("*.txt"))
 

@@ -1,7 +1,6 @@
 from __future__ import annotations
 
 import pytest
-from wiring_notation import program
 
 from benchmarks.networks import chain, ladder
 from colony.compile.clients import Client, ClientList
@@ -9,6 +8,7 @@ from colony.compile.elaborate import elaborate
 from colony.compile.eliminate_inhibition import eliminate_inhibition
 from colony.compile.forward_traversal import forward_traversal
 from colony.compile.guard_text import GuardText
+from tests.compile.wiring_notation import program
 
 
 def traversed(text: str) -> ClientList:

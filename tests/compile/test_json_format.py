@@ -4,13 +4,13 @@ import json
 
 import pytest
 from hypothesis import given
-from network_semantics import networks
-from wiring_notation import program
 
 from benchmarks.networks import random_program
 from colony.compile.json_format import BadFormat, clients_to_json, from_json, to_json
 from colony.compile.network import Network
 from colony.compile.pipeline import compile_network, compile_program
+from tests.compile.network_semantics import networks
+from tests.compile.wiring_notation import program
 
 TEXT = to_json(
     compile_program(program("drive = back_off suppresses[50 ms] (docked inhibits cruise)\narm = grip"))

@@ -3,7 +3,6 @@ from __future__ import annotations
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from network_semantics import GuardRun, History, histories
 
 from benchmarks.networks import chain, ladder, random_program
 from colony.compile.clients import ActuatorClients, Client, ClientList
@@ -21,6 +20,7 @@ from colony.compile.guards import (
 )
 from colony.compile.pipeline import compile_program
 from colony.compile.simplify import simplify
+from tests.compile.network_semantics import GuardRun, History, histories
 
 MS = 1_000_000
 A, B, C = 0, 1, 2

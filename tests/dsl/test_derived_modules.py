@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-from texts import findings, messages, named, program
-
 from colony.ir import expression as e
 from colony.ir.program import Module, PythonModule
+from tests.dsl.texts import findings, messages, named, program
 
 BASE = """
 module base {

@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 import pytest
-from texts import expression, findings, type_of
 
 from colony.ir import expression as e
 from colony.ir.types import Array, Bool, Quantity
 from colony.units import LENGTH
+from tests.dsl.texts import expression, findings, type_of
 
 BEFORE = """
 enum goal { none = 0, light = 76 }

@@ -7,10 +7,10 @@ import re
 
 from hypothesis import given
 from hypothesis import strategies as st
-from texts import MODULES, ROBOT
 
 from colony.diagnostics import has_errors, render
 from colony.dsl.load import check_text
+from tests.dsl.texts import MODULES, ROBOT
 
 GOOD = (
     ROBOT

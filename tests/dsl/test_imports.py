@@ -5,12 +5,13 @@ from __future__ import annotations
 from pathlib import Path
 
 import pytest
-from texts import ROBOT
 
 from colony.diagnostics import headline, render
-from colony.dsl.load import check_file, check_text
+from colony.dsl.load import check_file, check_text, load_file
 from colony.ir import expression as e
-from colony.ir.program import Chain, Let, Module, Program, Use
+from colony.ir.program import Chain, Let, Module, Program, PythonModule, Use
+from colony.ir.types import DISTANCE
+from tests.dsl.texts import ROBOT
 
 MODULE = "module {0} {{ param near = 1 m when sonar[12] < near do drive(velocity = 0, turn = 0) }}\n"
 
@@ -401,3 +402,19 @@ def test_an_endless_chain_of_imports_ends(files: Files) -> None:
         files.write(**{f"c{i}": f'import "c{i + 1}.colony"\n'})
     files.write(main='import "rome.colony"\nimport "c0.colony"')
     assert files.findings("main") == ["c997.colony:1:1 E103"]
+
+
+def test_a_python_module_is_given_what_it_reads_by_the_names_of_its_own_file(tmp_path: Path) -> None:
+    (tmp_path / "far.colony").write_text(
+        'let ahead = near * 2\nmodule m from python "some.where:Thing" { reads ahead, near commands drive }\n'
+    )
+    (tmp_path / "main.colony").write_text(
+        'import "far.colony" as far\n'
+        "robot r { sensor near : mm from P.near\n"
+        "  actuator drive { v : mm/s } to R.drive idle drive(v = 0) }\n"
+        "network { drive = far.m }\n"
+    )
+    (module,) = load_file(tmp_path / "main.colony").modules
+    assert isinstance(module, PythonModule)
+    assert [r.name for r in module.reads] == ["ahead", "near"]
+    assert module.reads[0].expression == e.DerivedValue(type=DISTANCE, name="far.ahead")

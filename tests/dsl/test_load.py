@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import pytest
-from texts import MODULES, ROBOT, expression, findings, named, program
 
 from colony.diagnostics import Failure
 from colony.dsl.load import check_text, load_file, load_text
@@ -11,6 +10,7 @@ from colony.ir import expression as e
 from colony.ir.program import Let, Machine, Module, PythonModule, State
 from colony.ir.types import Array, Bool, Enum, Quantity
 from colony.units import ANGLE, LENGTH, NUMBER, TIME, Dimension
+from tests.dsl.texts import MODULES, ROBOT, expression, findings, named, program
 
 SPEED = Quantity(LENGTH.over(TIME))
 TURN = Quantity(ANGLE.over(TIME))
@@ -232,7 +232,7 @@ def test_a_python_module() -> None:
     )
     assert (module.module_path, module.class_name) == ("colony.nav.hallway", "CenterHallway")
     assert module.params == (("width", 3600.0), ("half", 1800.0), ("fast", True))
-    assert [getattr(r, "name", "") for r in module.reads] == ["sonar", "heading", "ahead", "laps", "mode"]
+    assert [r.name for r in module.reads] == ["sonar", "heading", "ahead", "laps", "mode"]
     assert (module.actuator, module.rate_ns) == ("drive", 300_000_000)
 
 

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import pytest
-from texts import MODULES, findings, messages
+
+from tests.dsl.texts import MODULES, findings, messages
 
 PARTS = MODULES.split("network")[0]
 SLIPS = [

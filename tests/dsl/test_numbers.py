@@ -8,12 +8,12 @@ from fractions import Fraction
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from texts import expression, findings, named, type_of, value_of
 
 from colony.dsl.check.constants import literal
 from colony.ir import expression as e
 from colony.ir.program import Let
 from colony.units import BASE_UNITS
+from tests.dsl.texts import expression, findings, named, type_of, value_of
 
 
 @pytest.mark.parametrize(

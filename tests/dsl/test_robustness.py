@@ -6,11 +6,11 @@ import os
 from pathlib import Path
 
 import pytest
-from texts import MODULES, ROBOT, findings, messages
 
 from colony.diagnostics import headline, render
 from colony.dsl.files import MAX_BYTES
 from colony.dsl.load import Checked, check_file, check_text
+from tests.dsl.texts import MODULES, ROBOT, findings, messages
 
 MANY = 20_000
 LARGE = 2_000_000

@@ -6,10 +6,10 @@ import json
 
 import pytest
 from lark import Lark
-from texts import MODULES, ROBOT
 
 from colony.dsl import tables
 from colony.dsl.build import Builder
+from tests.dsl.texts import MODULES, ROBOT
 
 
 def test_the_stored_tables_are_those_of_the_grammar() -> None:

@@ -7,12 +7,12 @@ from pathlib import Path
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from maps_for_tests import HEADER, ROOM
 
 from colony.diagnostics import Failure, headline, render
 from colony.nav.stickrep import EdgeKind, Light, Map, Pose
 from colony.nav.stickrep_reader import MAX_BYTES, load_map, read_map
 from colony.source import Source
+from tests.nav.maps_for_tests import HEADER, ROOM
 
 MAPS = Path(__file__).resolve().parents[2] / "maps"
 INCH = 25.4

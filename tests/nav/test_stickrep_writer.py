@@ -4,12 +4,12 @@ from pathlib import Path
 
 import pytest
 from hypothesis import HealthCheck, given, settings
-from maps_for_tests import ROOM, sound_maps
 
 from colony.nav.stickrep import Map, Pose
 from colony.nav.stickrep_reader import load_map, read_map
 from colony.nav.stickrep_writer import write_map
 from colony.source import Source
+from tests.nav.maps_for_tests import ROOM, sound_maps
 
 MAPS = Path(__file__).resolve().parents[2] / "maps"
 

@@ -4,8 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Sequence
 
-from scripted import Log
-
 from colony.compile.pipeline import compile_program
 from colony.ir.frame import Decision, Frame
 from colony.ir.program import Program
@@ -32,6 +30,7 @@ from colony.runtime.servers.publishing import Fields, Publisher
 from colony.runtime.servers.relaying import ActivityRelay
 from colony.runtime.team import commanded_by, team
 from colony.runtime.virtual import Link, VirtualClock, VirtualTransport, perfect
+from tests.runtime.scripted import Log
 
 TIMES = Timing(deadline_ns=40_000_000, grace_ns=5_000_000)
 SERVER = DSERVER.name

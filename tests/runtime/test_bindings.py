@@ -5,7 +5,6 @@ from __future__ import annotations
 from dataclasses import replace
 
 import pytest
-from runtime_programs import drive, roam, robot
 
 from colony.diagnostics import Failure, render
 from colony.ir.program import Actuator, ActuatorField, Program, Sensor
@@ -13,6 +12,7 @@ from colony.ir.types import BOOL, DEGREES, DISTANCE, PLAIN, Array, Enum, Type
 from colony.runtime.bindings import bind, did_you_mean
 from colony.runtime.fields import SPEED, TURN_RATE
 from colony.source import Source, Span
+from tests.runtime.runtime_programs import drive, roam, robot
 
 
 def with_sensor(type: Type, server: str, field: str, factor: float = 1.0) -> Program:

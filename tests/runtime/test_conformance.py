@@ -7,7 +7,6 @@ from collections.abc import Iterable
 
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
-from stage import play
 
 from colony.compile.executor import ClientListExecutor
 from colony.compile.pipeline import compile_program
@@ -16,6 +15,7 @@ from colony.ir.program import Program
 from colony.runtime.messages import Message, Wake
 from colony.verify.interpreter import Interpreter
 from colony.verify.strategies import networks, programs, traces
+from tests.runtime.stage import play
 
 QUIET = (HealthCheck.too_slow, HealthCheck.data_too_large, HealthCheck.filter_too_much)
 

@@ -10,8 +10,6 @@ from dataclasses import replace
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from runtime_programs import roam
-from scripted import FAR, Log, Script, session
 
 from colony.compile.executor import ClientListExecutor
 from colony.compile.pipeline import compile_program
@@ -23,6 +21,8 @@ from colony.runtime.observer import FrameLog
 from colony.runtime.recording import Recording, encoder, seconds_text
 from colony.runtime.replay import read_frames
 from colony.units import nanoseconds
+from tests.runtime.runtime_programs import roam
+from tests.runtime.scripted import FAR, Log, Script, session
 
 MS = 1_000_000
 S = 1000 * MS

@@ -2,15 +2,14 @@
 
 from __future__ import annotations
 
-from runtime_programs import drive
-from scripted import Script
-
 from colony.runtime.arbitration import timing
 from colony.runtime.bindings import ActuatorBinding
 from colony.runtime.fields import RSERVER
 from colony.runtime.messages import Request, Send, ServerFrame, Tick, Verdict, Wake, WakeAt
 from colony.runtime.servers.commanding import Commanded
 from colony.runtime.servers.rserver import RServer
+from tests.runtime.runtime_programs import drive
+from tests.runtime.scripted import Script
 
 MS = 1_000_000
 

@@ -5,8 +5,6 @@ from __future__ import annotations
 from dataclasses import replace
 
 import pytest
-from runtime_programs import drive, go, number, roam, robot
-from scripted import FAR, Log, Script, session
 
 from colony.ir.expression import Binary, BinaryOperation, Constant, Expression, SensorValue
 from colony.ir.program import (
@@ -17,6 +15,7 @@ from colony.ir.program import (
     Module,
     Program,
     PythonModule,
+    PythonReading,
     Sensor,
     Use,
     Wire,
@@ -25,6 +24,8 @@ from colony.ir.types import BOOL, PLAIN
 from colony.runtime.messages import Announcement, Message, Request, Sample, ServerFrame, Tick
 from colony.runtime.servers.runtime_server import random_of_frame
 from colony.runtime.virtual import Link
+from tests.runtime.runtime_programs import drive, go, number, roam, robot
+from tests.runtime.scripted import FAR, Log, Script, session
 
 MS = 1_000_000
 S = 1000 * MS
@@ -274,7 +275,7 @@ def pulsing() -> Program:
         module_path=__name__,
         class_name="Pulse",
         params=(("velocity", 50.0),),
-        reads=(SensorValue(type=BOOL, name="bumper"),),
+        reads=(PythonReading(name="bumper", expression=SensorValue(type=BOOL, name="bumper")),),
         actuator="drive",
     )
     over = Chain(relation="suppresses", operands=(Use(name="pulse"), Use(name="cruise")), windows_ns=(0,))

@@ -5,9 +5,6 @@ from __future__ import annotations
 import json
 from dataclasses import replace
 
-from runtime_programs import go, number, roam
-from scripted import FAR, Script, session
-
 from colony.compile.pipeline import compile_program
 from colony.ir.expression import SensorValue
 from colony.ir.program import Command, Limit, Module, Program, Use, Wire
@@ -16,6 +13,8 @@ from colony.runtime.messages import Message, Request, Sample
 from colony.runtime.summary import RunSummary, Tally, Travel, render
 from colony.runtime.team import places_of
 from colony.runtime.virtual import Link, perfect
+from tests.runtime.runtime_programs import go, number, roam
+from tests.runtime.scripted import FAR, Script, session
 
 MS = 1_000_000
 S = 1000 * MS

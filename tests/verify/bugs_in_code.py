@@ -9,12 +9,12 @@ from types import MappingProxyType
 from typing import Any
 
 import pytest
-from bugs_in_passes import Plant
 
 from colony.compile import executor, executor_decisions, executor_machine, python_step
 from colony.compile.code import Apply, Code, Kind, Literal, Op, SensorFresh
 from colony.compile.operators import FUNCTIONS, Operator
 from colony.verify import agreement
+from tests.verify.bugs_in_passes import Plant
 
 # --- code ----------------------------------------------------------------------------------------
 

@@ -8,7 +8,10 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass, replace
 
-from bugs_in_code import (
+from colony.compile.guards import Always, And, Not, Or, Recently
+from colony.compile.network import Inhibitor, Suppressor
+from colony.compile.operators import Operator
+from tests.verify.bugs_in_code import (
     answers_at_once,
     bad_commands_sent,
     code,
@@ -28,7 +31,7 @@ from bugs_in_code import (
     short_circuited,
     without_memory,
 )
-from bugs_in_passes import (
+from tests.verify.bugs_in_passes import (
     Plant,
     after,
     dominant_though_inhibited,
@@ -52,10 +55,6 @@ from bugs_in_passes import (
     ungated,
     window,
 )
-
-from colony.compile.guards import Always, And, Not, Or, Recently
-from colony.compile.network import Inhibitor, Suppressor
-from colony.compile.operators import Operator
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -7,7 +7,6 @@ from dataclasses import replace
 
 import pytest
 from hypothesis import given
-from stepping import every, program
 
 from colony.compile.pipeline import Compiled
 from colony.ir.frame import Decision, Executor, Frame, Outcome
@@ -15,6 +14,7 @@ from colony.ir.program import Program
 from colony.verify.agreement import EXECUTORS, client_disagreement, disagreement
 from colony.verify.interpreter import Interpreter
 from colony.verify.strategies import Run, network_runs, runs
+from tests.verify.stepping import every, program
 
 
 @given(network_runs())

@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-from stepping import ROBOT
-
 from colony.diagnostics import headline, render
 from colony.dsl.load import load_text
 from colony.verify.examples import ExampleResult, failures_as_diagnostics, run_examples
+from tests.verify.stepping import ROBOT
 
 BEHAVIOR = """
 robot r {

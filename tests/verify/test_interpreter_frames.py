@@ -6,7 +6,6 @@ import math
 from dataclasses import replace
 
 import pytest
-from stepping import MS, ROBOT, Shot, every, program, run, value, values, winners
 
 from colony.dsl.load import load_text
 from colony.ir.expression import Constant
@@ -14,6 +13,7 @@ from colony.ir.frame import Decision, Frame, Outcome, Reading, Record
 from colony.ir.program import Chain, Module, Program, Use, Wire
 from colony.ir.types import BOOL
 from colony.verify.interpreter import Interpreter
+from tests.verify.stepping import MS, ROBOT, Shot, every, program, run, value, values, winners
 
 T, F = True, False
 NAN, INF = math.nan, math.inf

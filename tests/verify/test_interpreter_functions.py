@@ -5,7 +5,8 @@ from __future__ import annotations
 import math
 
 import pytest
-from stepping import value
+
+from tests.verify.stepping import value
 
 NAN, INF = math.nan, math.inf
 

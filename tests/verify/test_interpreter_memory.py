@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import pytest
-from stepping import every, run, values, winners
+
+from tests.verify.stepping import every, run, values, winners
 
 T, F = True, False
 

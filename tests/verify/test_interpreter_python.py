@@ -6,18 +6,18 @@ import math
 from typing import Any
 
 import pytest
-from scripted_modules import Scripted
-from stepping import Shot, every, program, run
 
 from colony.diagnostics import Failure
 from colony.ir.frame import Decision, Outcome, Record
 from colony.verify.interpreter import Interpreter
+from tests.verify.scripted_modules import Scripted
+from tests.verify.stepping import Shot, every, program, run
 
 TEXT = """
 let double = 2 * x
 state count_up = 5
 next count_up = count_up + 1
-module m from python "scripted_modules:Scripted" {
+module m from python "tests.verify.scripted_modules:Scripted" {
   param width = 3.6 m
   param wait = 2 s
   reads x, four, double, count_up
@@ -144,7 +144,9 @@ def test_an_error_with_a_rate_is_recorded_when_it_happens_and_silent_when_it_is_
     assert [i for i, o in enumerate(outcomes) if o.records] == [2]
 
 
-@pytest.mark.parametrize("path", ["no_such:X", "scripted_modules:Missing", "scripted_modules:Unbuildable"])
+@pytest.mark.parametrize(
+    "path", ["no_such:X", "tests.verify.scripted_modules:Missing", "scripted_modules:Unbuildable"]
+)
 def test_a_class_that_cannot_be_built_is_a_located_error(path: str) -> None:
     text = f'module m from python "{path}" {{ commands out }}\nnetwork {{ out = m }}'
     with pytest.raises(Failure, match=r"<text>:\d+:\d+: error\[P001\]"):

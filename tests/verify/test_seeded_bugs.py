@@ -9,11 +9,11 @@ from collections.abc import Mapping
 from functools import cache
 
 import pytest
-from seeded_bugs import BUGS, Bug
 
 from colony.ir.frame import Outcome
 from colony.verify.agreement import EXECUTORS, Factory, disagreement, reference
 from colony.verify.strategies import Run, run_of_seed
+from tests.verify.seeded_bugs import BUGS, Bug
 
 NETWORKS = 200
 PROGRAMS = 500

@@ -9,7 +9,6 @@ from random import Random
 
 from hypothesis import find, given, settings
 from hypothesis import strategies as st
-from stepping import program
 
 from colony.dsl.load import check_text
 from colony.ir.frame import Frame
@@ -19,6 +18,7 @@ from colony.verify.strategies import frames, network_runs, networks, programs, r
 from colony.verify.strategies_drawing import Choices
 from colony.verify.strategies_frames import draw_trace
 from colony.verify.strategies_text import draw_text
+from tests.verify.stepping import program
 
 
 @given(texts())

@@ -345,7 +345,11 @@ def _python_module(
         module_path=module_path,
         class_name=class_name,
         params=params,
-        reads=tuple(r for r in readings if r is not None),
+        reads=tuple(
+            ir.PythonReading(name=node.text, expression=found)
+            for node, found in zip(reads, readings, strict=True)
+            if found is not None
+        ),
         actuator=actuator.name if actuator else None,
         rate_ns=rate,
     )
