@@ -30,7 +30,8 @@ def command(files: tuple[str, ...], format_: str) -> None:
             passed, failed = passed + result.passed, failed + (not result.passed)
             if format_ == "text":
                 mark = "passed" if result.passed else "FAILED"
-                click.echo(f"{file}: {mark}: {result.name} ({result.frames} frames)")
+                frames = f"{result.frames} frame{'' if result.frames == 1 else 's'}"
+                click.echo(f"{file}: {mark}: {result.name} ({frames})")
         found = failures_as_diagnostics(results)
         failures += found
         if format_ == "text":

@@ -169,8 +169,10 @@ def build(call: PythonCall) -> PythonStep:
     try:
         made = getattr(import_module(call.module_path), call.class_name)(**dict(call.params))
     except Exception as problem:
-        what = f"cannot build `{call.module_path}:{call.class_name}`: {type(problem).__name__}: {problem}"
-        raise Failure([error("P001", call.span, what, "its params are given by keyword")]) from problem
+        path = f"{call.module_path}:{call.class_name}"
+        message = f"`{path}` cannot be imported and built: {type(problem).__name__}: {problem}"
+        hint = "it is looked for beside the behavior and in this folder; its params are given by keyword"
+        raise Failure([error("P001", call.span, message, hint)]) from problem
     return PythonStep(call.module, made, field_types(call), call.rate_ns)
 
 

@@ -42,8 +42,8 @@ def check_ring(problems: Problems, ring: Ring, places: RingPlaces, tolerance_mm:
     Without a tolerance it is not checked where the ring ends.
     """
     if len(ring.edges) < 3:
-        message = f"ring `{ring.name}` has {len(ring.edges)} edges; expected at least 3"
-        problems.report("M016", places.header, message)
+        message = f"expected at least 3 rows in ring `{ring.name}`; found {len(ring.edges)}"
+        problems.report("M016", places.header, message, "a ring is a closed contour")
         return False
     closed = _check_closure(problems, ring, places, tolerance_mm)
     within = _check_lights_within(problems, ring, places)
@@ -56,16 +56,18 @@ def _check_closure(problems: Problems, ring: Ring, places: RingPlaces, tolerance
     walked = trace(ring)
     if abs(abs(walked.total_turn_deg) - 360.0) > ANGLE_TOLERANCE_DEG:
         message = f"the turns of ring `{ring.name}` add up to {walked.total_turn_deg:g} degrees"
-        hint = "an angle of 270 turns right by 90, an angle of 90 turns left by 90"
+        turns = "an angle of 270 turns right by 90, an angle of 90 turns left by 90"
         expected = "expected -360 (an outline) or 360 (a block)"
-        problems.report("M017", places.header, f"{message}; {expected}", hint)
+        problems.report("M017", places.header, f"{message}; {expected}", turns)
         return False
     distance = math.hypot(*walked.gap)
     if tolerance_mm is not None and distance > tolerance_mm + _ROUNDING_MM:
         east, north = walked.gap
         message = f"ring `{ring.name}` ends {distance:.0f} mm from where it began"
         message += f"; expected at most {tolerance_mm:.0f} mm"
-        hint = f"it ends {_side(east, 'east', 'west')} and {_side(north, 'north', 'south')} of its first node"
+        ways = [(east, "east", "west"), (north, "north", "south")]
+        sides = [_side(*way) for way in ways if abs(way[0]) >= 0.5]
+        hint = f"it ends {' and '.join(sides)} of its first node" if sides else None
         problems.report("M018", places.header, message, hint)
         return False
     return True
@@ -96,8 +98,10 @@ def _report_unpaired(problems: Problems, ring: Ring, places: RingPlaces) -> None
         for light, span in zip(edge.lights, spans, strict=True)
         if light.shared
     ]
-    message = f"ring `{ring.name}` has {len(shared)} negative light offsets that do not pair up"
-    hint = "a light in a turning space is projected onto two neighboring edges that are not parallel"
+    message = f"expected negative light offsets in pairs; found {len(shared)} in ring `{ring.name}`"
+    if len(shared) % 2 == 0:
+        message += ", not each two of them on edges that meet at an angle"
+    hint = "a light in a turning space is projected onto two edges that are not parallel, next to each other"
     problems.report("M020", shared[-1], message, hint)
 
 
@@ -117,7 +121,8 @@ def check_map(problems: Problems, checked: Map, places: Places) -> None:
         return
     if not in_free_space(outlines, checked.start.x_mm, checked.start.y_mm):
         message = "the start is not in free space; expected it inside an outline and outside its blocks"
-        problems.report("M022", places.start, message)
+        hint = "`start X Y HEADING` counts from the same origin as `ring NAME X Y HEADING`"
+        problems.report("M022", places.start, message, hint)
 
 
 def _right_of_longest(ring: Ring, nodes: tuple[Point, ...]) -> Point:
@@ -136,7 +141,8 @@ def _check_crossings(
     ends = np.array([p for nodes in outlines for p in (*nodes[1:], nodes[0])])
     for first, second in crossing_pairs(begins, ends):
         message = f"the edge after `{names[second]}` crosses the edge after `{names[first]}`"
-        problems.report("M021", spans[second], message)
+        hint = "edges meet at nodes only: see the angles and lengths of this ring, and where it begins"
+        problems.report("M021", spans[second], message, hint)
 
 
 _BLOCK = 256

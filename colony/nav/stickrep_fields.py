@@ -41,7 +41,8 @@ class Problems(list[Diagnostic]):
         """
         self.append(error(code, span, message, hint))
         if len(self) >= MAX_PROBLEMS:
-            self.append(error("M023", span, f"gave up after {MAX_PROBLEMS} errors"))
+            hint = "mend the first of them: the others may follow from it"
+            self.append(error("M023", span, f"gave up after {MAX_PROBLEMS} errors", hint))
             raise TooMany
 
 

@@ -79,13 +79,14 @@ def _load(path: str | os.PathLike[str]) -> Source:
         raise Failure([error("M001", Span(empty, 0, 0), message)]) from None
     if len(data) > MAX_BYTES:
         message = f"the file is larger than {MAX_BYTES // 1_000_000} MB; expected a map"
-        raise Failure([error("M002", Span(empty, 0, 0), message)])
+        raise Failure([error("M002", Span(empty, 0, 0), message, "is it another file that you meant?")])
     try:
         return Source(shown, data.decode("utf-8-sig"))
     except UnicodeDecodeError as failure:
         good = Source(shown, data[: failure.start].decode("utf-8", "replace"))
         message = f"byte 0x{data[failure.start]:02x} is not UTF-8 text; expected a map"
-        raise Failure([error("M002", Span(good, len(good.text), len(good.text)), message)]) from None
+        place = Span(good, len(good.text), len(good.text))
+        raise Failure([error("M002", place, message, "save the file as UTF-8 text")]) from None
 
 
 def read_map(source: Source) -> Map:
@@ -176,7 +177,8 @@ class _Reader:
             return False
         version = first[1] if len(first) == 2 else None
         if version is None or version.text != FORMAT_VERSION:
-            message = f"expected `stickrep {FORMAT_VERSION}`; this is no version that can be read"
+            found = f"version {version.shown}" if version else f"{len(first) - 1} words after `stickrep`"
+            message = f"expected `stickrep {FORMAT_VERSION}`; found {found}"
             self.problems.report("M003", (version or first[0]).span, message, hint)
             return False
         return True
@@ -190,7 +192,8 @@ class _Reader:
             if not self._take_header(words):
                 body.append(words)
             if len(body) > MAX_LINES:
-                self.problems.report("M023", words[0].span, f"a map has at most {MAX_LINES} rows")
+                message = f"expected at most {MAX_LINES} rows and ring lines; found one more"
+                self.problems.report("M023", words[0].span, message, "make it several maps")
                 raise TooMany
         return body
 
@@ -208,7 +211,8 @@ class _Reader:
             return False  # perhaps a row: the ring that it stands in is not judged
         if key.text in self.header:
             line, _ = self.source.position(self.header[key.text].start)
-            self.problems.report("M005", key.span, f"`{key.text}` was said in line {line} already")
+            message = f"expected one `{key.text}` line; found a second one, the first is line {line}"
+            self.problems.report("M005", key.span, message, "take one of the two lines out")
         else:
             self.header[key.text] = key.span
             self.headers[key.text](words)
@@ -278,7 +282,8 @@ class _Reader:
         name = fields.name(self.problems, values[0], "the ring's name") if values else None
         pose = self._pose(values[1:]) if values else None
         if name is not None and any(name == ring.name for ring in self.rings):
-            self.problems.report("M015", words[1].span, f"there is a ring `{name}` already")
+            message = f"there is a ring `{name}` already"
+            self.problems.report("M015", words[1].span, message, "names of rings are unique in a map")
         span = words[0].span.to(words[min(1, len(words) - 1)].span)
         ring = _RingSoFar(header=span, name=name or "", start=pose or Pose(0.0, 0.0, 0.0))
         ring.sound = name is not None and pose is not None
@@ -377,7 +382,8 @@ class _Reader:
         if self.tolerance is not None:
             tolerance = self._mm(self.tolerance, "the closure tolerance", 0.0, fields.MAX_LENGTH_MM)
             if tolerance is not None and tolerance < 0.0:
-                self.problems.report("M007", self.tolerance.span, "the closure tolerance is negative")
+                message = f"expected a closure tolerance of 0 or more; found {self.tolerance.shown}"
+                self.problems.report("M007", self.tolerance.span, message)
                 tolerance = None
         self._missing()
         for ring in self.rings:

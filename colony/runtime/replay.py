@@ -7,7 +7,7 @@ is missing. What a recording says of actuators is passed over, so that a recordi
 from __future__ import annotations
 
 import json
-import math
+import sys
 from collections.abc import Iterable, Iterator
 from decimal import Decimal
 from typing import Any
@@ -22,6 +22,8 @@ from colony.units import nanoseconds
 
 _EXACT_BELOW = float(2**20)
 """Seconds below which the nearest double of a decimal time is within half a nanosecond of it."""
+
+_LARGEST = sys.float_info.max
 
 
 def read_frames(lines: Iterable[bytes], name: str, program: Program) -> Iterator[Frame]:
@@ -54,12 +56,14 @@ class _Reader:
             row = json.loads(text)
         except json.JSONDecodeError as problem:
             message = f"not JSON: {problem.msg}"
-            raise self._failure("F001", number, text, problem.pos, message) from None
+            hint = "each line is a whole frame, an object in JSON"
+            raise self._failure("F001", number, text, problem.pos, message, hint) from None
         except (RecursionError, ValueError):
             raise self._failure("F001", number, text, 0, "not JSON that can be read") from None
         if not isinstance(row, dict):
             hint = 'a frame is an object: {"t": 0.05, "bumper": false}'
-            raise self._failure("F002", number, text, 0, "a frame must be a JSON object", hint)
+            message = f"a frame must be a JSON object, found {_kind(row)}"
+            raise self._failure("F002", number, text, 0, message, hint)
         t_ns = self._time(number, text, row)
         return Frame(t_ns, {key: row[key] for key in row if self._is_reading(number, text, row, key)})
 
@@ -68,14 +72,15 @@ class _Reader:
             return data.decode("utf-8-sig" if number == 1 else "utf-8").rstrip("\r\n")
         except UnicodeDecodeError as problem:
             text = data[: problem.start].decode()
-            message = "not UTF-8 text"
+            message = f"not UTF-8 text: found byte 0x{data[problem.start]:02x}"
             raise self._failure("F007", number, text, len(text), message) from None
 
     def _time(self, number: int, text: str, row: dict[str, Any]) -> int:
         t = row.get("t")
-        if isinstance(t, bool) or not isinstance(t, int | float) or not math.isfinite(t):
-            found = "no time" if "t" not in row else f"found {json.dumps(t)}"
-            message = f'"t" must be the frame\'s time in seconds, {found}'
+        if isinstance(t, bool) or not isinstance(t, int | float) or not abs(t) <= _LARGEST:
+            found = "no time" if "t" not in row else json.dumps(t)
+            found = found if len(found) <= 40 else f"{found[:37]}..."
+            message = f'"t" must be the frame\'s time in seconds, found {found}'
             raise self._failure("F003", number, text, self._at(text, "t"), message)
         if abs(t) < _EXACT_BELOW:
             t_ns = nanoseconds(t)
@@ -100,7 +105,8 @@ class _Reader:
         size, value = self._sizes[key], row[key]
         if size is not None and isinstance(value, list) and len(value) != size:
             message = f"`{key}` has {size} elements, found {len(value)}"
-            raise self._failure("F006", number, text, self._at(text, key), message)
+            hint = "null where the sensor is missing"
+            raise self._failure("F006", number, text, self._at(text, key), message, hint)
         return True
 
     def _at(self, text: str, key: str) -> int:
@@ -110,6 +116,21 @@ class _Reader:
         self, code: str, number: int, text: str, at: int, message: str, hint: str | None = None
     ) -> Failure:
         return Failure([_located(code, self._name, number, text, at, message, hint)])
+
+
+def _kind(value: object) -> str:
+    """What a value of JSON that is no object is called."""
+    match value:
+        case None:
+            return "null"
+        case bool():
+            return "true" if value else "false"
+        case str():
+            return "a text"
+        case list():
+            return "a list"
+        case _:
+            return "a number"
 
 
 def _located(

@@ -81,7 +81,7 @@ def failures_as_diagnostics(results: Iterable[ExampleResult]) -> tuple[Diagnosti
 
 def _diagnostic(result: ExampleResult, failure: ExampleFailure) -> Diagnostic:
     when = f'in "{result.name}" at {_number(failure.t_ns / 1e9)} s'
-    more = f", and in {failure.frames - 1} more frames" if failure.frames > 1 else ""
+    more = f", and in {_frames(failure.frames - 1, 'more ')}" if failure.frames > 1 else ""
     match failure.kind:
         case "false":
             message = f"{when}{more}: expected `{failure.expected}`"
@@ -97,6 +97,10 @@ def _diagnostic(result: ExampleResult, failure: ExampleFailure) -> Diagnostic:
     if failure.kind == "no array to set an element in":
         return error(_CODES[failure.kind], failure.span, message, found)
     return error(_CODES[failure.kind], failure.span, f"{message}; found: {found}" if found else message)
+
+
+def _frames(count: int, kind: str = "") -> str:
+    return f"{count} {kind}frame{'' if count == 1 else 's'}"
 
 
 class _Run:

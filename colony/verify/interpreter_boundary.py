@@ -133,9 +133,8 @@ class PythonRunner:
         except Exception as problem:
             path = f"{module.module_path}:{module.class_name}"
             message = f"`{path}` cannot be imported and built: {type(problem).__name__}: {problem}"
-            raise Failure(
-                [error("P001", module.span, message, "its params are given by keyword")]
-            ) from problem
+            hint = "it is looked for beside the behavior and in this folder; its params are given by keyword"
+            raise Failure([error("P001", module.span, message, hint)]) from problem
         self._last_call: int | None = None
         self._answers: list[tuple[int, Command]] = []  # with the time from which each stands
 

@@ -278,6 +278,18 @@ def test_what_contracts_say() -> None:
     assert local.right.left == e.StateValue(type=Quantity(), name="avoid.bumps")
 
 
+@pytest.mark.parametrize("value", ["enum nav { go = 1 }", "machine nav { start go }"])
+def test_a_contract_tells_a_module_from_a_value_of_its_name(value: str) -> None:
+    module = "module nav { param go = 7 param k = 3 when bumper do drive(velocity = 0, turn = 0) }"
+    [c] = program(f"{value} {module} contract c: nav.k == 3 and nav.go != nav.go").contracts
+    assert isinstance(c.expression, e.BinaryOperation)
+    left, right = c.expression.left, c.expression.right
+    assert isinstance(left, e.BinaryOperation)
+    assert isinstance(right, e.BinaryOperation)
+    assert left.left == e.Constant(type=Quantity(NUMBER), value=3.0)
+    assert isinstance(right.left.type, Enum)
+
+
 def test_an_example() -> None:
     [example] = program(
         MODULES

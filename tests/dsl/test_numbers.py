@@ -23,6 +23,7 @@ from tests.dsl.texts import expression, findings, named, type_of, value_of
         ("600mm", 600.0, "mm"),
         ("2s", 2.0, "s"),
         ("2\ts", 2.0, "s"),
+        ("2\r\n s", 2.0, "s"),  # line breaks mean nothing
         ("5 min", 300.0, "s"),
         ("1.5 m/s^2", 1500.0, "mm/s^2"),
         ("0.2 s^-1", 0.2, "s^-1"),

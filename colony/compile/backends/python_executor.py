@@ -34,5 +34,6 @@ def load(source: str) -> PythonExecutor:
         exec(code, namespace)
         return PythonExecutor(namespace["Program"]())
     except Exception as problem:
-        what = f"cannot build a Python module: {type(problem).__name__}: {problem}"
-        raise Failure([error("P001", NOWHERE, what)]) from problem
+        message = f"a module in Python cannot be imported and built: {type(problem).__name__}: {problem}"
+        hint = "it is looked for beside the behavior and in this folder; its params are given by keyword"
+        raise Failure([error("P001", NOWHERE, message, hint)]) from problem

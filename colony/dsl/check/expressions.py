@@ -9,6 +9,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from fractions import Fraction
+from math import isfinite
 
 from colony.dsl import ast
 from colony.dsl.check import calls
@@ -296,7 +297,7 @@ class Checker:
             self.error("E202", node.index, f"an index must be a plain number, found {article(index.type)}")
             return None
         value = constant_value(index)
-        if value is not None and not 0 <= round(value) < array.type.size:
+        if value is not None and not (isfinite(value) and 0 <= round(value) < array.type.size):
             last = array.type.size - 1
             self.error(
                 "E205", node.index, f"index {value:g} is outside the array", f"it has indices 0 .. {last}"

@@ -46,12 +46,13 @@ def resolve_reference(checker: Checker, node: ast.Reference) -> ir.Expression | 
     if first in checker.local:
         return _member(checker, node, checker.local[first], node.path[1:])
     scope, path = checker.scope.resolve(node.path)
-    symbol = scope.value(path[0])
+    symbol, part = scope.value(path[0]), scope.part(path[0])
     if symbol is not None and len(path) == 1:
         return _value(checker, node, symbol)
-    if isinstance(symbol, EnumSymbol | MachineSymbol | Broken):
+    if isinstance(symbol, Broken):
+        return None
+    if isinstance(symbol, EnumSymbol | MachineSymbol) and not _means_part(checker, symbol, part, path[1]):
         return _member(checker, node, symbol, path[1:])
-    part = scope.part(path[0])
     if part is not None and len(path) == 2:
         return _part_member(checker, node, part, path[1])
     if symbol is not None:
@@ -105,6 +106,21 @@ def _member(
 
 def _member_word(enum: Enum) -> str:
     return "phase" if enum.kind == "machine" else "member"
+
+
+def _means_part(
+    checker: Checker, symbol: EnumSymbol | MachineSymbol, part: PartSymbol | None, name: str
+) -> bool:
+    """Whether a contract's `owner.name` is of the part, where a value and a part are called `owner`."""
+    if not checker.promise or name in dict(symbol.type.members):
+        return False
+    match part:
+        case ActuatorSymbol(actuator=actuator):
+            return name in [one.name for one in actuator.fields]
+        case ModuleSymbol(members=members):
+            return name in members
+        case _:
+            return False
 
 
 def _part_member(checker: Checker, node: ast.Reference, part: PartSymbol, name: str) -> ir.Expression | None:

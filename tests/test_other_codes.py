@@ -1,0 +1,123 @@
+"""The codes besides the front end's: sources, registry and docs/errors.md agree, and so do the examples."""
+
+from __future__ import annotations
+
+import io
+import re
+import shutil
+import subprocess
+import sys
+from contextlib import redirect_stderr, redirect_stdout
+from pathlib import Path
+
+import pytest
+
+from colony.cli.main import main
+from colony.codes import CODES
+from tests.dsl.test_error_page import PAGE, ROBOT, Fence, examples
+
+ROOT = Path(__file__).parent.parent
+SOURCES = ROOT / "colony"
+EXIT_CODES = {"M": 2, "F": 2, "R": 1, "P": 1, "T": 1}
+"""What the page says at the beginning of each part."""
+
+
+def sources() -> dict[Path, str]:
+    """Everything outside of the front end that may report."""
+    return {
+        path: path.read_text(encoding="utf-8")
+        for path in SOURCES.rglob("*.py")
+        if "dsl" not in path.relative_to(SOURCES).parts and path != SOURCES / "codes.py"
+    }
+
+
+def test_every_code_of_the_sources_is_registered_and_none_besides() -> None:
+    used: set[str] = set()
+    for text in sources().values():
+        used |= set(re.findall(r'"([A-DF-VX-Z]\d{3})"', text))  # E and W are the front end's
+        used |= set(re.findall(r"error\[([A-DF-VX-Z]\d{3})\]", text))
+    assert used == set(CODES)
+
+
+def test_comments_tell_of_no_other_codes() -> None:
+    for path, text in sources().items():
+        assert set(re.findall(r"\b[FMPRT]\d{3}\b", text)) <= set(CODES), path
+
+
+def test_the_page_has_a_section_for_every_code_in_order() -> None:
+    headings = re.findall(r"^### ([^EW]\d{3}): (.*)$", PAGE.read_text(encoding="utf-8"), re.MULTILINE)
+    assert headings == list(CODES.items())
+
+
+def test_codes_of_a_part_are_in_order() -> None:
+    for part in EXIT_CODES:
+        codes = [code for code in CODES if code.startswith(part)]
+        assert codes == [f"{part}{i:03}" for i in range(1, len(codes) + 1)]
+
+
+def test_every_code_has_an_example() -> None:
+    assert [code for code, _, _ in examples(CODES)] == list(CODES)
+
+
+def make(files: list[Fence]) -> list[str]:
+    """Write the example's files into the current folder, and give the words of the command to type."""
+    shutil.copytree(ROOT / "maps", "maps")
+    Path("example.colony").write_text("".join(ROBOT))
+    command = ""
+    for fence in files:
+        match fence.info.split():
+            case ["sh"]:
+                *commands, command = fence.text.splitlines()
+                subprocess.run("\n".join(commands), shell=True, check=True)
+            case ["stickrep"]:
+                Path("example.stickrep").write_text(fence.text)
+            case ["json"]:
+                Path("frames.jsonl").write_text(fence.text)
+            case ["python", name]:
+                Path(name).write_text(fence.text)
+            case ["colony"]:
+                alone = fence.text.startswith("robot ")
+                Path("example.colony").write_text(fence.text + ("" if alone else "".join(ROBOT)))
+            case other:
+                raise AssertionError(f"{fence.code} has an unknown block: {other}")
+    return command.split()
+
+
+def typed(words: list[str], monkeypatch: pytest.MonkeyPatch) -> tuple[int, str]:
+    """The exit code of a command, and what it prints on both streams, as on a terminal."""
+    printed, before = io.StringIO(), set(sys.modules)
+    monkeypatch.setattr(sys, "argv", words)
+    monkeypatch.setattr(sys, "path", list(sys.path))
+    with redirect_stdout(printed), redirect_stderr(printed), pytest.raises(SystemExit) as stopped:
+        main()
+    for name in set(sys.modules) - before:
+        if Path(f"{name}.py").exists():  # an example's own: another may call its so, too
+            del sys.modules[name]
+    assert isinstance(stopped.value.code, int)
+    return stopped.value.code, printed.getvalue()
+
+
+@pytest.mark.parametrize(
+    ("code", "files", "shown"), examples(CODES), ids=lambda v: v if isinstance(v, str) and len(v) == 4 else ""
+)
+def test_an_example_prints_what_the_page_shows(
+    code: str, files: list[Fence], shown: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    stopped, printed = typed(make(files), monkeypatch)
+    assert printed == shown
+    assert set(re.findall(r"error\[(\w+)\]", printed)) == {code}
+    assert stopped == EXIT_CODES[code[0]]
+
+
+@pytest.mark.parametrize("backend", ["network", "clients", "python"])
+def test_a_class_that_cannot_be_built_is_told_by_every_executor(
+    backend: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    [files] = [files for code, files, _ in examples(CODES) if code == "P001"]
+    stopped, printed = typed([*make(files), "--backend", backend], monkeypatch)
+    assert stopped == 1
+    assert "error[P001]: " in printed
+    assert "cannot be imported and built: TypeError: " in printed
+    assert "  hint: " in printed
