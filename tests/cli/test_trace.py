@@ -52,6 +52,7 @@ def test_output_of_a_trace_can_be_input_again(colony: Colony, behavior: Path) ->
         ('{"near": 3}', "2:1", "F003", "no time"),
         ('{"t": "now"}', "2:2", "F003", 'found "now"'),
         ('{"t": 1e999}', "2:2", "F003", "found Infinity"),
+        ('{"t": 1' + "0" * 400 + "}", "2:2", "F003", "found 1000"),
         ('{"t": true}', "2:2", "F003", "found true"),
         ('{"near": 3, "t": 0.5}', "2:13", "F004", "0.5 s follows 0.5 s"),
         ('{"t": 0.25}', "2:2", "F004", "time must rise"),
