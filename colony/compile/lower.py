@@ -23,7 +23,6 @@ from colony.compile.lower_builder import trimmed
 from colony.compile.lower_declarations import Declarations
 from colony.compile.lower_expression import Scope, kind_of
 from colony.compile.operators import Operator
-from colony.ir import expression as e
 from colony.ir import program as ir
 from colony.ir.types import Array
 

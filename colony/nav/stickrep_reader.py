@@ -24,7 +24,9 @@ M024 traced the wrong way round.
 
 from __future__ import annotations
 
+import errno
 import os
+import stat
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
 from difflib import get_close_matches
@@ -71,6 +73,8 @@ def _load(path: str | os.PathLike[str]) -> Source:
     shown = os.fspath(path)
     empty = Source(shown, "")
     try:
+        if not stat.S_ISREG(os.stat(path).st_mode):  # a pipe or a device could keep us waiting forever
+            raise OSError(errno.EINVAL, "it is not a regular file")
         with Path(path).open("rb") as file:
             data = file.read(MAX_BYTES + 1)
     except (OSError, ValueError) as failure:

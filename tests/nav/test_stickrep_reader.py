@@ -225,3 +225,10 @@ def test_an_invalid_byte_is_located(tmp_path: Path) -> None:
 def test_any_text_is_a_map_or_a_located_failure(text: str) -> None:
     with suppress(Failure):
         assert read(ROOM + text).name == "room"
+
+
+def test_a_pipe_is_refused_rather_than_waited_for(tmp_path: Path) -> None:
+    pipe = tmp_path / "pipe.stickrep"
+    os.mkfifo(pipe)
+    with pytest.raises(Failure, match=r"pipe\.stickrep:1:1: error\[M001\].*not a regular file"):
+        load_map(pipe)
