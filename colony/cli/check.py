@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import click
 
-from colony.cli.reporting import EXIT_ERRORS, EXIT_MISUSE, is_unreadable, report
+from colony.cli.exit_codes import EXIT_ERRORS, EXIT_MISUSE
+from colony.cli.reporting import is_unreadable, one_line, report, say
 from colony.collector import collector_at_rest
 
 
@@ -31,9 +32,13 @@ def command(files: tuple[str, ...], format_: str) -> None:
         for file in files:
             checked = check_file(file)
             found += checked.diagnostics
-            unreadable = unreadable or is_unreadable(checked.diagnostics)
+            missing = is_unreadable(checked.diagnostics)
+            unreadable = unreadable or missing
             if format_ == "text":
-                report(checked.diagnostics)
+                if missing:
+                    say(one_line(checked.diagnostics[0]))
+                else:
+                    report(checked.diagnostics)
                 if checked.program is not None:
                     click.echo(f"{file}: ok")
     if format_ == "json":

@@ -6,7 +6,8 @@ from pathlib import Path
 
 import click
 
-from colony.cli.reporting import load_program, write_whole
+from colony.cli.outputs import check_output, write_whole
+from colony.cli.reporting import load_program
 
 
 @click.command("compile", short_help="show the prioritized clients that a behavior compiles to")
@@ -32,6 +33,8 @@ def command(file: str, explain: bool, format_: str, output: Path | None) -> None
     """
     if explain and format_ != "table":
         raise click.UsageError("--explain goes with --format table", click.get_current_context())
+    if output is not None:
+        check_output(output, [file])
     program = load_program(file)
     from colony.compile.pipeline import compile_program
 

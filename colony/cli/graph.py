@@ -6,7 +6,8 @@ from pathlib import Path
 
 import click
 
-from colony.cli.reporting import load_program, write_whole
+from colony.cli.outputs import check_output, write_whole
+from colony.cli.reporting import load_program
 
 FORMATS = ("svg", "dot", "graphml")
 
@@ -33,6 +34,7 @@ def command(file: str, output: Path | None, format_: str | None) -> None:
         message = f"`{output}` ends in none of .svg, .dot, .graphml: give --format"
         raise click.UsageError(message, click.get_current_context())
     target = output or Path(Path(file).stem + "." + kind)
+    check_output(target, [file])
     program = load_program(file)
     title = Path(file).stem
     if kind == "svg":

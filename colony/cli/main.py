@@ -7,11 +7,14 @@ from __future__ import annotations
 
 import os
 import sys
+from contextlib import suppress
 from importlib import import_module
+from io import StringIO, TextIOWrapper
 
 import click
 
 from colony import __version__
+from colony.cli.exit_codes import EXIT_ERRORS, EXIT_INTERRUPTED, EXIT_MISUSE
 
 COMMANDS = {
     "new": "write a first behavior file",
@@ -68,9 +71,28 @@ def colony() -> None:
     """
 
 
+def _prepare_streams() -> None:
+    """Output that is closed is kept from everyone, and letters that an encoding lacks become escapes."""
+    sys.stdout = sys.stdout or StringIO()
+    sys.stderr = sys.stderr or StringIO()
+    if isinstance(sys.stdout, TextIOWrapper) and sys.stdout.errors == "strict":
+        sys.stdout.reconfigure(errors="backslashreplace")
+
+
+def _give_up_output() -> None:
+    """What is still waiting to be written would fail again when the process ends."""
+    with suppress(OSError, ValueError):
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+
+
+def _say(text: str) -> None:
+    with suppress(OSError):
+        click.echo("".join(c if c.isprintable() else " " for c in text), err=True)
+
+
 def _report_failure(problem: Exception) -> int:
     """What a stage found wrong is reported as it stands; anything else is a bug, and raised."""
-    from colony.cli.reporting import EXIT_ERRORS, report
+    from colony.cli.reporting import report
     from colony.diagnostics import Failure
 
     if not isinstance(problem, Failure):
@@ -79,27 +101,40 @@ def _report_failure(problem: Exception) -> int:
     return EXIT_ERRORS
 
 
-def main() -> None:
-    """The console script."""
+def _run() -> int:
+    """Run the command; gives the exit code. (`colony.main` would exit on its own when a reader goes away.)"""
     try:
-        code = colony.main(standalone_mode=False, prog_name="colony")
+        with colony.make_context("colony", sys.argv[1:]) as context:
+            colony.invoke(context)
+        sys.stdout.flush()
+    except click.exceptions.Exit as done:
+        return done.exit_code
     except click.UsageError as problem:
         path = problem.ctx.command_path if problem.ctx else "colony"
-        message = problem.format_message().replace("\n", " ").rstrip(".")
-        click.echo(f"{path}: error: {message} (see `{path} --help`)", err=True)
-        code = 2
+        _say(f"{path}: error: {problem.format_message().rstrip('.')} (see `{path} --help`)")
+        return EXIT_MISUSE
     except click.ClickException as problem:
-        click.echo(f"colony: error: {problem.format_message()}", err=True)
-        code = 2
+        _say(f"colony: error: {problem.format_message()}")
+        return EXIT_MISUSE
     except (click.Abort, KeyboardInterrupt):
-        click.echo("colony: interrupted", err=True)
-        code = 130
+        _say("colony: interrupted")
+        return EXIT_INTERRUPTED
     except BrokenPipeError:  # whoever read our output has seen enough
-        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
-        code = 0
+        _give_up_output()
+    except OSError as problem:
+        what = problem.filename or "standard output: cannot write"
+        _say(f"colony: error: {what}: {problem.strerror or problem}")
+        _give_up_output()
+        return EXIT_MISUSE
     except Exception as problem:
-        code = _report_failure(problem)
-    sys.exit(code if isinstance(code, int) else 0)
+        return _report_failure(problem)
+    return 0
+
+
+def main() -> None:
+    """The console script."""
+    _prepare_streams()
+    sys.exit(_run())
 
 
 if __name__ == "__main__":

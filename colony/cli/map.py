@@ -7,7 +7,9 @@ from typing import TYPE_CHECKING
 
 import click
 
-from colony.cli.reporting import EXIT_MISUSE, report
+from colony.cli.exit_codes import EXIT_MISUSE
+from colony.cli.outputs import check_output, write_whole
+from colony.cli.reporting import report
 
 if TYPE_CHECKING:
     from colony.nav.stickrep import Map
@@ -48,6 +50,7 @@ def command(path: str, output: Path | None, no_picture: bool, format_: str) -> N
         raise click.exceptions.Exit(EXIT_MISUSE) from None
     target = None if no_picture else output or Path(f"{loaded.name}.png")
     if target is not None:
+        check_output(target, [path])
         _draw(loaded, target)
     summary = _summary(loaded)
     if format_ == "json":
@@ -61,13 +64,9 @@ def command(path: str, output: Path | None, no_picture: bool, format_: str) -> N
 
 
 def _draw(loaded: Map, target: Path) -> None:
-    from colony.view.map_picture import draw_map, save_picture
+    from colony.view.map_picture import draw_map, encode_picture, picture_format
 
-    try:
-        save_picture(draw_map(loaded), target)
-    except OSError as problem:
-        click.echo(f"{target}: error: cannot write: {problem.strerror}", err=True)
-        raise click.exceptions.Exit(EXIT_MISUSE) from None
+    write_whole(target, encode_picture(draw_map(loaded), picture_format(target)))
 
 
 def _summary(loaded: Map) -> dict[str, object]:

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+import shlex
 from importlib.resources import files
 from pathlib import Path
 
 import click
 
-from colony.cli.reporting import EXIT_MISUSE, write_whole
+from colony.cli.outputs import check_output, write_whole
 
 
 @click.command("new", short_help="write a first behavior file")
@@ -20,10 +21,10 @@ def command(file: Path) -> None:
       colony new patrol
       colony test patrol.colony
     """
+    if not file.name:
+        raise click.UsageError("expected a name, such as `patrol`", click.get_current_context())
     target = file if file.suffix == ".colony" else file.with_name(file.name + ".colony")
-    if target.exists():
-        click.echo(f"{target}: error: it exists already and is left as it is", err=True)
-        raise click.exceptions.Exit(EXIT_MISUSE)
+    check_output(target)
     text = (files("colony.cli") / "templates" / "behavior.colony").read_text(encoding="utf-8")
     write_whole(target, text.replace("NAME", target.stem))
-    click.echo(f"wrote {target}; try: colony test {target}")
+    click.echo(f"wrote {target}; try: colony test {shlex.quote(str(target))}")

@@ -8,13 +8,19 @@ from pathlib import Path
 
 import click
 
+from colony.cli.exit_codes import EXIT_ERRORS, EXIT_MISUSE
 from colony.diagnostics import Diagnostic, headline, render
 from colony.ir.program import Program
 
-EXIT_ERRORS = 1
-EXIT_MISUSE = 2
-
 _COLORS = {"error": "red", "warning": "yellow"}
+
+
+def say(text: str) -> None:
+    """Text and a line break on standard error; where nobody can hear it, the command goes on."""
+    try:
+        click.echo(text, err=True)
+    except OSError:
+        return
 
 
 def report(diagnostics: Iterable[Diagnostic]) -> None:
@@ -25,14 +31,18 @@ def report(diagnostics: Iterable[Diagnostic]) -> None:
         if colored:
             kind = f"{diagnostic.severity}[{diagnostic.code}]"
             text = text.replace(kind, click.style(kind, fg=_COLORS[diagnostic.severity], bold=True), 1)
-        click.echo(text, err=True)
+        say(text)
+
+
+def one_line(diagnostic: Diagnostic) -> str:
+    """What was found and what to do, without the source line; also where a file's name has line breaks."""
+    hint = f" ({diagnostic.hint})" if diagnostic.hint else ""
+    return "".join(c if c.isprintable() else " " for c in headline(diagnostic) + hint)
 
 
 def refuse(diagnostics: Sequence[Diagnostic]) -> None:
     """Bad input: the first diagnostic on one line, and exit code 2."""
-    first = diagnostics[0]
-    hint = f" ({first.hint})" if first.hint else ""
-    click.echo(headline(first) + hint, err=True)
+    say(one_line(diagnostics[0]))
     raise click.exceptions.Exit(EXIT_MISUSE)
 
 
@@ -57,15 +67,3 @@ def load_program(path: str) -> Program:
         refuse(checked.diagnostics)
     report(checked.diagnostics)
     raise click.exceptions.Exit(EXIT_ERRORS)
-
-
-def write_whole(path: Path, text: str) -> None:
-    """Write a file so that it is either whole or as it was; exits with 2 where it cannot be written."""
-    beside = path.with_name(f".{path.name}.part")
-    try:
-        beside.write_text(text, encoding="utf-8")
-        beside.replace(path)
-    except OSError as problem:
-        beside.unlink(missing_ok=True)
-        click.echo(f"{path}: error: cannot write: {problem.strerror}", err=True)
-        raise click.exceptions.Exit(EXIT_MISUSE) from None

@@ -4,9 +4,8 @@ from __future__ import annotations
 
 import click
 
-from colony.cli.reporting import EXIT_ERRORS, EXIT_MISUSE, load_program, refuse, report
-
-EXIT_INTERRUPTED = 130
+from colony.cli.exit_codes import EXIT_ERRORS, EXIT_INTERRUPTED, EXIT_MISUSE
+from colony.cli.reporting import load_program, refuse, report, say
 
 
 @click.command(name="run", short_help="drive the simulated robot through a building")
@@ -67,7 +66,10 @@ def command(
 
     program = load_program(file)
     from colony.cli.run_options import BadOption
-    from colony.cli.run_simulated import Misuse, Options, run
+    from colony.cli.run_progress import told_if_slow
+
+    with told_if_slow("compiling the simulator: some seconds, once where the result can be kept"):
+        from colony.cli.run_simulated import Misuse, Options, run
     from colony.runtime.summary import render
 
     drawn = None if no_picture else picture
@@ -86,7 +88,7 @@ def command(
     except BadOption as bad:
         raise click.UsageError(str(bad), click.get_current_context()) from None
     except Misuse as misuse:
-        click.echo(str(misuse), err=True)
+        say(str(misuse))
         raise click.exceptions.Exit(EXIT_MISUSE) from None
     except Failure as failure:
         if failure.diagnostics[0].code.startswith("M"):

@@ -24,8 +24,10 @@ def duration_ns(text: str) -> int:
         BadOption: it is none, or not above 0.
     """
     seconds = _quantity(text, TIME, 1.0)
-    if seconds is None or not 0.0 < seconds <= 1e9:
-        raise BadOption(f"--duration: found `{text}`; expected a time above 0, such as 60 or 2min")
+    if seconds is None or not 0.0 < seconds <= 1e9 or not nanoseconds(seconds):
+        raise BadOption(
+            f"--duration: found `{text}`; expected a time above 0 and at most 1e9 s, such as 60 or 2min"
+        )
     return nanoseconds(seconds)
 
 
@@ -42,7 +44,7 @@ def variables(program: Program, settings: tuple[str, ...]) -> dict[str, Value]:
     for setting in settings:
         name, equals, text = setting.partition("=")
         name = name.strip().removeprefix("DServer.")
-        if not equals:
+        if not (name and equals):
             raise BadOption(f"--set: found `{setting}`; expected NAME=VALUE")
         sensor = readers.get(name)
         if sensor is None:

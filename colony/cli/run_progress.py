@@ -3,10 +3,30 @@
 from __future__ import annotations
 
 import sys
+import threading
+from collections.abc import Iterator
+from contextlib import contextmanager
 
-import click
-
+from colony.cli.reporting import say
 from colony.runtime.observer import FrameLog
+
+PATIENCE_S = 1.5
+"""For how long someone at a terminal is left without a word."""
+
+
+@contextmanager
+def told_if_slow(text: str, after_s: float = PATIENCE_S) -> Iterator[None]:
+    """Say `text`, on a terminal, if what is done meanwhile takes longer than `after_s`."""
+    if not sys.stderr.isatty():
+        yield
+        return
+    timer = threading.Timer(after_s, say, (text,))
+    timer.daemon = True
+    timer.start()
+    try:
+        yield
+    finally:
+        timer.cancel()
 
 
 class Progress:
@@ -27,7 +47,7 @@ class Progress:
         tenths = 10 * log.tick.t_ns // self._length_ns
         if tenths > self._tenths:
             self._tenths = tenths
-            click.echo(f"{10 * tenths} %: {_moment(log)}", err=True)
+            say(f"{10 * tenths} %: {_moment(log)}")
 
     def close(self) -> None:
         """Take the bar away."""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import signal
 import threading
 import time
@@ -12,6 +13,7 @@ from pathlib import Path
 
 import numpy as np
 
+from colony.cli.outputs import cannot_write, check_output, open_alone, write_whole
 from colony.cli.run_options import BadOption, duration_ns, variables
 from colony.cli.run_progress import Progress
 from colony.compile.pipeline import compile_program
@@ -30,7 +32,7 @@ from colony.sim.world import World
 
 
 class Misuse(Exception):
-    """A file that was named cannot be used; the message is one line that begins with the file."""
+    """A map that was named cannot be used; the message is one line that begins with the file."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -52,8 +54,9 @@ def run(program: Program, options: Options) -> RunSummary:
 
     Raises:
         BadOption: an option makes no sense.
-        Misuse: a file cannot be written, or the robot has no room in the building.
+        Misuse: the robot has no room in the building.
         Failure: the map is bad (its codes begin with M), or the program asks for what the robot lacks.
+        click.exceptions.Exit: a file cannot be written, which has been said.
     """
     length_ns = duration_ns(options.duration)
     held = variables(program, options.settings)
@@ -99,7 +102,7 @@ def _run(session: Session, length_ns: int, options: Options) -> bool:
         except OSError as problem:
             if options.record is None or problem.filename not in (None, options.record):
                 raise
-            raise Misuse(f"{options.record}: error: cannot write: {problem.strerror}") from None
+            cannot_write(options.record, problem.strerror or str(problem))
 
 
 def _world(building: Map, options: Options) -> World:
@@ -113,9 +116,11 @@ def _world(building: Map, options: Options) -> World:
 
 def _recording(program: Program, path: str) -> Recording:
     try:
-        return Recording(program, open(path, "wb", buffering=0))
+        return Recording(program, open_alone(path))
+    except BlockingIOError:
+        cannot_write(path, "another run is recording into it")
     except OSError as problem:
-        raise Misuse(f"{path}: error: cannot write: {problem.strerror}") from None
+        cannot_write(path, problem.strerror or str(problem))
 
 
 # --- interruption and time -----------------------------------------------------------------------
@@ -178,26 +183,24 @@ class Way:
 
 def _check_outputs(options: Options) -> None:
     """Refuse, before a long run, what could not be written after it, or what would overwrite its input."""
-    for path in filter(None, (options.record, options.picture)):
-        if not Path(path).absolute().parent.is_dir():
-            raise Misuse(f"{path}: error: cannot write: there is no such folder")
-        for source in (options.file, options.map_path):
-            if Path(path).resolve() == Path(source).resolve():
-                raise Misuse(f"{path}: error: cannot write: it is an input of this run")
-    if options.picture is not None:
+    record, picture = options.record, options.picture
+    if picture is not None:
         from colony.view.map_picture import picture_format
 
         try:
-            picture_format(options.picture)
+            picture_format(picture)
         except ValueError as problem:
             raise BadOption(f"--picture: {problem}") from None
+        if record is not None and os.path.realpath(record) == os.path.realpath(picture):
+            raise BadOption(f"--record and --picture: found `{picture}` for both; expected two files")
+    for path in (record, picture):
+        if path is not None:
+            check_output(path, [options.file, options.map_path])
 
 
 def _draw(building: Map, way: Way, robot: str, path: str) -> None:
-    from colony.view.map_picture import draw_map, save_picture
+    from colony.view.map_picture import draw_map, encode_picture, picture_format
 
     places = np.array(way.places, dtype=np.float64).reshape(-1, 2)
-    try:
-        save_picture(draw_map(building, [places], names=[robot]), path)
-    except OSError as problem:
-        raise Misuse(f"{path}: error: cannot write: {problem.strerror}") from None
+    picture = draw_map(building, [places], names=[robot])
+    write_whole(Path(path), encode_picture(picture, picture_format(path)))

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import click
 
-from colony.cli.reporting import EXIT_ERRORS, load_program, report
+from colony.cli.exit_codes import EXIT_ERRORS
+from colony.cli.reporting import load_program, report
 
 
 @click.command("test", short_help="run the tests that behavior files contain")

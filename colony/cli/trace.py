@@ -5,11 +5,13 @@ from __future__ import annotations
 import io
 import sys
 from pathlib import Path
-from typing import TYPE_CHECKING, BinaryIO
+from typing import TYPE_CHECKING, BinaryIO, NoReturn
 
 import click
 
-from colony.cli.reporting import EXIT_MISUSE, load_program, refuse, write_whole
+from colony.cli.exit_codes import EXIT_MISUSE
+from colony.cli.outputs import check_output, write_whole
+from colony.cli.reporting import load_program, refuse, say
 
 if TYPE_CHECKING:
     from colony.ir.frame import Executor
@@ -42,18 +44,23 @@ def command(file: str, input_: str, backend: str, output: Path | None) -> None:
       colony trace behaviors/wander.colony --input run.jsonl
       echo '{"t": 0, "bumper": true}' | colony trace behaviors/wander.colony --input -
     """
+    if output is not None:
+        check_output(output, [file, input_])
     program = load_program(file)
     from colony.diagnostics import Failure
     from colony.runtime.replay import outcome_line, read_frames
 
     lines = io.StringIO()
+    name = "<stdin>" if input_ == "-" else input_
     with _open(input_) as frames:
         executor = _executor(program, backend)
         try:
-            for frame in read_frames(frames, "<stdin>" if input_ == "-" else input_, program):
+            for frame in read_frames(frames, name, program):
                 lines.write(outcome_line(program, frame.t_ns, executor.step(frame)) + "\n")
         except Failure as failure:
             refuse(failure.diagnostics)
+        except OSError as problem:
+            _unreadable(name, problem.strerror or str(problem))
     if output is None:
         click.echo(lines.getvalue(), nl=False)
     else:
@@ -62,12 +69,18 @@ def command(file: str, input_: str, backend: str, output: Path | None) -> None:
 
 def _open(name: str) -> BinaryIO:
     if name == "-":
+        if sys.stdin is None:
+            _unreadable("<stdin>", "standard input is closed")
         return sys.stdin.buffer
     try:
         return open(name, "rb")
-    except OSError as problem:
-        click.echo(f"{name}:1:1: error[F008]: cannot read the frames: {problem.strerror}", err=True)
-        raise click.exceptions.Exit(EXIT_MISUSE) from None
+    except (OSError, ValueError) as problem:
+        _unreadable(name, (problem.strerror if isinstance(problem, OSError) else None) or str(problem))
+
+
+def _unreadable(name: str, why: str) -> NoReturn:
+    say(f"{name}:1:1: error[F008]: cannot read the frames: {why}")
+    raise click.exceptions.Exit(EXIT_MISUSE)
 
 
 def _executor(program: Program, backend: str) -> Executor:

@@ -53,13 +53,22 @@ class _Reader:
     def frame(self, number: int, data: bytes) -> Frame:
         text = self._text(number, data)
         try:
-            row = json.loads(text)
+            row = json.loads(text, object_pairs_hook=_once_each)
+        except _Repeated as repeated:
+            at, hint = self._at(text, repeated.key, last=True), "each line is a whole frame, each name once"
+            message = f"`{repeated.key}` stands twice in one object"
+            raise self._failure("F001", number, text, at, message, hint) from None
         except json.JSONDecodeError as problem:
             message = f"not JSON: {problem.msg}"
             hint = "each line is a whole frame, an object in JSON"
             raise self._failure("F001", number, text, problem.pos, message, hint) from None
-        except (RecursionError, ValueError):
-            raise self._failure("F001", number, text, 0, "not JSON that can be read") from None
+        except RecursionError:
+            raise self._failure(
+                "F001", number, text, 0, "not JSON that can be read: it nests too deep"
+            ) from None
+        except ValueError:
+            message = "not JSON that can be read: a number has too many digits"
+            raise self._failure("F001", number, text, 0, message) from None
         if not isinstance(row, dict):
             hint = 'a frame is an object: {"t": 0.05, "bumper": false}'
             message = f"a frame must be a JSON object, found {_kind(row)}"
@@ -109,13 +118,29 @@ class _Reader:
             raise self._failure("F006", number, text, self._at(text, key), message, hint)
         return True
 
-    def _at(self, text: str, key: str) -> int:
-        return max(text.find(json.dumps(key)), 0)
+    def _at(self, text: str, key: str, *, last: bool = False) -> int:
+        name = json.dumps(key)
+        return max(text.rfind(name) if last else text.find(name), 0)
 
     def _failure(
         self, code: str, number: int, text: str, at: int, message: str, hint: str | None = None
     ) -> Failure:
         return Failure([_located(code, self._name, number, text, at, message, hint)])
+
+
+class _Repeated(Exception):
+    """A name that stands twice in an object of JSON: which value is meant cannot be known."""
+
+    def __init__(self, key: str) -> None:
+        self.key = key
+
+
+def _once_each(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
+    row = dict(pairs)
+    if len(row) < len(pairs):
+        names = [name for name, _ in pairs]
+        raise _Repeated(next(name for i, name in enumerate(names) if name in names[:i]))
+    return row
 
 
 def _kind(value: object) -> str:

@@ -180,7 +180,8 @@ class Tally:
 def render(summary: RunSummary) -> str:
     """The summary for a person, in plain text."""
     end = ", interrupted" if summary.interrupted else ""
-    head = f"{summary.robot}: {summary.duration_s:.1f} s, {summary.frames} frames, seed {summary.seed}{end}"
+    length = f"{summary.duration_s:.1f} s, {_times(summary.frames, 'frame')}"
+    head = f"{summary.robot}: {length}, seed {summary.seed}{end}"
     lines = [head]
     for actuator in summary.actuators:
         width = max(len(s.module or "(nobody)") for s in actuator.shares)

@@ -11,7 +11,7 @@ import math
 import os
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
 import matplotlib
 import numpy as np
@@ -28,7 +28,7 @@ from colony.nav.stickrep import EdgeKind, Map
 from colony.nav.stickrep_geometry import Point, corners
 from colony.nav.walls import Walls, lights_of, walls_of
 
-FORMATS = (".png", ".svg")
+PictureFormat = Literal["png", "svg"]
 
 _INK, _MUTED, _PAPER, _FLOOR = "#2b2f36", "#7a8290", "#eceef1", "#ffffff"
 _DOOR, _ELEVATOR, _LIGHT = "#c8752a", "#7a4fb5", "#f2c53d"
@@ -37,16 +37,19 @@ _LONG_SIDE_INCHES = 12.0
 _DPI = 150
 
 
-def picture_format(path: str | os.PathLike[str]) -> str:
-    """The format that a file's ending asks for, `png` or `svg`.
+def picture_format(path: str | os.PathLike[str]) -> PictureFormat:
+    """The format that a file's ending asks for.
 
     Raises:
         ValueError: the ending is another one.
     """
-    ending = Path(path).suffix.lower()
-    if ending not in FORMATS:
-        raise ValueError(f"cannot draw into `{os.fspath(path)}`; expected a file ending in .png or .svg")
-    return ending[1:]
+    match Path(path).suffix.lower():
+        case ".png":
+            return "png"
+        case ".svg":
+            return "svg"
+        case _:
+            raise ValueError(f"cannot draw into `{os.fspath(path)}`; expected a file ending in .png or .svg")
 
 
 def draw_map(
@@ -111,29 +114,18 @@ def _legend_rows(width: float, margin: float, paths: int) -> int:
     return 1 if entries * _ENTRY_INCHES < 0.75 * inches else 1 + (entries + 1) // 2
 
 
-def save_picture(figure: Figure, path: str | os.PathLike[str]) -> None:
-    """Write a figure to a file, PNG or SVG by its ending: all of it, or nothing.
-
-    Raises:
-        ValueError: the ending is neither .png nor .svg.
-        OSError: the file cannot be written.
-    """
-    target, image = Path(path), io.BytesIO()
+def encode_picture(figure: Figure, form: PictureFormat) -> bytes:
+    """A figure as the content of a file."""
+    image = io.BytesIO()
     canvas: Any
-    if picture_format(path) == "svg":
+    if form == "svg":
         canvas = FigureCanvasSVG(figure)
         with matplotlib.rc_context({"svg.hashsalt": "colony", "svg.fonttype": "path"}):
             canvas.print_svg(image, metadata={"Date": None})
     else:
         canvas = FigureCanvasAgg(figure)
         canvas.print_png(image, metadata={"Software": None})
-    beside = target.with_name(f".{target.name}.part")
-    try:
-        beside.write_bytes(image.getvalue())
-        beside.replace(target)
-    except BaseException:
-        beside.unlink(missing_ok=True)
-        raise
+    return image.getvalue()
 
 
 def _sheet(low_x: float, low_y: float, high_x: float, high_y: float) -> tuple[Figure, Axes]:

@@ -45,4 +45,4 @@ def test_errors_leave_no_output(colony: Colony, tmp_path: Path) -> None:
 def test_an_output_that_cannot_be_written(colony: Colony, behavior: Path, tmp_path: Path) -> None:
     code, _, err = colony("compile", behavior, "-o", tmp_path / "no" / "such" / "x.txt")
     assert code == 2
-    assert "cannot write: No such file or directory" in err
+    assert "cannot write: there is no such folder" in err

@@ -1,0 +1,130 @@
+"""Files that commands write: whole or not at all, and never over a source or over what is being read."""
+
+from __future__ import annotations
+
+import os
+import shutil
+import stat
+import sys
+from collections.abc import Iterable
+from io import FileIO
+from pathlib import Path
+from typing import NoReturn
+
+import click
+
+from colony.cli.exit_codes import EXIT_MISUSE
+from colony.cli.reporting import say
+
+SOURCES = (".colony", ".stickrep")
+"""Endings of files that people write, which no command overwrites."""
+
+
+def cannot_write(path: str | Path, why: str) -> NoReturn:
+    """Say so in one line, and exit with 2."""
+    say(f"{path}: error: cannot write: {why}")
+    raise click.exceptions.Exit(EXIT_MISUSE)
+
+
+def check_output(path: str | Path, inputs: Iterable[str | Path] = ()) -> None:
+    """Refuse, before the work is done, what could not be written after it, or must not be; exits with 2."""
+    try:
+        why = _objection(Path(path), inputs)
+    except (OSError, RuntimeError, ValueError) as problem:
+        why = _reason(problem)
+    if why is not None:
+        cannot_write(path, why)
+
+
+def _objection(path: Path, inputs: Iterable[str | Path]) -> str | None:
+    if path.is_dir():
+        return "Is a directory"
+    if any(_same(path, Path(source)) for source in inputs):
+        return "it is an input of this command"
+    if path.exists():
+        if path.suffix in SOURCES or path.resolve().suffix in SOURCES:
+            return "it is a source, and exists already"
+        if not os.access(path, os.W_OK):
+            return "Permission denied"
+        if _in_place(path):
+            return None
+    folder = path.resolve().parent
+    if not folder.is_dir():
+        return "there is no such folder"
+    return None if os.access(folder, os.W_OK | os.X_OK) else "Permission denied"
+
+
+def _same(one: Path, other: Path) -> bool:
+    try:
+        return one.samefile(other)
+    except (OSError, ValueError):
+        return False
+
+
+def _in_place(path: Path) -> bool:
+    """Whether it is written into as it stands: what is no regular file cannot be replaced by one."""
+    return path.absolute().is_relative_to("/dev") or (path.exists() and not path.is_file())
+
+
+def _reason(problem: Exception) -> str:
+    return (problem.strerror if isinstance(problem, OSError) else None) or str(problem)
+
+
+def write_whole(path: Path, content: str | bytes) -> None:
+    """Write a file so that it is either whole or as it was; exits with 2 where it cannot be written.
+
+    Of a link, what it leads to is replaced; devices and pipes are written into.
+    """
+    data = content.encode("utf-8", "backslashreplace") if isinstance(content, str) else content
+    try:
+        if _in_place(path):
+            path.write_bytes(data)
+        else:
+            _replace(path.resolve(), data)
+    except BrokenPipeError:
+        raise
+    except (OSError, RuntimeError, ValueError) as problem:
+        cannot_write(path, _reason(problem))
+
+
+def _replace(target: Path, data: bytes) -> None:
+    beside = target.with_name(f".colony-{os.getpid()}.part")
+    try:
+        beside.write_bytes(data)
+        if target.exists():
+            shutil.copymode(target, beside)
+        beside.replace(target)
+    except BaseException:
+        beside.unlink(missing_ok=True)
+        raise
+
+
+def open_alone(path: str) -> FileIO:
+    """An unbuffered file to append to, empty at first, that no other run is writing.
+
+    Raises:
+        OSError: it cannot be opened, or another run has it open this way (`BlockingIOError`).
+    """
+    file = FileIO(path, "a")
+    try:
+        if stat.S_ISREG(os.fstat(file.fileno()).st_mode):
+            _lock(file)
+            file.truncate(0)
+    except BaseException:
+        file.close()
+        raise
+    return file
+
+
+def _lock(file: FileIO) -> None:
+    """Take the file until it is closed, where the system has such locks."""
+    if sys.platform == "win32":
+        return
+    import fcntl
+
+    try:
+        fcntl.flock(file.fileno(), fcntl.LOCK_EX | fcntl.LOCK_NB)
+    except BlockingIOError:
+        raise
+    except OSError:  # a file system without locks
+        return
