@@ -119,6 +119,9 @@ def _run() -> int:
     except (click.Abort, KeyboardInterrupt):
         _say("colony: interrupted")
         return EXIT_INTERRUPTED
+    except SystemExit as problem:  # click raises none this way, so it was a module in Python
+        _say(f"colony: error: a module in Python ended the process: SystemExit: {problem.code}")
+        return EXIT_ERRORS
     except BrokenPipeError:  # whoever read our output has seen enough
         _give_up_output()
     except OSError as problem:

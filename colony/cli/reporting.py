@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import sys
 from collections.abc import Iterable, Sequence
 from pathlib import Path
@@ -25,7 +26,7 @@ def say(text: str) -> None:
 
 def report(diagnostics: Iterable[Diagnostic]) -> None:
     """Each diagnostic with its source line, caret and hint."""
-    colored = sys.stderr.isatty()
+    colored = sys.stderr.isatty() and not os.environ.get("NO_COLOR")
     for diagnostic in diagnostics:
         text = render(diagnostic)
         if colored:
@@ -61,7 +62,7 @@ def load_program(path: str) -> Program:
 
     checked = check_file(path)
     if checked.program is not None:
-        sys.path += [str(Path(path).resolve().parent), str(Path.cwd())]
+        sys.path += [str(Path(path).resolve().parent), os.curdir]
         return checked.program
     if is_unreadable(checked.diagnostics):
         refuse(checked.diagnostics)

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import sys
+from contextlib import redirect_stdout
+
 import click
 
 from colony.cli.exit_codes import EXIT_ERRORS, EXIT_INTERRUPTED, EXIT_MISUSE
@@ -84,7 +87,8 @@ def command(
         settings=settings,
     )
     try:
-        summary = run(program, options)
+        with redirect_stdout(sys.stderr):  # for what modules in Python print
+            summary = run(program, options)
     except BadOption as bad:
         raise click.UsageError(str(bad), click.get_current_context()) from None
     except Misuse as misuse:

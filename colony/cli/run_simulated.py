@@ -14,8 +14,9 @@ from pathlib import Path
 import numpy as np
 
 from colony.cli.outputs import cannot_write, check_output, open_alone, write_whole
+from colony.cli.reporting import say
 from colony.cli.run_options import BadOption, duration_ns, variables
-from colony.cli.run_progress import Progress
+from colony.cli.run_progress import PATIENCE_S, Progress
 from colony.compile.pipeline import compile_program
 from colony.ir.program import Program
 from colony.nav.stickrep import Map
@@ -131,6 +132,8 @@ def interruptible() -> Iterator[Callable[[], bool]]:
     """While it lasts, the first Ctrl-C (or SIGTERM) is noted, for the run to end between two moments; the
     next one breaks in at once. Gives the function that tells whether there was one."""
     noted: list[int] = []
+    reminder = threading.Timer(PATIENCE_S, say, ("stopping after this frame; Ctrl-C again stops at once",))
+    reminder.daemon = True
     if threading.current_thread() is not threading.main_thread():
         yield lambda: bool(noted)
         return
@@ -139,11 +142,13 @@ def interruptible() -> Iterator[Callable[[], bool]]:
         if noted:
             raise KeyboardInterrupt
         noted.append(number)
+        reminder.start()
 
     before = {number: signal.signal(number, note) for number in (signal.SIGINT, signal.SIGTERM)}
     try:
         yield lambda: bool(noted)
     finally:
+        reminder.cancel()
         for number, handler in before.items():
             signal.signal(number, handler)
 

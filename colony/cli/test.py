@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import sys
+from contextlib import redirect_stdout
+
 import click
 
 from colony.cli.exit_codes import EXIT_ERRORS
@@ -26,7 +29,8 @@ def command(files: tuple[str, ...], format_: str) -> None:
     passed = failed = 0
     failures: list[Diagnostic] = []
     for file in files:
-        results = run_examples(load_program(file))
+        with redirect_stdout(sys.stderr):  # for what modules in Python print
+            results = run_examples(load_program(file))
         for result in results:
             passed, failed = passed + result.passed, failed + (not result.passed)
             if format_ == "text":

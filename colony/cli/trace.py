@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import io
 import sys
+from contextlib import redirect_stdout
 from pathlib import Path
 from typing import TYPE_CHECKING, BinaryIO, NoReturn
 
@@ -52,7 +53,7 @@ def command(file: str, input_: str, backend: str, output: Path | None) -> None:
 
     lines = io.StringIO()
     name = "<stdin>" if input_ == "-" else input_
-    with _open(input_) as frames:
+    with _open(input_) as frames, redirect_stdout(sys.stderr):  # for what modules in Python print
         executor = _executor(program, backend)
         try:
             for frame in read_frames(frames, name, program):
