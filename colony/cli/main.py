@@ -5,6 +5,7 @@ Exit codes: 0 good (warnings included), 1 errors found, 2 misuse, 130 interrupte
 
 from __future__ import annotations
 
+import errno
 import os
 import sys
 from contextlib import suppress
@@ -27,6 +28,10 @@ COMMANDS = {
     "map": "draw a building",
 }
 """Every command and what it is for; `colony/cli/NAME.py` has it as `command`."""
+
+
+_UNWRITTEN = frozenset({errno.ENOSPC, errno.EFBIG, errno.EIO, errno.EBADF})
+"""What goes wrong where output cannot be written, and no file has a name."""
 
 
 class Commands(click.Group):
@@ -125,8 +130,9 @@ def _run() -> int:
     except BrokenPipeError:  # whoever read our output has seen enough
         _give_up_output()
     except OSError as problem:
-        what = problem.filename or "standard output: cannot write"
-        _say(f"colony: error: {what}: {problem.strerror or problem}")
+        unwritten = "standard output: cannot write" if problem.errno in _UNWRITTEN else None
+        what = problem.filename or unwritten
+        _say(f"colony: error: {f'{what}: ' if what else ''}{problem.strerror or problem}")
         _give_up_output()
         return EXIT_MISUSE
     except Exception as problem:

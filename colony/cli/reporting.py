@@ -6,12 +6,16 @@ import os
 import sys
 from collections.abc import Iterable, Sequence
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import click
 
 from colony.cli.exit_codes import EXIT_ERRORS, EXIT_MISUSE
 from colony.diagnostics import Diagnostic, headline, render
 from colony.ir.program import Program
+
+if TYPE_CHECKING:
+    from colony.dsl.load import Checked
 
 _COLORS = {"error": "red", "warning": "yellow"}
 
@@ -52,17 +56,23 @@ def is_unreadable(diagnostics: Sequence[Diagnostic]) -> bool:
     return len(diagnostics) == 1 and diagnostics[0].code == "E001"
 
 
-def load_program(path: str) -> Program:
-    """The program of a file that a command works on; warnings are left to `colony check`.
-
-    Modules written in Python are looked for in the file's directory and in this one, too.
-    Exits with 2 where the file cannot be read, with 1 where there are errors in it.
-    """
+def check_to_run(path: str) -> Checked:
+    """Check a file; modules written in Python are looked for in its directory and in this one, too."""
     from colony.dsl.load import check_file
 
     checked = check_file(path)
     if checked.program is not None:
         sys.path += [str(Path(path).resolve().parent), os.curdir]
+    return checked
+
+
+def load_program(path: str) -> Program:
+    """The program of a file that a command works on; warnings are left to `colony check`.
+
+    Exits with 2 where the file cannot be read, with 1 where there are errors in it.
+    """
+    checked = check_to_run(path)
+    if checked.program is not None:
         return checked.program
     if is_unreadable(checked.diagnostics):
         refuse(checked.diagnostics)

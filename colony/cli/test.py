@@ -3,12 +3,17 @@
 from __future__ import annotations
 
 import sys
+from collections.abc import Sequence
 from contextlib import redirect_stdout
+from typing import TYPE_CHECKING, NamedTuple
 
 import click
 
-from colony.cli.exit_codes import EXIT_ERRORS
-from colony.cli.reporting import load_program, report
+from colony.cli.exit_codes import EXIT_ERRORS, EXIT_MISUSE
+from colony.cli.reporting import check_to_run, is_unreadable, one_line, report, say
+
+if TYPE_CHECKING:
+    from colony.diagnostics import Diagnostic
 
 
 @click.command("test", short_help="run the tests that behavior files contain")
@@ -23,27 +28,58 @@ def command(files: tuple[str, ...], format_: str) -> None:
     Example:
       colony test behaviors/wander.colony
     """
-    from colony.diagnostics import Diagnostic, to_json
-    from colony.verify.examples import failures_as_diagnostics, run_examples
+    from colony.diagnostics import to_json
 
     passed = failed = 0
-    failures: list[Diagnostic] = []
+    unreadable = False
+    found: list[Diagnostic] = []
     for file in files:
-        with redirect_stdout(sys.stderr):  # for what modules in Python print
-            results = run_examples(load_program(file))
-        for result in results:
-            passed, failed = passed + result.passed, failed + (not result.passed)
-            if format_ == "text":
-                mark = "passed" if result.passed else "FAILED"
-                frames = f"{result.frames} frame{'' if result.frames == 1 else 's'}"
-                click.echo(f"{file}: {mark}: {result.name} ({frames})")
-        found = failures_as_diagnostics(results)
-        failures += found
+        tested = _test(file)
+        passed, failed = passed + tested.passed, failed + tested.failed
+        unreadable = unreadable or is_unreadable(tested.found)
+        found += tested.found
         if format_ == "text":
-            report(found)
+            for line in tested.lines:
+                click.echo(line)
+            if is_unreadable(tested.found):
+                say(one_line(tested.found[0]))
+            else:
+                report(tested.found)
     if format_ == "json":
-        click.echo(to_json(failures))
+        click.echo(to_json(found))
     else:
         click.echo(f"{passed} passed, {failed} failed" + ("" if passed or failed else ": there are no tests"))
-    if failed:
+    if unreadable:
+        raise click.exceptions.Exit(EXIT_MISUSE)
+    if found:
         raise click.exceptions.Exit(EXIT_ERRORS)
+
+
+class _Tested(NamedTuple):
+    """What became of the tests of one file; a line a test, and what was found wrong with it or them."""
+
+    found: Sequence[Diagnostic]
+    lines: Sequence[str] = ()
+    passed: int = 0
+    failed: int = 0
+
+
+def _test(file: str) -> _Tested:
+    from colony.diagnostics import Failure
+    from colony.verify.examples import failures_as_diagnostics, run_examples
+
+    checked = check_to_run(file)
+    if checked.program is None:
+        return _Tested(checked.diagnostics)
+    try:
+        with redirect_stdout(sys.stderr):  # for what modules in Python print
+            results = run_examples(checked.program)
+    except Failure as failure:
+        return _Tested(failure.diagnostics)
+    lines = []
+    for result in results:
+        mark = "passed" if result.passed else "FAILED"
+        frames = f"{result.frames} frame{'' if result.frames == 1 else 's'}"
+        lines.append(f"{file}: {mark}: {result.name} ({frames})")
+    passed = sum(result.passed for result in results)
+    return _Tested(failures_as_diagnostics(results), lines, passed, len(results) - passed)
