@@ -47,7 +47,7 @@ def command(files: tuple[str, ...], format_: str) -> None:
                 report(tested.found)
     if format_ == "json":
         click.echo(to_json(found))
-    else:
+    elif passed or failed or not found:
         click.echo(f"{passed} passed, {failed} failed" + ("" if passed or failed else ": there are no tests"))
     if unreadable:
         raise click.exceptions.Exit(EXIT_MISUSE)

@@ -44,3 +44,4 @@ def test_unreadable_files_are_misuse(colony: Colony, tmp_path: Path) -> None:
         code, _, err = colony("check", path)
         assert code == 2
         assert f"{path}:1:1: error[E001]: cannot read" in err
+        assert err.count("\n") == 1

@@ -1,5 +1,6 @@
 from __future__ import annotations
 
+import os
 import subprocess
 import sys
 from pathlib import Path
@@ -50,3 +51,52 @@ def test_a_reader_that_goes_away_is_no_error(behavior: Path) -> None:
     command = f"{sys.executable} -m colony.cli.main compile --format python {behavior} | head -1"
     done = subprocess.run(["bash", "-c", command], capture_output=True, text=True, check=True)
     assert done.stderr == ""
+
+
+@pytest.mark.parametrize("arguments", ["--help", "check --help", "compile FILE", "check FILE"])
+def test_a_reader_that_never_came_is_no_error(behavior: Path, arguments: str) -> None:
+    arguments = arguments.replace("FILE", str(behavior))
+    command = f"set -o pipefail; {sys.executable} -m colony.cli.main {arguments} | true"
+    done = subprocess.run(["bash", "-c", command], capture_output=True, text=True)
+    assert (done.returncode, done.stderr) == (0, "")
+
+
+@pytest.mark.parametrize(
+    ("redirection", "code", "said"),
+    [
+        ("> /dev/full", 2, "colony: error: standard output: cannot write: No space left on device\n"),
+        (">&-", 0, ""),
+        ("2>&-", 0, ""),
+        ("2> /dev/full", 0, ""),
+    ],
+)
+def test_streams_that_take_nothing(behavior: Path, redirection: str, code: int, said: str) -> None:
+    if not Path("/dev/full").exists():
+        pytest.skip("no /dev/full")
+    command = f"{sys.executable} -m colony.cli.main check {behavior} {redirection}"
+    done = subprocess.run(["bash", "-c", command], capture_output=True, text=True)
+    assert (done.returncode, done.stderr) == (code, said)
+
+
+@pytest.mark.parametrize("redirection", ["2>&-", "2> /dev/full"])
+def test_misuse_that_nobody_hears_is_still_exit_code_2(behavior: Path, redirection: str) -> None:
+    if not Path("/dev/full").exists():
+        pytest.skip("no /dev/full")
+    for arguments in ("check nowhere", "check --nope", "map nowhere", f"trace {behavior} --input nowhere"):
+        command = f"{sys.executable} -m colony.cli.main {arguments} {redirection}"
+        done = subprocess.run(["bash", "-c", command])
+        assert done.returncode == 2, arguments
+
+
+def test_letters_that_the_encoding_lacks_become_escapes(behavior: Path) -> None:
+    command = [sys.executable, "-m", "colony.cli.main", "compile", "--explain", str(behavior)]
+    environment = {**os.environ, "PYTHONIOENCODING": "latin-1"}
+    done = subprocess.run(command, capture_output=True, env=environment)
+    assert (done.returncode, done.stderr) == (0, b"")
+    assert b"\\u251c" in done.stdout
+
+
+def test_names_with_line_breaks_stay_on_one_line(colony: Colony) -> None:
+    for command in (("check",), ("compile",), ("check", "--no\npe")):
+        code, _, err = colony(*command, "a\nb.colony")
+        assert (code, err.count("\n")) == (2, 1)

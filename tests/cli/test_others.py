@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from pathlib import Path
 
 from tests.cli.conftest import Colony
@@ -47,3 +48,25 @@ def test_new_writes_a_behavior_that_checks_tests_and_compiles(colony: Colony, tm
     assert code == 2
     assert "exists already" in err
     assert (tmp_path / "patrol.colony").read_text() == before
+
+
+def test_files_with_errors_are_told_and_the_others_tested(
+    colony: Colony, behavior: Path, tmp_path: Path
+) -> None:
+    (tmp_path / "bad.colony").write_text("let a = b\n")
+    code, out, err = colony("test", "bad.colony", behavior)
+    assert code == 1
+    assert out.endswith("1 passed, 0 failed\n")
+    assert "bad.colony:1:1: error[E301]" in err
+    code, out, _ = colony("test", "--format", "json", "bad.colony", behavior)
+    assert code == 1
+    assert [row["code"] for row in json.loads(out)] == ["E301"]
+    code, out, err = colony("test", "nowhere.colony")
+    assert (code, out, err.count("\n")) == (2, "", 1)
+    code, out, _ = colony("test", "--format", "json", "nowhere.colony", "bad.colony")
+    assert code == 2
+    assert json.loads(out)[0]["code"] == "E001"
+
+
+def test_new_says_what_can_be_typed(colony: Colony) -> None:
+    assert colony("new", "my patrol").out.endswith("try: colony test 'my patrol.colony'\n")

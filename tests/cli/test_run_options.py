@@ -27,7 +27,7 @@ def test_durations(text: str, expected: int) -> None:
 
 
 @pytest.mark.parametrize(
-    "text", ["", "0", "-1", "x", "5 mm", "5 parsec", "nan", "inf", "1e999", "1e10", "5 s s"]
+    "text", ["", "0", "-1", "1e-12", "x", "5 mm", "5 parsec", "nan", "inf", "1e999", "1e10", "5 s s"]
 )
 def test_bad_durations(text: str) -> None:
     with pytest.raises(BadOption, match="--duration: found"):
@@ -80,6 +80,7 @@ def test_settings(setting: str, value: object) -> None:
 
 BAD = [
     ("Docked", "NAME=VALUE"),
+    ("=3", "NAME=VALUE"),
     ("Docket=true", "did you mean `Docked`"),
     ("bumper=true", "no sensor reads"),
     ("Docked=1", "true or false"),

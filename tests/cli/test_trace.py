@@ -1,10 +1,14 @@
 from __future__ import annotations
 
 import json
+import subprocess
+import sys
+from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
 
+from colony.ir.frame import Frame
 from tests.cli.conftest import Colony
 
 BACKENDS = ["network", "clients", "python"]
@@ -58,7 +62,10 @@ def test_output_of_a_trace_can_be_input_again(colony: Colony, behavior: Path) ->
         ('{"t": 0.25}', "2:2", "F004", "time must rise"),
         ('{"t": 1, "neer": 3}', "2:10", "F005", "unknown sensor `neer` (did you mean `near`?)"),
         ('{"t": 1, "rays": [1, 2]}', "2:10", "F006", "`rays` has 3 elements, found 2"),
-        ('{"t": 1, "near": ' + "[" * 100_000, "2:1", "F001", "not JSON"),
+        ('{"t": 1, "near": ' + "[" * 100_000, "2:1", "F001", "nests too deep"),
+        ('{"t": 1, "near": ' + "9" * 5000 + "}", "2:1", "F001", "too many digits"),
+        ('{"t": 1, "near": 1, "near": 2}', "2:21", "F001", "`near` stands twice"),
+        ('{"t": 1, "t": 2}', "2:10", "F001", "`t` stands twice"),
     ],
 )
 def test_bad_frames_are_one_located_line(
@@ -107,3 +114,23 @@ def test_times_beyond_doubles_keep_their_nanoseconds(colony: Colony, behavior: P
     ran = colony("trace", behavior, "--input", "-", stdin=stdin)
     assert ran.code == 0
     assert '"t": 1700000000.000000002' in ran.out
+
+
+def test_frames_that_cannot_be_read_to_the_end(
+    colony: Colony, behavior: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def broken(*_: object) -> Iterator[Frame]:
+        yield Frame(0, {})
+        raise OSError(5, "Input/output error")
+
+    monkeypatch.setattr("colony.runtime.replay.read_frames", broken)
+    ran = colony("trace", behavior, "--input", "-")
+    assert (ran.code, ran.out) == (2, "")
+    assert ran.err == "<stdin>:1:1: error[F008]: cannot read the frames: Input/output error\n"
+
+
+def test_standard_input_that_is_closed(behavior: Path) -> None:
+    command = f"{sys.executable} -m colony.cli.main trace {behavior} --input - <&-"
+    done = subprocess.run(["bash", "-c", command], capture_output=True, text=True)
+    assert (done.returncode, done.stdout) == (2, "")
+    assert done.stderr == "<stdin>:1:1: error[F008]: cannot read the frames: standard input is closed\n"
