@@ -41,6 +41,9 @@ THIRD_PARTY: dict[str, set[str]] = {
     "click": {"cli"},
     "rich": {"cli"},
     "networkx": {"view", "compile"},
+    "msgspec": {"runtime", "sim"},
+    "zenoh": {"runtime"},
+    "mcap": {"runtime"},
 }
 """The only packages that may import these."""
 

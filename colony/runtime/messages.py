@@ -1,8 +1,8 @@
 """What the processes of a robot say to each other, and what a process asks of its transport.
 
-Everything here is immutable and holds only numbers, bools, strings, tuples and mappings of them, so that a
-transport may hand a message over as it is or put it into bytes. A process of the runtime is a `Node`: it
-takes one message and a time and returns effects; it never sleeps, opens or sends anything itself.
+Every message is an immutable struct of numbers, bools, strings, bytes, tuples and mappings of them, which
+`codec.py` puts into bytes and checks on the way back. A process of the runtime is a `Node`: it takes one
+message and a time and returns effects; it never sleeps, opens or sends anything itself.
 
 One frame k of a robot, by its messages (thesis section 4.3: clients ask servers, nobody else talks):
 
@@ -11,13 +11,27 @@ One frame k of a robot, by its messages (thesis section 4.3: clients ask servers
     module   -> DServer          Announcement(k)  the activity of a module in Python, which DServer publishes
     client   -> its server       Request(k)       a command, or that it has none
     server   -> observers        Verdict(k)       who won, what was sent, why the others lost
+
+What clients of a network need besides, to come and go:
+
+    client   -> Clock            Ready            it listens, and can begin
+    client   -> DServer          Checkpoint(k)    its memory after frame k; and Recall, to have it back
+    client   -> Clock            Restart          it cannot go on: begin anew from the initial memory, all
+
+And what scripts, operators and programs outside a network do, at any server, at any time:
+
+    anyone   -> server           Call             a method and its arguments
+    server   -> caller           Reply            the result, or what is wrong
+    server   -> caller           Notice           something that the caller asked to be told of
+    anyone   -> server           Alive            the connection still stands
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass
-from typing import Literal, NamedTuple, Protocol
+from typing import Literal, NamedTuple, Protocol, runtime_checkable
+
+import msgspec
 
 from colony.ir.types import ScalarValue, Value
 
@@ -29,18 +43,27 @@ class Sample(NamedTuple):
     t_ns: int
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Tick:
-    """Frame `k` begins at `t_ns`; `down` are servers and `lost` clients (by address) that do not live."""
+class _Message(msgspec.Struct, frozen=True, kw_only=True, tag=True, array_like=True):
+    """In bytes, an array that begins with the message's name."""
+
+
+class Tick(_Message, frozen=True, kw_only=True):
+    """Frame `k` begins at `t_ns`; `down` are servers and `lost` clients (by address) that do not live.
+
+    `start` is the frame in which the memory of the whole network was at its initial values: 0, or that of
+    the last restart. Frames before it are of no use any more. `run` names the run of a program that the
+    frame belongs to; "" is that of a robot without a program.
+    """
 
     k: int
     t_ns: int
+    start: int = 0
+    run: str = ""
     down: tuple[str, ...] = ()
     lost: tuple[str, ...] = ()
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class ServerFrame:
+class ServerFrame(_Message, frozen=True, kw_only=True):
     """What a server has for frame `k`: fields in base units by name; None, or absent, is "no value"."""
 
     server: str
@@ -48,8 +71,7 @@ class ServerFrame:
     fields: Mapping[str, Sample | None]
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Fetch:
+class Fetch(_Message, frozen=True, kw_only=True):
     """Asks whoever published the frames of `server` (or the Clock its ticks) to publish frame `k` again."""
 
     server: str
@@ -58,13 +80,13 @@ class Fetch:
 
 Bid = Literal[
     "command",  # active: the network lets its command through
-    "held back",  # its predicate holds, but by the network another stands above it
-    "silent",  # its predicate does not hold, something is missing, or it does not tell why it has no command
+    "suppressed",  # its predicate holds, but by the network another one's command takes its place
+    "inhibited",  # its predicate holds, but by the network another one gates it
+    "silent",  # its predicate does not hold, or something that it reads is missing
 ]
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Request:
+class Request(_Message, frozen=True, kw_only=True):
     """What `client` wants of `actuator` in frame `k`.
 
     `values` are the fields in base units, limited and clamped already; None unless the bid is a command,
@@ -79,8 +101,7 @@ class Request:
     fault: str | None = None
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Announcement:
+class Announcement(_Message, frozen=True, kw_only=True):
     """A module in Python tells DServer whether it is active in frame `k`, for the guards of others."""
 
     k: int
@@ -90,21 +111,28 @@ class Announcement:
 
 Fate = Literal[
     "won",
-    "held back",
+    "suppressed",
+    "inhibited",
     "silent",
     "overruled",  # it was active although another, with a higher place, was too: a violation
+    "overridden",  # it was active, but a client outside the network, with a higher priority, commanded
+    "locked out",  # it was active, but somebody else holds the lock
+    "stopped",  # it was active, but the emergency stop is on
     "late",  # lives, but its request was not there when the frame was decided at its deadline
     "lost",
     "refused",  # its request was malformed
 ]
 
+Hold = Literal["stopped", "locked"]
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Verdict:
+
+class Verdict(_Message, frozen=True, kw_only=True):
     """How frame `k` of an actuator came out.
 
-    `values` were sent, in declared units; None when nothing was (`idle hold`). `fates` has every client,
-    highest place first. `violation`: two were active. `note` says what was wrong with a refused request.
+    `by` is the client of the network that won. `values` were sent, in declared units; None when nothing was
+    (`idle hold`). `fates` has every client, highest place first. `violation`: two were active. `outside` is
+    the client outside the network whose command was sent instead; `hold` tells that the emergency stop or
+    a lock kept the network from deciding. `notes` say what was wrong with what came.
     """
 
     k: int
@@ -116,21 +144,141 @@ class Verdict:
     fault: str | None = None
     violation: bool = False
     notes: tuple[str, ...] = ()
+    outside: str | None = None
+    hold: Hold | None = None
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Wake:
-    """The time that a node asked to be woken at has come."""
+# --- clients that come and go ----------------------------------------------------------------------
 
 
-Message = Tick | ServerFrame | Fetch | Announcement | Request | Verdict | Wake
+class Ready(_Message, frozen=True, kw_only=True):
+    """A client of the network, by address, tells the Clock that it listens."""
+
+    client: str
+
+
+class Restart(_Message, frozen=True, kw_only=True):
+    """A client that lost its memory asks the Clock to begin anew, unless it has since `start` already."""
+
+    client: str
+    start: int
+
+
+class Checkpoint(_Message, frozen=True, kw_only=True):
+    """The memory of a client after frame `k`, of the network that began at `start`.
+
+    To DServer, to be kept; and from it, as the answer to `Recall`, with `k` -1 where it has none.
+    """
+
+    client: str
+    k: int
+    start: int
+    memory: bytes
+
+
+class Recall(_Message, frozen=True, kw_only=True):
+    """A client asks DServer for its newest checkpoint."""
+
+    client: str
+
+
+# --- calls -----------------------------------------------------------------------------------------
+
+
+Right = Literal["read", "command", "stop"]
+"""What a user may be allowed: to look, to change and move things, to stop the robot in an emergency."""
+
+
+class Call(_Message, frozen=True, kw_only=True):
+    """Method `method` of a server, with arguments in msgpack.
+
+    `connection` is `user/id`. `number` counts the calls of a connection from 1; the same number again is the
+    same call again, and is done once. `priority` orders calls that wait at the server, higher first. `right`
+    is what the caller claims to be allowed; the transport vouches for it and for the user.
+    """
+
+    connection: str
+    number: int
+    method: str
+    arguments: msgspec.Raw
+    priority: int = 0
+    right: Right = "command"
+
+
+class Problem(msgspec.Struct, frozen=True, kw_only=True):
+    """Why a call failed: a code that programs can tell apart, and a message for people."""
+
+    code: str
+    message: str
+
+
+class Reply(_Message, frozen=True, kw_only=True):
+    """The answer to call `number`: its result in msgpack, unless there is a problem.
+
+    `number` is 0 where the call could not even be read.
+    """
+
+    connection: str
+    number: int
+    result: msgspec.Raw = msgspec.Raw(b"\xc0")
+    problem: Problem | None = None
+
+
+class Notice(_Message, frozen=True, kw_only=True):
+    """Something that a connection asked to be told of: about `subject`, the body in msgpack."""
+
+    connection: str
+    subject: str
+    body: msgspec.Raw
+
+
+class Alive(_Message, frozen=True, kw_only=True):
+    """A connection still stands, though it calls nothing."""
+
+    connection: str
+
+
+class Malformed(_Message, frozen=True, kw_only=True):
+    """What a transport hands over in place of bytes that are no message. Never sent.
+
+    `connection` is whose call it would have been, None where it was none.
+    """
+
+    topic: str
+    connection: str | None
+    reason: str
+
+
+class Wake(_Message, frozen=True, kw_only=True):
+    """The time that a node asked to be woken at has come. Never sent."""
+
+
+Sent = (
+    Tick
+    | ServerFrame
+    | Fetch
+    | Announcement
+    | Request
+    | Verdict
+    | Ready
+    | Restart
+    | Checkpoint
+    | Recall
+    | Call
+    | Reply
+    | Notice
+    | Alive
+)
+"""What goes from one process to another."""
+
+Message = Sent | Malformed | Wake
 
 
 class Send(NamedTuple):
     """Effect: deliver `message` to every node that listens to `topic`."""
 
     topic: str
-    message: Message
+    message: Sent
 
 
 class WakeAt(NamedTuple):
@@ -166,3 +314,11 @@ class Node(Protocol):
     def close(self) -> None:
         """Leave whatever it holds in a safe state; called once, also after a failure."""
         ...
+
+
+@runtime_checkable
+class Settling(Protocol):
+    """A node with something to bring to rest before its effects may leave: a transport calls `settle` after
+    it handled what was waiting, and only then carries out the effects of all of it."""
+
+    def settle(self) -> None: ...

@@ -111,7 +111,7 @@ def _actuator(actuator: Actuator, verdict: Verdict) -> str:
     return json.dumps({"by": verdict.by, **dict(values), **_trouble(verdict)})
 
 
-_QUIET = frozenset({"won", "silent", "held back"})
+_QUIET = frozenset({"won", "silent", "suppressed", "inhibited"})
 
 
 def _trouble(verdict: Verdict) -> dict[str, object]:

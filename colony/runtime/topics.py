@@ -1,6 +1,6 @@
 """Names, not addresses: the topics of one robot.
 
-A transport that serves several robots puts `colony/<robot>/` before them.
+A transport that serves several robots puts `colony/<robot>/` before them (see `live/keys.py`).
 """
 
 from __future__ import annotations
@@ -8,6 +8,8 @@ from __future__ import annotations
 CLOCK = "Clock"
 
 TICKS = "Clock/ticks"
+READY = "Clock/ready"
+RESTARTS = "Clock/restarts"
 VERDICTS = "verdicts"
 
 
@@ -31,9 +33,29 @@ def announcements(server: str) -> str:
     return f"{server}/announcements"
 
 
+def checkpoints(server: str) -> str:
+    """Where a data server takes the checkpoints of clients, and is asked for them."""
+    return f"{server}/checkpoints"
+
+
+def recalled(server: str, client: str) -> str:
+    """Where a data server answers the `Recall` of a client, given by address."""
+    return f"{server}/recalled/{client}"
+
+
 def activity(server: str, module: str) -> str:
     """The name under which a data server publishes the activity of a module in Python, as frames."""
     return f"{server}/activity/{module}"
+
+
+def calls(server: str) -> str:
+    """Where a server takes calls and signs of life, and is told of malformed ones."""
+    return f"{server}/call"
+
+
+def replies(server: str, connection: str) -> str:
+    """Where a connection (`user/id`) gets the replies and notices of a server."""
+    return f"{server}/reply/{connection}"
 
 
 def client_address(actuator: str, module: str) -> str:

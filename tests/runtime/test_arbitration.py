@@ -58,7 +58,7 @@ TABLE = [
     ("all silent", "sss", "", None, "silent silent silent"),
     ("the lowest alone", "ssc", "", "cruise", "silent silent won"),
     ("the highest alone", "css", "", "back_off", "won silent silent"),
-    ("held back is not silent", "chh", "", "back_off", "won held-back held-back"),
+    ("suppressed is not silent", "chh", "", "back_off", "won suppressed suppressed"),
     ("a late client, nobody else", "-ss", "", None, "late silent silent"),
     ("a late higher client does not undo an exclusive command", "-sc", "", "cruise", "late silent won"),
     ("a late lower client", "sc-", "", "avoid", "silent won late"),
@@ -73,7 +73,7 @@ TABLE = [
     ("bids", "lost", "winner", "fates"), [row[1:] for row in TABLE], ids=[r[0] for r in TABLE]
 )
 def test_frames(bids: str, lost: str, winner: str | None, fates: str) -> None:
-    names = {"s": "silent", "c": "command", "h": "held back"}
+    names = {"s": "silent", "c": "command", "h": "suppressed"}
     came = [(c, names[b]) for c, b in zip(PLACES, bids, strict=True) if b != "-"]
     for order in itertools.permutations(came):
         dispatches, verdicts = run(*order, lost=tuple(lost.split()))

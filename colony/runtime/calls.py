@@ -1,0 +1,377 @@
+"""The part of a server that takes calls: connections with priorities, methods with typed arguments, replies
+now or later, and callers that die (thesis section 4.5.3).
+
+A server lists its methods and gives its messages to a `CallDesk`:
+
+    METHODS = (method("level", Level, read_level, right="read"), ...)
+    desk = CallDesk("Battery", METHODS)
+    effects = desk.handle(message, now_ns)
+
+A connection begins with the call `open` and ends with the call `close`, or when nothing was heard of it for
+the lease. A call is done once however often it arrives: what was answered is answered again in the same
+words. A handler gives the result, raises `Refused`, or says `LATER` and answers through `CallDesk.answer` in
+its time.
+"""
+
+from __future__ import annotations
+
+from collections import OrderedDict
+from collections.abc import Callable, Iterable, Iterator
+from dataclasses import dataclass, field
+from typing import Any, Final, NamedTuple
+
+import msgspec
+
+from colony.runtime import topics
+from colony.runtime.messages import (
+    Alive,
+    Call,
+    Effect,
+    Malformed,
+    Message,
+    Notice,
+    Problem,
+    Reply,
+    Right,
+    Send,
+    Wake,
+    WakeAt,
+)
+
+LEASE_NS = 750_000_000
+"""After this time without a sign of life a connection is lost. Clients give one every quarter of a second."""
+
+ANSWERS_KEPT = 64
+"""Replies that are kept for each connection, for calls that arrive again."""
+
+CONNECTIONS = 1000
+"""How many connections a server takes at a time."""
+
+
+class Refused(Exception):
+    """A call that a server does not do.
+
+    `code` is for programs: "arguments", "method", "right", "closed", "malformed", or one of the server's own.
+    """
+
+    def __init__(self, code: str, message: str) -> None:
+        super().__init__(message)
+        self.problem = Problem(code=code, message=message)
+
+
+class Caller(NamedTuple):
+    """Who calls: a connection (`user/id`), the name that it goes by, its priority, its user."""
+
+    connection: str
+    name: str
+    priority: int
+    user: str
+
+
+class Asked(NamedTuple):
+    """One call, of which the answer is due."""
+
+    caller: Caller
+    number: int
+
+
+class Later:
+    """The type of `LATER`."""
+
+
+LATER: Final = Later()
+"""What a handler gives whose answer comes later."""
+
+Handler = Callable[[Asked, Any, int], object]
+"""From the call, its arguments and the time to its result, which msgspec can put into bytes."""
+
+
+class Method(NamedTuple):
+    """A method of a server: its arguments, a struct of msgspec, and the right that it needs."""
+
+    name: str
+    arguments: type[msgspec.Struct]
+    handler: Handler
+    right: Right
+
+
+def method(
+    name: str, arguments: type[msgspec.Struct], handler: Handler, *, right: Right = "command"
+) -> Method:
+    """A line of a server's table of methods."""
+    return Method(name, arguments, handler, right)
+
+
+class Open(msgspec.Struct, frozen=True, kw_only=True):
+    """`open`: the name that the connection goes by, for people; its priority is that of the call."""
+
+    name: str
+
+
+class Nothing(msgspec.Struct, frozen=True, kw_only=True):
+    """The arguments of a method that has none."""
+
+
+class ConnectionStatus(msgspec.Struct, frozen=True, kw_only=True):
+    """What a server tells of a connection; `since_ns` and `problem_ns` are times of the robot's Clock."""
+
+    connection: str
+    name: str
+    priority: int
+    since_ns: int
+    calls: int
+    problems: int
+    last_problem: str | None
+
+
+class Status(msgspec.Struct, frozen=True, kw_only=True):
+    """`status`: who is connected, and how many messages could not be read."""
+
+    server: str
+    connections: tuple[ConnectionStatus, ...]
+    malformed: int
+    last_malformed: str | None
+
+
+@dataclass(frozen=False, slots=True, kw_only=True)
+class _Connection:
+    caller: Caller
+    since_ns: int
+    heard_ns: int
+    calls: int = 0
+    problems: int = 0
+    last_problem: str | None = None
+    pending: set[int] = field(default_factory=set)
+    answers: OrderedDict[int, Reply] = field(default_factory=OrderedDict)
+    forgotten: int = 0
+
+
+_RIGHTS: dict[Right, tuple[Right, ...]] = {
+    "read": ("read", "command", "stop"),
+    "command": ("command",),
+    "stop": ("stop", "command"),
+}
+"""By which rights a method may be called; stopping is open to who may command."""
+
+
+class CallDesk:
+    """Mutable: the connections and what they were answered.
+
+    Args:
+        server: its name.
+        methods: what it does; `open`, `close` and `status` it has already.
+        admit: asked before a connection opens; raises `Refused` to turn it away.
+        lost: told that a connection ended, by `close` or by its lease; gives effects.
+        lease_ns: after which silence a connection is lost.
+    """
+
+    def __init__(
+        self,
+        server: str,
+        methods: Iterable[Method],
+        *,
+        admit: Callable[[Caller], None] = lambda caller: None,
+        lost: Callable[[Caller, int], Iterable[Effect]] = lambda caller, now_ns: (),
+        lease_ns: int = LEASE_NS,
+    ) -> None:
+        self._server = server
+        own = (
+            method("open", Open, lambda *_: None, right="read"),
+            method("close", Nothing, lambda *_: None, right="read"),
+            method("status", Nothing, self._status, right="read"),
+        )
+        self._methods = {m.name: (m, msgspec.msgpack.Decoder(m.arguments)) for m in (*own, *methods)}
+        self._admit = admit
+        self._lost = lost
+        self._lease_ns = lease_ns
+        self._connections: dict[str, _Connection] = {}
+        self._malformed = 0
+        self._last_malformed: str | None = None
+        self._alarm: int | None = None
+        self.listens = (topics.calls(server),)
+
+    def handle(self, message: Message, now_ns: int) -> Iterator[Effect]:
+        """Take a call, a sign of life, what could not be read, or the time; anything else is ignored."""
+        match message:
+            case Call():
+                yield from self._call(message, now_ns)
+            case Alive():
+                connection = self._connections.get(message.connection)
+                if connection is not None:
+                    connection.heard_ns = now_ns
+                else:
+                    yield self._fail(message.connection, 0, _CLOSED)
+            case Malformed():
+                self._malformed += 1
+                self._last_malformed = message.reason
+                if message.connection is not None:
+                    problem = Problem(code="malformed", message=f"{self._server}: {message.reason}")
+                    yield self._fail(message.connection, 0, problem)
+            case Wake():
+                yield from self._expire(now_ns)
+            case _:
+                pass
+
+    def answer(self, asked: Asked, result: object) -> Iterator[Effect]:
+        """The result of a call whose handler said `LATER`; nothing where the caller is gone."""
+        yield from self._reply(asked, _result(asked, result))
+
+    def refuse(self, asked: Asked, refused: Refused) -> Iterator[Effect]:
+        """The same for a call that is not done after all."""
+        yield from self._reply(asked, _problem(asked, refused.problem))
+
+    def notify(self, caller: Caller, subject: str, body: object) -> Iterator[Effect]:
+        """Tell a caller something, if it is still there."""
+        if caller.connection in self._connections:
+            raw = msgspec.Raw(msgspec.msgpack.encode(body))
+            notice = Notice(connection=caller.connection, subject=subject, body=raw)
+            yield Send(topics.replies(self._server, caller.connection), notice)
+
+    @property
+    def callers(self) -> tuple[Caller, ...]:
+        """Who is connected, in the order in which they came."""
+        return tuple(c.caller for c in self._connections.values())
+
+    # --- calls ---------------------------------------------------------------------------------------
+
+    def _call(self, call: Call, now_ns: int) -> Iterator[Effect]:
+        connection = self._connections.get(call.connection)
+        if connection is None and call.method == "open":
+            connection, problem = self._open(call, now_ns)
+            if connection is None:
+                yield self._fail(call.connection, call.number, problem)
+                return
+            yield from self._watch(now_ns)
+        if connection is None:
+            yield self._fail(call.connection, call.number, _CLOSED)
+            return
+        connection.heard_ns = now_ns
+        number = call.number
+        if number in connection.answers:
+            yield Send(topics.replies(self._server, call.connection), connection.answers[number])
+        elif number not in connection.pending and number > connection.forgotten:
+            connection.pending.add(number)
+            connection.calls += 1
+            yield from self._do(connection, call, now_ns)
+
+    def _do(self, connection: _Connection, call: Call, now_ns: int) -> Iterator[Effect]:
+        asked = Asked(connection.caller, call.number)
+        try:
+            result = self._result_of(asked, call, now_ns)
+        except Refused as refused:
+            yield from self.refuse(asked, refused)
+            return
+        if not isinstance(result, Later):
+            yield from self.answer(asked, result)
+        if call.method == "close":
+            yield from self._end(call.connection, now_ns)
+
+    def _result_of(self, asked: Asked, call: Call, now_ns: int) -> object:
+        found = self._methods.get(call.method)
+        if found is None:
+            known = ", ".join(self._methods)
+            raise Refused("method", f"{self._server} has no method `{call.method}`; it has {known}")
+        called, decoder = found
+        where = f"{self._server}.{called.name}"
+        if call.right not in _RIGHTS[called.right]:
+            raise Refused("right", f"{where} needs the right to {called.right}, not to {call.right}")
+        if call.priority != asked.caller.priority:
+            mine = asked.caller.priority
+            raise Refused("arguments", f"{where}: the connection has priority {mine}, not {call.priority}")
+        try:
+            arguments = decoder.decode(call.arguments)
+        except (msgspec.DecodeError, UnicodeDecodeError, RecursionError) as problem:
+            raise Refused("arguments", f"{where}: {problem}") from None
+        return called.handler(asked, arguments, now_ns)
+
+    def _open(self, call: Call, now_ns: int) -> tuple[_Connection | None, Problem]:
+        try:
+            opening = msgspec.msgpack.decode(call.arguments, type=Open)
+        except (msgspec.DecodeError, UnicodeDecodeError, RecursionError) as problem:
+            return None, Problem(code="arguments", message=f"{self._server}.open: {problem}")
+        if len(self._connections) >= CONNECTIONS:
+            text = f"{self._server} has {CONNECTIONS} connections already"
+            return None, Problem(code="full", message=text)
+        user = call.connection.partition("/")[0]
+        caller = Caller(call.connection, opening.name, call.priority, user)
+        try:
+            self._admit(caller)
+        except Refused as refused:
+            return None, refused.problem
+        connection = _Connection(caller=caller, since_ns=now_ns, heard_ns=now_ns)
+        self._connections[call.connection] = connection
+        return connection, _CLOSED
+
+    def _reply(self, asked: Asked, reply: Reply) -> Iterator[Effect]:
+        connection = self._connections.get(asked.caller.connection)
+        if connection is None:
+            return
+        connection.pending.discard(asked.number)
+        connection.answers[asked.number] = reply
+        if len(connection.answers) > ANSWERS_KEPT:
+            old, _ = connection.answers.popitem(last=False)
+            connection.forgotten = max(connection.forgotten, old)
+        if reply.problem is not None:
+            connection.problems += 1
+            connection.last_problem = reply.problem.message
+        yield Send(topics.replies(self._server, asked.caller.connection), reply)
+
+    def _fail(self, connection: str, number: int, problem: Problem) -> Effect:
+        reply = Reply(connection=connection, number=number, problem=problem)
+        return Send(topics.replies(self._server, connection), reply)
+
+    def _status(self, asked: Asked, arguments: object, now_ns: int) -> Status:
+        return Status(
+            server=self._server,
+            connections=tuple(
+                ConnectionStatus(
+                    connection=c.caller.connection,
+                    name=c.caller.name,
+                    priority=c.caller.priority,
+                    since_ns=c.since_ns,
+                    calls=c.calls,
+                    problems=c.problems,
+                    last_problem=c.last_problem,
+                )
+                for c in self._connections.values()
+            ),
+            malformed=self._malformed,
+            last_malformed=self._last_malformed,
+        )
+
+    # --- who lives -----------------------------------------------------------------------------------
+
+    def _watch(self, now_ns: int) -> Iterator[Effect]:
+        """See to it that a wake comes when the next connection could be lost."""
+        if not self._connections:
+            self._alarm = None
+            return
+        due = min(c.heard_ns for c in self._connections.values()) + self._lease_ns + 1
+        if self._alarm is None or now_ns >= self._alarm or due < self._alarm:
+            self._alarm = max(due, now_ns + 1)
+            yield WakeAt(self._alarm)
+
+    def _expire(self, now_ns: int) -> Iterator[Effect]:
+        if self._alarm is None or now_ns < self._alarm:
+            return
+        dead = [k for k, c in self._connections.items() if now_ns - c.heard_ns > self._lease_ns]
+        for connection in dead:
+            yield from self._end(connection, now_ns)
+            yield self._fail(connection, 0, _CLOSED)
+        yield from self._watch(now_ns)
+
+    def _end(self, connection: str, now_ns: int) -> Iterator[Effect]:
+        ended = self._connections.pop(connection)
+        yield from self._lost(ended.caller, now_ns)
+
+
+_CLOSED = Problem(code="closed", message="the connection is not open, or was lost")
+
+
+def _result(asked: Asked, result: object) -> Reply:
+    raw = msgspec.Raw(msgspec.msgpack.encode(result))
+    return Reply(connection=asked.caller.connection, number=asked.number, result=raw)
+
+
+def _problem(asked: Asked, problem: Problem) -> Reply:
+    return Reply(connection=asked.caller.connection, number=asked.number, problem=problem)

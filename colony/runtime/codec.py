@@ -1,0 +1,56 @@
+"""Messages as bytes: one byte of version, then msgpack. What comes in is checked against the types.
+
+A message that is too large, of another version, or not of its type is never half-read: `decode` raises
+`NotAMessage`, which says what was found, where, and what was expected.
+"""
+
+from __future__ import annotations
+
+import msgspec
+
+from colony.runtime.messages import Sent
+
+VERSION = 1
+"""Of the protocol. A field with a default may be added at the end of a message; all else is a new version."""
+
+LARGEST = 4 * 1024 * 1024
+"""Bytes of the largest message: a color image of 1280x960 and something."""
+
+_PREFIX = bytes([VERSION])
+
+
+class NotAMessage(ValueError):
+    """These bytes are no message of this version; the text says what is wrong with them."""
+
+
+_encoder = msgspec.msgpack.Encoder()
+_decoder: msgspec.msgpack.Decoder[Sent] = msgspec.msgpack.Decoder(Sent)
+
+
+def encode(message: Sent) -> bytes:
+    """A message in bytes.
+
+    Raises:
+        ValueError: it would be larger than `LARGEST`.
+    """
+    data = _PREFIX + _encoder.encode(message)
+    if len(data) > LARGEST:
+        raise ValueError(f"{type(message).__name__}: {len(data)} bytes; expected at most {LARGEST}")
+    return data
+
+
+def decode(data: bytes) -> Sent:
+    """The message in these bytes.
+
+    Raises:
+        NotAMessage: there is none.
+    """
+    if len(data) > LARGEST:
+        raise NotAMessage(f"{len(data)} bytes; expected at most {LARGEST}")
+    if data[:1] != _PREFIX:
+        found = f"version {data[0]}" if data else "nothing"
+        raise NotAMessage(f"found {found}; expected a message of version {VERSION}")
+    try:
+        return _decoder.decode(memoryview(data)[1:])
+    except (msgspec.DecodeError, UnicodeDecodeError, RecursionError) as problem:
+        raise NotAMessage(str(problem) or type(problem).__name__) from None

@@ -1,0 +1,167 @@
+"""What the servers of a robot have to know of the program that is run on it: who commands what, in which
+order, and how the frames go. It is a message, so that the program itself may be anywhere.
+
+The process that leads a run deploys it at the Clock and at every server that an actuator is bound to, and
+again wherever one of these was started anew. As long as the leader lives, nobody else may.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from typing import Literal
+
+import msgspec
+
+from colony.compile.clients import ClientList
+from colony.ir.program import Actuator, ActuatorField, Program
+from colony.ir.types import BOOL, PLAIN, Bool, ScalarValue
+from colony.runtime import topics
+from colony.runtime.bindings import ActuatorBinding, Bindings
+from colony.runtime.servers.commanding import Commanded
+
+
+class FieldTable(msgspec.Struct, frozen=True, kw_only=True):
+    """A field of an actuator; `low` and `high` are in base units."""
+
+    name: str
+    kind: Literal["bool", "number"]
+    factor: float
+    low: float | None
+    high: float | None
+
+
+class ActuatorTable(msgspec.Struct, frozen=True, kw_only=True):
+    """An actuator, where it is bound to, and its clients, highest place first, each with its priority."""
+
+    name: str
+    fields: tuple[FieldTable, ...]
+    server: str
+    command: str
+    places: tuple[int | None, ...]
+    idle: tuple[ScalarValue, ...] | None
+    on_loss: Literal["stop", "degrade"]
+    clients: tuple[tuple[str, int], ...]
+
+
+class Deployment(msgspec.Struct, frozen=True, kw_only=True):
+    """A program on a robot. `run` is different for every run; "" is that of a robot without a program.
+
+    `announced` are the modules in Python whose activity DServer hands on; `seed` is that of `Runtime.random`.
+    `lockstep`: each frame begins as soon as the one before it is decided, instead of after `frame_ns`.
+    """
+
+    run: str
+    program: str
+    frame_ns: int
+    seed: int
+    actuators: tuple[ActuatorTable, ...]
+    announced: tuple[str, ...] = ()
+    lockstep: bool = False
+
+
+def deployment(
+    program: Program,
+    clients: ClientList,
+    bindings: Bindings,
+    *,
+    run: str,
+    seed: int,
+    announced: tuple[str, ...] = (),
+    lockstep: bool = False,
+) -> Deployment:
+    """What servers have to know of a compiled program."""
+    wired = {a.actuator: tuple((c.module, c.priority) for c in a.clients) for a in clients.actuators}
+    return Deployment(
+        run=run,
+        program=program.robot.name,
+        frame_ns=program.robot.frame_ns,
+        seed=seed,
+        actuators=tuple(
+            _table(actuator, binding, wired.get(actuator.name, ()))
+            for actuator, binding in zip(program.robot.actuators, bindings.actuators, strict=True)
+        ),
+        announced=announced,
+        lockstep=lockstep,
+    )
+
+
+def commanded_by(deployed: Deployment, server: str) -> tuple[Commanded, ...]:
+    """The actuators that are bound to a server, each with its clients."""
+    return tuple(_commanded(table) for table in deployed.actuators if table.server == server)
+
+
+def client_addresses(deployed: Deployment) -> tuple[tuple[str, str], ...]:
+    """Every client's address, and the server that it sends its requests to."""
+    return tuple(
+        (topics.client_address(table.name, client), table.server)
+        for table in deployed.actuators
+        for client, _ in table.clients
+    )
+
+
+def problems(deployed: Deployment) -> tuple[str, ...]:
+    """What makes a deployment impossible: frames without length, two clients with one name or priority."""
+    return tuple(_problems(deployed))
+
+
+def _problems(deployed: Deployment) -> Iterable[str]:
+    if deployed.frame_ns <= 0:
+        yield f"a frame of {deployed.frame_ns} ns; expected more than 0"
+    for table in deployed.actuators:
+        for what, of in (("name", 0), ("priority", 1)):
+            seen = [client[of] for client in table.clients]
+            for twice in sorted({str(x) for x in seen if seen.count(x) > 1}):
+                yield f"{table.name}: two clients have the {what} {twice}"
+        if table.idle is not None and len(table.idle) != len(table.fields):
+            yield f"{table.name}: an idle command of {len(table.idle)} values, not {len(table.fields)}"
+
+
+def _table(
+    actuator: Actuator, binding: ActuatorBinding, clients: tuple[tuple[str, int], ...]
+) -> ActuatorTable:
+    return ActuatorTable(
+        name=actuator.name,
+        fields=tuple(
+            FieldTable(
+                name=f.name,
+                kind="bool" if isinstance(f.type, Bool) else "number",
+                factor=f.factor,
+                low=f.low,
+                high=f.high,
+            )
+            for f in actuator.fields
+        ),
+        server=binding.server,
+        command=binding.command,
+        places=binding.places,
+        idle=actuator.idle,
+        on_loss=actuator.on_loss,
+        clients=clients,
+    )
+
+
+def _commanded(table: ActuatorTable) -> Commanded:
+    fields = tuple(
+        ActuatorField(
+            name=f.name,
+            type=BOOL if f.kind == "bool" else PLAIN,
+            factor=f.factor,
+            low=f.low,
+            high=f.high,
+        )
+        for f in table.fields
+    )
+    return Commanded(
+        actuator=Actuator(
+            name=table.name,
+            fields=fields,
+            server=table.server,
+            command=table.command,
+            idle=table.idle,
+            on_loss=table.on_loss,
+        ),
+        binding=ActuatorBinding(
+            actuator=table.name, server=table.server, command=table.command, places=table.places
+        ),
+        places=tuple(client for client, _ in table.clients),
+    )

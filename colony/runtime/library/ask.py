@@ -1,0 +1,33 @@
+"""What can be asked of a server, as data: a library of functions gives these, and a connection does them.
+
+    from colony.runtime.library import robot
+
+    speed = connection.do(robot.speed_setting())
+
+So each function is written once, whether a program waits for the answer or awaits it.
+"""
+
+from __future__ import annotations
+
+from typing import Any, Generic, NamedTuple, TypeVar
+
+import msgspec
+
+from colony.runtime.messages import Right
+
+T = TypeVar("T")
+
+
+class Ask(NamedTuple, Generic[T]):
+    """Call `method` with `arguments`, under `right`; the result is a `reply`.
+
+    `repeatable`: where the server dies before it answered, the call may be made again.
+    `wait_s`: for how long to wait for the answer, where that is longer than the connection's own time-out.
+    """
+
+    method: str
+    arguments: msgspec.Struct
+    reply: Any  # type[T], which cannot say `int | None`
+    right: Right
+    repeatable: bool = False
+    wait_s: float | None = None
