@@ -1,0 +1,126 @@
+"""Messages survive the way through bytes; bytes that are no message are named, and never crash anything."""
+
+from __future__ import annotations
+
+import math
+from contextlib import suppress
+from typing import get_args
+
+import msgspec
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from colony.runtime.codec import LARGEST, VERSION, NotAMessage, decode, encode
+from colony.runtime.messages import (
+    Alive,
+    Announcement,
+    Call,
+    Checkpoint,
+    Fetch,
+    Notice,
+    Problem,
+    Ready,
+    Recall,
+    Reply,
+    Request,
+    Restart,
+    Sample,
+    Sent,
+    ServerFrame,
+    Tick,
+    Verdict,
+)
+
+RAW = msgspec.Raw(msgspec.msgpack.encode({"velocity": 200.0}))
+MESSAGES: tuple[Sent, ...] = (
+    Tick(k=3, t_ns=150_000_000, start=1, run="r", down=("PServer",), lost=("drive/avoid",)),
+    ServerFrame(server="PServer", k=3, fields={"sonar": Sample((1.5, 2.0), 7), "infrared": None}),
+    Fetch(server="PServer", k=2),
+    Announcement(k=3, module="learned", active=True),
+    Request(k=3, actuator="drive", client="avoid", bid="command", values=(200.0, True)),
+    Verdict(k=3, t_ns=5, actuator="drive", by=None, values=None, fates=(("avoid", "late"),), notes=("n",)),
+    Ready(client="drive/avoid"),
+    Restart(client="drive/avoid", start=1),
+    Checkpoint(client="drive/avoid", k=3, start=1, memory=b"\x00\xff"),
+    Recall(client="drive/avoid"),
+    Call(connection="ann/1", number=1, method="go", arguments=RAW, priority=-2, right="stop"),
+    Reply(connection="ann/1", number=1, result=RAW),
+    Reply(connection="ann/1", number=1, problem=Problem(code="method", message="no such method")),
+    Notice(connection="ann/1", subject="PosX", body=RAW),
+    Alive(connection="ann/1"),
+)
+
+
+@pytest.mark.parametrize("message", MESSAGES, ids=lambda m: type(m).__name__)
+def test_round_trip(message: Sent) -> None:
+    assert decode(encode(message)) == message
+
+
+def test_every_kind_of_message_is_tried() -> None:
+    assert {type(m) for m in MESSAGES} == set(get_args(Sent))
+
+
+@given(st.floats(), st.floats())
+def test_doubles_keep_every_bit(a: float, b: float) -> None:
+    sent = Request(k=0, actuator="drive", client="c", bid="command", values=(a, b))
+    got = decode(encode(sent))
+    assert isinstance(got, Request)
+    assert got.values is not None
+    for x, y in zip((a, b), got.values, strict=True):
+        assert isinstance(y, float)
+        assert (math.isnan(x) and math.isnan(y)) or (x == y and math.copysign(1, x) == math.copysign(1, y))
+
+
+def test_types_stay_apart() -> None:
+    got = decode(
+        encode(Request(k=0, actuator="a", client="c", bid="command", values=(1.0, True, 0.0, False)))
+    )
+    assert isinstance(got, Request)
+    assert got.values is not None
+    assert [type(v) for v in got.values] == [float, bool, float, bool]
+
+
+@pytest.mark.parametrize(
+    ("data", "why"),
+    [
+        (b"", "found nothing; expected a message of version 1"),
+        (b"\x02abc", "found version 2"),
+        (bytes([VERSION]) + b"\x93", "truncated"),
+        (bytes([VERSION]) + msgspec.msgpack.encode(["Tock", 1]), "Invalid value 'Tock'"),
+        (
+            bytes([VERSION]) + msgspec.msgpack.encode(["Fetch", "PServer", "soon"]),
+            "Expected `int`, got `str`",
+        ),
+        (bytes([VERSION]) + msgspec.msgpack.encode(["Wake"]), "Invalid value 'Wake'"),
+        (bytes([VERSION]) + b"\x91" * 100_000, "."),
+        (b"\x01" * (LARGEST + 1), "expected at most"),
+    ],
+)
+def test_what_is_no_message(data: bytes, why: str) -> None:
+    with pytest.raises(NotAMessage, match=why):
+        decode(data)
+
+
+def read_or_refused(data: bytes) -> None:
+    """Nothing but a message, or a reason why there is none, comes of any bytes."""
+    with suppress(NotAMessage):
+        assert isinstance(decode(data), get_args(Sent))
+
+
+@given(st.binary(max_size=200))
+def test_random_bytes(data: bytes) -> None:
+    for candidate in (data, bytes([VERSION]) + data):
+        read_or_refused(candidate)
+
+
+@given(st.sampled_from(MESSAGES), st.integers(0), st.integers(0, 255))
+def test_a_bit_gone_wrong(message: Sent, place: int, byte: int) -> None:
+    data = bytearray(encode(message))
+    data[place % len(data)] = byte
+    read_or_refused(bytes(data))
+
+
+def test_what_is_too_large_to_send() -> None:
+    with pytest.raises(ValueError, match="Checkpoint"):
+        encode(Checkpoint(client="c", k=0, start=0, memory=bytes(LARGEST)))
