@@ -4,7 +4,10 @@ VENV   ?= .venv
 BIN    := $(VENV)/bin
 STAMP  := $(VENV)/.installed
 
-.PHONY: run test check format bench tables clean
+SECONDS ?= 60
+SEEDS   ?= 10000
+
+.PHONY: run test check format bench soak loss tables clean
 
 run: $(STAMP)
 	$(BIN)/colony run behaviors/wander.colony --map maps/loop.stickrep --duration 60 --seed 1 --picture run.png
@@ -23,6 +26,12 @@ format: $(STAMP)
 
 bench: $(STAMP)
 	$(BIN)/python -m benchmarks
+
+soak: $(STAMP)
+	$(BIN)/python -m tests.runtime.soak --seconds $(SECONDS)
+
+loss: $(STAMP)
+	$(BIN)/python -m tests.runtime.loss_policy --seeds $(SEEDS)
 
 tables: $(STAMP)
 	$(BIN)/python -m colony.dsl.tables

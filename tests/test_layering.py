@@ -41,7 +41,7 @@ THIRD_PARTY: dict[str, set[str]] = {
     "click": {"cli"},
     "rich": {"cli"},
     "networkx": {"view", "compile"},
-    "msgspec": {"runtime", "sim"},
+    "msgspec": {"runtime", "sim", "cli"},
     "zenoh": {"runtime"},
     "mcap": {"runtime"},
 }

@@ -24,7 +24,11 @@ COMMANDS = {
     "graph": "draw the network as SVG or DOT",
     "test": "run the tests that behavior files contain",
     "trace": "decide recorded frames, with any of the executors",
-    "run": "drive the simulated robot through a building",
+    "run": "drive a robot, simulated or real",
+    "serve": "be the servers of a robot, for programs that come and go",
+    "ps": "show the robots that run, and how",
+    "stop": "stop robots at once, in an emergency",
+    "audit": "hold a recorded run against the reference interpreter",
     "map": "draw a building",
 }
 """Every command and what it is for; `colony/cli/NAME.py` has it as `command`."""

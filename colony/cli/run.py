@@ -1,19 +1,42 @@
-"""`colony run`: compile a program and run it on a simulated robot, frame by frame, by the real roles."""
+"""`colony run`: compile a program and run it: on a simulated robot in one process and in virtual time, on one
+of real processes, or on a robot that is there already."""
 
 from __future__ import annotations
 
+import json
 import sys
-from contextlib import redirect_stdout
+from collections.abc import Iterator
+from contextlib import contextmanager, redirect_stdout
+from pathlib import Path
+from typing import TYPE_CHECKING
 
 import click
 
 from colony.cli.exit_codes import EXIT_ERRORS, EXIT_INTERRUPTED, EXIT_MISUSE
+from colony.cli.places import connect_option, place_of, problems_told, security_option
 from colony.cli.reporting import load_program, refuse, report, say
+from colony.cli.run_options import BadOption, BrokenOff, Misuse, Options
+
+if TYPE_CHECKING:
+    from colony.ir.program import Program
+    from colony.runtime.live.place import Place
+    from colony.runtime.summary import RunSummary
+
+DURATION = "60"
+"""Seconds that a run in a building takes where nothing is said."""
+
+PICTURE = "run.png"
 
 
-@click.command(name="run", short_help="drive the simulated robot through a building")
+@click.command(name="run", short_help="drive a robot, simulated or real")
 @click.argument("file", metavar="FILE")
-@click.option("--map", "map_path", required=True, metavar="MAP", help="The building, a StickRep map.")
+@click.option("--map", "map_path", metavar="MAP", help="The building, a StickRep map.")
+@click.option(
+    "--processes", is_flag=True, help="Servers, clients and simulator as processes, by the wall clock."
+)
+@connect_option("Run it on a robot that is there: on this machine, or behind a gateway, tls/HOST:PORT.")
+@security_option()
+@click.option("--robot", metavar="NAME", help="The robot's name, if not as in the program.")
 @click.option(
     "--seed",
     type=click.IntRange(min=0),
@@ -21,12 +44,10 @@ from colony.cli.reporting import load_program, refuse, report, say
     show_default=True,
     help="Of chance and of the sensors' noise.",
 )
-@click.option("--duration", default="60", show_default=True, metavar="TIME", help="As 60, 90s or 2min.")
+@click.option("--duration", metavar="TIME", help=f"As {DURATION} (the default in a building), 90s or 2min.")
 @click.option("--realtime", is_flag=True, help="As fast as the wall clock, not as fast as possible.")
-@click.option("--record", metavar="PATH", help="Write every frame there, one JSON object a line.")
-@click.option(
-    "--picture", default="run.png", show_default=True, metavar="PATH", help="PNG or SVG of the way."
-)
+@click.option("--record", metavar="PATH", help="Write every frame there: MCAP into *.mcap, else JSON lines.")
+@click.option("--picture", metavar="PATH", help=f"PNG or SVG of the way (default: {PICTURE}).")
 @click.option("--no-picture", is_flag=True, help="Draw nothing.")
 @click.option(
     "--set",
@@ -35,75 +56,152 @@ from colony.cli.reporting import load_program, refuse, report, say
     metavar="NAME=VALUE",
     help="Hold a variable of DServer, as if an operator kept setting it. May be repeated.",
 )
+@click.option(
+    "--camera",
+    "cameras",
+    multiple=True,
+    metavar="[NAME=]DEGREES",
+    help="With --processes: a camera that looks there, counterclockwise from ahead. May be repeated.",
+)
+@click.option("--fsync", is_flag=True, help="With --processes: DServer's data outlives a loss of power.")
 @click.option("--format", "format_", type=click.Choice(["text", "json"]), default="text", show_default=True)
 def command(
     file: str,
-    map_path: str,
+    map_path: str | None,
+    processes: bool,
+    connect: str | None,
+    security: Path | None,
+    robot: str | None,
     seed: int,
-    duration: str,
+    duration: str | None,
     realtime: bool,
     record: str | None,
-    picture: str,
+    picture: str | None,
     no_picture: bool,
     settings: tuple[str, ...],
+    cameras: tuple[str, ...],
+    fsync: bool,
     format_: str,
 ) -> None:
-    """Run a behavior on a robot that is simulated in the building of a map.
+    """Run a behavior on a robot that is simulated in the building of a map, or on a real one.
+
+    With --map alone everything is one process, in virtual time: the same seed gives the same run. With
+    --processes each server and each client is a process of its own, as on a robot; who dies is started
+    again, and other programs can take part (`colony ps`, `colony stop`). With --connect only the clients
+    are started, for a robot that `colony serve` serves; without --duration until Ctrl-C.
 
     In the end it tells who drove how long, how far the robot came, what it bumped into, which contracts
-    broke, and draws its way. The same seed gives the same run. Ctrl-C stops the robot, closes the
-    recording and still tells what was run.
+    broke, and draws its way. Ctrl-C stops the robot, closes the recording and still tells what was run.
 
-    Exit code 0 where all contracts held, 1 where one was broken or the program has errors, 2 for misuse, 130
-    after Ctrl-C.
+    Exit code 0 where all contracts held, 1 where one was broken, the program has errors or the run broke
+    off, 2 for misuse, 130 after Ctrl-C.
 
     \b
     Example:
       colony run behaviors/wander.colony --map maps/loop.stickrep --duration 2min --seed 1
-      colony run behaviors/wander.colony --map maps/loop.stickrep --record run.jsonl
+      colony run behaviors/wander.colony --map maps/loop.stickrep --record run.mcap
       colony run behaviors/teleop.colony --map maps/loop.stickrep --realtime --set TeleopVelocity=200
+      colony run behaviors/wander.colony --map maps/loop.stickrep --processes --duration 30
+      colony run behaviors/wander.colony --connect --robot rome
+      colony run behaviors/wander.colony --connect tls/rome.lab:7447 --security ada.toml
     """
-    import json
-
-    from colony.diagnostics import Failure
-
+    _check_choice(map_path, processes, connect, realtime, cameras, fsync, security)
     program = load_program(file)
-    from colony.cli.run_options import BadOption
-    from colony.cli.run_progress import told_if_slow
-
-    with told_if_slow("compiling the simulator: some seconds, once where the result can be kept"):
-        from colony.cli.run_simulated import Misuse, Options, run
-    from colony.runtime.summary import render
-
-    drawn = None if no_picture else picture
     options = Options(
         file=file,
         map_path=map_path,
         seed=seed,
-        duration=duration,
+        duration=duration or (None if connect is not None else DURATION),
         realtime=realtime,
         record=record,
-        picture=drawn,
+        picture=None if no_picture or connect is not None else picture or PICTURE,
         settings=settings,
+        cameras=cameras,
+        fsync=fsync,
     )
+    with _failures_told(), redirect_stdout(sys.stderr):  # for what modules in Python print
+        if processes or connect is not None:
+            with problems_told():
+                place = place_of(robot or program.robot.name, connect, security)
+                summary = _run_processes(program, place, options)
+        else:
+            summary = _run_simulated(program, options)
+    _tell(summary, options, format_)
+
+
+def _run_simulated(program: Program, options: Options) -> RunSummary:
+    from colony.cli.run_progress import told_if_slow
+
+    with told_if_slow("compiling the simulator: some seconds, once where the result can be kept"):
+        from colony.cli.run_simulated import run
+    return run(program, options)
+
+
+def _run_processes(program: Program, place: Place, options: Options) -> RunSummary:
+    from colony.cli.run_processes import run_here, run_there
+    from colony.runtime.live.place import Local
+
+    if options.map_path is not None and isinstance(place, Local):
+        return run_here(program, place, options)
+    return run_there(program, place, options)
+
+
+def _check_choice(
+    map_path: str | None,
+    processes: bool,
+    connect: str | None,
+    realtime: bool,
+    cameras: tuple[str, ...],
+    fsync: bool,
+    security: Path | None,
+) -> None:
+    """Options that make no sense together."""
+    wrong = None
+    if connect is None and map_path is None:
+        wrong = "found neither --map nor --connect: where is the robot?"
+    elif connect is not None and (map_path is not None or processes):
+        wrong = "--connect is for a robot that is there: it goes without --map and --processes"
+    elif connect is None and security is not None:
+        wrong = "--security goes with --connect"
+    elif realtime and connect is not None:
+        wrong = "--realtime is for a run in a building: a robot that is there knows no other time"
+    elif not processes and (cameras or fsync):
+        wrong = f"{'--camera' if cameras else '--fsync'} goes with --processes"
+    if wrong is not None:
+        raise click.UsageError(wrong, click.get_current_context())
+
+
+@contextmanager
+def _failures_told() -> Iterator[None]:
+    """What kept a run from beginning, or from going on, and its exit code."""
+    from colony.diagnostics import Failure
+
     try:
-        with redirect_stdout(sys.stderr):  # for what modules in Python print
-            summary = run(program, options)
+        yield
     except BadOption as bad:
         raise click.UsageError(str(bad), click.get_current_context()) from None
     except Misuse as misuse:
         say(str(misuse))
         raise click.exceptions.Exit(EXIT_MISUSE) from None
+    except BrokenOff as problem:
+        say(f"colony: error: {problem}")
+        raise click.exceptions.Exit(EXIT_ERRORS) from None
     except Failure as failure:
         if failure.diagnostics[0].code.startswith("M"):
             refuse(failure.diagnostics)
         report(failure.diagnostics)
         raise click.exceptions.Exit(EXIT_ERRORS) from None
+
+
+def _tell(summary: RunSummary, options: Options, format_: str) -> None:
     if format_ == "json":
-        click.echo(json.dumps(summary.as_json() | {"recording": record, "picture": drawn}, indent=2))
+        written = {"recording": options.record, "picture": options.picture}
+        click.echo(json.dumps(summary.as_json() | written, indent=2))
     else:
+        from colony.runtime.summary import render
+
         click.echo(render(summary))
-        for path in (record, drawn):
+        for path in (options.record, options.picture):
             if path is not None:
                 click.echo(f"  wrote {path}")
     if not summary.sound:

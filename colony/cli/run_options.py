@@ -4,17 +4,46 @@ from __future__ import annotations
 
 import math
 import re
+from dataclasses import dataclass
 
 from colony.ir.program import Program, Sensor
 from colony.ir.types import Array, Bool, Enum, Quantity, Scalar, ScalarValue, Value
 from colony.runtime.bindings import did_you_mean
-from colony.units import TIME, BadUnit, Dimension, nanoseconds, parse_unit
+from colony.units import ANGLE, TIME, BadUnit, Dimension, nanoseconds, parse_unit
 
 _QUANTITY = re.compile(r"([-+]?(?:[0-9]+\.?[0-9]*|\.[0-9]+)(?:[eE][-+]?[0-9]+)?)\s*(.*)")
 
 
 class BadOption(ValueError):
     """An option's value makes no sense; the message says what was found and what was expected."""
+
+
+class Misuse(Exception):
+    """What was named cannot be used; the message is one line that begins with it."""
+
+
+class BrokenOff(Exception):
+    """A run of processes could not begin, or broke off; the message, of one line or several, tells why."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Options:
+    """The command line of `colony run`, as given.
+
+    `map_path` is None where the robot is there already, `duration` for a run until it is interrupted,
+    `record` and `picture` where there is to be none.
+    """
+
+    file: str
+    map_path: str | None
+    seed: int
+    duration: str | None
+    realtime: bool
+    record: str | None
+    picture: str | None
+    settings: tuple[str, ...]
+    cameras: tuple[str, ...]
+    fsync: bool
 
 
 def duration_ns(text: str) -> int:
@@ -29,6 +58,33 @@ def duration_ns(text: str) -> int:
             f"--duration: found `{text}`; expected a time above 0 and at most 1e9 s, such as 60 or 2min"
         )
     return nanoseconds(seconds)
+
+
+MOST_CAMERAS = 8
+
+
+def cameras(texts: tuple[str, ...]) -> dict[str, float]:
+    """Servers of cameras, each with the direction in which it looks, in degrees counterclockwise from ahead.
+
+    A text is a direction, or a name and one, `left=90`. A single camera without a name is `CServer`, one with
+    a name `CServer_name`.
+
+    Raises:
+        BadOption: a text is not of this form, or two cameras have one name.
+    """
+    out: dict[str, float] = {}
+    for text in texts:
+        name, equals, direction = text.rpartition("=")
+        yaw = _quantity(direction, ANGLE, 1.0)
+        if yaw is None or not abs(yaw) <= 360.0 or (equals and not name.isidentifier()):
+            raise BadOption(f"--camera: found `{text}`; expected degrees, or a name and degrees: left=90")
+        server = f"CServer_{name}" if name else "CServer"
+        if server in out:
+            raise BadOption(f"--camera: two are named `{name}`" if name else "--camera: two have no name")
+        out[server] = yaw
+    if len(out) > MOST_CAMERAS:
+        raise BadOption(f"--camera: found {len(out)}; expected {MOST_CAMERAS} at most")
+    return out
 
 
 def variables(program: Program, settings: tuple[str, ...]) -> dict[str, Value]:

@@ -13,6 +13,9 @@ from colony.runtime.observer import FrameLog
 PATIENCE_S = 1.5
 """For how long someone at a terminal is left without a word."""
 
+MOMENT_NS = 10_000_000_000
+"""How often a word is said of a run without an end."""
+
 
 @contextmanager
 def told_if_slow(text: str, after_s: float = PATIENCE_S) -> Iterator[None]:
@@ -30,24 +33,25 @@ def told_if_slow(text: str, after_s: float = PATIENCE_S) -> Iterator[None]:
 
 
 class Progress:
-    """A sink that tells how far a run of `length_ns` is. Mutable: what was told.
+    """A sink that tells how far a run of `length_ns` is, None: one without an end. Mutable: what was told.
 
     On a terminal a bar of rich, which is imported only there; it is taken away in the end.
     """
 
-    def __init__(self, length_ns: int) -> None:
+    def __init__(self, length_ns: int | None) -> None:
         self._length_ns = length_ns
-        self._tenths = 0
+        self._part_ns = MOMENT_NS if length_ns is None else length_ns / 10
+        self._parts = 0
         self._bar = _Bar(length_ns) if sys.stderr.isatty() else None
 
     def take(self, log: FrameLog) -> None:
         if self._bar is not None:
             self._bar.show(log)
             return
-        tenths = 10 * log.tick.t_ns // self._length_ns
-        if tenths > self._tenths:
-            self._tenths = tenths
-            say(f"{10 * tenths} %: {_moment(log)}")
+        parts = int(log.tick.t_ns // self._part_ns)
+        if parts > self._parts:
+            self._parts = parts
+            say(_moment(log) if self._length_ns is None else f"{10 * parts} %: {_moment(log)}")
 
     def close(self) -> None:
         """Take the bar away."""
@@ -63,7 +67,7 @@ def _moment(log: FrameLog) -> str:
 class _Bar:
     """Mutable: rich's display."""
 
-    def __init__(self, length_ns: int) -> None:
+    def __init__(self, length_ns: int | None) -> None:
         from rich.console import Console
         from rich.progress import BarColumn, TaskProgressColumn, TextColumn, TimeRemainingColumn
         from rich.progress import Progress as Display

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import io
 import sys
+from collections.abc import Iterator
 from contextlib import redirect_stdout
 from pathlib import Path
 from typing import TYPE_CHECKING, BinaryIO, NoReturn
@@ -15,7 +16,7 @@ from colony.cli.outputs import check_output, write_whole
 from colony.cli.reporting import load_program, refuse, say
 
 if TYPE_CHECKING:
-    from colony.ir.frame import Executor
+    from colony.ir.frame import Executor, Frame
     from colony.ir.program import Program
 
 
@@ -36,8 +37,8 @@ def command(file: str, input_: str, backend: str, output: Path | None) -> None:
     """Run a behavior over recorded frames and print what it decides, one line a frame.
 
     A frame is a JSON object a line: "t" in seconds, sensors in declared units, an absent sensor is missing.
-    A recording that `colony run --record` wrote is valid input. A bad line is an error with its place, exit
-    code 2, and nothing is printed.
+    A recording that `colony run --record` wrote is valid input, as JSON lines or as MCAP (*.mcap). A bad line
+    is an error with its place, exit code 2, and nothing is printed.
 
     \b
     Example:
@@ -49,14 +50,15 @@ def command(file: str, input_: str, backend: str, output: Path | None) -> None:
         check_output(output, [file, input_])
     program = load_program(file)
     from colony.diagnostics import Failure
-    from colony.runtime.replay import outcome_line, read_frames
+    from colony.runtime.replay import outcome_line
 
     lines = io.StringIO()
     name = "<stdin>" if input_ == "-" else input_
     with _open(input_) as frames, redirect_stdout(sys.stderr):  # for what modules in Python print
         executor = _executor(program, backend)
         try:
-            for frame in read_frames(frames, name, program):
+            for frame, restart in _read(frames, name, program):
+                executor = _executor(program, backend) if restart else executor
                 lines.write(outcome_line(program, frame.t_ns, executor.step(frame)) + "\n")
         except Failure as failure:
             refuse(failure.diagnostics)
@@ -66,6 +68,18 @@ def command(file: str, input_: str, backend: str, output: Path | None) -> None:
         click.echo(lines.getvalue(), nl=False)
     else:
         write_whole(output, lines.getvalue())
+
+
+def _read(frames: BinaryIO, name: str, program: Program) -> Iterator[tuple[Frame, bool]]:
+    """Every frame, and whether all memory begins anew with it."""
+    from colony.cli.recordings import is_mcap, read_recording
+
+    if not is_mcap(name):
+        from colony.runtime.replay import read_rows
+
+        return ((row.frame, row.values.get("@restart") is True) for row in read_rows(frames, name, program))
+
+    return ((recorded.frame, recorded.restart) for recorded in read_recording(frames, name).frames(program))
 
 
 def _open(name: str) -> BinaryIO:

@@ -232,11 +232,15 @@ class LimitCode:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ClientCode:
-    """A client: both guards include `present`, that nothing which the module reads is missing."""
+    """A client: both guards include `present`, that nothing which the module reads is missing.
+
+    `active` is the module's own activity, which both guards include too.
+    """
 
     module: str
     priority: int
     present: int
+    active: int
     guard: int
     exclusive: int
     fields: tuple[int, ...]
@@ -280,7 +284,7 @@ class Code:
 
 
 def roots(code: Code, *, exclusive: bool = True) -> list[int]:
-    """The values that a frame's outcome is made from, memory aside; `exclusive`: those guards too."""
+    """The values that a frame's outcome is made from, memory aside; `exclusive`: and what clients tell."""
     found: list[int] = []
     for call in code.python:
         found.append(call.present)
@@ -290,7 +294,7 @@ def roots(code: Code, *, exclusive: bool = True) -> list[int]:
         for client in actuator.clients:
             found.extend((client.present, client.guard, *client.fields))
             if exclusive:
-                found.append(client.exclusive)
+                found.extend((client.exclusive, client.active))
         for limit in actuator.limits:
             found.extend((limit.applies, limit.bound))
     for contract in code.contracts:

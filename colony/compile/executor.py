@@ -6,13 +6,15 @@ Plain and unhurried; what is generated from the same Code (`colony.compile.backe
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Any, NamedTuple
+from typing import Any, Literal, NamedTuple
 
 from colony.compile.clients import ClientList
 from colony.compile.code import ActuatorCode, ClientCode, Kind, OutsideActive
+from colony.compile.elaborate import elaborate
 from colony.compile.executor_decisions import decide
 from colony.compile.executor_machine import Machine
 from colony.compile.lower import lower, lower_client
+from colony.compile.ways import by_several_ways
 from colony.ir.frame import Decision, Frame, Outcome, Record
 from colony.ir.program import Program
 from colony.ir.types import ScalarValue
@@ -49,6 +51,14 @@ class ClientListExecutor:
         machine.commit()
         return Outcome(decisions, machine.records(), breaches)
 
+    def restart(self) -> None:
+        """Go on from the initial memory, with Python modules built anew.
+
+        Raises:
+            Failure: one of them cannot be built.
+        """
+        self._machine = Machine(self.code)
+
     def _decide(self, actuator: ActuatorCode) -> Decision:
         winner = self._winner(actuator)
         decided = decide(actuator, winner, self._machine.values)
@@ -68,17 +78,25 @@ class ClientListExecutor:
 # --- one client ----------------------------------------------------------------------------------
 
 
+Bid = Literal["command", "suppressed", "inhibited", "silent"]
+
+
 class ClientStep(NamedTuple):
     """What a client has for its server in a frame: whether it is active by its own knowledge, its command.
 
-    `values` are the command in base units within limits and range; None when silent, and when the command is
-    not finite (`fault`), where the actuator gets its idle command.
+    `values` are the command in base units within limits and range; None unless active, and when the command
+    is not finite (`fault`), where the actuator gets its idle command. `bid` tells why it is not active: its
+    predicate holds, but another's command takes its place ("suppressed") or its gates are closed
+    ("inhibited"), or its predicate does not hold or something is missing ("silent"). One that is both
+    dominated and gated is "inhibited"; one whose command has several ways to the actuator, all of them
+    closed in one manner or the other, is "suppressed".
     """
 
     active: bool
     values: tuple[ScalarValue, ...] | None
     fault: str | None
     records: tuple[Record, ...]
+    bid: Bid
 
 
 class ClientMemory(NamedTuple):
@@ -106,6 +124,8 @@ class ClientExecutor:
         self._machine = Machine(self.code)
         (self._actuator,) = self.code.actuators
         (self._client,) = self._actuator.clients
+        same = self._client.guard == self._client.exclusive
+        self._several_ways = same and by_several_ways(elaborate(program), actuator, module)
 
     @property
     def sensors(self) -> tuple[str, ...]:
@@ -133,7 +153,28 @@ class ClientExecutor:
         machine.decided(self._actuator.actuator.name, decided)
         machine.commit()
         values = decided.sent if won and decided.fault is None else None
-        return ClientStep(won, values, decided.fault, machine.records())
+        return ClientStep(won, values, decided.fault, machine.records(), self._bid())
+
+    def restart(self) -> None:
+        """Go on from the initial memory, with its own Python module built anew.
+
+        Raises:
+            Failure: that cannot be built.
+        """
+        self._machine = Machine(self.code)
+
+    @property
+    def portable(self) -> bool:
+        """Whether `memory` is all that it remembers: it has no Python module of its own."""
+        return not self.code.python
+
+    def _bid(self) -> Bid:
+        client, values = self._client, self._machine.values
+        if values[client.exclusive]:
+            return "command"
+        if not values[client.active]:
+            return "silent"
+        return "suppressed" if values[client.guard] or self._several_ways else "inhibited"
 
     @property
     def memory(self) -> ClientMemory:

@@ -46,7 +46,7 @@ def lower(program: ir.Program, clients: ClientList, *, contracts: bool = True) -
 
 
 def lower_client(program: ir.Program, clients: ClientList, actuator: str, module: str) -> Code:
-    """What one client has to compute: its exclusive guard, its command, and the limits of its actuator.
+    """What one client has to compute: its guards, its command, and the limits of its actuator.
 
     Python modules that its guard mentions run elsewhere: their activity is an `OutsideActive`. Under
     `on_loss degrade` the other modules count as not active where their clients are `Lost`.
@@ -58,9 +58,7 @@ def lower_client(program: ir.Program, clients: ClientList, actuator: str, module
     own = {c.module: c for a in clients.actuators if a.actuator == actuator for c in a.clients}[module]
     lowering = _Lowering(program, clients, client=module, degrade=found.on_loss == "degrade")
     lowering.python_modules()
-    lowering.actuator(
-        found, (Client(module=module, priority=own.priority, guard=own.exclusive, exclusive=own.exclusive),)
-    )
+    lowering.actuator(found, (own,))
     lowering.states()
     lowering.decided = len(lowering.builder.ops)
     return trimmed(lowering.code(), every_sensor=False)
@@ -164,6 +162,7 @@ class _Lowering(Declarations):
             module=client.module,
             priority=client.priority,
             present=present,
+            active=self.module_active(client.module),
             guard=guard,
             exclusive=exclusive,
             fields=self._command(client.module),

@@ -226,6 +226,7 @@ def _actuator(actuator: ActuatorCode, number: dict[int, int]) -> ActuatorCode:
             module=c.module,
             priority=c.priority,
             present=number[c.present],
+            active=number[c.active],
             guard=number[c.guard],
             exclusive=number[c.exclusive],
             fields=tuple([number[i] for i in c.fields]),

@@ -1,7 +1,7 @@
-"""Who commands an actuator in a frame: protocol logic without input, output or a clock.
+"""When an actuator is commanded in a frame, and by whom: protocol logic without input, output or a clock.
 
 Being served first is not subsuming: a server that executed the requests of a frame in the order of their
-priorities would end up with the *last* command, the least important one. So of all the requests of a
+priorities would end up with the *last* command, the least important one. So of all that is asked for in a
 frame exactly one command is dispatched, once:
 
 - Requests carry the exclusive guard: whoever bids a command knows that the network lets it through, and
@@ -12,20 +12,20 @@ frame exactly one command is dispatched, once:
 - At the deadline the highest command of those that came is dispatched, or the idle command. A late or lost
   client therefore leads to idle, never to a lesser behavior.
 - Two commands in one frame are a violation: it is recorded, and the higher place wins.
+- Connections from outside the network, locks and the emergency stop come in as `Others`.
 
-`choose` is the rule, `Arbiter` the protocol around it: ticks, requests and times in, events out.
+`ballot.py` has the rule, `Arbiter` the protocol around it: ticks, requests and times in, events out.
 """
 
 from __future__ import annotations
 
-import math
-from collections.abc import Container, Mapping
 from dataclasses import dataclass
-from typing import Literal, NamedTuple, get_args
+from typing import Literal, NamedTuple
 
-from colony.ir.program import Actuator, ActuatorField
-from colony.ir.types import Bool, ScalarValue
-from colony.runtime.messages import Bid, Fate, Request, Tick, Verdict
+from colony.ir.program import Actuator
+from colony.ir.types import ScalarValue
+from colony.runtime.ballot import NOBODY, Ballot, Choice, Others, Places, malformed
+from colony.runtime.messages import Fate, Hold, Request, Tick, Verdict
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -41,30 +41,6 @@ def timing(frame_ns: int) -> Timing:
     return Timing(deadline_ns=max(1, frame_ns * 4 // 5), grace_ns=frame_ns // 10)
 
 
-class Choice(NamedTuple):
-    """Where a frame stands: `contender` is the highest client with a command so far.
-
-    `settled`: no client that could still be heard can change it.
-    """
-
-    contender: str | None
-    settled: bool
-
-
-def choose(places: tuple[str, ...], requests: Mapping[str, Request], lost: Container[str]) -> Choice:
-    """Decide among the requests of one frame; `places` are the clients, highest first."""
-    waiting = False
-    for client in places:
-        if client in lost:
-            continue
-        request = requests.get(client)
-        if request is None:
-            waiting = True
-        elif request.bid == "command":
-            return Choice(client, not waiting)
-    return Choice(None, not waiting)
-
-
 class Dispatch(NamedTuple):
     """Event: send this now. `values` are in base units; None when nothing is sent (`idle hold`)."""
 
@@ -72,42 +48,18 @@ class Dispatch(NamedTuple):
     by: str | None
     values: tuple[ScalarValue, ...] | None
     fault: str | None
+    outside: str | None = None
+    hold: Hold | None = None
 
 
 Event = Dispatch | Verdict
 
-
-_BIDS = frozenset(get_args(Bid))
-
-
-def malformed(request: Request, actuator: Actuator, places: Container[str]) -> str | None:
-    """What is wrong with a request, or None. Nothing that is wrong may move a robot."""
-    if request.client not in places:
-        return f"`{request.client}` is no client of {actuator.name}"
-    if request.bid not in _BIDS:
-        return f"`{request.client}` bids {request.bid!r}"
-    if request.bid != "command":
-        return None
-    if request.values is None:
-        return None if request.fault else f"`{request.client}` commands without values"
-    if len(request.values) != len(actuator.fields):
-        return f"`{request.client}` gave {len(request.values)} values, not {len(actuator.fields)}"
-    for field, value in zip(actuator.fields, request.values, strict=True):
-        if not _acceptable(field, value):
-            return f"`{request.client}` gave {field.name} = {value!r}"
-    return None
-
-
-def _acceptable(field: ActuatorField, value: ScalarValue) -> bool:
-    if isinstance(field.type, Bool):
-        return isinstance(value, bool)
-    if isinstance(value, bool) or not isinstance(value, (int, float)) or not math.isfinite(value):
-        return False
-    return (field.low is None or value >= field.low) and (field.high is None or value <= field.high)
-
-
 AHEAD = 64
 """How many frames before its tick a request may come; a wilder one is refused."""
+
+MOST_NOTES = 20
+LONGEST_NOTE = 200
+"""What a verdict has of notes at most, and of a note in characters, whatever anybody sends."""
 
 Phase = Literal["no frame", "open", "dispatched", "closed"]
 
@@ -116,25 +68,30 @@ class Arbiter:
     """The protocol of one actuator. Mutable: the requests of the present frame and of those to come.
 
     Every frame gives exactly one `Dispatch` and one `Verdict`: the dispatch when it is decided, the verdict
-    when every live client has been heard too, or the next frame begins.
+    when every live client has been heard too, or the next frame begins. `places` are the clients, highest
+    first, and `priorities` theirs; without these they count down to 1.
     """
 
-    def __init__(self, actuator: Actuator, places: tuple[str, ...], times: Timing) -> None:
+    def __init__(
+        self, actuator: Actuator, places: tuple[str, ...], times: Timing, priorities: tuple[int, ...] = ()
+    ) -> None:
         self._actuator = actuator
-        self._places = places
+        self._places = Places(places, priorities)
         self._times = times
         self._phase: Phase = "no frame"
         self._tick = Tick(k=-1, t_ns=0)
-        self._lost: frozenset[str] = frozenset()
         self._ahead: dict[int, list[Request]] = {}
-        self._reset()
+        self._remarks: list[str] = []
+        self._begin(self._tick, frozenset(), NOBODY)
 
-    def _reset(self) -> None:
-        self._requests: dict[str, Request] = {}
+    def _begin(self, tick: Tick, lost: frozenset[str], others: Others) -> None:
+        self._tick, self._others = tick, others
+        self._lost = lost.intersection(self._places.names) if lost else lost
+        self._ballot = Ballot(self._places, self._lost)
         self._late: set[str] = set()
-        self._refused: dict[str, str] = {}
-        self._notes: list[str] = []
-        self._decide_by: int | None = None
+        self._refused: set[str] = set()
+        self._notes, self._remarks = self._remarks, []
+        self._decide_by: int | None = tick.t_ns + self._times.deadline_ns
         self._at_deadline = False
         self._sent: Dispatch | None = None
 
@@ -143,29 +100,37 @@ class Arbiter:
         """When to call `wake` if nothing else happens."""
         return self._decide_by if self._phase == "open" else None
 
-    def open(self, tick: Tick, lost: frozenset[str], now_ns: int) -> tuple[Event, ...]:
+    def open(
+        self, tick: Tick, lost: frozenset[str], now_ns: int, others: Others = NOBODY
+    ) -> tuple[Event, ...]:
         """A frame begins; the one before it ends, however it stands. Ticks of the past are ignored."""
         if tick.k <= self._tick.k:
             return ()
-        events = [*self._end_frame()]
-        self._reset()
-        self._tick, self._lost, self._phase = tick, lost, "open"
-        self._decide_by = tick.t_ns + self._times.deadline_ns
-        for request in self._ahead.pop(tick.k, ()):
-            self._note(request, now_ns)
-        self._ahead = {k: v for k, v in self._ahead.items() if k > tick.k}
+        events = self._end_frame()
+        self._begin(tick, lost, others)
+        self._phase = "open"
+        if self._ahead:
+            for request in self._ahead.pop(tick.k, ()):
+                self._note(request, now_ns)
+            self._ahead = {k: v for k, v in self._ahead.items() if k > tick.k}
         return (*events, *self._advance(now_ns))
 
     def receive(self, request: Request, now_ns: int) -> tuple[Event, ...]:
         """A request came. One for a frame that is over changes nothing."""
         k = self._tick.k
         if request.k > k:
-            if request.k <= k + AHEAD and request.client in self._places:
-                self._ahead.setdefault(request.k, []).append(request)
+            self._keep_for_later(request)
             return ()
         if request.k < k or self._phase in ("no frame", "closed"):
             return ()
         self._note(request, now_ns)
+        return self._advance(now_ns)
+
+    def intervene(self, others: Others, now_ns: int) -> tuple[Event, ...]:
+        """What counts besides the network has changed; a frame that is dispatched already stays as it is."""
+        if self._phase != "open":
+            return ()
+        self._others = others
         return self._advance(now_ns)
 
     def wake(self, now_ns: int) -> tuple[Event, ...]:
@@ -174,69 +139,77 @@ class Arbiter:
 
     def finish(self) -> tuple[Event, ...]:
         """No frame follows: the present one ends as it stands."""
-        events = tuple(self._end_frame())
+        events = self._end_frame()
         self._phase = "closed" if self._tick.k >= 0 else "no frame"
         return events
 
+    def remark(self, note: str) -> None:
+        """Something for people, about this frame or, if that is over, about the next."""
+        notes = self._notes if self._phase in ("open", "dispatched") else self._remarks
+        if len(notes) < MOST_NOTES:
+            notes.append(note if len(note) <= LONGEST_NOTE else f"{note[: LONGEST_NOTE - 3]}...")
+
+    def _keep_for_later(self, request: Request) -> None:
+        if request.client not in self._places.rank:
+            return
+        if self._tick.k >= 0:
+            wild = request.k > self._tick.k + AHEAD
+        else:  # no tick yet: the first may have any number
+            wild = request.k not in self._ahead and len(self._ahead) >= AHEAD
+        kept = None if wild else self._ahead.setdefault(request.k, [])
+        if kept is not None and len(kept) < 2 * len(self._places.names):
+            kept.append(request)
+
     def _note(self, request: Request, now_ns: int) -> None:
         client = request.client
-        if client in self._requests or client in self._refused or client in self._late:
+        if client in self._ballot.requests or client in self._refused or client in self._late:
             return  # a message doubled on its way
-        wrong = malformed(request, self._actuator, self._places)
+        wrong = malformed(request, self._actuator, self._places.rank)
         if wrong is not None:
-            self._notes.append(wrong)
-            if client in self._places:
-                self._refused[client] = wrong
+            self.remark(wrong)
+            if client in self._places.rank:
+                self._refused.add(client)
+                self._ballot.without(client)
             return
         if self._phase == "dispatched" and self._at_deadline:
             self._late.add(client)
+            self._ballot.late(client)
             if request.bid == "command":
-                self._notes.append(f"`{client}` commanded after the deadline")
+                self.remark(f"`{client}` commanded after the deadline")
             return
-        self._requests[client] = request
+        self._ballot.take(request)
         if request.bid == "command" and self._phase == "open" and self._decide_by is not None:
             self._decide_by = min(self._decide_by, now_ns + self._times.grace_ns)
 
     def _advance(self, now_ns: int) -> tuple[Event, ...]:
-        events: list[Event] = []
+        dispatch: Dispatch | None = None
         if self._phase == "open":
-            choice = choose(self._places, self._requests, self._unheard_of())
-            overdue = self._decide_by is not None and now_ns >= self._decide_by
-            if choice.settled or overdue:
+            choice = self._ballot.choose(self._others)
+            if choice.settled or (self._decide_by is not None and now_ns >= self._decide_by):
                 self._at_deadline = now_ns >= self._tick.t_ns + self._times.deadline_ns
-                events.append(self._dispatch(choice.contender))
-        if self._phase == "dispatched" and self._all_heard():
-            events.append(self._verdict())
-        return tuple(events)
-
-    def _unheard_of(self) -> frozenset[str]:
-        """Clients that are not waited for and do not count."""
-        return self._lost.union(self._refused) if self._refused else self._lost
-
-    def _all_heard(self) -> bool:
-        return all(
-            c in self._requests or c in self._lost or c in self._refused or c in self._late
-            for c in self._places
-        )
+                dispatch = self._dispatch(choice)
+        if self._phase == "dispatched" and self._ballot.complete:
+            verdict = self._verdict()
+            return (verdict,) if dispatch is None else (dispatch, verdict)
+        return () if dispatch is None else (dispatch,)
 
     def _end_frame(self) -> tuple[Event, ...]:
-        events: list[Event] = []
         if self._phase == "open":
             self._at_deadline = True
-            contender = choose(self._places, self._requests, self._unheard_of()).contender
-            events.append(self._dispatch(contender))
-        if self._phase == "dispatched":
-            events.append(self._verdict())
-        return tuple(events)
+            return (self._dispatch(self._ballot.choose(self._others)), self._verdict())
+        return (self._verdict(),) if self._phase == "dispatched" else ()
 
-    def _dispatch(self, winner: str | None) -> Dispatch:
+    def _dispatch(self, choice: Choice) -> Dispatch:
         values, fault = self._actuator.idle, None
-        if winner is not None:
-            request = self._requests[winner]
+        if choice.outside is not None:
+            values = choice.outside.values
+        elif choice.by is not None:
+            request = self._ballot.requests[choice.by]
             fault = request.fault
             if request.values is not None and fault is None:
                 values = request.values
-        self._sent = Dispatch(self._tick.k, winner, values, fault)
+        outside = None if choice.outside is None else choice.outside.connection
+        self._sent = Dispatch(self._tick.k, choice.by, values, fault, outside, self._others.hold)
         self._phase = "dispatched"
         return self._sent
 
@@ -244,30 +217,51 @@ class Arbiter:
         sent = self._sent
         assert sent is not None
         self._phase = "closed"
-        commands = sum(r.bid == "command" for c, r in self._requests.items() if c not in self._lost)
         return Verdict(
             k=self._tick.k,
             t_ns=self._tick.t_ns,
             actuator=self._actuator.name,
             by=sent.by,
             values=declared_units(self._actuator, sent.values),
-            fates=tuple((c, self._fate(c, sent.by)) for c in self._places),
+            fates=(*((c, self._fate(c, sent)) for c in self._places.names), *self._fates_outside(sent)),
             fault=sent.fault,
-            violation=commands > 1,
+            violation=self._ballot.commands > 1,
             notes=tuple(self._notes),
+            outside=sent.outside,
+            hold=sent.hold,
         )
 
-    def _fate(self, client: str, winner: str | None) -> Fate:
-        if client == winner:
+    def _fate(self, client: str, sent: Dispatch) -> Fate:
+        if client == sent.by:
             return "won"
         if client in self._lost:
             return "lost"
         if client in self._refused:
             return "refused"
-        request = self._requests.get(client)
+        request = self._ballot.requests.get(client)
         if request is None:
             return "late"
-        return "overruled" if request.bid == "command" else request.bid
+        if request.bid != "command":
+            return request.bid
+        return _outdone(sent)
+
+    def _fates_outside(self, sent: Dispatch) -> tuple[tuple[str, Fate], ...]:
+        """Of those outside whose command was not sent; they come after the clients of the network."""
+        if not self._others.commands:
+            return ()
+        fate: Fate = "overridden" if sent.hold is None else _outdone(sent)
+        return tuple((c.connection, fate) for c in self._others.commands if c.connection != sent.outside)
+
+
+def _outdone(sent: Dispatch) -> Fate:
+    """Why a client with a command did not get through."""
+    match sent.hold:
+        case "stopped":
+            return "stopped"
+        case "locked":
+            return "locked out"
+        case None:
+            return "overruled" if sent.outside is None else "overridden"
 
 
 def declared_units(

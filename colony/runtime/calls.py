@@ -44,14 +44,21 @@ LEASE_NS = 750_000_000
 ANSWERS_KEPT = 64
 """Replies that are kept for each connection, for calls that arrive again."""
 
+ANSWER_BYTES_KEPT = 1024 * 1024
+"""How large they may be together; the newest is kept whatever its size."""
+
 CONNECTIONS = 1000
 """How many connections a server takes at a time."""
+
+WAITING_EACH = 256
+"""Calls of one connection that may wait for their answers."""
 
 
 class Refused(Exception):
     """A call that a server does not do.
 
-    `code` is for programs: "arguments", "method", "right", "closed", "malformed", or one of the server's own.
+    `code` is for programs: "arguments", "method", "right", "closed", "malformed", "full", or one of the
+    server's own.
     """
 
     def __init__(self, code: str, message: str) -> None:
@@ -143,7 +150,20 @@ class _Connection:
     last_problem: str | None = None
     pending: set[int] = field(default_factory=set)
     answers: OrderedDict[int, Reply] = field(default_factory=OrderedDict)
+    answer_bytes: int = 0
     forgotten: int = 0
+
+    def keep(self, reply: Reply) -> None:
+        """Keep an answer, and forget the oldest where there are too many."""
+        self.pending.discard(reply.number)
+        self.answers[reply.number] = reply
+        self.answer_bytes += len(memoryview(reply.result))
+        while len(self.answers) > ANSWERS_KEPT or (
+            len(self.answers) > 1 and self.answer_bytes > ANSWER_BYTES_KEPT
+        ):
+            number, old = self.answers.popitem(last=False)
+            self.answer_bytes -= len(memoryview(old.result))
+            self.forgotten = max(self.forgotten, number)
 
 
 _RIGHTS: dict[Right, tuple[Right, ...]] = {
@@ -250,9 +270,14 @@ class CallDesk:
         if number in connection.answers:
             yield Send(topics.replies(self._server, call.connection), connection.answers[number])
         elif number not in connection.pending and number > connection.forgotten:
+            full = len(connection.pending) >= WAITING_EACH
             connection.pending.add(number)
             connection.calls += 1
-            yield from self._do(connection, call, now_ns)
+            if full:
+                text = f"{self._server}: {WAITING_EACH} calls of this connection wait for answers already"
+                yield from self.refuse(Asked(connection.caller, number), Refused("full", text))
+            else:
+                yield from self._do(connection, call, now_ns)
 
     def _do(self, connection: _Connection, call: Call, now_ns: int) -> Iterator[Effect]:
         asked = Asked(connection.caller, call.number)
@@ -306,11 +331,7 @@ class CallDesk:
         connection = self._connections.get(asked.caller.connection)
         if connection is None:
             return
-        connection.pending.discard(asked.number)
-        connection.answers[asked.number] = reply
-        if len(connection.answers) > ANSWERS_KEPT:
-            old, _ = connection.answers.popitem(last=False)
-            connection.forgotten = max(connection.forgotten, old)
+        connection.keep(reply)
         if reply.problem is not None:
             connection.problems += 1
             connection.last_problem = reply.problem.message

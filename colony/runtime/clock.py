@@ -1,18 +1,70 @@
-"""The Clock of a robot: it publishes tick k at k frame periods, with who is down and who is lost."""
+"""The Clock of a robot: it numbers the frames and tells everyone who is down, who is lost, what is void.
+
+Frames are a period apart. A robot without a program has frames too, of `IDLE_FRAME_NS`, in the run "": so
+that scripts can drive it and servers are watched. A leader deploys a program; when all of its clients have
+said that they are ready, or after `GATHER_NS`, its frames begin, and they end with the leader's connection.
+
+The frames since one in which all memory was initial are an epoch. A new one begins with a run; when the Clock
+was started anew; and when a client lost its memory for good. A frame's number is never used twice: a Clock
+that starts takes its first from the time, a number each `NUMBER_NS`, and no frames come faster than that.
+
+A Clock that was stopped for a while leaves out the periods that it missed. In lockstep a frame begins as
+soon as the one before it is decided, at latest after a period; its time is a whole number of periods all the
+same.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable, Iterator
 
 from colony.runtime import topics
-from colony.runtime.liveness import Liveness
-from colony.runtime.messages import Effect, Fetch, Message, Request, Send, ServerFrame, Tick, Wake, WakeAt
+from colony.runtime.calls import Asked, CallDesk, Caller, Nothing, method
+from colony.runtime.deployment import SHORTEST_FRAME_NS, Deployment, client_addresses
+from colony.runtime.fields import DSERVER
+from colony.runtime.library.clock import ServerWho, Who
+from colony.runtime.liveness import Answers, Liveness, lease
+from colony.runtime.messages import (
+    Alive,
+    Announcement,
+    Call,
+    Effect,
+    Fetch,
+    Malformed,
+    Message,
+    Ready,
+    Request,
+    Restart,
+    Send,
+    ServerFrame,
+    Tick,
+    Verdict,
+    Wake,
+    WakeAt,
+)
+from colony.runtime.roll import Roll
+from colony.runtime.servers.leadership import Leadership
+
+IDLE_FRAME_NS = 50_000_000
+"""The frames of a robot without a program."""
+
+GATHER_NS = 5_000_000_000
+"""For how long the clients of a run are waited for."""
+
+NUMBER_NS = SHORTEST_FRAME_NS
+"""A Clock that starts at time t begins with frame t / NUMBER_NS."""
+
+ASKED_AGAIN = 8
+"""How many frames of a server that have not come are asked for again with each tick."""
 
 
 class Clock:
-    """Logical time of one robot. Mutable: the number of the next tick, and when everyone was heard of.
+    """Logical time of one robot. Mutable: the newest tick, and all that it knows of others.
 
-    `servers` are expected to answer each tick, `clients` (address to server) to send a request a frame.
+    Args:
+        servers: those of the robot, which answer ticks.
+        keep: how many ticks are kept for who missed one.
+        deployment: a program that is there from the beginning; others come by `deploy`.
+        told: hears of every deployment, before its first frame.
     """
 
     address = topics.CLOCK
@@ -20,62 +72,227 @@ class Clock:
     def __init__(
         self,
         *,
-        frame_ns: int,
         servers: tuple[str, ...],
-        clients: tuple[tuple[str, str], ...],
-        lease_ns: int,
         keep: int,
+        deployment: Deployment | None = None,
+        told: Callable[[Deployment], None] = lambda deployed: None,
     ) -> None:
-        self._frame_ns = frame_ns
-        self._names = (servers, tuple(address for address, _ in clients))
-        self._lease_ns = lease_ns
+        self._servers = servers
         self._keep = keep
-        self._k = 0
-        self._start_ns = 0
+        self._deployed = deployment
+        self._told = told
+        self._leadership = Leadership(self.address)
+        self._leader: Caller | None = None
+        self._tick = Tick(k=-1, t_ns=0)
         self._kept: dict[int, Tick] = {}
-        request_topics = sorted({topics.requests(server) for _, server in clients})
+        self._restarts = 0
+        self._restart = False
+        self._gather_by: int | None = None
+        self._begun_run = ""
+        self._decided: set[str] = set()
+        self._alarm: int | None = None
+        self._desk = CallDesk(
+            self.address,
+            (
+                method("deploy", Deployment, self._deploy),
+                method("who", Nothing, self._who, right="read"),
+            ),
+            lost=self._lost,
+        )
         self.listens = (
             topics.fetches(self.address),
-            *(topics.frames(s) for s in servers),
-            *request_topics,
+            topics.READY,
+            topics.RESTARTS,
+            topics.VERDICTS,
+            topics.ANSWERS,
+            topics.announcements(DSERVER.name),
+            *(topics.frames(server) for server in servers),
+            *(topics.requests(server) for server in servers),
+            *self._desk.listens,
         )
 
-    def start(self, now_ns: int) -> Iterable[Effect]:
-        servers, clients = self._names
-        self._servers = Liveness(servers, lease_ns=self._lease_ns, now_ns=now_ns)
-        self._clients = Liveness(clients, lease_ns=self._lease_ns, now_ns=now_ns)
-        self._start_ns = now_ns
-        return (WakeAt(now_ns),)
+    # --- messages --------------------------------------------------------------------------------------
 
-    def handle(self, message: Message, now_ns: int) -> Iterable[Effect]:
+    def start(self, now_ns: int) -> Iterable[Effect]:
+        self._next_k = now_ns // NUMBER_NS
+        self._epoch_k, self._due_ns = self._next_k, now_ns
+        self._enroll(now_ns)
+        return self._advance(now_ns)
+
+    def handle(self, message: Message, now_ns: int) -> Iterator[Effect]:
         match message:
-            case Wake():
-                return self._tick(now_ns)
-            case ServerFrame():
-                self._servers.heard(message.server, now_ns)
             case Request():
-                self._clients.heard(topics.client_address(message.actuator, message.client), now_ns)
+                client = topics.client_address(message.actuator, message.client)
+                self._roll.requested(client, now_ns, on_time=message.k == self._tick.k)
+            case ServerFrame():
+                self._heard(message.server, message.k, message.since, now_ns)
+            case Announcement():
+                self._heard(topics.activity(DSERVER.name, message.module), message.k, 0, now_ns)
+            case Verdict():
+                if message.k == self._tick.k:
+                    self._decided.add(message.actuator)
             case Fetch():
                 tick = self._kept.get(message.k)
-                return () if tick is None else (Send(topics.TICKS, tick),)
+                if tick is not None:  # not where it was: to a server that was started anew it would be new
+                    yield Send(topics.frames(self.address), tick)
+            case Ready():
+                if self._deployed is not None and message.run == self._deployed.run:
+                    self._roll.ready(message.client)
+            case Restart():
+                begun = self._begun_run == self._run != ""
+                if begun and message.client in self._roll and message.start == self._tick.start:
+                    self._restart = True
+            case Call() | Alive() | Malformed() | Wake():
+                yield from self._desk.handle(message, now_ns)
             case _:
-                pass
-        return ()
+                return
+        yield from self._advance(now_ns)
 
     def close(self) -> None:
         """It holds nothing."""
 
-    def _tick(self, now_ns: int) -> Iterable[Effect]:
-        due = self._start_ns + self._k * self._frame_ns
-        if now_ns < due:
-            return (WakeAt(due),)
-        tick = Tick(
-            k=self._k,
-            t_ns=due,
-            down=self._servers.missing(now_ns),
-            lost=self._clients.missing(now_ns),
+    def _heard(self, server: str, k: int, since: int, now_ns: int) -> None:
+        self._liveness.heard(server, now_ns)
+        self._answers.answered(server, k, since)
+
+    # --- runs ------------------------------------------------------------------------------------------
+
+    @property
+    def _run(self) -> str:
+        return "" if self._deployed is None else self._deployed.run
+
+    @property
+    def _frame_ns(self) -> int:
+        """The period of the present frames."""
+        if self._deployed is None or self._gather_by is not None:
+            return IDLE_FRAME_NS
+        return self._deployed.frame_ns
+
+    def _enroll(self, now_ns: int) -> None:
+        """Begin to watch everyone who has a part in what is deployed now, and to wait for the clients."""
+        deployed, announcers = self._deployed, self._announcers()
+        clients = () if deployed is None else tuple(address for address, _ in client_addresses(deployed))
+        lease_ns = lease(IDLE_FRAME_NS if deployed is None else deployed.frame_ns)
+        self._gather_by = None if deployed is None else now_ns + GATHER_NS
+        self._roll = Roll(clients, announcers, lease_ns=lease_ns, now_ns=now_ns)
+        watched = (*self._watched_servers(), *announcers)
+        self._liveness = Liveness(watched, lease_ns=lease_ns, now_ns=now_ns)
+        self._answers = Answers(watched, keep=self._keep)
+        self._restarts = 0
+        if deployed is not None and self._tick.k < 0:
+            self._due_ns = now_ns + IDLE_FRAME_NS  # there is a program: no frame without one at first
+
+    def _deploy(self, asked: Asked, deployed: Deployment, now_ns: int) -> None:
+        new = self._leadership.take(asked.caller, deployed) and deployed.run != self._run
+        self._leader = asked.caller
+        if new or self._deployed is None:
+            self._deployed = deployed
+            self._told(deployed)
+            self._enroll(now_ns)
+
+    def _lost(self, caller: Caller, now_ns: int) -> Iterable[Effect]:
+        """The run ends with the connection of its leader."""
+        self._leadership.lost(caller)
+        if self._leader is not None and self._leader.connection == caller.connection:
+            self._leader, self._deployed = None, None
+            self._enroll(now_ns)
+            self._due_ns = min(self._due_ns, now_ns + IDLE_FRAME_NS)  # its frames may have been slow ones
+        return ()
+
+    # --- ticks -----------------------------------------------------------------------------------------
+
+    def _advance(self, now_ns: int) -> Iterator[Effect]:
+        """Do what is due, and see to a wake for what comes next."""
+        if self._gather_by is not None and (self._roll.complete or now_ns >= self._gather_by):
+            self._gather_by = None
+            self._roll.begin(now_ns)
+            for announcer in self._announcers():
+                self._liveness.heard(announcer, now_ns)
+            ticked = self._tick.k >= 0 and self._tick.t_ns == now_ns
+            self._due_ns = now_ns + 1 if ticked else now_ns
+        if now_ns >= self._due_ns or self._in_step():
+            yield from self._next(now_ns)
+        due = self._due_ns if self._gather_by is None else min(self._due_ns, self._gather_by)
+        if self._alarm is None or now_ns >= self._alarm or due < self._alarm:
+            self._alarm = due
+            yield WakeAt(due)
+
+    def _in_step(self) -> bool:
+        """Whether the frame is in lockstep, and decided by all."""
+        deployed = self._deployed
+        if deployed is None or not deployed.lockstep or self._gather_by is not None:
+            return False
+        return (
+            self._tick.run == deployed.run
+            and bool(deployed.actuators)
+            and len(self._decided) >= len(deployed.actuators)
         )
-        self._kept[tick.k] = tick
-        self._kept.pop(tick.k - self._keep, None)
-        self._k += 1
-        return (Send(topics.TICKS, tick), WakeAt(due + self._frame_ns))
+
+    def _next(self, now_ns: int) -> Iterator[Effect]:
+        run = "" if self._gather_by is not None else self._run
+        lockstep = self._deployed is not None and self._deployed.lockstep and run != ""
+        frame_ns = self._frame_ns
+        missed_ns = max(0, (now_ns - self._due_ns) // frame_ns * frame_ns)
+        if missed_ns:  # this process was not there: the silence was not that of others
+            self._liveness.slept(missed_ns)
+            self._roll.slept(missed_ns)
+        begins = self._tick.k < 0 or run != self._begun_run
+        t_ns = self._tick.t_ns + frame_ns if lockstep and not begins else self._due_ns + missed_ns
+        if begins or self._restart:
+            self._restarts += not begins
+            self._epoch_k = self._next_k
+            self._restart, self._begun_run = False, run
+            self._answers.forget()
+        self._due_ns = (now_ns if lockstep else t_ns) + frame_ns
+        yield from self._publish(t_ns, run, now_ns)
+
+    def _publish(self, t_ns: int, run: str, now_ns: int) -> Iterator[Effect]:
+        k, down = self._next_k, self._liveness.missing(now_ns)
+        tick = Tick(
+            k=k,
+            t_ns=t_ns,
+            start=self._epoch_k,
+            run=run,
+            down=down,
+            lost=self._roll.lost(now_ns) if run else (),
+            void=self._answers.void(down),
+        )
+        overdue = list(self._answers.overdue(k - 1, ASKED_AGAIN))
+        self._answers.asked(k, down)
+        self._kept[k] = tick
+        self._kept.pop(k - self._keep, None)
+        self._tick, self._next_k = tick, k + 1
+        self._decided.clear()
+        yield Send(topics.TICKS, tick)
+        for server, missing in overdue:
+            asked = DSERVER.name if server in self._announcers() else server
+            yield Send(topics.fetches(asked), Fetch(server=server, k=missing))
+
+    # --- who -------------------------------------------------------------------------------------------
+
+    def _who(self, asked: Asked, arguments: object, now_ns: int) -> Who:
+        down = self._liveness.missing(now_ns)
+        watched = (*self._watched_servers(), *self._announcers())
+        deployed = self._deployed
+        return Who(
+            k=self._tick.k,
+            t_ns=self._tick.t_ns,
+            start=self._tick.start,
+            frame_ns=self._frame_ns,
+            run=self._run,
+            program="" if deployed is None else deployed.program,
+            leader=None if self._leader is None else self._leader.connection,
+            begun=deployed is not None and self._gather_by is None,
+            restarts=self._restarts,
+            servers=tuple(ServerWho(server=s, up=s not in down) for s in watched),
+            clients=self._roll.who(now_ns),
+        )
+
+    def _watched_servers(self) -> tuple[str, ...]:
+        """Those of the robot, and those that the program reads besides."""
+        more = () if self._deployed is None else self._deployed.servers
+        return tuple(dict.fromkeys((*self._servers, *more)))
+
+    def _announcers(self) -> tuple[str, ...]:
+        modules = () if self._deployed is None else self._deployed.announced
+        return tuple(topics.activity(DSERVER.name, m) for m in modules)

@@ -19,6 +19,11 @@ from colony.runtime import topics
 from colony.runtime.bindings import ActuatorBinding, Bindings
 from colony.runtime.servers.commanding import Commanded
 
+SHORTEST_FRAME_NS = 100_000
+LONGEST_FRAME_NS = 3_600_000_000_000
+"""Of the frames of a robot. Faster ones would run out of numbers (see `clock.py`); with slower ones nobody
+would notice for hours that a client is lost."""
+
 
 class FieldTable(msgspec.Struct, frozen=True, kw_only=True):
     """A field of an actuator; `low` and `high` are in base units."""
@@ -46,7 +51,8 @@ class ActuatorTable(msgspec.Struct, frozen=True, kw_only=True):
 class Deployment(msgspec.Struct, frozen=True, kw_only=True):
     """A program on a robot. `run` is different for every run; "" is that of a robot without a program.
 
-    `announced` are the modules in Python whose activity DServer hands on; `seed` is that of `Runtime.random`.
+    `announced` are the modules in Python whose activity DServer hands on; `seed` is that of `Runtime.random`;
+    `servers` are read besides those that every robot has.
     `lockstep`: each frame begins as soon as the one before it is decided, instead of after `frame_ns`.
     """
 
@@ -57,6 +63,7 @@ class Deployment(msgspec.Struct, frozen=True, kw_only=True):
     actuators: tuple[ActuatorTable, ...]
     announced: tuple[str, ...] = ()
     lockstep: bool = False
+    servers: tuple[str, ...] = ()
 
 
 def deployment(
@@ -68,6 +75,7 @@ def deployment(
     seed: int,
     announced: tuple[str, ...] = (),
     lockstep: bool = False,
+    servers: tuple[str, ...] = (),
 ) -> Deployment:
     """What servers have to know of a compiled program."""
     wired = {a.actuator: tuple((c.module, c.priority) for c in a.clients) for a in clients.actuators}
@@ -82,6 +90,7 @@ def deployment(
         ),
         announced=announced,
         lockstep=lockstep,
+        servers=servers,
     )
 
 
@@ -100,13 +109,17 @@ def client_addresses(deployed: Deployment) -> tuple[tuple[str, str], ...]:
 
 
 def problems(deployed: Deployment) -> tuple[str, ...]:
-    """What makes a deployment impossible: frames without length, two clients with one name or priority."""
+    """What makes a deployment impossible: no name, frames without length, two clients with one name or
+    priority."""
     return tuple(_problems(deployed))
 
 
 def _problems(deployed: Deployment) -> Iterable[str]:
-    if deployed.frame_ns <= 0:
-        yield f"a frame of {deployed.frame_ns} ns; expected more than 0"
+    if not deployed.run:
+        yield "a run without a name"
+    if not SHORTEST_FRAME_NS <= deployed.frame_ns <= LONGEST_FRAME_NS:
+        expected = f"expected {SHORTEST_FRAME_NS} to {LONGEST_FRAME_NS}"
+        yield f"a frame of {deployed.frame_ns} ns; {expected}"
     for table in deployed.actuators:
         for what, of in (("name", 0), ("priority", 1)):
             seen = [client[of] for client in table.clients]
@@ -164,4 +177,5 @@ def _commanded(table: ActuatorTable) -> Commanded:
             actuator=table.name, server=table.server, command=table.command, places=table.places
         ),
         places=tuple(client for client, _ in table.clients),
+        priorities=tuple(priority for _, priority in table.clients),
     )

@@ -10,6 +10,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Protocol
 
+from colony.runtime.images import Image
 from colony.runtime.messages import Sample
 
 
@@ -32,8 +33,28 @@ class BaseState:
     wheel_speed: float
 
 
+@dataclass(frozen=True, slots=True, kw_only=True)
+class BaseLimits:
+    """The most that a base does, in either direction: mm/s, deg/s, mm/s^2 and deg/s^2."""
+
+    velocity: float
+    turn: float
+    acceleration: float
+    turn_acceleration: float
+
+
 class BaseDriver(Protocol):
     """A base with two driven wheels (thesis section 4.6.3)."""
+
+    @property
+    def limits(self) -> BaseLimits:
+        """What commands are refused beyond; they do not change."""
+        ...
+
+    @property
+    def register_bits(self) -> int | None:
+        """How many bits the signed registers of x and y have, which overflow; None: they never do."""
+        ...
 
     def drive(self, velocity: float, turn: float) -> None:
         """Go at `velocity` mm/s, turning `turn` deg/s counterclockwise, until told otherwise."""
@@ -57,6 +78,14 @@ class ProximityDriver(Protocol):
 
     def infrared(self) -> Sample | None:
         """24 bools: whether the detector sees something."""
+        ...
+
+
+class CameraDriver(Protocol):
+    """A camera (thesis section 4.6.4)."""
+
+    def grab(self) -> Image | None:
+        """The newest image, or None."""
         ...
 
 

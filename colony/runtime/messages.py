@@ -52,7 +52,8 @@ class Tick(_Message, frozen=True, kw_only=True):
 
     `start` is the frame in which the memory of the whole network was at its initial values: 0, or that of
     the last restart. Frames before it are of no use any more. `run` names the run of a program that the
-    frame belongs to; "" is that of a robot without a program.
+    frame belongs to; "" is that of a robot without a program. `void` are frames of the past, by server and
+    number, that never came and never will, because their server died: they count as "no value".
     """
 
     k: int
@@ -61,14 +62,19 @@ class Tick(_Message, frozen=True, kw_only=True):
     run: str = ""
     down: tuple[str, ...] = ()
     lost: tuple[str, ...] = ()
+    void: tuple[tuple[str, int], ...] = ()
 
 
 class ServerFrame(_Message, frozen=True, kw_only=True):
-    """What a server has for frame `k`: fields in base units by name; None, or absent, is "no value"."""
+    """What a server has for frame `k`: fields in base units by name; None, or absent, is "no value".
+
+    `since` is the first frame that this process of the server answered. It knows nothing of those before.
+    """
 
     server: str
     k: int
     fields: Mapping[str, Sample | None]
+    since: int = 0
 
 
 class Fetch(_Message, frozen=True, kw_only=True):
@@ -152,9 +158,10 @@ class Verdict(_Message, frozen=True, kw_only=True):
 
 
 class Ready(_Message, frozen=True, kw_only=True):
-    """A client of the network, by address, tells the Clock that it listens."""
+    """A client of the network, by address, tells the Clock that it listens, and for which run."""
 
     client: str
+    run: str = ""
 
 
 class Restart(_Message, frozen=True, kw_only=True):

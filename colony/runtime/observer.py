@@ -6,12 +6,12 @@ from __future__ import annotations
 from collections import deque
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
-from typing import Protocol
+from typing import NamedTuple, Protocol, TypeVar
 
 from colony.ir.frame import Frame, Outcome
 from colony.runtime import topics
 from colony.runtime.assembly import KEPT_NS, Assembled, FrameAssembler
-from colony.runtime.messages import Effect, Message, ServerFrame, Tick, Verdict
+from colony.runtime.messages import Effect, Fate, Message, Request, ServerFrame, Tick, Verdict
 from colony.runtime.monitor import Monitor
 
 
@@ -20,7 +20,10 @@ class FrameLog:
     """All of one frame: what was sensed, what each actuator's server decided, and what should have been.
 
     A verdict may be absent, where a run broke off in the middle of a frame. `disagreements` tell how the
-    verdicts differ from `expected` although nobody was late or lost: there should never be one.
+    verdicts differ from `expected` although nobody was late or lost: there should never be one. `restart`
+    tells that all memory began anew with this frame in the middle of a run, `requests` what the clients asked
+    for, as they came (unless nobody wants to know). `skipped` frames before this one were missed for good;
+    from there to the next restart nothing is expected, as memory is not known.
     """
 
     tick: Tick
@@ -28,6 +31,19 @@ class FrameLog:
     verdicts: Mapping[str, Verdict]
     expected: Outcome
     disagreements: tuple[str, ...]
+    restart: bool = False
+    requests: tuple[Request, ...] = ()
+    skipped: int = 0
+
+    @property
+    def breaches(self) -> tuple[str, ...]:
+        """The contracts that are broken in this frame."""
+        return self.expected.breaches
+
+    @property
+    def astray(self) -> bool:
+        """Whether memory is not known, and so nothing is expected."""
+        return not self.expected.decisions
 
 
 class Sink(Protocol):
@@ -40,8 +56,27 @@ class Sink(Protocol):
         ...
 
 
+class _Waiting(NamedTuple):
+    """A frame that came at `came_ns`, after `skipped` that did not; `astray`: memory was lost before it."""
+
+    assembled: Assembled
+    came_ns: int
+    skipped: int
+    astray: bool
+
+
+_UNHEARD: frozenset[Fate] = frozenset({"late", "lost", "refused"})
+
+
 class Observer:
-    """Mutable: frames that still wait for verdicts."""
+    """Mutable: frames that still wait for verdicts.
+
+    Args:
+        assembler: of all sensors.
+        actuators: by name; a frame is complete with a verdict of each.
+        monitor, sinks: who checks the frames, and who takes them.
+        heeded: servers whose requests are handed on too.
+    """
 
     address = "Observer"
 
@@ -51,14 +86,19 @@ class Observer:
         actuators: tuple[str, ...],
         monitor: Monitor,
         sinks: tuple[Sink, ...],
+        heeded: tuple[str, ...] = (),
     ) -> None:
         self._assembler = assembler
-        self._actuators = actuators
+        self._actuators = frozenset(actuators)
         self._monitor = monitor
         self._sinks = sinks
-        self._waiting: deque[Assembled] = deque()
+        self._waiting: deque[_Waiting] = deque()
         self._verdicts: dict[int, dict[str, Verdict]] = {}
-        self.listens = (*assembler.listens, topics.VERDICTS)
+        self._requests: dict[int, dict[tuple[str, str], Request]] = {}
+        self._heeds = bool(heeded)
+        self._first = True
+        self._skipped, self._astray = 0, True
+        self.listens = (*assembler.listens, topics.VERDICTS, *(topics.requests(s) for s in heeded))
 
     def add(self, sink: Sink) -> None:
         """One more sink, before the first frame."""
@@ -72,9 +112,16 @@ class Observer:
         match message:
             case Tick() | ServerFrame():
                 effects = self._assembler.take(message)
-                self._waiting.extend(self._assembler.complete())
+                self._collect(now_ns)
+                if self._assembler.lost:
+                    self._skipped += self._assembler.skip()
+                    self._astray = True
+                    self._collect(now_ns)
             case Verdict():
-                self._verdicts.setdefault(message.k, {})[message.actuator] = message
+                if message.actuator in self._actuators:
+                    _kept(self._verdicts, message.k)[message.actuator] = message
+            case Request():
+                _kept(self._requests, message.k).setdefault((message.actuator, message.client), message)
             case _:
                 return ()
         while self._waiting and self._ready(self._waiting[0], now_ns):
@@ -89,19 +136,71 @@ class Observer:
         finally:
             _close_all(self._sinks)
 
-    def _ready(self, first: Assembled, now_ns: int) -> bool:
-        verdicts = self._verdicts.get(first.tick.k, {})
-        return len(verdicts) == len(self._actuators) or now_ns - first.tick.t_ns > KEPT_NS
+    def _collect(self, now_ns: int) -> None:
+        for assembled in self._assembler.complete():
+            self._waiting.append(_Waiting(assembled, now_ns, self._skipped, self._astray))
+            self._skipped, self._astray = 0, False
+
+    def _ready(self, first: _Waiting, now_ns: int) -> bool:
+        k = first.assembled.tick.k
+        if len(self._verdicts.get(k, ())) < len(self._actuators):
+            return now_ns - first.came_ns > KEPT_NS
+        return not self._heeds or self._heard(k) or len(self._waiting) > 1
+
+    def _heard(self, k: int) -> bool:
+        """Whether the requests are here that the verdicts of a frame tell of: they may come after these."""
+        requests, verdicts = self._requests.get(k, {}), self._verdicts.get(k, {})
+        return all(
+            (actuator, client) in requests or fate in _UNHEARD
+            for actuator, verdict in verdicts.items()
+            for client, fate in verdict.fates
+        )
 
     def _release(self) -> None:
-        tick, frame, _, _ = self._waiting.popleft()
-        verdicts = self._verdicts.pop(tick.k, {})
-        expected, disagreements = self._monitor.check(frame, verdicts)
+        assembled, _, skipped, astray = self._waiting.popleft()
+        tick, frame = assembled.tick, assembled.frame
+        verdicts, requests = _taken(self._verdicts, tick.k), _taken(self._requests, tick.k)
+        if assembled.restart:
+            self._monitor.restart()
+        elif astray:
+            self._monitor.lose()
+        expected, disagreements = self._monitor.check(frame, verdicts, tick.lost)
         log = FrameLog(
-            tick=tick, frame=frame, verdicts=verdicts, expected=expected, disagreements=disagreements
+            tick=tick,
+            frame=frame,
+            verdicts=verdicts,
+            expected=expected,
+            disagreements=disagreements,
+            restart=assembled.restart and not self._first,
+            requests=tuple(requests.values()),
+            skipped=skipped,
         )
+        self._first = False
         for sink in self._sinks:
             sink.take(log)
+
+
+K = TypeVar("K")
+V = TypeVar("V")
+
+_MOST_WAITING = 20_000
+"""Frames of which something is kept although they did not come yet."""
+
+
+def _kept(of: dict[int, dict[K, V]], k: int) -> dict[K, V]:
+    """What there is of frame `k` so far."""
+    found = of.setdefault(k, {})
+    if len(of) > _MOST_WAITING:
+        del of[next(iter(of))]
+    return found
+
+
+def _taken(of: dict[int, dict[K, V]], k: int) -> dict[K, V]:
+    """What there is of frame `k`, which is the last time that it is asked for; older ones are let go."""
+    found = of.pop(k, {})
+    for old in [at for at in of if at < k]:
+        del of[old]
+    return found
 
 
 def _close_all(sinks: tuple[Sink, ...]) -> None:

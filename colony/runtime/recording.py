@@ -1,17 +1,20 @@
 """Recordings: one JSON object a frame and line, which `colony trace --input` reads back.
 
-    {"t": 0.05, "sonar": [...], "bumper": false, "drive": {"by": "avoid", "velocity": 80.0, "turn": 30.0}}
+    {"t": 0.05, "@tick": 1, "sonar": [...], "drive": {"by": "avoid", "velocity": 80.0, "turn": 30.0}}
 
-`t` is in seconds and reads back to the same nanosecond; sensors are in declared units as they came from
-their servers, and absent where missing; each actuator has its winner and what was sent. Where something
-went wrong, the actuator also has `fault`, or `fates` with the clients that were late, lost, refused or
-overruled. Broken contracts are not written: they follow from the rest.
+`t` is in seconds and reads back to the same nanosecond; `@tick` is the number of the frame, `@restart` is
+true where all memory began anew, and `@skipped` is there where memory is not known: the number of frames
+before this one that could not be observed. Sensors are in declared units as they came from their servers,
+and absent where missing; each actuator has its winner and what was sent. Where the network did not decide
+alone, the actuator also has `fault`, `fates` with the clients that were late, lost, refused or overruled,
+`@outside` with the client outside the network that commanded, or `@held_by`. Broken contracts are not
+written: they follow from the rest. `recording_mcap.py` writes more.
 """
 
 from __future__ import annotations
 
 import json
-import math
+import sys
 from collections.abc import Callable
 from typing import Protocol
 
@@ -20,6 +23,8 @@ from colony.ir.program import Actuator, Program, Sensor
 from colony.ir.types import Array, ScalarValue
 from colony.runtime.messages import Verdict
 from colony.runtime.observer import FrameLog
+
+_LARGEST = sys.float_info.max
 
 
 class ByteFile(Protocol):
@@ -55,7 +60,12 @@ def encoder(program: Program) -> Callable[[FrameLog], str]:
     actuators = program.robot.actuators
 
     def encode(log: FrameLog) -> str:
-        parts = [f'"t": {seconds_text(log.frame.t_ns)}', *_sensors(log.frame, sensors)]
+        parts = [f'"t": {seconds_text(log.frame.t_ns)}', f'"@tick": {log.tick.k}']
+        if log.restart:
+            parts.append('"@restart": true')
+        if log.astray:
+            parts.append(f'"@skipped": {log.skipped}')
+        parts += sensor_members(log.frame, sensors)
         for actuator in actuators:
             verdict = log.verdicts.get(actuator.name)
             if verdict is not None:
@@ -72,7 +82,8 @@ def seconds_text(t_ns: int) -> str:
     return f"{'-' if t_ns < 0 else ''}{whole}.{fraction}"
 
 
-def _sensors(frame: Frame, sensors: tuple[Sensor, ...]) -> list[str]:
+def sensor_members(frame: Frame, sensors: tuple[Sensor, ...]) -> list[str]:
+    """The members of a JSON object that are the readings of a frame, which read back to the same doubles."""
     out = []
     for sensor in sensors:
         reading = frame.readings.get(sensor.name)
@@ -94,21 +105,23 @@ def _reading(reading: Reading, size: int | None) -> str:
 
 def _number(value: ScalarValue) -> str:
     """JSON has neither infinities nor NaN: the former are written too large for a double, and NaN as a
-    string, which is a value of the wrong type and so a faulty reading, as NaN is."""
+    string, which is a value of the wrong type and so a faulty reading, as NaN is. An int beyond all doubles
+    is infinite, too."""
     if isinstance(value, bool):
         return "true" if value else "false"
     if isinstance(value, (int, float)):
-        if math.isfinite(value):
+        if abs(value) <= _LARGEST:
             return repr(value)
-        return '"nan"' if math.isnan(value) else ("1e999" if value > 0 else "-1e999")
+        return '"nan"' if value != value else ("1e999" if value > 0 else "-1e999")
     return json.dumps(value)
 
 
 def _actuator(actuator: Actuator, verdict: Verdict) -> str:
+    trouble = _trouble(verdict)
     if verdict.values is None:
-        return "null" if verdict.by is None else json.dumps({"by": verdict.by, **_trouble(verdict)})
+        return json.dumps({"by": verdict.by, **trouble}) if verdict.by or trouble else "null"
     values = zip((f.name for f in actuator.fields), verdict.values, strict=True)
-    return json.dumps({"by": verdict.by, **dict(values), **_trouble(verdict)})
+    return json.dumps({"by": verdict.by, **dict(values), **trouble})
 
 
 _QUIET = frozenset({"won", "silent", "suppressed", "inhibited"})
@@ -121,4 +134,8 @@ def _trouble(verdict: Verdict) -> dict[str, object]:
     fates = {client: fate for client, fate in verdict.fates if fate not in _QUIET}
     if fates:
         out["fates"] = fates
+    if verdict.outside is not None:
+        out["@outside"] = verdict.outside
+    if verdict.hold is not None:
+        out["@held_by"] = verdict.hold
     return out

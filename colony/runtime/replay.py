@@ -8,9 +8,9 @@ from __future__ import annotations
 
 import json
 import sys
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Mapping
 from decimal import Decimal
-from typing import Any
+from typing import Any, NamedTuple
 
 from colony.diagnostics import Diagnostic, Failure, error
 from colony.ir.frame import Decision, Frame, Outcome
@@ -33,10 +33,32 @@ def read_frames(lines: Iterable[bytes], name: str, program: Program) -> Iterator
         Failure: at the first bad line. Codes: F001 not JSON, F002 not an object, F003 no proper time, F004
             time does not rise, F005 unknown sensor, F006 wrong length, F007 not text.
     """
+    return (row.frame for row in read_rows(lines, name, program))
+
+
+class Row(NamedTuple):
+    """A line of a recording: where it is, the frame in it, and all that it says by name."""
+
+    number: int
+    text: str
+    frame: Frame
+    values: Mapping[str, Any]
+
+
+def read_rows(lines: Iterable[bytes], name: str, program: Program) -> Iterator[Row]:
+    """The same with what lines say of actuators, as it stands there.
+
+    Raises:
+        Failure: as `read_frames`.
+    """
     reader = _Reader(name, program)
     for number, line in enumerate(lines, 1):
         if line.strip():
-            yield reader.frame(number, line)
+            yield reader.row(number, line)
+
+
+RESERVED = frozenset({"t", "@tick", "@restart", "@skipped"})
+"""What a line tells besides sensors and actuators; no name of a program has an `@`."""
 
 
 class _Reader:
@@ -47,10 +69,10 @@ class _Reader:
         self._sizes = {
             s.name: s.type.size if isinstance(s.type, Array) else None for s in program.robot.sensors
         }
-        self._ignored = {a.name for a in program.robot.actuators}
+        self._ignored = RESERVED.union(a.name for a in program.robot.actuators)
         self._last_ns: int | None = None
 
-    def frame(self, number: int, data: bytes) -> Frame:
+    def row(self, number: int, data: bytes) -> Row:
         text = self._text(number, data)
         try:
             row = json.loads(text, object_pairs_hook=_once_each)
@@ -74,7 +96,8 @@ class _Reader:
             message = f"a frame must be a JSON object, found {_kind(row)}"
             raise self._failure("F002", number, text, 0, message, hint)
         t_ns = self._time(number, text, row)
-        return Frame(t_ns, {key: row[key] for key in row if self._is_reading(number, text, row, key)})
+        readings = {key: row[key] for key in row if self._is_reading(number, text, row, key)}
+        return Row(number, text, Frame(t_ns, readings), row)
 
     def _text(self, number: int, data: bytes) -> str:
         try:
@@ -103,7 +126,7 @@ class _Reader:
 
     def _is_reading(self, number: int, text: str, row: dict[str, Any], key: str) -> bool:
         """Whether the key is a sensor's, with a value that can be a reading."""
-        if key == "t" or (key in self._ignored and key not in self._sizes):
+        if key in self._ignored and key not in self._sizes:
             return False
         if key not in self._sizes:
             from difflib import get_close_matches
@@ -125,7 +148,7 @@ class _Reader:
     def _failure(
         self, code: str, number: int, text: str, at: int, message: str, hint: str | None = None
     ) -> Failure:
-        return Failure([_located(code, self._name, number, text, at, message, hint)])
+        return Failure([located(code, self._name, number, text, at, message, hint)])
 
 
 class _Repeated(Exception):
@@ -158,9 +181,10 @@ def _kind(value: object) -> str:
             return "a number"
 
 
-def _located(
-    code: str, name: str, number: int, text: str, at: int, message: str, hint: str | None
+def located(
+    code: str, name: str, number: int, text: str, at: int, message: str, hint: str | None = None
 ) -> Diagnostic:
+    """An error at a character of a line of the file that messages call `name`."""
     before = "\n" * (number - 1)
     start = len(before) + at
     return error(code, Span(Source(name, before + text), start, start + 1), message, hint)

@@ -10,29 +10,38 @@ Whatever ends a run, be it an exception, the robot is stopped and the sinks are 
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
+from functools import partial
 
 from colony.compile.clients import ClientList
 from colony.ir.program import Program
 from colony.ir.types import Value
 from colony.runtime.arbitration import timing
-from colony.runtime.assembly import KEPT_MOST, KEPT_NS
+from colony.runtime.assembly import frames_kept
 from colony.runtime.bindings import bind
 from colony.runtime.clock import Clock
+from colony.runtime.deployment import commanded_by, deployment
 from colony.runtime.drivers import Drivers
-from colony.runtime.fields import DSERVER, RSERVER
-from colony.runtime.liveness import lease
+from colony.runtime.fields import DSERVER, PSERVER, RSERVER, RUNTIME
 from colony.runtime.messages import Node
 from colony.runtime.observer import Sink
 from colony.runtime.servers.dserver import DServer
 from colony.runtime.servers.pserver import PServer
 from colony.runtime.servers.rserver import RServer
 from colony.runtime.servers.runtime_server import RuntimeServer
-from colony.runtime.team import client_addresses, commanded_by, team
+from colony.runtime.store import MemoryStore
+from colony.runtime.team import build_announcer, build_client, build_observer, members
+from colony.runtime.topics import CLOCK, activity, client_address
 from colony.runtime.virtual import Link, VirtualClock, VirtualTransport, perfect
+
+RUN = "run"
+"""What the run of a session is called."""
 
 
 class Session:
     """One robot and one run of it. Mutable: everything below it.
+
+    `restart`, and `transport` with `kill`, `freeze` and `thaw`, do to a process what may happen to one;
+    `transport.at` does it at a time. What a store keeps survives, as it would on a disk.
 
     Args:
         program, clients: what is run, and its compiled form.
@@ -42,6 +51,7 @@ class Session:
         sinks: who takes the frames.
         order_seed: of the order in which messages of one moment arrive; no result depends on it.
         link: faults of the transport.
+        requests: whether frames come with what the clients asked for.
 
     Raises:
         Failure: a sensor or an actuator is bound to what no server has, or a module in Python cannot be
@@ -60,44 +70,52 @@ class Session:
         sinks: tuple[Sink, ...] = (),
         order_seed: int | None = None,
         link: Link = perfect,
+        requests: bool = False,
     ) -> None:
+        bindings, who = bind(program), members(program, clients)
+        deployed = deployment(program, clients, bindings, run=RUN, seed=seed, announced=who.announced)
         frame_ns = program.robot.frame_ns
-        bindings = bind(program)
-        members = team(program, clients, bindings, sinks)
-        times, keep = timing(frame_ns), min(max(2, KEPT_NS // frame_ns), KEPT_MOST)
-        servers: tuple[Node, ...] = (
-            RServer(
-                drivers.base,
-                commanded_by(program, clients, bindings, RSERVER.name),
-                times=times,
-                watchdog_ns=lease(frame_ns),
+        keep, store = frames_kept(frame_ns), MemoryStore()
+        builders: dict[str, Callable[[], Node]] = {
+            RSERVER.name: lambda: RServer(drivers.base, deployment=deployed, keep=keep),
+            PSERVER.name: lambda: PServer(drivers.proximity, keep=keep),
+            DSERVER.name: lambda: DServer(
+                variables,
+                commanded_by(deployed, DSERVER.name),
+                announced=deployed.announced,
+                times=timing(frame_ns),
                 keep=keep,
+                store=store,
             ),
-            PServer(drivers.proximity, keep=keep),
-            DServer(
-                variables or {},
-                commanded_by(program, clients, bindings, DSERVER.name),
-                announced=members.announced,
-                times=times,
-                keep=keep,
-            ),
-            RuntimeServer(seed, keep=keep),
-        )
-        ticking = Clock(
-            frame_ns=frame_ns,
-            servers=tuple(s.address for s in servers),
-            clients=client_addresses(program, clients, bindings),
-            lease_ns=lease(frame_ns),
-            keep=keep,
-        )
-        self._observer = members.observer
-        self._nodes = (*servers, *members.clients, *members.announcers, members.observer, ticking)
+            RUNTIME.name: lambda: RuntimeServer(seed, keep=keep),
+        }
+        servers = tuple(builders)
+        for actuator, module in who.clients:
+            builders[client_address(actuator, module)] = partial(
+                build_client, program, clients, bindings, actuator, module, RUN
+            )
+        for module in who.announced:
+            builders[activity(DSERVER.name, module)] = partial(
+                build_announcer, program, bindings, module, RUN
+            )
+        self._observer = build_observer(program, clients, bindings, sinks, RUN, requests=requests)
+        builders[CLOCK] = lambda: Clock(servers=servers, keep=keep, deployment=deployed)
+        self._builders = builders
+        self._nodes: dict[str, Node] = {address: build() for address, build in builders.items()}
+        self._nodes[self._observer.address] = self._observer
         self.transport = VirtualTransport(clock, seed=seed if order_seed is None else order_seed, link=link)
         self._closed = False
 
     def add(self, sink: Sink) -> None:
         """One more sink, before `run`."""
         self._observer.add(sink)
+
+    def restart(self, address: str) -> None:
+        """Put a new process in the place of one, which is killed if it still lives; not of the observer."""
+        if address in self.transport.addresses:
+            self.transport.kill(address)
+        node = self._nodes[address] = self._builders[address]()
+        self.transport.add(node)
 
     def run(
         self,
@@ -111,8 +129,10 @@ class Session:
         `stop` is asked, and `pace` is told the time, before every moment in which something happens.
         """
         try:
-            for node in self._nodes:
-                self.transport.add(node)
+            self.transport.add(self._nodes[CLOCK])  # who says that it is ready is to be heard
+            for address, node in self._nodes.items():
+                if address != CLOCK:
+                    self.transport.add(node)
             return self.transport.run_until(duration_ns, stop=stop, pace=pace)
         finally:
             self.close()
@@ -123,7 +143,7 @@ class Session:
             return
         self._closed = True
         failures: list[BaseException] = []
-        for node in self._nodes:  # RServer is the first
+        for node in self._nodes.values():  # RServer is the first
             try:
                 node.close()
             except BaseException as failure:

@@ -3,56 +3,84 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import NamedTuple
 
 from colony.compile.clients import ClientList
 from colony.compile.executor import ClientExecutor, ClientListExecutor
 from colony.ir.expression import IsActive
-from colony.ir.frame import Executor, Frame
+from colony.ir.frame import Frame
 from colony.ir.program import Contract, Program, PythonModule
 from colony.ir.types import BOOL
 from colony.runtime import topics
 from colony.runtime.assembly import Assembled
-from colony.runtime.client import Slice
+from colony.runtime.memory import BadMemory, decode_memory, encode_memory
 from colony.runtime.messages import Request
 
 
-class ClientSlice(NamedTuple):
-    """One client: its step, the sensors that it reads, the modules in Python whose activity it needs."""
-
-    step: Slice
-    sensors: tuple[str, ...]
-    outside: tuple[str, ...]
-
-
-def client_slice(program: Program, clients: ClientList, actuator: str, module: str) -> ClientSlice:
-    """The client that `module` is for `actuator`.
+class ClientSlice:
+    """The part of a program that one client executes. Mutable: its memory.
 
     Raises:
-        Failure: its module in Python cannot be imported or built.
+        KeyError: there is no such client.
+        Failure: its module in Python cannot be imported or built; `step` may, too, where an epoch begins.
     """
-    executor = ClientExecutor(program, clients, actuator, module)
 
-    def step(assembled: Assembled) -> Request:
+    def __init__(self, program: Program, clients: ClientList, actuator: str, module: str) -> None:
+        self._executor = ClientExecutor(program, clients, actuator, module)
+        self._actuator = actuator
+        self._module = module
+        self._fresh = True
+
+    @property
+    def sensors(self) -> tuple[str, ...]:
+        """The sensors that it reads."""
+        return self._executor.sensors
+
+    @property
+    def outside(self) -> tuple[str, ...]:
+        """The modules in Python, of other processes, whose activity it needs."""
+        return self._executor.outside
+
+    @property
+    def portable(self) -> bool:
+        """Whether another process can go on from `memory`: nothing of it is an object in Python."""
+        return self._executor.portable
+
+    @property
+    def memory(self) -> bytes:
+        """All that it remembers."""
+        return encode_memory(self._executor.memory)
+
+    def recall(self, memory: bytes) -> bool:
+        """Go on from there; False, and nothing changed, if that is not the memory of this client."""
+        try:
+            self._executor.memory = decode_memory(memory)
+        except (BadMemory, ValueError):
+            return False
+        self._fresh = False
+        return True
+
+    def step(self, assembled: Assembled) -> Request:
+        """What the client wants in a frame. Frames must follow each other; an epoch begins with no memory."""
+        if assembled.restart and not self._fresh:
+            self._executor.restart()
+        self._fresh = False
         lost = frozenset(map(topics.module_of, assembled.tick.lost))
-        took = executor.step(assembled.frame, assembled.active, lost)
+        took = self._executor.step(assembled.frame, assembled.active, lost)
         return Request(
             k=assembled.tick.k,
-            actuator=actuator,
-            client=module,
-            bid="command" if took.active else "silent",
+            actuator=self._actuator,
+            client=self._module,
+            bid=took.bid,
             values=took.values,
             fault=took.fault,
         )
 
-    return ClientSlice(step, executor.sensors, executor.outside)
 
-
-def whole_executor(program: Program, clients: ClientList) -> Executor:
+def whole_executor(program: Program, clients: ClientList) -> ClientListExecutor:
     """All clients, and the contracts, of a program.
 
     Raises:
-        Failure: a module in Python cannot be imported or built.
+        Failure: a module in Python cannot be imported or built; so may its `restart`.
     """
     return ClientListExecutor(program, clients)
 
@@ -61,7 +89,7 @@ class ActivityExecutor:
     """Whether a module in Python is active, and nothing else. Mutable: the module's memory.
 
     Raises:
-        Failure: the module cannot be imported or built.
+        Failure: the module cannot be imported or built; so may `restart`.
     """
 
     def __init__(self, program: Program, module: PythonModule) -> None:
@@ -72,3 +100,7 @@ class ActivityExecutor:
     def step(self, frame: Frame) -> bool:
         """Whether it has a command in this frame."""
         return not self._executor.step(frame).breaches
+
+    def restart(self) -> None:
+        """Go on from the initial memory, with the module built anew."""
+        self._executor.restart()

@@ -67,16 +67,19 @@ class Travel:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class RunSummary:
-    """All of one run. `mean_speed_mm_s` is over its whole duration, `contracts` how many were watched."""
+    """All of one run. `mean_speed_mm_s` is over its whole duration, `contracts` how many were watched.
+
+    Of a real robot nobody knows how it went: `bumps` and the two after it are None.
+    """
 
     robot: str
     seed: int
     frames: int
     duration_s: float
     interrupted: bool
-    bumps: int
-    distance_mm: float
-    mean_speed_mm_s: float
+    bumps: int | None
+    distance_mm: float | None
+    mean_speed_mm_s: float | None
     actuators: tuple[ActuatorSummary, ...]
     contracts: int
     breaches: tuple[BreachSummary, ...]
@@ -134,7 +137,9 @@ class Tally:
     def close(self) -> None:
         """The counts stay."""
 
-    def summary(self, *, seed: int, duration_s: float, interrupted: bool, travel: Travel) -> RunSummary:
+    def summary(
+        self, *, seed: int, duration_s: float, interrupted: bool, travel: Travel | None
+    ) -> RunSummary:
         """All counts so far."""
         return RunSummary(
             robot=self._program.robot.name,
@@ -142,9 +147,9 @@ class Tally:
             frames=self.frames,
             duration_s=duration_s,
             interrupted=interrupted,
-            bumps=travel.bumps,
-            distance_mm=travel.distance_mm,
-            mean_speed_mm_s=travel.distance_mm / duration_s if duration_s > 0 else 0.0,
+            bumps=None if travel is None else travel.bumps,
+            distance_mm=None if travel is None else travel.distance_mm,
+            mean_speed_mm_s=None if travel is None else _per(travel.distance_mm, duration_s),
             actuators=tuple(self._actuator(a.name) for a in self._program.robot.actuators),
             contracts=len(self._program.contracts),
             breaches=tuple(self._breaches.values()),
@@ -177,6 +182,10 @@ class Tally:
         )
 
 
+def _per(distance_mm: float, duration_s: float) -> float:
+    return distance_mm / duration_s if duration_s > 0 else 0.0
+
+
 def render(summary: RunSummary) -> str:
     """The summary for a person, in plain text."""
     end = ", interrupted" if summary.interrupted else ""
@@ -190,10 +199,11 @@ def render(summary: RunSummary) -> str:
             f"    {share.module or '(nobody)':<{width}}  {share.seconds:7.2f} s  {share.percent:5.1f} %"
             for share in actuator.shares
         ]
-    lines.append(
-        f"  traveled {summary.distance_mm / 1000:.2f} m at {summary.mean_speed_mm_s:.0f} mm/s on average, "
-        f"{_times(summary.bumps, 'bump')}"
-    )
+    if summary.distance_mm is not None and summary.mean_speed_mm_s is not None:
+        lines.append(
+            f"  traveled {summary.distance_mm / 1000:.2f} m "
+            f"at {summary.mean_speed_mm_s:.0f} mm/s on average, {_times(summary.bumps or 0, 'bump')}"
+        )
     lines += [f"  {r.subject}: {r.kind} in {_times(r.frames, 'frame')}" for r in summary.records]
     lines += [f"  client {t.client}: {t.fate} in {_times(t.frames, 'frame')}" for t in summary.troubles]
     lines += [

@@ -1,82 +1,114 @@
 """The processes that a compiled program asks for, whatever robot they run on: its clients, the announcers of
-its modules in Python, and the observer."""
+its modules in Python, and the observer. Each can be built alone, in a process of its own."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
 
 from colony.compile.clients import ClientList
+from colony.compile.code import OutsideActive
+from colony.compile.lower import lower_client
 from colony.ir.program import Program, PythonModule
 from colony.runtime import topics
 from colony.runtime.announcer import Announcer
-from colony.runtime.assembly import FrameAssembler
+from colony.runtime.assembly import FrameAssembler, frames_kept
 from colony.runtime.bindings import Bindings, SensorBinding
 from colony.runtime.client import ClientNode
+from colony.runtime.fields import DSERVER
 from colony.runtime.monitor import Monitor
 from colony.runtime.observer import Observer, Sink
-from colony.runtime.servers.commanding import Commanded
-from colony.runtime.slices import ActivityExecutor, client_slice, whole_executor
+from colony.runtime.slices import ActivityExecutor, ClientSlice, whole_executor
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Team:
-    """The processes of a program. `announced` are the modules in Python whose activity DServer hands on."""
+class Members:
+    """Who takes part in a run, besides the servers: clients as (actuator, module), highest place first, and
+    the modules in Python whose activity DServer hands on."""
 
-    clients: tuple[ClientNode, ...]
-    announcers: tuple[Announcer, ...]
+    clients: tuple[tuple[str, str], ...]
     announced: tuple[str, ...]
-    observer: Observer
+
+    @property
+    def addresses(self) -> tuple[str, ...]:
+        """Of all of them."""
+        return (
+            *(topics.client_address(actuator, module) for actuator, module in self.clients),
+            *(topics.activity(DSERVER.name, module) for module in self.announced),
+        )
 
 
-def team(program: Program, clients: ClientList, bindings: Bindings, sinks: tuple[Sink, ...]) -> Team:
-    """Build all of them.
+def members(program: Program, clients: ClientList) -> Members:
+    """Who takes part. Builds none of them, and imports no module in Python."""
+    outside: set[str] = set()
+    if any(isinstance(m, PythonModule) for m in program.modules):
+        for group in clients.actuators:
+            for client in group.clients:
+                code = lower_client(program, clients, group.actuator, client.module)
+                outside.update(op.module for op in code.ops if isinstance(op, OutsideActive))
+    return Members(
+        clients=tuple((group.actuator, c.module) for group in clients.actuators for c in group.clients),
+        announced=tuple(m.name for m in program.modules if m.name in outside),
+    )
+
+
+def build_client(
+    program: Program, clients: ClientList, bindings: Bindings, actuator: str, module: str, run: str
+) -> ClientNode:
+    """The client that `module` is for `actuator`.
+
+    Raises:
+        KeyError: there is no such client.
+        Failure: its module in Python cannot be imported or built.
+    """
+    part = ClientSlice(program, clients, actuator, module)
+    (server,) = (b.server for b in bindings.actuators if b.actuator == actuator)
+    (on_loss,) = (a.on_loss for a in program.robot.actuators if a.name == actuator)
+    assembler = FrameAssembler(
+        _only(bindings.sensors, part.sensors),
+        part.outside,
+        run=run,
+        keep=frames_kept(program.robot.frame_ns),
+        degrade=on_loss == "degrade",
+    )
+    return ClientNode(
+        actuator=actuator, module=module, server=server, assembler=assembler, part=part, run=run
+    )
+
+
+def build_announcer(program: Program, bindings: Bindings, module: str, run: str) -> Announcer:
+    """The process that tells when a module in Python is active.
+
+    Raises:
+        KeyError: there is no such module.
+        Failure: it cannot be imported or built.
+    """
+    found = {m.name: m for m in program.modules if isinstance(m, PythonModule)}[module]
+    keep = frames_kept(program.robot.frame_ns)
+    assembler = FrameAssembler(bindings.sensors, run=run, keep=keep)
+    return Announcer(module, assembler, ActivityExecutor(program, found), run=run, keep=keep)
+
+
+def build_observer(
+    program: Program,
+    clients: ClientList,
+    bindings: Bindings,
+    sinks: tuple[Sink, ...],
+    run: str,
+    *,
+    requests: bool = False,
+) -> Observer:
+    """The process that sees every frame; with `requests`, also what the clients asked for.
 
     Raises:
         Failure: a module in Python cannot be imported or built.
     """
-    servers = {b.actuator: b.server for b in bindings.actuators}
-    nodes: list[ClientNode] = []
-    outside: set[str] = set()
-    for group in clients.actuators:
-        for client in group.clients:
-            part = client_slice(program, clients, group.actuator, client.module)
-            outside.update(part.outside)
-            assembler = FrameAssembler(_only(bindings.sensors, part.sensors), part.outside)
-            nodes.append(
-                ClientNode(
-                    actuator=group.actuator,
-                    module=client.module,
-                    server=servers[group.actuator],
-                    assembler=assembler,
-                    step=part.step,
-                )
-            )
-    announced = tuple(m for m in program.modules if isinstance(m, PythonModule) and m.name in outside)
-    return Team(
-        clients=tuple(nodes),
-        announcers=tuple(
-            Announcer(m.name, FrameAssembler(bindings.sensors), ActivityExecutor(program, m).step)
-            for m in announced
-        ),
-        announced=tuple(m.name for m in announced),
-        observer=Observer(
-            FrameAssembler(bindings.sensors),
-            tuple(a.name for a in program.robot.actuators),
-            Monitor(whole_executor(program, clients)),
-            sinks,
-        ),
-    )
-
-
-def commanded_by(
-    program: Program, clients: ClientList, bindings: Bindings, server: str
-) -> tuple[Commanded, ...]:
-    """The actuators of a server, each with its clients."""
-    places = places_of(program, clients)
-    return tuple(
-        Commanded(actuator=actuator, binding=binding, places=places[actuator.name])
-        for actuator, binding in zip(program.robot.actuators, bindings.actuators, strict=True)
-        if binding.server == server
+    degrading = (a.name for a in program.robot.actuators if a.on_loss == "degrade")
+    return Observer(
+        FrameAssembler(bindings.sensors, run=run, keep=frames_kept(program.robot.frame_ns)),
+        tuple(a.name for a in program.robot.actuators),
+        Monitor(whole_executor(program, clients), degrading),
+        sinks,
+        heeded=tuple(dict.fromkeys(b.server for b in bindings.actuators)) if requests else (),
     )
 
 
@@ -84,18 +116,6 @@ def places_of(program: Program, clients: ClientList) -> dict[str, tuple[str, ...
     """The clients of every actuator of the program, highest place first; none where nothing is wired."""
     wired = {a.actuator: tuple(c.module for c in a.clients) for a in clients.actuators}
     return {a.name: wired.get(a.name, ()) for a in program.robot.actuators}
-
-
-def client_addresses(
-    program: Program, clients: ClientList, bindings: Bindings
-) -> tuple[tuple[str, str], ...]:
-    """Every client's address, and the server that it sends its requests to."""
-    servers = {b.actuator: b.server for b in bindings.actuators}
-    return tuple(
-        (topics.client_address(actuator, module), servers[actuator])
-        for actuator, modules in places_of(program, clients).items()
-        for module in modules
-    )
 
 
 def _only(bindings: tuple[SensorBinding, ...], sensors: tuple[str, ...]) -> tuple[SensorBinding, ...]:

@@ -10,11 +10,13 @@ CLOCK = "Clock"
 TICKS = "Clock/ticks"
 READY = "Clock/ready"
 RESTARTS = "Clock/restarts"
+ANSWERS = "Clock/answers"
+"""Where servers that a Clock does not know by itself tell it that they answered a tick."""
 VERDICTS = "verdicts"
 
 
 def frames(server: str) -> str:
-    """Where a server publishes its frames."""
+    """Where a server publishes its frames, and the Clock the ticks that it was asked for again."""
     return f"{server}/frames"
 
 

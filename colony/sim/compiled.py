@@ -19,6 +19,7 @@ Floats2 = NDArray[np.float64]
 Ints = NDArray[np.int64]
 Ints2 = NDArray[np.int64]
 Bools2 = NDArray[np.bool_]
+Bytes2 = NDArray[np.uint8]
 
 _NATIVE = {
     "float": numba.float64,
@@ -28,6 +29,7 @@ _NATIVE = {
     "Ints": numba.int64[::1],
     "Ints2": numba.int64[:, ::1],
     "Bools2": numba.boolean[:, ::1],
+    "Bytes2": numba.uint8[:, ::1],
 }
 
 F = TypeVar("F", bound=Callable[..., object])

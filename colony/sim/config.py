@@ -5,6 +5,8 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass, fields
 
+from colony.runtime.drivers import BaseLimits
+
 CHANNELS = 24
 """Sonars, and infrared channels, 15 degrees apart counterclockwise: 12 ahead, 18 left, 0 back, 6 right."""
 
@@ -79,3 +81,13 @@ class RobotConfig:
 
 IDEAL = RobotConfig(sonar_noise_mm=0.0, sonar_noise=0.0, wheel_scale=0.0, wheel_slip_mm=0.0)
 """RoME without errors: what it senses is what is there, and the odometry is the true pose."""
+
+
+def limits_of(config: RobotConfig) -> BaseLimits:
+    """The most that the base of such a robot does."""
+    return BaseLimits(
+        velocity=config.max_velocity_mm_s,
+        turn=config.max_turn_deg_s,
+        acceleration=config.acceleration_mm_s2,
+        turn_acceleration=config.turn_acceleration_deg_s2,
+    )

@@ -8,10 +8,17 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
+from dataclasses import replace
+from typing import TYPE_CHECKING
 
-from colony.runtime.drivers import BaseState, Drivers
+from colony.runtime.drivers import BaseDriver, BaseState, Drivers
+from colony.runtime.images import Image
 from colony.runtime.messages import Sample
+from colony.sim.config import limits_of
 from colony.sim.world import MAX_STEP_S, World
+
+if TYPE_CHECKING:  # a kernel less to load for who has no camera
+    from colony.sim.camera import Camera
 
 
 class Plant:
@@ -35,9 +42,12 @@ class Plant:
 class SimulatedBase:
     """The base of robot number `robot`."""
 
+    register_bits: int | None = None
+
     def __init__(self, plant: Plant, robot: int) -> None:
         self._plant = plant
         self._robot = robot
+        self.limits = limits_of(plant.world.config)
 
     def drive(self, velocity: float, turn: float) -> None:
         self._plant.catch_up()
@@ -65,6 +75,30 @@ class SimulatedBase:
         )
 
 
+class RegisterBase:
+    """A base whose controller keeps x and y in signed registers of `register_bits` bits, in whole mm, which
+    overflow as the Labmate's do (thesis section 4.6.3, "Virtual X-Y Coordinate")."""
+
+    def __init__(self, base: BaseDriver, register_bits: int = 16) -> None:
+        self._base = base
+        self.limits = base.limits
+        self.register_bits = register_bits
+
+    def drive(self, velocity: float, turn: float) -> None:
+        self._base.drive(velocity, turn)
+
+    def stop(self) -> None:
+        self._base.stop()
+
+    def state(self) -> BaseState | None:
+        state = self._base.state()
+        return None if state is None else replace(state, x=self._register(state.x), y=self._register(state.y))
+
+    def _register(self, value: float) -> float:
+        half = 1 << (self.register_bits - 1)
+        return float((round(value) + half) % (2 * half) - half)
+
+
 class SimulatedProximity:
     """The sonars and infrared detectors of robot number `robot`; each ring is measured when it is read."""
 
@@ -79,6 +113,21 @@ class SimulatedProximity:
     def infrared(self) -> Sample:
         now = self._plant.catch_up()
         return Sample(tuple(self._plant.world.infrared(self._robot).tolist()), now)
+
+
+class SimulatedCamera:
+    """A camera of robot number `robot`; each image is taken when it is grabbed."""
+
+    def __init__(self, plant: Plant, robot: int, camera: Camera) -> None:
+        self._plant = plant
+        self._robot = robot
+        self._camera = camera
+
+    def grab(self) -> Image:
+        now = self._plant.catch_up()
+        pixels = self._camera.image(self._plant.world.true_poses, self._robot)
+        height, width = pixels.shape
+        return Image(t_ns=now, height=height, width=width, channels=1, pixels=pixels.tobytes())
 
 
 def simulated_drivers(plant: Plant, robot: int = 0) -> Drivers:

@@ -177,6 +177,12 @@ class World:
         """How fast a robot moves at the moment."""
         return Speed(*self._now().speeds[self._index(robot)])
 
+    def wheel_speed(self, robot: int) -> float:
+        """The mean magnitude of the speeds of both wheels, in mm/s."""
+        speed = self.speed(robot)
+        half = math.radians(speed.turn_deg_s) * self.config.wheel_base_mm / 2.0
+        return (abs(speed.velocity_mm_s - half) + abs(speed.velocity_mm_s + half)) / 2.0
+
     def true_pose(self, robot: int) -> Pose:
         """Where a robot really is."""
         return Pose(*self._now().poses[self._index(robot)])
@@ -192,6 +198,26 @@ class World:
             ValueError: a number is not finite.
         """
         self._bases.odometry[self._index(robot)] = _checked_poses([pose])[0]
+        self._snapshot = None
+
+    @property
+    def true_poses(self) -> NDArray[np.float64]:
+        """Where all robots really are: a copy, (robots, 3), x and y in mm, heading in degrees."""
+        return self._bases.poses.copy()
+
+    def place(self, robot: int, pose: tuple[float, float, float]) -> None:
+        """Carry a robot to `pose` and put it down there, standing; its odometry does not notice.
+
+        Raises:
+            ValueError: a number is not finite, or the robot would overlap a wall or another robot.
+        """
+        robot = self._index(robot)
+        poses = self._bases.poses.copy()
+        poses[robot] = _checked_poses([pose])[0]
+        _check_room(poses, self._walls, self.config.radius_mm)
+        self._bases.poses[robot] = poses[robot]
+        self._bases.speeds[robot] = 0.0
+        self._sensed = False
         self._snapshot = None
 
     def _index(self, robot: int) -> int:

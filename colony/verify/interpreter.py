@@ -38,9 +38,14 @@ class Interpreter:
             if isinstance(m, ir.PythonModule)
         }
         self._moment: Moment | None = None
+        self._lost: frozenset[str] = frozenset()
 
-    def step(self, frame: Frame) -> Outcome:
-        """One frame, its readings in declared units."""
+    def step(self, frame: Frame, lost: frozenset[str] = frozenset()) -> Outcome:
+        """One frame, its readings in declared units.
+
+        The network does not hear the modules in `lost`: what actuators with `on_loss degrade` make of it.
+        """
+        self._lost = lost
         return self._frame(frame.t_ns, frame.readings, {s.name: s.factor for s in self.program.robot.sensors})
 
     def step_in_base_units(self, t_ns: int, readings: Mapping[str, Reading]) -> Outcome:
@@ -136,7 +141,8 @@ class Interpreter:
                     assert_never(module)
             if command is not None:
                 moment.commands[module.name] = command
-            moment.outputs[module.name] = None if command is None else module.name
+            heard = command is not None and not (module.actuator and module.name in self._lost)
+            moment.outputs[module.name] = module.name if heard else None
 
     def _module(self, module: ir.Module, moment: Moment) -> tuple[ScalarValue, ...] | None:
         """The command put on the output, with no fields where the module has no `do`; None for nothing.

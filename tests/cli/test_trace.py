@@ -9,6 +9,7 @@ from pathlib import Path
 import pytest
 
 from colony.ir.frame import Frame
+from colony.runtime.replay import Row
 from tests.cli.conftest import Colony
 
 BACKENDS = ["network", "clients", "python"]
@@ -46,6 +47,16 @@ def test_output_of_a_trace_can_be_input_again(colony: Colony, behavior: Path) ->
     row = {"t": 1.5, "near": 300, "bumper": False, "rays": [1, 2, 3]}
     row |= {"drive": {"by": "cruise", "velocity": 1.0, "turn": 0.0}}
     assert colony("trace", behavior, "--input", "-", stdin=json.dumps(row)).code == 0
+
+
+@pytest.mark.parametrize("backend", BACKENDS)
+def test_all_memory_begins_anew_at_a_restart(colony: Colony, behavior: Path, backend: str) -> None:
+    row = {"near": 300, "rays": [1, 2, 3]}
+    bumped, after = {"t": 0, "@tick": 7, "bumper": True} | row, {"t": 0.05, "@tick": 8, "bumper": False} | row
+    for last, winner in ((after, "back"), (after | {"@restart": True}, "cruise")):
+        stdin = f"{json.dumps(bumped)}\n{json.dumps(last)}"
+        _, out, _ = colony("trace", behavior, "--input", "-", "--backend", backend, stdin=stdin)
+        assert [json.loads(line)["drive"]["by"] for line in out.splitlines()] == ["back", winner]
 
 
 @pytest.mark.parametrize(
@@ -119,11 +130,11 @@ def test_times_beyond_doubles_keep_their_nanoseconds(colony: Colony, behavior: P
 def test_frames_that_cannot_be_read_to_the_end(
     colony: Colony, behavior: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    def broken(*_: object) -> Iterator[Frame]:
-        yield Frame(0, {})
+    def broken(*_: object) -> Iterator[Row]:
+        yield Row(1, "", Frame(0, {}), {})
         raise OSError(5, "Input/output error")
 
-    monkeypatch.setattr("colony.runtime.replay.read_frames", broken)
+    monkeypatch.setattr("colony.runtime.replay.read_rows", broken)
     ran = colony("trace", behavior, "--input", "-")
     assert (ran.code, ran.out) == (2, "")
     assert ran.err == "<stdin>:1:1: error[F008]: cannot read the frames: Input/output error\n"

@@ -13,7 +13,8 @@ from colony.compile.pipeline import compile_program
 from colony.dsl.load import load_text
 from colony.ir.frame import Frame
 from colony.ir.program import Program
-from colony.verify.strategies import programs, traces
+from colony.verify.interpreter import Interpreter
+from colony.verify.strategies import networks, programs, traces
 
 TEXT = """
 robot r {
@@ -125,3 +126,92 @@ def test_a_client_that_was_started_anew_goes_on_as_the_other(data: st.DataObject
             other.memory = one.memory
             assert repr(other.step(frame)) == repr(one.step(frame))
             assert repr(other.memory) == repr(one.memory)
+
+
+# --- why a client is not active --------------------------------------------------------------------
+
+WHY = """
+robot r {
+  sensor a : bool from DServer.a
+  sensor b : bool from DServer.b
+  sensor c : bool from DServer.c
+  actuator out { v : number } to DServer.Out idle out(v = 0)
+}
+module top { when a  do out(v = 1) }
+module gate { when b }
+module low { when c  do out(v = 2) }
+network { out = %s }
+"""
+
+
+def _bids(wiring: str, module: str, *frames: str) -> list[str]:
+    """Bids of a module in frames in which the sensors named are true, a tenth of a second apart."""
+    program = load_text(WHY % wiring)
+    client = ClientExecutor(program, compile_program(program).clients, "out", module)
+    bids: list[str] = []
+    for k, true in enumerate(frames):
+        frame = Frame(k * 10**8, {name: name in true for name in "abc"})
+        bids.append(client.step(frame).bid)
+    return bids
+
+
+def test_why_a_client_is_not_active() -> None:
+    wiring = "top suppresses (gate inhibits low)"
+    frames = ("", "c", "ac", "bc", "abc", "a")
+    assert _bids(wiring, "low", *frames) == [
+        "silent",
+        "command",
+        "suppressed",
+        "inhibited",
+        "inhibited",
+        "silent",
+    ]
+    assert _bids(wiring, "top", *frames) == ["silent", "silent", "command", "silent", "command", "command"]
+
+
+def test_a_missing_sensor_is_silence() -> None:
+    program = load_text(WHY % "top suppresses low")
+    low = ClientExecutor(program, compile_program(program).clients, "out", "low")
+    assert low.step(Frame(0, {"a": True, "b": False})).bid == "silent"
+    assert low.step(Frame(1, {"c": True})).bid == "command"
+
+
+def test_a_time_constant_keeps_the_gate_closed() -> None:
+    assert _bids("gate inhibits[150 ms] low", "low", "bc", "c", "c") == ["inhibited", "inhibited", "command"]
+
+
+def test_a_module_with_several_ways_is_suppressed_whatever_closed_them() -> None:
+    wiring = "(gate inhibits low) suppresses (top suppresses low)"
+    assert _bids(wiring, "low", "c", "bc", "abc", "b") == ["command", "command", "suppressed", "silent"]
+
+
+def test_a_gate_that_never_opens_inhibits() -> None:
+    assert _bids("top suppresses (low inhibits low)", "low", "c", "") == ["inhibited", "silent"]
+
+
+@given(st.data())
+def test_bids_are_what_the_network_says(data: st.DataObject) -> None:
+    program = data.draw(networks())
+    clients = compile_program(program).clients
+    interpreter = Interpreter(program)
+    alone = {
+        (a.actuator, c.module): ClientExecutor(program, clients, a.actuator, c.module)
+        for a in clients.actuators
+        for c in a.clients
+    }
+    for frame in data.draw(traces(program)):
+        winners = {d.actuator: d.by for d in interpreter.step(frame).decisions}
+        for (actuator, module), client in alone.items():
+            bid = client.step(frame).bid
+            assert (bid == "command") == (winners[actuator] == module)
+            assert (bid == "silent") == (not interpreter.is_active(module))
+
+
+def test_from_the_initial_memory_again() -> None:
+    high = _client("high")
+    fresh = high.memory
+    frame = {"x": 0.0, "y": 1.0, "z": 2.0, "b": True}
+    first = [high.step(Frame(t * 10**9, frame)) for t in (3, 4)]
+    high.restart()
+    assert high.memory == fresh
+    assert [high.step(Frame(t * 10**9, frame)) for t in (3, 4)] == first

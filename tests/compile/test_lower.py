@@ -146,7 +146,8 @@ def test_a_client_alone() -> None:
         assert len(code.actuators[0].limits) == 1
         assert (len(code.cells), code.contracts) == (1, ())
         (client,) = code.actuators[0].clients
-        assert client.guard == client.exclusive
+        assert client.guard == client.active
+        assert (client.exclusive == client.guard) is (client.module == "big")
     assert [c.priority for c in (big.actuators[0].clients[0], small.actuators[0].clients[0])] == [2, 1]
 
 

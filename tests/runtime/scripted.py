@@ -7,13 +7,14 @@ from dataclasses import dataclass, field
 
 from colony.compile.pipeline import compile_program
 from colony.ir.program import Program
-from colony.runtime.drivers import BaseState, Drivers
+from colony.runtime.drivers import BaseLimits, BaseState, Drivers
 from colony.runtime.messages import Sample
 from colony.runtime.observer import FrameLog
 from colony.runtime.session import Session
 from colony.runtime.virtual import VirtualClock
 
 FAR = (5000.0,) * 24
+LIMITS = BaseLimits(velocity=600.0, turn=90.0, acceleration=800.0, turn_acceleration=240.0)
 
 
 @dataclass(frozen=False, slots=True, kw_only=True)
@@ -25,6 +26,8 @@ class Script:
     bumper_at: Callable[[int], bool] = lambda t: False
     told: list[tuple[int, float, float]] = field(default_factory=list)
     stopped: list[int] = field(default_factory=list)
+    limits: BaseLimits = LIMITS
+    register_bits: int | None = None
 
     def drive(self, velocity: float, turn: float) -> None:
         self.told.append((self.clock(), velocity, turn))

@@ -11,6 +11,7 @@ from colony.ir.types import ScalarValue
 from colony.runtime import topics
 from colony.runtime.arbitration import Timing
 from colony.runtime.bindings import ActuatorBinding, Bindings, SensorBinding
+from colony.runtime.deployment import commanded_by, deployment
 from colony.runtime.fields import DSERVER
 from colony.runtime.messages import (
     Announcement,
@@ -28,7 +29,7 @@ from colony.runtime.messages import (
 from colony.runtime.servers.commanding import CommandDesk, Commanded
 from colony.runtime.servers.publishing import Fields, Publisher
 from colony.runtime.servers.relaying import ActivityRelay
-from colony.runtime.team import commanded_by, team
+from colony.runtime.team import build_announcer, build_client, build_observer, members
 from colony.runtime.virtual import Link, VirtualClock, VirtualTransport, perfect
 from tests.runtime.scripted import Log
 
@@ -51,7 +52,7 @@ class TraceClock:
 
     def handle(self, message: Message, now_ns: int) -> Iterator[Effect]:
         if isinstance(message, Fetch):
-            yield Send(topics.TICKS, self._ticks[message.k])
+            yield Send(topics.frames(self.address), self._ticks[message.k])
         elif self._k < len(self._ticks):
             yield Send(topics.TICKS, self._ticks[self._k])
             self._k += 1
@@ -75,7 +76,8 @@ class TraceServer:
         self._relay = ActivityRelay(SERVER, announced, keep=100)
         self._desk = CommandDesk(commanded, TIMES, self._perform)
         self.performed: list[tuple[int, str, tuple[ScalarValue, ...]]] = []
-        self.listens = (*self._publisher.listens, *self._relay.listens, topics.requests(SERVER))
+        listens = (*self._publisher.listens, *self._relay.listens, topics.requests(SERVER))
+        self.listens = tuple(dict.fromkeys(listens))
 
     def start(self, now_ns: int) -> Iterable[Effect]:
         return ()
@@ -136,19 +138,20 @@ def play(program: Program, trace: Sequence[Frame], *, order_seed: int = 0, link:
             for a in program.robot.actuators
         ),
     )
-    log = Log()
-    members = team(program, clients, bindings, (log,))
-    server = TraceServer(trace, commanded_by(program, clients, bindings, SERVER), members.announced)
+    log, who = Log(), members(program, clients)
+    deployed = deployment(program, clients, bindings, run="", seed=0, announced=who.announced)
+    server = TraceServer(trace, commanded_by(deployed, SERVER), who.announced)
+    observer = build_observer(program, clients, bindings, (log,), "")
     transport = VirtualTransport(VirtualClock(trace[0].t_ns), seed=order_seed, link=link)
     nodes: tuple[Node, ...] = (
         server,
-        *members.clients,
-        *members.announcers,
-        members.observer,
+        *(build_client(program, clients, bindings, actuator, module, "") for actuator, module in who.clients),
+        *(build_announcer(program, bindings, module, "") for module in who.announced),
+        observer,
         TraceClock(trace),
     )
     for node in nodes:
         transport.add(node)
     transport.run_until(trace[-1].t_ns + 10_000_000_000)
-    members.observer.close()
+    observer.close()
     return Played(log, server)

@@ -8,7 +8,8 @@ import pytest
 
 from colony.ir.program import Actuator, ActuatorField
 from colony.ir.types import BOOL
-from colony.runtime.arbitration import AHEAD, Arbiter, Dispatch, Timing, choose, malformed
+from colony.runtime.arbitration import AHEAD, LONGEST_NOTE, MOST_NOTES, Arbiter, Dispatch, Timing
+from colony.runtime.ballot import Ballot, Others, Outside, Places, malformed
 from colony.runtime.fields import SPEED
 from colony.runtime.messages import Request, Tick, Verdict
 
@@ -247,9 +248,154 @@ def test_values_are_told_in_declared_units() -> None:
     assert verdict.values == (0.3,)
 
 
-def test_choose_waits_for_live_higher_clients_only() -> None:
-    came = {"avoid": request("avoid", "command")}
-    assert choose(PLACES, came, ()) == ("avoid", False)
-    assert choose(PLACES, came, ("back_off",)) == ("avoid", True)
-    assert choose(PLACES, {}, ()) == (None, False)
-    assert choose((), {}, ()) == (None, True)
+def outside(priority: int, *values: float, connection: str = "ann/1") -> Outside:
+    return Outside(connection, priority, values or (10.0, 0.0))
+
+
+def choice(came: str, others: Others, lost: str = "") -> tuple[str | None, bool]:
+    """Who would act, by the bids of the three clients as in the table above, and whether that is settled."""
+    ballot = Ballot(Places(PLACES, (6, 4, 2)), lost.split())
+    for client, letter in zip(PLACES, came, strict=True):
+        if letter == "x":
+            ballot.without(client)
+        elif letter != "-":
+            ballot.take(request(client, "command" if letter == "c" else "silent"))
+    by, acts, settled = ballot.choose(others)
+    assert by is None or acts is None
+    return (by if acts is None else acts.connection), settled
+
+
+BESIDES = [
+    # priority from outside, requests, lost, who would act, settled
+    ("above all, it acts at once", 7, "---", "", "ann/1", True),
+    ("above all, it takes the winner's place", 7, "css", "", "ann/1", True),
+    ("below all, it waits for everybody", 1, "ss-", "", None, False),
+    ("below all, it acts when all are silent", 1, "sss", "", "ann/1", True),
+    ("below all, it gives way", 1, "ssc", "", "cruise", True),
+    ("what a lost client wants is not known", 1, "-ss", "back_off", None, True),
+    ("nor what a refused one wants", 1, "xss", "", None, True),
+    ("a late one keeps it waiting", 1, "-ss", "", None, False),
+    ("between, it waits for those above", 5, "---", "", None, False),
+    ("between, it does not wait for those below", 5, "s--", "", "ann/1", True),
+    ("between, it gives way to those above", 5, "c--", "", "back_off", True),
+    ("between, it takes the place of those below", 5, "ssc", "", "ann/1", True),
+    ("whoever wins below, those above are inactive", 5, "--c", "", "ann/1", False),
+    ("also where they are lost", 5, "--c", "back_off", "ann/1", False),
+    ("lost above, nothing known below", 5, "-s-", "back_off", None, False),
+]
+
+
+@pytest.mark.parametrize(("priority", "came", "lost", "who", "settled"), [b[1:] for b in BESIDES])
+def test_commands_from_outside(priority: int, came: str, lost: str, who: str | None, settled: bool) -> None:
+    assert choice(came, Others((outside(priority),)), lost) == (who, settled)
+
+
+def test_of_those_outside_only_the_first_counts() -> None:
+    both = Others((outside(9), outside(1, connection="bob/1")))
+    assert choice("sss", both) == ("ann/1", True)
+
+
+def test_a_lock_lets_nobody_but_its_holder_act_and_a_stop_nobody() -> None:
+    both = (outside(9), outside(1, connection="bob/1"))
+    assert choice("c--", Others(both, "locked", "bob/1")) == ("bob/1", True)
+    assert choice("c--", Others(both, "locked", "cy/1")) == (None, True)
+    assert choice("c--", Others(both, "stopped")) == (None, True)
+
+
+def naive(came: dict[str, str], lost: set[str], priority: int | None) -> tuple[str | None, bool]:
+    """The rule again, in the order in which one would say it."""
+    ranks = dict(zip(PLACES, (6, 4, 2), strict=True))
+    known = {c: b for c, b in came.items() if c not in lost}
+    commands = [c for c in PLACES if known.get(c) == "command"]
+    winner = commands[0] if commands else None
+    live_unheard = [c for c in PLACES if c not in lost and c not in came]
+    if priority is not None and (winner is None or ranks[winner] < priority):
+        above = [c for c in PLACES if ranks[c] > priority]
+        if all(c in known for c in above):
+            return "ann/1", True
+        if winner is not None:
+            return "ann/1", False
+        return None, not live_unheard
+    if winner is not None:
+        return winner, not any(ranks[c] > ranks[winner] for c in live_unheard)
+    return None, not live_unheard
+
+
+def test_the_rule_is_the_same_however_it_is_computed() -> None:
+    states = ("absent", "silent", "command", "lost", "lost and silent", "lost and command")
+    for by_client in itertools.product(states, repeat=3):
+        for priority in (None, 1, 3, 5, 7):
+            bids = dict(zip(PLACES, by_client, strict=True))
+            came = {c: b.split()[-1] for c, b in bids.items() if b not in ("absent", "lost")}
+            lost = {c for c, b in bids.items() if b.startswith("lost")}
+            ballot = Ballot(Places(PLACES, (6, 4, 2)), lost)
+            for client in reversed([c for c in PLACES if c in came]):
+                ballot.take(request(client, came[client]))
+            by, acts, settled = ballot.choose(Others(() if priority is None else (outside(priority),)))
+            who = by if acts is None else acts.connection
+            assert (who, settled) == naive(came, lost, priority), (bids, priority)
+
+
+def test_a_command_from_outside_that_comes_within_a_frame_acts_in_it_unless_it_is_decided() -> None:
+    one = arbiter()
+    one.open(tick(), frozenset(), 0)
+    (dispatch,) = one.intervene(Others((outside(9),)), 2 * MS)
+    assert dispatch == Dispatch(0, None, (10.0, 0.0), None, "ann/1")
+    assert one.intervene(Others((outside(9, 20.0, 0.0),)), 3 * MS) == ()
+    for client in PLACES:
+        events = one.receive(request(client, "command" if client == "cruise" else "silent"), 4 * MS)
+    (verdict,) = events
+    assert isinstance(verdict, Verdict)
+    assert (verdict.by, verdict.outside, verdict.values) == (None, "ann/1", (10.0, 0.0))
+    assert dict(verdict.fates)["cruise"] == "overridden"
+
+
+def test_verdicts_name_everyone_outside_who_did_not_get_through() -> None:
+    one = arbiter()
+    both = (outside(9), outside(0, connection="bob/1"))
+    one.open(tick(), frozenset(), 0, Others(both))
+    (verdict,) = [e for e in one.finish() if isinstance(e, Verdict)]
+    assert verdict.fates[-1] == ("bob/1", "overridden")
+    for hold, fate in (("locked", "locked out"), ("stopped", "stopped")):
+        one = arbiter()
+        one.open(tick(), frozenset(), 0, Others(both, hold, "cy/1"))  # type: ignore[arg-type]
+        one.receive(request("avoid", "command"), MS)
+        (verdict,) = [e for e in one.finish() if isinstance(e, Verdict)]
+        assert (verdict.hold, verdict.by, verdict.outside, verdict.values) == (hold, None, None, (0.0, 0.0))
+        assert dict(verdict.fates) == {
+            "back_off": "late",
+            "avoid": fate,
+            "cruise": "late",
+            "ann/1": fate,
+            "bob/1": fate,
+        }
+
+
+def test_notes_are_few_and_short_whatever_comes() -> None:
+    one = arbiter()
+    one.open(tick(), frozenset(), 0)
+    for i in range(1000):
+        one.receive(request(f"stranger {i} {'x' * 1000}", "command"), MS)
+    (verdict,) = [e for e in one.finish() if isinstance(e, Verdict)]
+    assert len(verdict.notes) == MOST_NOTES
+    assert max(map(len, verdict.notes)) == LONGEST_NOTE
+
+
+def test_a_remark_after_the_frame_is_in_the_next_verdict() -> None:
+    one = Arbiter(DRIVE, (), TIMES)
+    one.remark("before")
+    _, first = one.open(tick(0), frozenset(), 0)
+    one.remark("after")
+    _, second = one.open(tick(1), frozenset(), 50 * MS)
+    assert isinstance(first, Verdict)
+    assert isinstance(second, Verdict)
+    assert (first.notes, second.notes) == (("before",), ("after",))
+
+
+def test_requests_for_the_first_frame_may_come_before_its_tick_whatever_its_number() -> None:
+    one = arbiter()
+    for client in PLACES:
+        one.receive(request(client, "command" if client == "cruise" else "silent", k=10**12), 0)
+    dispatch, _ = one.open(tick(10**12), frozenset(), 10**12 * 50 * MS)
+    assert isinstance(dispatch, Dispatch)
+    assert dispatch.by == "cruise"

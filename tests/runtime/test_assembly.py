@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import itertools
+from typing import Any
 
 from colony.ir.frame import Frame
 from colony.runtime.assembly import FrameAssembler
@@ -15,7 +16,7 @@ BUMPER = SensorBinding(sensor="bumper", server="R", field="bumper", within_ns=No
 METERS = SensorBinding(sensor="m", server="P", field="sonar", within_ns=None, factor=1000.0)
 
 
-def tick(k: int, **more: tuple[str, ...]) -> Tick:
+def tick(k: int, **more: Any) -> Tick:
     return Tick(k=k, t_ns=k * 50 * MS, **more)
 
 
@@ -96,17 +97,169 @@ def test_the_sensors_of_a_server_that_is_down_are_missing_even_if_its_frame_come
     ]
 
 
-def test_frames_that_a_dead_server_did_not_give_are_given_up_when_a_tick_says_so() -> None:
+def test_frames_that_a_dead_server_did_not_give_are_waited_for_until_a_tick_says_that_they_are_void() -> None:
     assembler = FrameAssembler((SONAR, BUMPER))
     assert frames(assembler, tick(0), base(0), tick(1), base(1)) == []
-    got = frames(assembler, base(2), tick(2, down=("P",)))
-    assert [f.readings for f in got] == [{"bumper": False}] * 3
+    assert frames(assembler, base(2), tick(2, down=("P",))) == []
+    got = frames(assembler, base(3), tick(3, down=("P",), void=(("P", 0), ("P", 1))))
+    assert [f.readings for f in got] == [{"bumper": False}] * 4
+    assert not assembler.lost
+
+
+def test_what_is_void_does_not_count_if_it_comes_after_all() -> None:
+    assembler = FrameAssembler((SONAR, BUMPER))
+    got = frames(assembler, tick(0), tick(1, down=("P",), void=(("P", 0),)), proximity(0), base(0), base(1))
+    assert [f.readings for f in got] == [{"bumper": False}] * 2
+
+
+def test_who_handed_out_what_is_void_later_is_lost_until_the_next_epoch() -> None:
+    assembler = FrameAssembler((SONAR, BUMPER))
+    assert len(frames(assembler, tick(0), base(0), proximity(0))) == 1
+    assert frames(assembler, tick(1, void=(("P", 0),)), base(1), proximity(1)) == []
+    assert assembler.lost
+    (anew,) = frames(assembler, tick(2, start=2), base(2), proximity(2))
+    assert anew.t_ns == 100 * MS
+    assert not assembler.lost
+
+
+# --- epochs and runs -------------------------------------------------------------------------------
+
+
+def test_a_new_epoch_forgets_what_is_before_it() -> None:
+    assembler = FrameAssembler((BUMPER,))
+    assembler.take(tick(0))
+    assembler.take(base(4))  # came before its tick
+    assert assembler.take(tick(5, start=4)) == (Send("Clock/fetches", Fetch(server="Clock", k=4)),)
+    out = []
+    for message in (tick(4, start=4), base(5), tick(1), base(0)):
+        assembler.take(message)
+        out += list(assembler.complete())
+    assert [(a.tick.k, a.restart, a.current) for a in out] == [(4, True, False), (5, False, True)]
+    assert assembler.start == 4
+
+
+def test_ticks_of_another_run_are_not_for_us() -> None:
+    assembler = FrameAssembler((BUMPER,), run="mine")
+    assert frames(assembler, tick(0, run="yours"), base(0)) == []
+    assert assembler.start == -1
+    assert len(frames(assembler, tick(1, run="mine", start=1), base(1))) == 1
+    assert frames(assembler, tick(2, run="", start=2), base(2)) == []
+    assert (assembler.start, assembler.latest) == (1, 1)
+
+
+def test_an_epoch_that_begins_after_its_frame_is_none() -> None:
+    assembler = FrameAssembler((BUMPER,))
+    assert frames(assembler, tick(0), base(0), tick(1, start=2)) == [Frame(0, {"bumper": False})]
+    assert (assembler.start, assembler.latest) == (0, 0)
+
+
+# --- what cannot be had ----------------------------------------------------------------------------
+
+
+def test_who_comes_late_steps_through_the_epoch_if_it_is_still_to_be_had() -> None:
+    assembler = FrameAssembler((BUMPER,), keep=4)
+    asked = assembler.take(tick(3))
+    assert [e.message.k for e in asked if isinstance(e, Send) and isinstance(e.message, Fetch)] == [
+        *(0, 0, 1, 1, 2, 2)
+    ]
+    assert not assembler.lost
+    late = FrameAssembler((BUMPER,), keep=4)
+    assert late.take(tick(4)) == ()
+    assert late.lost
+
+
+def test_who_falls_behind_for_longer_than_frames_are_kept_is_lost() -> None:
+    assembler = FrameAssembler((BUMPER,), keep=4)
+    assert len(frames(assembler, tick(0), base(0))) == 1
+    for k in range(2, 5):
+        assert frames(assembler, tick(k), base(k)) == []
+        assert not assembler.lost
+    assert frames(assembler, tick(5), base(5)) == []
+    assert assembler.lost
+
+
+def test_with_memory_from_elsewhere_it_goes_on() -> None:
+    assembler = FrameAssembler((BUMPER,), keep=4)
+    assembler.take(tick(20))
+    assert assembler.lost
+    assert assembler.resume(19) == (
+        Send("Clock/fetches", Fetch(server="Clock", k=19)),
+        Send("R/fetches", Fetch(server="R", k=19)),
+    )
+    assert not assembler.lost
+    out = frames(assembler, tick(19), base(20), base(19))
+    assert [f.t_ns for f in out] == [19 * 50 * MS, 20 * 50 * MS]
+
+
+def test_memory_that_saw_what_is_void_now_is_of_no_use() -> None:
+    assembler = FrameAssembler((SONAR,), keep=4)
+    assembler.take(tick(20, void=(("P", 18),), down=("P",)))
+    assembler.resume(19)
+    assert assembler.lost
+
+
+def test_who_commands_nothing_can_do_without() -> None:
+    assembler = FrameAssembler((BUMPER,), keep=4)
+    assembler.take(tick(0))
+    assembler.take(tick(9))
+    assert assembler.lost
+    assert assembler.skip() == 9
+    assert [f.t_ns for f in frames(assembler, base(9))] == [9 * 50 * MS]
+
+
+def test_what_waits_is_bounded() -> None:
+    assembler = FrameAssembler((BUMPER,), keep=4)
+    for k in range(1000):
+        assembler.take(base(k))
+        assembler.take(tick(k + 1))
+    assert len(assembler._ticks) <= 8
+    assert len(assembler._frames) <= 8
+
+
+# --- the activity of modules in Python ---------------------------------------------------------------
+
+PULSE = "DServer/activity/pulse"
+
+
+def active(k: int, value: bool = True) -> ServerFrame:
+    return ServerFrame(server=PULSE, k=k, fields={"active": Sample(value, k)})
+
+
+def test_the_activity_of_a_module_is_waited_for_whoever_is_down() -> None:
+    assembler = FrameAssembler((), ("pulse",))
+    assembler.take(tick(0))
+    (asked,) = assembler.take(tick(1, down=("R",)))
+    assert asked == Send("DServer/fetches", Fetch(server=PULSE, k=0))
+    assembler.take(tick(2, down=(PULSE,), void=((PULSE, 0), (PULSE, 1))))
+    assert list(assembler.complete()) == []
+    for k in range(3):
+        assembler.take(active(k, k == 1))
+    assert [a.active for a in assembler.complete()] == [{"pulse": k == 1} for k in range(3)]
+
+
+def test_with_degrade_a_module_of_which_nothing_is_known_is_not_active() -> None:
+    assembler = FrameAssembler((), ("pulse",), degrade=True)
+    assembler.take(active(0))
+    assembler.take(tick(0))
+    assembler.take(tick(1))
+    assembler.take(tick(2, down=(PULSE,), void=((PULSE, 1),)))
+    assembler.take(tick(3, down=("DServer",)))
+    assert [a.active["pulse"] for a in assembler.complete()] == [True, False, False, False]
+
+
+def test_a_new_epoch_is_not_asked_for_while_the_module_is_down() -> None:
+    assembler = FrameAssembler((), ("pulse",), keep=4)
+    for k in range(10):
+        assembler.take(tick(k, down=(PULSE,) if k else ()))
+    assert not assembler.lost
+    assembler.take(tick(10))
+    assert assembler.lost
+
+
+def test_without_sensors_every_tick_is_a_frame() -> None:
+    assert frames(FrameAssembler(()), tick(0), tick(1)) == [Frame(0, {}), Frame(50 * MS, {})]
 
 
 def test_values_enter_in_the_declared_unit() -> None:
     (frame,) = frames(FrameAssembler((METERS,)), tick(0), proximity(0, (1500.0, 250.0)))
     assert frame.readings == {"m": (1.5, 0.25)}
-
-
-def test_without_sensors_every_tick_is_a_frame() -> None:
-    assert frames(FrameAssembler(()), tick(0), tick(1)) == [Frame(0, {}), Frame(50 * MS, {})]

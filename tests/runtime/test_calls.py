@@ -9,6 +9,7 @@ import msgspec
 import pytest
 
 from colony.runtime.calls import (
+    ANSWER_BYTES_KEPT,
     ANSWERS_KEPT,
     LATER,
     LEASE_NS,
@@ -50,6 +51,7 @@ class Sums:
 
     def __init__(self) -> None:
         self.sum = 0
+        self.sent_large = b""
         self.asked: list[Asked] = []
         self.gone: list[Caller] = []
         self.banned = ""
@@ -58,6 +60,7 @@ class Sums:
             (
                 method("sum", Nothing, lambda *_: self.sum, right="read"),
                 method("add", Add, self._add),
+                method("large", Nothing, lambda *_: self.sent_large),
                 method("wait", Nothing, self._wait, right="read"),
                 method("halt", Nothing, lambda *_: None, right="stop"),
             ),
@@ -155,6 +158,16 @@ def test_a_call_forgotten_is_not_done_again(sums: Sums) -> None:
     before = sums.sum
     assert sums.tell(call(ANN, 2, "add", Add(amount=1))) == []
     assert sums.sum == before
+
+
+def test_large_answers_are_not_kept_for_long(sums: Sums) -> None:
+    sums.sent_large = b"x" * (ANSWER_BYTES_KEPT // 3)
+    for number in range(2, 7):
+        assert result(sums.tell(call(ANN, number, "large"))) == sums.sent_large
+    assert sums.tell(call(ANN, 3, "large")) == []
+    assert result(sums.tell(call(ANN, 6, "large"))) == sums.sent_large
+    sums.sent_large *= 6
+    assert result(sums.tell(call(ANN, 7, "large"))) == result(sums.tell(call(ANN, 7, "large")))
 
 
 def test_problems_say_what_was_found(sums: Sums) -> None:

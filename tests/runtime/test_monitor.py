@@ -12,8 +12,13 @@ EXPECTED = Decision("drive", "avoid", (80.0, 30.0))
 
 
 class Always:
+    restarts = 0
+
     def step(self, frame: Frame) -> Outcome:
         return Outcome((EXPECTED,))
+
+    def restart(self) -> None:
+        self.restarts += 1
 
 
 def verdict(**changes: object) -> Verdict:
@@ -29,6 +34,7 @@ def verdict(**changes: object) -> Verdict:
 
 
 IDLE = {"by": None, "values": (0.0, 0.0)}
+OUTSIDE = {"by": None, "values": (5.0, 0.0), "outside": "ada/1"}
 
 CASES = [
     ({}, False),
@@ -41,6 +47,12 @@ CASES = [
     ({**IDLE, "fates": (("avoid", "refused"), ("cruise", "silent"))}, False),
     ({"by": "cruise", "values": (300.0, 0.0), "fates": (("avoid", "late"), ("cruise", "won"))}, True),
     ({"violation": True, "fates": (("avoid", "won"), ("cruise", "overruled"))}, True),
+    ({**OUTSIDE, "fates": (("avoid", "overridden"), ("cruise", "silent"))}, False),
+    ({**OUTSIDE, "fates": (("avoid", "silent"), ("cruise", "overridden"))}, True),
+    ({**OUTSIDE, "by": "avoid"}, True),
+    ({**IDLE, "hold": "stopped", "fates": (("avoid", "stopped"), ("cruise", "silent"))}, False),
+    ({**IDLE, "hold": "locked", "fates": (("avoid", "locked out"), ("cruise", "silent"))}, False),
+    ({**IDLE, "hold": "locked", "fates": (("avoid", "silent"), ("cruise", "locked out"))}, True),
 ]
 
 
@@ -54,3 +66,34 @@ def test_disagreements(changes: dict[str, object], wrong: bool) -> None:
 
 def test_an_actuator_without_a_verdict_is_not_compared() -> None:
     assert Monitor(Always()).check(Frame(0, {}), {}).disagreements == ()
+
+
+def test_memory_begins_anew_where_that_is_said() -> None:
+    executor = Always()
+    monitor = Monitor(executor)
+    monitor.restart()
+    monitor.check(Frame(0, {}), {})
+    assert executor.restarts == 0
+    monitor.restart()
+    monitor.check(Frame(1, {}), {})
+    assert executor.restarts == 1
+
+
+def test_after_a_frame_that_was_missed_nothing_is_compared_until_memory_begins_anew() -> None:
+    monitor = Monitor(Always())
+    wrong = {"drive": verdict(by="cruise")}
+    monitor.lose()
+    assert monitor.check(Frame(0, {}), wrong) == (Outcome(()), ())
+    monitor.restart()
+    assert monitor.check(Frame(1, {}), wrong).disagreements
+
+
+def test_with_degrade_lesser_ones_may_command_from_when_one_is_lost() -> None:
+    lost = {"drive": verdict(by="cruise", fates=(("avoid", "silent"), ("cruise", "won")))}
+    after = {"drive": verdict(by="cruise", fates=(("avoid", "silent"), ("cruise", "won")))}
+    for degrading in ((), ("drive",)):
+        monitor = Monitor(Always(), degrading)
+        assert bool(monitor.check(Frame(0, {}), lost, ("other/client",)).disagreements) is not bool(degrading)
+        assert bool(monitor.check(Frame(1, {}), after).disagreements) is not bool(degrading)
+        monitor.restart()
+        assert monitor.check(Frame(2, {}), after).disagreements

@@ -4,8 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 
-from colony.runtime.messages import Effect, Fetch, Sample, Send, ServerFrame, Tick
+from colony.runtime.messages import Announcement, Effect, Fetch, Sample, Send, ServerFrame, Tick
 from colony.runtime.servers.publishing import Fields, Publisher
+from colony.runtime.servers.relaying import ActivityRelay
 
 
 def publisher(keep: int = 3) -> Publisher:
@@ -45,6 +46,32 @@ def test_the_frame_of_a_tick_that_never_came_has_no_values_for_everybody() -> No
     assert empty.fields == {}
     assert server.handle(tick(1)) == ()
     assert frame_of(server.handle(Fetch(server="S", k=1))) == empty
+
+
+def test_of_what_came_before_its_first_tick_it_knows_nothing() -> None:
+    server = publisher()
+    assert server.handle(Fetch(server="S", k=4)) == ()
+    assert frame_of(server.handle(tick(5))).since == 5
+    assert server.handle(Fetch(server="S", k=4)) == ()
+    assert server.handle(tick(4)) == ()
+    assert frame_of(server.handle(tick(6))).since == 5
+
+
+def test_the_activity_of_modules_is_handed_on_once_and_kept() -> None:
+    relay = ActivityRelay("D", ("pulse",), keep=2)
+    name = "D/activity/pulse"
+    for k, active in ((0, True), (2, False), (1, True)):
+        told = Announcement(k=k, module="pulse", active=active)
+        (sent,) = relay.announce(told, 7)
+        frame = ServerFrame(server=name, k=k, fields={"active": Sample(active, 7)})
+        assert sent == Send("D/activity/pulse/frames", frame)
+        assert relay.announce(told, 8) == ()
+    assert relay.announce(Announcement(k=0, module="stranger", active=True), 7) == ()
+    assert relay.fetch(Fetch(server=name, k=0)) == ()
+    assert relay.fetch(Fetch(server=name, k=1)) == (Send("D/activity/pulse/frames", frame),)
+    relay.deploy(("other",))
+    assert relay.fetch(Fetch(server=name, k=1)) == ()
+    assert relay.listens == ("D/announcements", "D/fetches")
 
 
 def test_of_the_future_and_of_what_is_forgotten_it_says_nothing() -> None:

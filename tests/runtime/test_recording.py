@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 
 from colony.compile.executor import ClientListExecutor
 from colony.compile.pipeline import compile_program
-from colony.ir.frame import Frame, Outcome, Reading
+from colony.ir.frame import Decision, Frame, Outcome, Reading
 from colony.ir.program import Actuator, ActuatorField, Program, Sensor
 from colony.ir.types import BOOL, PLAIN, Array
 from colony.runtime.messages import Sample, Tick, Verdict
@@ -110,7 +110,7 @@ def line(readings: dict[str, Reading], verdict: Verdict | None = None) -> str:
         tick=Tick(k=0, t_ns=0),
         frame=Frame(0, readings),
         verdicts={} if verdict is None else {"lamp": verdict},
-        expected=Outcome(()),
+        expected=Outcome((Decision("lamp", None, None),)),
         disagreements=(),
     )
     return encoder(small())(log)
@@ -130,9 +130,9 @@ READINGS: list[tuple[Reading, str]] = [
 
 @pytest.mark.parametrize(("reading", "text"), READINGS)
 def test_readings_are_valid_json_that_means_the_same(reading: Reading, text: str) -> None:
-    assert line({"n": reading}) == f'{{"t": 0.0, "n": {text}}}'
+    assert line({"n": reading}) == f'{{"t": 0.0, "@tick": 0, "n": {text}}}'
     array: Reading = (reading, 0.0)  # type: ignore[assignment]
-    assert line({"a": array}) == f'{{"t": 0.0, "a": [{text}, 0.0]}}'
+    assert line({"a": array}) == f'{{"t": 0.0, "@tick": 0, "a": [{text}, 0.0]}}'
     (back,) = read_frames([line({"n": reading}).encode()], "x", small())
     if isinstance(reading, float) and math.isnan(reading):
         assert isinstance(back.readings["n"], str)
@@ -141,8 +141,8 @@ def test_readings_are_valid_json_that_means_the_same(reading: Reading, text: str
 
 
 def test_faulty_readings_stay_faulty() -> None:
-    assert line({"a": (1.0,)}) == '{"t": 0.0, "a": "1 elements"}'
-    assert line({"n": None, "b": False}) == '{"t": 0.0, "b": false}'
+    assert line({"a": (1.0,)}) == '{"t": 0.0, "@tick": 0, "a": "1 elements"}'
+    assert line({"n": None, "b": False}) == '{"t": 0.0, "@tick": 0, "b": false}'
 
 
 def verdict(**changes: object) -> Verdict:
@@ -167,6 +167,9 @@ def test_actuators() -> None:
     assert lamp(verdict(values=None, fault="not finite")) == {"by": "m", "fault": "not finite"}
     fates = (("m", "won"), ("n", "late"), ("o", "silent"))
     assert lamp(verdict(fates=fates)) == {"by": "m", "on": True, "fates": {"n": "late"}}
+    assert lamp(verdict(by=None, values=None, fates=fates)) == {"by": None, "fates": {"n": "late"}}
+    assert lamp(verdict(by=None, outside="ann/1")) == {"by": None, "on": True, "@outside": "ann/1"}
+    assert lamp(verdict(by=None, values=None, hold="stopped")) == {"by": None, "@held_by": "stopped"}
 
 
 def test_a_file_that_takes_a_part_gets_the_rest() -> None:

@@ -6,7 +6,8 @@ from collections.abc import Iterable
 
 import pytest
 
-from colony.runtime.messages import Effect, Fetch, Message, Send, Tick, Wake, WakeAt
+from colony.runtime.faults import Faults, Rates
+from colony.runtime.messages import Effect, Fetch, Malformed, Message, Send, Tick, Wake, WakeAt
 from colony.runtime.virtual import VirtualClock, VirtualTransport
 
 
@@ -108,7 +109,95 @@ def test_ticks_are_messages_like_any_other() -> None:
     transport = VirtualTransport(VirtualClock(), seed=0)
     transport.add(reader)
     transport.add(
-        Echo("w", listens=(), says=(Send("Clock/ticks", Tick(k=0, t_ns=0)), Send("nobody", Wake())))
+        Echo(
+            "w",
+            listens=(),
+            says=(Send("Clock/ticks", Tick(k=0, t_ns=0)), Send("nobody", Fetch(server="s", k=0))),
+        )
     )
     transport.run_until(1)
     assert reader.heard == [(0, Tick(k=0, t_ns=0))]
+
+
+# --- faults --------------------------------------------------------------------------------------
+
+
+def test_a_frozen_node_gets_what_waited_in_order_when_it_goes_on() -> None:
+    reader = Echo("reader", says=(WakeAt(30),))
+    transport = VirtualTransport(VirtualClock(), seed=0)
+    transport.add(reader)
+    transport.freeze("reader")
+    for k in range(5):
+        transport.at(10 * k, lambda k=k: transport.inject("news", Fetch(server="s", k=k)))  # type: ignore[misc]
+    transport.at(100, lambda: transport.thaw("reader"))
+    transport.at(100, lambda: transport.thaw("reader"))
+    transport.run_until(100)
+    assert reader.heard == []
+    transport.run_until(101)
+    assert [t for t, _ in reader.heard] == [100] * 6
+    assert [m.k for _, m in reader.heard if isinstance(m, Fetch)] == [0, 1, 2, 3, 4]
+    with pytest.raises(KeyError):
+        transport.freeze("nobody")
+
+
+def test_a_link_doubles() -> None:
+    reader = Echo("reader")
+    transport = VirtualTransport(VirtualClock(), seed=0, link=lambda *_: (0, 7, 7))
+    transport.add(reader)
+    transport.inject("news", Fetch(server="s", k=1))
+    transport.run_until(10)
+    assert [t for t, _ in reader.heard] == [0, 7, 7]
+
+
+def test_what_no_node_sends_can_be_put_in() -> None:
+    reader = Echo("reader")
+    transport = VirtualTransport(VirtualClock(5), seed=0)
+    transport.add(reader)
+    garbage = Malformed(topic="news", connection=None, reason="no message")
+    transport.inject("news", garbage)
+    transport.run_until(6)
+    assert reader.heard == [(5, garbage)]
+    assert transport.addresses == ("reader",)
+
+
+def test_nothing_leaves_before_a_node_has_settled() -> None:
+    log: list[str] = []
+
+    class Storing(Echo):
+        def handle(self, message: Message, now_ns: int) -> Iterable[Effect]:
+            log.append("handles")
+            yield Send("out", message)  # type: ignore[arg-type]
+            log.append("has handled")
+
+        def settle(self) -> None:
+            log.append("settles")
+
+    class Reading(Echo):
+        def handle(self, message: Message, now_ns: int) -> Iterable[Effect]:
+            log.append("reads")
+            return ()
+
+    transport = VirtualTransport(VirtualClock(), seed=0)
+    transport.add(Storing("server", listens=("in",)))
+    transport.add(Reading("reader", listens=("out",)))
+    log.clear()
+    transport.inject("in", Fetch(server="s", k=1))
+    transport.run_until(1)
+    assert log == ["handles", "has handled", "settles", "reads"]
+
+
+def test_faults_are_those_of_the_seed() -> None:
+    rates = Rates(lost=0.1, doubled=0.1, late=0.1, reordered=0.2, late_ns=1000, reordered_ns=10)
+    message = Fetch(server="s", k=0)
+    first, again = (
+        [one("a", "b", message) for _ in range(50)] for one in (Faults(3, rates), Faults(3, rates))
+    )
+    assert first == again
+    one = Faults(7, rates, spares=lambda sender, receiver, message: receiver == "spared")
+    drawn = [one("a", "b", message) for _ in range(10_000)]
+    assert 800 < sum(d is None for d in drawn) < 1200
+    assert 800 < sum(isinstance(d, tuple) and len(d) == 2 for d in drawn) < 1200
+    late = [d for d in drawn if isinstance(d, int)]
+    assert 800 < sum(d > 10 for d in late) < 1200
+    assert 1500 < sum(0 < d <= 10 for d in late) < 2300
+    assert all(one("a", "spared", message) == 0 for _ in range(100))

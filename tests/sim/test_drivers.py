@@ -4,9 +4,12 @@ from __future__ import annotations
 
 import pytest
 
+from colony.runtime.library.camera import array
 from colony.runtime.virtual import VirtualClock
+from colony.sim.camera import Camera, CameraConfig
 from colony.sim.config import IDEAL
-from colony.sim.drivers import Plant, simulated_drivers
+from colony.sim.drivers import Plant, RegisterBase, SimulatedCamera, simulated_drivers
+from colony.sim.scene import scene
 from colony.sim.world import World
 
 S = 1_000_000_000
@@ -64,6 +67,20 @@ def test_rings_are_plain_values_with_their_time() -> None:
     assert sonar.value[12] == pytest.approx(3000.0 - IDEAL.sonar_ring_mm)
 
 
+def test_a_camera_sees_where_the_robot_is_now() -> None:
+    clock = VirtualClock()
+    shared = plant(clock)
+    scenery = scene([[-5000.0, 3000.0, 5000.0, 3000.0]])
+    camera = SimulatedCamera(shared, 0, Camera(scenery, CameraConfig(), robot_radius_mm=400.0))
+    first = camera.grab()
+    simulated_drivers(shared).base.drive(500.0, 0.0)
+    clock.now_ns = 2 * S
+    second = camera.grab()
+    assert (first.t_ns, second.t_ns) == (0, 2 * S)
+    assert (first.height, first.width, first.channels) == (120, 240, 1)
+    assert array(second).mean() > array(first).mean()  # the wall is nearer, and brighter
+
+
 def test_robots_of_one_world_share_its_time() -> None:
     clock = VirtualClock()
     shared = plant(clock, ((0.0, 0.0, 0.0), (2000.0, 0.0, 180.0)))
@@ -76,3 +93,20 @@ def test_robots_of_one_world_share_its_time() -> None:
     assert other is not None
     assert one.y == pytest.approx(-other.y)
     assert one.y > 100.0
+
+
+def test_a_base_tells_what_it_can_do() -> None:
+    base = simulated_drivers(plant(VirtualClock())).base
+    assert (base.limits.velocity, base.limits.turn) == (IDEAL.max_velocity_mm_s, IDEAL.max_turn_deg_s)
+    assert base.limits.acceleration == IDEAL.acceleration_mm_s2
+    assert base.register_bits is None
+
+
+def test_registers_overflow_in_both_directions() -> None:
+    clock = VirtualClock()
+    poses = ((-32_800.0, 32_900.4, 0.0),)
+    base = RegisterBase(simulated_drivers(plant(clock, poses)).base)
+    state = base.state()
+    assert state is not None
+    assert (state.x, state.y) == (65_536.0 - 32_800.0, 32_900.0 - 65_536.0)
+    assert base.register_bits == 16

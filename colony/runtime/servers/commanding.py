@@ -2,57 +2,150 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator
-from dataclasses import dataclass
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from dataclasses import dataclass, field
+from typing import NamedTuple
 
 from colony.ir.program import Actuator
 from colony.ir.types import ScalarValue
 from colony.runtime import topics
 from colony.runtime.arbitration import Arbiter, Dispatch, Event, Timing
+from colony.runtime.ballot import NOBODY, Others
 from colony.runtime.bindings import ActuatorBinding
-from colony.runtime.messages import Effect, Request, Send, Tick, WakeAt
+from colony.runtime.messages import Effect, Malformed, Request, Send, Tick, Verdict, WakeAt
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Commanded:
-    """An actuator of this server and its clients, highest place first."""
+    """An actuator of this server and its clients, highest place first, each with its priority.
+
+    Without `priorities` these count down to 1.
+    """
 
     actuator: Actuator
     binding: ActuatorBinding
     places: tuple[str, ...]
+    priorities: tuple[int, ...] = ()
 
 
 Perform = Callable[[Commanded, tuple[ScalarValue, ...], int], None]
 """Carry out a command: for which actuator, its fields in base units, and the time."""
 
+Told = Callable[[Commanded, Dispatch, int], None]
+"""Hear of a frame's decision, before it is carried out, also where nothing is."""
+
+
+@dataclass(frozen=False, slots=True, kw_only=True)
+class _Counts:
+    """Of one actuator: its frames, what went wrong in them by client, and the note that came last."""
+
+    frames: int = 0
+    late: dict[str, int] = field(default_factory=dict)
+    lost: dict[str, int] = field(default_factory=dict)
+    refused: dict[str, int] = field(default_factory=dict)
+    last_note: str | None = None
+
+    def take(self, verdict: Verdict) -> None:
+        self.frames += 1
+        for client, fate in verdict.fates:
+            if fate == "late":
+                self.late[client] = self.late.get(client, 0) + 1
+            elif fate == "lost":
+                self.lost[client] = self.lost.get(client, 0) + 1
+            elif fate == "refused":
+                self.refused[client] = self.refused.get(client, 0) + 1
+        if verdict.notes:
+            self.last_note = verdict.notes[-1]
+
+
+class ClientCounts(NamedTuple):
+    """A client of the network: in how many frames its request was there in time, was not, or was no good."""
+
+    name: str
+    priority: int
+    on_time: int
+    late: int
+    lost: int
+    refused: int
+
+
+class ActuatorCounts(NamedTuple):
+    """The frames of an actuator so far, its clients, highest place first, and the note that came last."""
+
+    actuator: str
+    frames: int
+    clients: tuple[ClientCounts, ...]
+    last_note: str | None
+
 
 class CommandDesk:
-    """Arbitrates and performs the commands of a server's actuators. Mutable: its arbiters."""
+    """Arbitrates and performs the commands of a server's actuators. Mutable: its arbiters.
 
-    def __init__(self, commanded: tuple[Commanded, ...], times: Timing, perform: Perform) -> None:
+    Args:
+        commanded: the actuators.
+        times: of their frames.
+        perform: carries out what is dispatched, unless that is nothing (`idle hold`).
+        told: hears of every dispatch.
+        publish: whether anybody is told the verdicts.
+    """
+
+    def __init__(
+        self,
+        commanded: tuple[Commanded, ...],
+        times: Timing,
+        perform: Perform,
+        *,
+        told: Told = lambda commanded, dispatch, now_ns: None,
+        publish: bool = True,
+    ) -> None:
         self._commanded = {c.actuator.name: c for c in commanded}
-        self._arbiters = {c.actuator.name: Arbiter(c.actuator, c.places, times) for c in commanded}
+        self._arbiters = {
+            c.actuator.name: Arbiter(c.actuator, c.places, times, c.priorities) for c in commanded
+        }
         self._clients = {
             name: {topics.client_address(name, place): place for place in c.places}
             for name, c in self._commanded.items()
         }
+        self._counts = {name: _Counts() for name in self._commanded}
         self._perform = perform
+        self._told = told
+        self._publish = publish
         self._alarm: int | None = None
 
-    def tick(self, tick: Tick, now_ns: int) -> Iterable[Effect]:
-        """Open the frame of every actuator."""
+    def tick(self, tick: Tick, now_ns: int, others: Mapping[str, Others] | None = None) -> Iterable[Effect]:
+        """Open the frame of every actuator; `others` has what counts besides its clients, by actuator."""
         for name, arbiter in self._arbiters.items():
             clients = self._clients[name]
             lost = frozenset(clients[a] for a in tick.lost if a in clients)
-            yield from self._carry_out(name, arbiter.open(tick, lost, now_ns), now_ns)
+            besides = others.get(name, NOBODY) if others else NOBODY
+            yield from self._carry_out(name, arbiter.open(tick, lost, now_ns, besides), now_ns)
         yield from self._set_alarm()
 
     def request(self, request: Request, now_ns: int) -> Iterable[Effect]:
         """Take a client's request; one for an actuator of another server is ignored."""
         arbiter = self._arbiters.get(request.actuator)
         if arbiter is not None:
-            yield from self._carry_out(request.actuator, arbiter.receive(request, now_ns), now_ns)
-            yield from self._set_alarm()
+            events = arbiter.receive(request, now_ns)
+            if events:
+                yield from self._carry_out(request.actuator, events, now_ns)
+            due = arbiter.wake_at
+            if due is not None and (self._alarm is None or due < self._alarm):
+                self._alarm = due
+                yield WakeAt(due)
+
+    def intervene(self, actuator: str, others: Others, now_ns: int) -> Iterable[Effect]:
+        """What counts besides the clients of an actuator has changed within its frame."""
+        yield from self._carry_out(actuator, self._arbiters[actuator].intervene(others, now_ns), now_ns)
+        yield from self._set_alarm()
+
+    def malformed(self, message: Malformed) -> None:
+        """Bytes came where requests should; the verdicts of the frame will say so."""
+        for name in self._arbiters:
+            self.remark(name, f"a request could not be read: {message.reason}")
+
+    def remark(self, actuator: str, note: str) -> None:
+        """Something for people, for the next verdict of an actuator."""
+        self._arbiters[actuator].remark(note)
 
     def wake(self, now_ns: int) -> Iterable[Effect]:
         """Decide what is overdue."""
@@ -62,13 +155,34 @@ class CommandDesk:
             yield from self._carry_out(name, arbiter.wake(now_ns), now_ns)
         yield from self._set_alarm()
 
+    def finish(self, now_ns: int) -> Iterable[Effect]:
+        """No frame follows: the present ones end as they stand."""
+        for name, arbiter in self._arbiters.items():
+            yield from self._carry_out(name, arbiter.finish(), now_ns)
+
+    def counts(self) -> tuple[ActuatorCounts, ...]:
+        """How the frames of every actuator went so far."""
+        return tuple(self._counts_of(c, self._counts[name]) for name, c in self._commanded.items())
+
+    def _counts_of(self, commanded: Commanded, counts: _Counts) -> ActuatorCounts:
+        priorities = commanded.priorities or range(len(commanded.places), 0, -1)
+        clients = []
+        for name, priority in zip(commanded.places, priorities, strict=True):
+            bad = tuple(of.get(name, 0) for of in (counts.late, counts.lost, counts.refused))
+            clients.append(ClientCounts(name, priority, counts.frames - sum(bad), *bad))
+        return ActuatorCounts(commanded.actuator.name, counts.frames, tuple(clients), counts.last_note)
+
     def _carry_out(self, name: str, events: tuple[Event, ...], now_ns: int) -> Iterator[Effect]:
         for event in events:
             if isinstance(event, Dispatch):
+                commanded = self._commanded[name]
+                self._told(commanded, event, now_ns)
                 if event.values is not None:
-                    self._perform(self._commanded[name], event.values, now_ns)
+                    self._perform(commanded, event.values, now_ns)
             else:
-                yield Send(topics.VERDICTS, event)
+                self._counts[name].take(event)
+                if self._publish:
+                    yield Send(topics.VERDICTS, event)
 
     def _set_alarm(self) -> Iterator[Effect]:
         due = min((at for a in self._arbiters.values() if (at := a.wake_at) is not None), default=None)

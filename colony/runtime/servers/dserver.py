@@ -1,57 +1,133 @@
-"""DServer: the variables that the processes of a robot share (thesis section 4.6.1)."""
+"""DServer: the variables and semaphores that the processes of a robot share (thesis section 4.6.1).
+
+What it has survives its death, SIGKILL included. Each change is put into a journal, and the journal into the
+store in one commit, after all that waited was handled and before any effect leaves: nothing is acknowledged
+that could be lost, and many changes cost one commit. A call that comes again is not done again, even by the
+server that was started in the place of a dead one (see `once.py`).
+"""
 
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
 
+import msgspec
+
 from colony.ir.types import ScalarValue, Value
 from colony.runtime import topics
-from colony.runtime.arbitration import Timing, declared_units
+from colony.runtime.arbitration import Timing, declared_units, timing
+from colony.runtime.assembly import KEPT_MOST
+from colony.runtime.calls import Asked, Refused, method
+from colony.runtime.deployment import Deployment, commanded_by
 from colony.runtime.fields import DSERVER
-from colony.runtime.messages import Announcement, Effect, Fetch, Message, Request, Sample, Tick, Wake
+from colony.runtime.messages import (
+    Alive,
+    Announcement,
+    Call,
+    Checkpoint,
+    Effect,
+    Fetch,
+    Malformed,
+    Message,
+    Recall,
+    Request,
+    Tick,
+    Wake,
+)
+from colony.runtime.servers.checkpoints import Checkpoints
 from colony.runtime.servers.commanding import CommandDesk, Commanded
+from colony.runtime.servers.data_calls import DataCalls
+from colony.runtime.servers.leadership import Leadership
+from colony.runtime.servers.once import Answers
 from colony.runtime.servers.publishing import Fields, Publisher
 from colony.runtime.servers.relaying import ActivityRelay
+from colony.runtime.servers.semaphores import Semaphores
+from colony.runtime.servers.variables import Variables, encoded, prepared
+from colony.runtime.servers.watching import Watches
+from colony.runtime.store import Journal, Key, MemoryStore, Store, StoreError
+
+_EPOCH = Key("fact", "epoch")
+_CLOSED = Key("fact", "closed")
+
+_ROBOT_WITHOUT_PROGRAM = timing(50_000_000)
 
 
 class DServer:
-    """Publishes all variables each frame and sets those that actuators are bound to. Mutable: the variables.
+    """Publishes variables each frame, sets those that actuators are bound to, and answers calls.
 
     An actuator of one field sets its variable to the field's value, one of several fields to an array of
     them in the order declared, in declared units. What a command of frame k sets is read in frame k + 1.
 
-    It also hands on the activity of the modules in Python that are `announced`.
+    It also hands on the activity of the modules in Python that are `announced`, and keeps the checkpoints of
+    clients. Mutable: the variables and all else.
 
-    `held` are variables that somebody outside keeps setting: they are as fresh as each frame. A command that
-    sets one of them replaces it.
+    Args:
+        held: variables that somebody outside keeps setting: they are as fresh as each frame. Who sets one of
+            them replaces it, also for the server that comes in the place of this one when it dies.
+        commanded, announced: of a program that is there from the beginning; others come by `deploy`.
+        times: of that program's frames.
+        keep: how many frames are kept for who missed one.
+        store: where the state is kept; loaded here, closed by `close`.
+        epoch: names the clock that times are of. Values that the store has from another one's are old.
+
+    Raises:
+        StoreError: what the store has cannot be read.
     """
 
     address = DSERVER.name
 
     def __init__(
         self,
-        held: Mapping[str, Value],
-        commanded: tuple[Commanded, ...],
+        held: Mapping[str, Value] | None = None,
+        commanded: tuple[Commanded, ...] = (),
         *,
         announced: tuple[str, ...] = (),
-        times: Timing,
-        keep: int,
+        times: Timing = _ROBOT_WITHOUT_PROGRAM,
+        keep: int = KEPT_MOST,
+        store: Store | None = None,
+        epoch: str = "",
     ) -> None:
-        self._held = dict(held)
-        self._variables: dict[str, Sample] = {}
+        self._store = MemoryStore() if store is None else store
+        self._journal = Journal(self._store)
+        self._epoch, self._other_epoch = epoch, False
+        self._variables = Variables(self._journal)
+        semaphores, answers = Semaphores(self._journal), Answers(self._journal)
+        watches, self._checkpoints = Watches(self._journal), Checkpoints(self._journal)
+        if self._load(semaphores, answers, watches):
+            self._variables.hold(held or {})
+        self._leadership = Leadership(self.address)
+        self._calls = DataCalls(
+            self._variables,
+            semaphores,
+            answers,
+            watches,
+            others=(method("deploy", Deployment, self._deploy),),
+            lost=self._leadership.lost,
+        )
+        self._changed: list[str] = []
+        self._run: str | None = None
         self._publisher = Publisher(self.address, self._read, keep=keep)
         self._desk = CommandDesk(commanded, times, self._set)
         self._relay = ActivityRelay(self.address, announced, keep=keep)
-        self.listens = (*self._publisher.listens, *self._relay.listens, topics.requests(self.address))
+        listens = (
+            *self._publisher.listens,
+            *self._relay.listens,
+            topics.requests(self.address),
+            topics.checkpoints(self.address),
+            *self._calls.listens,
+        )
+        self.listens = tuple(dict.fromkeys(listens))
 
     def start(self, now_ns: int) -> Iterable[Effect]:
-        return ()
+        self._variables.age(now_ns, all_of_them=self._other_epoch)
+        return self._calls.start(now_ns)
 
     def handle(self, message: Message, now_ns: int) -> Iterable[Effect]:
         match message:
+            case Call() | Alive():
+                yield from self._calls.handle(message, now_ns)
             case Tick():
                 yield from self._publisher.handle(message)
-                yield from self._desk.tick(message, now_ns)
+                yield from self._arbitrate(message, now_ns)
             case Fetch() if message.server == self.address:
                 yield from self._publisher.handle(message)
             case Fetch():
@@ -60,20 +136,76 @@ class DServer:
                 yield from self._relay.announce(message, now_ns)
             case Request():
                 yield from self._desk.request(message, now_ns)
+            case Checkpoint():
+                self._checkpoints.keep(message)
+            case Recall():
+                yield self._checkpoints.recall(message)
+            case Malformed() if message.topic == topics.requests(self.address):
+                self._desk.malformed(message)
+            case Malformed():
+                yield from self._calls.handle(message, now_ns)
             case Wake():
                 yield from self._desk.wake(now_ns)
+                yield from self._calls.handle(message, now_ns)
             case _:
                 return
+        if self._changed:
+            changed, self._changed = self._changed, []
+            for name in changed:
+                yield from self._calls.changed(name)
+
+    def settle(self) -> None:
+        """Commit what was changed.
+
+        Raises:
+            StoreError: it cannot be kept; the server must end, and nothing that it said may leave.
+        """
+        self._journal.settle()
 
     def close(self) -> None:
-        """It holds nothing outside this process."""
+        """Commit what was changed, and that it ended in peace; and let go of the store."""
+        try:
+            self._journal.put(_CLOSED, b"")
+            self._journal.settle()
+        finally:
+            self._store.close()
 
     def _read(self, tick: Tick) -> Fields:
-        return {name: Sample(value, tick.t_ns) for name, value in self._held.items()} | self._variables
+        return self._variables.fields(tick.t_ns)
+
+    def _arbitrate(self, tick: Tick, now_ns: int) -> Iterable[Effect]:
+        """Begin a frame of the run that is deployed; in those of another there is nothing to decide."""
+        if self._run in (None, tick.run):
+            return self._desk.tick(tick, now_ns)
+        return self._desk.finish(now_ns)
 
     def _set(self, commanded: Commanded, values: tuple[ScalarValue, ...], now_ns: int) -> None:
         declared = declared_units(commanded.actuator, values)
         assert declared is not None
         name = commanded.binding.command
-        self._held.pop(name, None)
-        self._variables[name] = Sample(declared[0] if len(declared) == 1 else declared, now_ns)
+        value = declared[0] if len(declared) == 1 else declared
+        self._variables.put(prepared(name, encoded(value)), now_ns)
+        self._changed.append(name)
+
+    def _deploy(self, asked: Asked, deployed: Deployment, now_ns: int) -> None:
+        if not self._leadership.take(asked.caller, deployed):
+            return
+        self._run = deployed.run
+        self._checkpoints.begin(deployed.run)
+        self._desk = CommandDesk(commanded_by(deployed, self.address), timing(deployed.frame_ns), self._set)
+        self._relay.deploy(deployed.announced)
+
+    def _load(self, semaphores: Semaphores, answers: Answers, watches: Watches) -> bool:
+        """Take over what the store has; False where that is of a server that died, whose place this takes."""
+        entries = dict(self._store.load())
+        try:
+            for part in (self._variables, semaphores, answers, watches, self._checkpoints):
+                part.load(entries)
+        except (msgspec.MsgspecError, LookupError, ValueError, Refused) as problem:
+            raise StoreError(f"what DServer's store has does not fit together: {problem!r}") from None
+        if entries.get(_EPOCH, b"") != self._epoch.encode():
+            self._other_epoch = bool(entries)
+            self._journal.put(_EPOCH, self._epoch.encode())
+        if _CLOSED in entries:
+            self._journal.drop(_CLOSED)
+        return not entries or _CLOSED in entries

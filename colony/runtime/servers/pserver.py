@@ -2,34 +2,88 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable
 
+from colony.runtime.calls import Asked, CallDesk, Nothing, Refused, method
 from colony.runtime.drivers import ProximityDriver
-from colony.runtime.fields import PSERVER
-from colony.runtime.messages import Effect, Fetch, Message, Tick
+from colony.runtime.fields import PROXIMITY_SENSORS, PSERVER
+from colony.runtime.library.proximity import InfraredReading, SetTimeouts, SonarReading
+from colony.runtime.messages import Alive, Call, Effect, Fetch, Malformed, Message, Sample, Tick, Wake
 from colony.runtime.servers.publishing import Fields, Publisher
 
 
 class PServer:
-    """Publishes both rings each frame, each with the time at which it was measured."""
+    """Publishes both rings each frame, each with the time at which it was measured. Mutable: the time-outs.
+
+    A time-out is the greatest range of a sonar: what is farther away reads as that, in frames and in calls.
+    """
 
     address = PSERVER.name
 
     def __init__(self, driver: ProximityDriver, *, keep: int) -> None:
         self._driver = driver
         self._publisher = Publisher(self.address, self._read, keep=keep)
-        self.listens = self._publisher.listens
+        self._timeouts: tuple[float, ...] | None = None
+        self._desk = CallDesk(
+            self.address,
+            (
+                method("sonar", Nothing, self._tell_sonar, right="read"),
+                method("infrared", Nothing, self._tell_infrared, right="read"),
+                method("timeouts", Nothing, lambda *_: self._timeouts, right="read"),
+                method("set_timeouts", SetTimeouts, self._set_timeouts),
+            ),
+        )
+        self.listens = (*self._publisher.listens, *self._desk.listens)
 
     def start(self, now_ns: int) -> Iterable[Effect]:
         return ()
 
     def handle(self, message: Message, now_ns: int) -> Iterable[Effect]:
-        if isinstance(message, (Tick, Fetch)):
-            return self._publisher.handle(message)
-        return ()
+        match message:
+            case Tick() | Fetch():
+                return self._publisher.handle(message)
+            case Call() | Alive() | Malformed() | Wake():
+                return self._desk.handle(message, now_ns)
+            case _:
+                return ()
 
     def close(self) -> None:
         """It holds nothing."""
 
+    def _sonar(self) -> Sample | None:
+        sample = self._driver.sonar()
+        if sample is None or self._timeouts is None:
+            return sample
+        assert isinstance(sample.value, tuple)
+        return Sample(tuple(map(min, sample.value, self._timeouts)), sample.t_ns)
+
     def _read(self, tick: Tick) -> Fields:
-        return {"sonar": self._driver.sonar(), "infrared": self._driver.infrared()}
+        return {"sonar": self._sonar(), "infrared": self._driver.infrared()}
+
+    # --- calls ---------------------------------------------------------------------------------------
+
+    def _tell_sonar(self, asked: Asked, arguments: Nothing, now_ns: int) -> SonarReading | None:
+        sample = self._sonar()
+        if sample is None:
+            return None
+        assert isinstance(sample.value, tuple)
+        return SonarReading(t_ns=sample.t_ns, ranges=tuple(map(float, sample.value)))
+
+    def _tell_infrared(self, asked: Asked, arguments: Nothing, now_ns: int) -> InfraredReading | None:
+        sample = self._driver.infrared()
+        if sample is None:
+            return None
+        assert isinstance(sample.value, tuple)
+        return InfraredReading(t_ns=sample.t_ns, seen=tuple(map(bool, sample.value)))
+
+    def _set_timeouts(self, asked: Asked, arguments: SetTimeouts, now_ns: int) -> None:
+        ranges, where = arguments.ranges, f"{self.address}.set_timeouts"
+        if len(ranges) != PROXIMITY_SENSORS:
+            raise Refused("arguments", f"{where}: {len(ranges)} ranges; expected {PROXIMITY_SENSORS}")
+        for sensor, most in enumerate(ranges):
+            if not (math.isfinite(most) and most > 0.0):
+                raise Refused(
+                    "arguments", f"{where}: sensor {sensor}: {most} mm; expected a finite range above 0"
+                )
+        self._timeouts = ranges

@@ -10,16 +10,22 @@ from colony.runtime.messages import Announcement, Effect, Fetch, Sample, Send, S
 
 
 class ActivityRelay:
-    """Publishes each announcement as a frame, and keeps the newest `keep`. Mutable: those."""
+    """Publishes each announcement as a frame, and keeps the newest `keep` of a module. Mutable: those.
+
+    It is asked for them again by fetches to its server. What it does not have the announcer may have, which
+    hears those fetches too and announces again.
+    """
 
     def __init__(self, server: str, modules: tuple[str, ...], *, keep: int) -> None:
-        self._names = {module: topics.activity(server, module) for module in modules}
-        self._kept: dict[str, dict[int, ServerFrame]] = {name: {} for name in self._names.values()}
+        self._server = server
         self._keep = keep
-        self.listens = (
-            *((topics.announcements(server),) if modules else ()),
-            *(topics.fetches(name) for name in self._names.values()),
-        )
+        self.listens = (topics.announcements(server), topics.fetches(server))
+        self.deploy(modules)
+
+    def deploy(self, modules: tuple[str, ...]) -> None:
+        """From now on these are the modules whose activity it hands on."""
+        self._names = {module: topics.activity(self._server, module) for module in modules}
+        self._kept: dict[str, dict[int, ServerFrame]] = {name: {} for name in self._names.values()}
 
     def announce(self, message: Announcement, now_ns: int) -> Iterable[Effect]:
         """Hand it on; what a stranger announces, or is announced again, is ignored."""
@@ -29,7 +35,8 @@ class ActivityRelay:
         kept = self._kept[name]
         frame = ServerFrame(server=name, k=message.k, fields={ACTIVE: Sample(message.active, now_ns)})
         kept[message.k] = frame
-        kept.pop(message.k - self._keep, None)
+        if len(kept) > self._keep:
+            del kept[next(iter(kept))]
         return (Send(topics.frames(name), frame),)
 
     def fetch(self, message: Fetch) -> Iterable[Effect]:

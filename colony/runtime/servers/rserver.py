@@ -1,71 +1,231 @@
 """RServer: the base of the robot (thesis section 4.6.3). It alone moves it, by one command a frame.
 
-A watchdog stands behind the arbitration: when the ticks stop, so that no frame is decided any more, the base
-is stopped after `watchdog_ns`.
+Who commands is arbitrated among the clients of the program that is deployed, and connections from outside,
+by priority, lock and emergency stop (`arbitration.py`, `piloting.py`). Below that stand a reflex, which sends
+nothing that goes into a pressed bumper, and a watchdog: when no command is decided any more, because the
+ticks stop, the base is stopped two frames after the last one; so is one whose idle command is to hold.
+
+Frames belong to a run. In those of another run than the one that is deployed here, the base is stopped, and
+nobody is told a verdict. Where nothing is deployed, the built-in actuator `drive` is arbitrated among
+connections alone.
 """
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable, Iterator
+from pathlib import Path
+
+import msgspec
 
 from colony.ir.types import ScalarValue
 from colony.runtime import topics
-from colony.runtime.arbitration import Timing
-from colony.runtime.drivers import BaseDriver
+from colony.runtime.arbitration import Dispatch, timing
+from colony.runtime.calls import Asked, CallDesk, Caller, Method, Nothing, Refused, method
+from colony.runtime.deployment import Deployment
+from colony.runtime.drivers import BaseDriver, BaseState
 from colony.runtime.fields import RSERVER
-from colony.runtime.messages import Effect, Fetch, Message, Request, Sample, Tick, Wake, WakeAt
-from colony.runtime.servers.commanding import CommandDesk, Commanded
+from colony.runtime.latch import StopLatch
+from colony.runtime.library import robot
+from colony.runtime.messages import (
+    Alive,
+    Call,
+    Effect,
+    Fetch,
+    Malformed,
+    Message,
+    Reply,
+    Request,
+    Sample,
+    Send,
+    Tick,
+    Wake,
+    WakeAt,
+)
+from colony.runtime.motion import STILL, Seen, Speeds
+from colony.runtime.servers.base_actuator import base_actuator, misfit
+from colony.runtime.servers.commanding import ActuatorCounts, CommandDesk, Commanded
+from colony.runtime.servers.leadership import Leadership
+from colony.runtime.servers.piloting import Bumper, Pilot
 from colony.runtime.servers.publishing import Fields, Publisher
+from colony.runtime.virtual_position import Odometer, Pose
+
+KEPT = 2000
+"""How many frames are kept for who missed one: two seconds of them, be they as short as a millisecond."""
+
+WATCHDOG_FRAMES = 2
 
 
 class RServer:
-    """Publishes the state of the base and arbitrates who drives it. Mutable: the settings sent last."""
+    """Publishes the state of the base, arbitrates who drives it, and takes calls. Mutable: all of that.
+
+    Args:
+        driver: the base.
+        deployment: a program that is there from the beginning, until another comes by the call `deploy`;
+            that one stays as long as the connection which made the call.
+        state_path: where the emergency stop is kept, so that a restart does not forget it.
+        watchdog_ns: after which time without a decision the base is stopped; two frames, unless given.
+        keep: how many frames are kept for who missed one.
+    """
 
     address = RSERVER.name
 
     def __init__(
         self,
         driver: BaseDriver,
-        commanded: tuple[Commanded, ...],
         *,
-        times: Timing,
-        watchdog_ns: int,
-        keep: int,
+        deployment: Deployment | None = None,
+        state_path: Path | None = None,
+        watchdog_ns: int | None = None,
+        keep: int = KEPT,
     ) -> None:
         self._driver = driver
+        self._latch = StopLatch(state_path)
+        self._odometer = Odometer(driver.register_bits)
+        self._pose = Pose(0.0, 0.0, 0.0)
+        self._state: BaseState | None = None
         self._publisher = Publisher(self.address, self._read, keep=keep)
-        self._desk = CommandDesk(commanded, times, self._drive)
-        self._watchdog_ns = watchdog_ns
+        self._pilot = Pilot(driver.limits, self._latch, self._values)
+        self._leadership = Leadership(self.address)
+        self._leader: str | None = None
+        self._calls = CallDesk(self.address, (*self._pilot.methods, *self._methods()), lost=self._lost)
+        self._watchdog_given = watchdog_ns
+        self._use(deployment)
+        self._k = -1
+        self._watching = True
+        self._outside_speeds: Speeds | None = None
+        self._acting: str | None = None
+        self._setting = STILL
         self._commanded_at: int | None = None
         self._bark_at: int | None = None
-        self._setting = (0.0, 0.0)
-        self.listens = (*self._publisher.listens, topics.requests(self.address))
+        self._patience: int | None = None
+        self._outbox: list[Effect] = []
+        self.listens = (
+            *self._publisher.listens,
+            topics.requests(self.address),
+            *self._calls.listens,
+        )
 
     def start(self, now_ns: int) -> Iterable[Effect]:
+        self._halt()
         return ()
 
-    def handle(self, message: Message, now_ns: int) -> Iterable[Effect]:
+    def handle(self, message: Message, now_ns: int) -> Iterator[Effect]:
         match message:
-            case Tick():
-                yield from self._publisher.handle(message)
-                yield from self._desk.tick(message, now_ns)
-            case Fetch():
-                yield from self._publisher.handle(message)
             case Request():
                 yield from self._desk.request(message, now_ns)
+            case Tick():
+                yield from self._tick(message, now_ns)
+            case Fetch():
+                yield from self._publisher.handle(message)
+            case Call():
+                yield from self._call(message, now_ns)
+            case Malformed() if message.topic == topics.requests(self.address):
+                self._desk.malformed(message)
+            case Alive() | Malformed():
+                yield from self._calls.handle(message, now_ns)
             case Wake():
                 yield from self._desk.wake(now_ns)
+                yield from self._calls.handle(message, now_ns)
+                self._pilot.expire(now_ns)
             case _:
                 return
+        yield from self._follow(now_ns)
         yield from self._watch(now_ns)
 
     def close(self) -> None:
         """Stop the base."""
         self._halt()
 
+    # --- frames --------------------------------------------------------------------------------------
+
+    def _tick(self, tick: Tick, now_ns: int) -> Iterator[Effect]:
+        new = tick.k > self._k
+        if new:
+            self._k = tick.k
+            self._look()
+        yield from self._publisher.handle(tick)
+        if not new:
+            return
+        self._latch.save()
+        if tick.run != self._base.run:
+            yield from self._desk.finish(now_ns)
+            self._halt()
+            self._acting = None
+            return
+        others = self._pilot.others(self._seen(now_ns), now_ns)
+        yield from self._desk.tick(tick, now_ns, {self._base.name: others})
+
+    def _read(self, tick: Tick) -> Fields:
+        settings = {
+            "speed_setting": Sample(self._setting.velocity, tick.t_ns),
+            "turn_setting": Sample(self._setting.turn, tick.t_ns),
+        }
+        state = self._state
+        if state is None:
+            return settings
+        t = state.t_ns
+        return {
+            "bumper": Sample(state.front_bumper or state.rear_bumper, t),
+            "front_bumper": Sample(state.front_bumper, t),
+            "rear_bumper": Sample(state.rear_bumper, t),
+            "x": Sample(self._pose.x, t),
+            "y": Sample(self._pose.y, t),
+            "heading": Sample(self._pose.heading, t),
+            "speed": Sample(state.speed, t),
+            "turn_rate": Sample(state.turn_rate, t),
+            "wheel_speed": Sample(state.wheel_speed, t),
+            **settings,
+        }
+
+    def _look(self) -> BaseState | None:
+        """The newest state of the base; every one goes through the odometer."""
+        state = self._state = self._driver.state()
+        if state is not None:
+            self._pose = self._odometer.observe(state)
+        return state
+
+    def _seen(self, now_ns: int) -> Seen:
+        """What motions go by."""
+        frame_ns = self._base.frame_ns
+        since = frame_ns if self._commanded_at is None else now_ns - self._commanded_at
+        return Seen(self._odometer.track, self._setting, min(max(since, 0), 2 * frame_ns) / 1e9)
+
+    # --- what is sent to the base --------------------------------------------------------------------
+
+    def _told(self, commanded: Commanded, dispatch: Dispatch, now_ns: int) -> None:
+        self._acting = dispatch.by if dispatch.outside is None else dispatch.outside
+        self._outside_speeds = self._pilot.dispatched(dispatch.outside)
+        if dispatch.outside is None and dispatch.hold != "stopped":
+            self._pilot.drove(network=dispatch.by is not None)
+        if dispatch.hold is not None and dispatch.values is None:
+            self._halt()
+
+    def _perform(self, commanded: Commanded, values: tuple[ScalarValue, ...], now_ns: int) -> None:
+        if self._latch.stopped is not None:
+            self._halt()
+            return
+        speeds = self._outside_speeds
+        wanted = self._base.speeds(values) if speeds is None else speeds
+        self._setting = self._reflex(wanted, now_ns) if self._watching and wanted.velocity else wanted
+        self._driver.drive(*self._setting)
+        self._commanded_at = now_ns
+
+    def _reflex(self, wanted: Speeds, now_ns: int) -> Speeds:
+        """Not into a bumper that is pressed."""
+        state = self._look()
+        if state is None or not (state.front_bumper if wanted.velocity > 0.0 else state.rear_bumper):
+            return wanted
+        bumper: Bumper = "front" if wanted.velocity > 0.0 else "rear"
+        note = f"frame {self._k}: {wanted.velocity:g} mm/s was not sent, the {bumper} bumper is pressed"
+        self._desk.remark(self._base.name, note)
+        if self._outside_speeds is not None and self._acting is not None:
+            self._pilot.bumped(self._acting, bumper, self._seen(now_ns))
+        return Speeds(0.0, wanted.turn)
+
     def _halt(self) -> None:
         self._commanded_at = self._bark_at = None
-        self._setting = (0.0, 0.0)
+        self._setting = STILL
         self._driver.stop()
 
     def _watch(self, now_ns: int) -> Iterator[Effect]:
@@ -79,33 +239,162 @@ class RServer:
             self._bark_at = due
             yield WakeAt(due)
 
-    def _drive(self, commanded: Commanded, values: tuple[ScalarValue, ...], now_ns: int) -> None:
-        velocity, turn = (
-            0.0 if place is None else float(values[place]) for place in commanded.binding.places
-        )
-        self._driver.drive(velocity, turn)
-        self._setting = (velocity, turn)
-        self._commanded_at = now_ns
+    def _follow(self, now_ns: int) -> Iterator[Effect]:
+        """Let what calls have changed take effect, and answer those that came to an end."""
+        pilot = self._pilot
+        if pilot.changed:
+            pilot.changed = False
+            others = pilot.others(self._seen(now_ns), now_ns)
+            yield from self._desk.intervene(self._base.name, others, now_ns)
+        if self._outbox:
+            effects, self._outbox = self._outbox, []
+            yield from effects
+        if pilot.answers:
+            answers, pilot.answers = pilot.answers, []
+            for asked, result in answers:
+                if isinstance(result, Refused):
+                    yield from self._calls.refuse(asked, result)
+                else:
+                    yield from self._calls.answer(asked, result)
+        due = pilot.lock.wake_at
+        if due is not None and (self._patience is None or due < self._patience or now_ns >= self._patience):
+            self._patience = due
+            yield WakeAt(due)
 
-    def _read(self, tick: Tick) -> Fields:
-        speed_setting, turn_setting = self._setting
-        settings = {
-            "speed_setting": Sample(speed_setting, tick.t_ns),
-            "turn_setting": Sample(turn_setting, tick.t_ns),
-        }
-        state = self._driver.state()
+    # --- the run -------------------------------------------------------------------------------------
+
+    def _use(self, deployed: Deployment | None) -> None:
+        """From the next tick on, arbitrate among the clients of this program."""
+        base = base_actuator(deployed, self._driver.limits)
+        self._base = base
+        self._watchdog_ns = self._watchdog_given or WATCHDOG_FRAMES * base.frame_ns
+        self._pilot.allowed, self._pilot.places = base.allowed, base.places
+        self._desk = CommandDesk(
+            (base.commanded,), timing(base.frame_ns), self._perform, told=self._told, publish=base.published
+        )
+
+    def _change(self, deployed: Deployment | None, now_ns: int) -> None:
+        self._outbox.extend(self._desk.finish(now_ns))
+        self._use(deployed)
+
+    def _deploy(self, asked: Asked, deployed: Deployment, now_ns: int) -> None:
+        where = f"{self.address}.deploy"
+        wrong = misfit(deployed)
+        if wrong is not None:
+            raise Refused("deployment", f"{where}: {wrong}")
+        tie = self._pilot.outsiders.tied(base_actuator(deployed, self._driver.limits).places)
+        if tie is not None:
+            raise Refused("tie", f"{where}: {tie}")
+        self._leadership.take(asked.caller, deployed)
+        self._leader = asked.caller.connection
+        if deployed.run != self._base.run:
+            self._change(deployed, now_ns)
+
+    def _lost(self, caller: Caller, now_ns: int) -> Iterable[Effect]:
+        self._pilot.lost(caller)
+        self._leadership.lost(caller)
+        if caller.connection == self._leader:
+            self._leader = None
+            self._change(None, now_ns)
+        return ()
+
+    def _values(self, speeds: Speeds) -> tuple[float, ...]:
+        return self._base.values(speeds)
+
+    # --- calls ---------------------------------------------------------------------------------------
+
+    def _methods(self) -> tuple[Method, ...]:
+        return (
+            method("bumper", Nothing, self._bumper, right="read"),
+            method("position", Nothing, self._position, right="read"),
+            method("speed_setting", Nothing, lambda *_: self._setting.velocity, right="read"),
+            method("wheel_speed", Nothing, lambda *_: self._present().wheel_speed, right="read"),
+            method("set_bumper", robot.SetBumper, self._set_bumper),
+            method("set_position", robot.PoseArguments, self._set_position),
+            method("adjust_position", robot.PoseArguments, self._adjust_position),
+            method("emergency_stop", Nothing, self._emergency_stop, right="stop"),
+            method("release", Nothing, self._release),
+            method("arbitration", Nothing, self._arbitration, right="read"),
+            method("deploy", Deployment, self._deploy),
+        )
+
+    def _call(self, call: Call, now_ns: int) -> Iterator[Effect]:
+        """An emergency stop gets through whatever else is wrong with it, also without an open connection."""
+        if call.method == "emergency_stop" and call.right != "read":
+            known = next((c for c in self._calls.callers if c.connection == call.connection), None)
+            if known is None:
+                self._stop(call.connection, now_ns)
+                reply = Reply(connection=call.connection, number=call.number)
+                yield Send(topics.replies(self.address, call.connection), reply)
+                return
+            call = msgspec.structs.replace(call, arguments=_NOTHING, priority=known.priority)
+        yield from self._calls.handle(call, now_ns)
+
+    def _emergency_stop(self, asked: Asked, arguments: Nothing, now_ns: int) -> None:
+        self._stop(asked.caller.connection, now_ns)
+
+    def _stop(self, by: str, now_ns: int) -> None:
+        self._halt()
+        self._pilot.stop(by, now_ns)
+        self._desk.remark(self._base.name, f"emergency stop by {by}")
+
+    def _release(self, asked: Asked, arguments: Nothing, now_ns: int) -> None:
+        if self._latch.stopped is not None:
+            self._latch.release()
+            self._desk.remark(self._base.name, f"released by {asked.caller.connection}")
+
+    def _present(self) -> BaseState:
+        state = self._look()
         if state is None:
-            return settings
-        t = state.t_ns
-        return {
-            "bumper": Sample(state.front_bumper or state.rear_bumper, t),
-            "front_bumper": Sample(state.front_bumper, t),
-            "rear_bumper": Sample(state.rear_bumper, t),
-            "x": Sample(state.x, t),
-            "y": Sample(state.y, t),
-            "heading": Sample(state.heading, t),
-            "speed": Sample(state.speed, t),
-            "turn_rate": Sample(state.turn_rate, t),
-            "wheel_speed": Sample(state.wheel_speed, t),
-            **settings,
-        }
+            raise Refused("no value", f"{self.address}: the base has given nothing yet")
+        return state
+
+    def _bumper(self, asked: Asked, arguments: Nothing, now_ns: int) -> robot.Bumpers:
+        state = self._present()
+        return robot.Bumpers(front=state.front_bumper, rear=state.rear_bumper)
+
+    def _position(self, asked: Asked, arguments: Nothing, now_ns: int) -> robot.Position:
+        state = self._present()
+        return robot.Position(x=self._pose.x, y=self._pose.y, heading=self._pose.heading, t_ns=state.t_ns)
+
+    def _set_bumper(self, asked: Asked, arguments: robot.SetBumper, now_ns: int) -> None:
+        self._watching = arguments.setting != 0
+
+    def _set_position(self, asked: Asked, arguments: robot.PoseArguments, now_ns: int) -> None:
+        self._odometer.set(self._present(), _pose(arguments))
+
+    def _adjust_position(self, asked: Asked, arguments: robot.PoseArguments, now_ns: int) -> None:
+        self._odometer.adjust(self._present(), _pose(arguments))
+
+    def _arbitration(self, asked: Asked, arguments: Nothing, now_ns: int) -> robot.Arbitration:
+        lock = self._pilot.lock
+        return robot.Arbitration(
+            run=self._base.run,
+            leader=self._leader,
+            acting=self._acting,
+            actuators=tuple(_report(counts) for counts in self._desk.counts()),
+            outside=self._pilot.report(now_ns),
+            lock_holder=None if lock.holder is None else lock.holder.connection,
+            lock_waiting=tuple(c.connection for c in lock.waiting),
+            stopped=self._latch.stopped,
+            trouble=self._latch.trouble,
+        )
+
+
+_NOTHING = msgspec.Raw(msgspec.msgpack.encode(Nothing()))
+
+
+def _pose(arguments: robot.PoseArguments) -> Pose:
+    pose = Pose(arguments.x, arguments.y, arguments.heading)
+    if not all(map(math.isfinite, pose)):
+        raise Refused("arguments", f"the pose is {tuple(pose)}; expected finite numbers")
+    return pose
+
+
+def _report(counts: ActuatorCounts) -> robot.ActuatorReport:
+    return robot.ActuatorReport(
+        name=counts.actuator,
+        frames=counts.frames,
+        clients=tuple(robot.ClientReport(**client._asdict()) for client in counts.clients),
+        last_note=counts.last_note,
+    )

@@ -5,35 +5,60 @@ from __future__ import annotations
 from collections.abc import Iterable
 from hashlib import blake2b
 
+from colony.runtime.calls import Asked, CallDesk, Caller, method
+from colony.runtime.deployment import Deployment
 from colony.runtime.fields import RUNTIME
-from colony.runtime.messages import Effect, Fetch, Message, Sample, Tick
+from colony.runtime.messages import Alive, Call, Effect, Fetch, Malformed, Message, Sample, Tick, Wake
+from colony.runtime.servers.leadership import Leadership
 from colony.runtime.servers.publishing import Fields, Publisher
 
 
 class RuntimeServer:
     """Publishes `random`, which is a function of the run's seed and the frame's number and of nothing else,
-    so that a server that was restarted goes on with the same numbers."""
+    so that a server that was started anew goes on with the same numbers. Mutable: the seed.
+
+    The seed comes with each deployment: by the call `deploy`, or from the Clock of the same process by
+    `use`, which is there before the first frame of the run.
+    """
 
     address = RUNTIME.name
 
-    def __init__(self, seed: int, *, keep: int) -> None:
+    def __init__(self, seed: int = 0, *, keep: int) -> None:
         self._seed = seed
         self._publisher = Publisher(self.address, self._read, keep=keep)
-        self.listens = self._publisher.listens
+        self._leadership = Leadership(self.address)
+        self._desk = CallDesk(self.address, (method("deploy", Deployment, self._deploy),), lost=self._lost)
+        self.listens = (*self._publisher.listens, *self._desk.listens)
+
+    def use(self, deployed: Deployment) -> None:
+        """From the next frame on, give the numbers of this run."""
+        self._seed = deployed.seed
 
     def start(self, now_ns: int) -> Iterable[Effect]:
         return ()
 
     def handle(self, message: Message, now_ns: int) -> Iterable[Effect]:
-        if isinstance(message, (Tick, Fetch)):
-            return self._publisher.handle(message)
-        return ()
+        match message:
+            case Tick() | Fetch():
+                return self._publisher.handle(message)
+            case Call() | Alive() | Malformed() | Wake():
+                return self._desk.handle(message, now_ns)
+            case _:
+                return ()
 
     def close(self) -> None:
         """It holds nothing."""
 
     def _read(self, tick: Tick) -> Fields:
         return {"random": Sample(random_of_frame(self._seed, tick.k), tick.t_ns)}
+
+    def _deploy(self, asked: Asked, deployed: Deployment, now_ns: int) -> None:
+        self._leadership.take(asked.caller, deployed)
+        self.use(deployed)
+
+    def _lost(self, caller: Caller, now_ns: int) -> Iterable[Effect]:
+        self._leadership.lost(caller)
+        return ()
 
 
 def random_of_frame(seed: int, k: int) -> float:

@@ -1,0 +1,71 @@
+"""Some of a hundred clients in one process: each tells RServer in every frame that it is silent, but for the
+last of all, which commands.
+
+    python -m benchmarks.crowd FOLDER ROBOT RUN FIRST BEHIND ALL
+"""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Iterable, Iterator
+from pathlib import Path
+
+from colony.runtime import topics
+from colony.runtime.live.host import Host
+from colony.runtime.live.place import Local
+from colony.runtime.live.run_directory import RobotDirectory
+from colony.runtime.messages import Effect, Message, Ready, Request, Send, Tick
+from colony.runtime.processes.ending import Ending, on_death_of_parent, on_signals
+
+ACTUATOR = "drive"
+SERVER = "RServer"
+
+
+class Crowd:
+    """The clients `first` up to, not with, `behind` of `all_of_them`. Mutable: the frame answered last."""
+
+    def __init__(self, run: str, first: int, behind: int, all_of_them: int) -> None:
+        self.address = f"crowd/{first}"
+        self.listens = (topics.TICKS,)
+        self._run = run
+        self._names = [f"m{i}" for i in range(first, behind)]
+        self._commands = f"m{all_of_them - 1}"
+        self._k = -1
+
+    def start(self, now_ns: int) -> Iterator[Effect]:
+        for name in self._names:
+            ready = Ready(client=topics.client_address(ACTUATOR, name), run=self._run)
+            yield Send(topics.READY, ready)
+
+    def handle(self, message: Message, now_ns: int) -> Iterable[Effect]:
+        if not isinstance(message, Tick):
+            return ()
+        if message.run != self._run:
+            return self.start(now_ns)
+        if message.k <= self._k:
+            return ()
+        self._k = message.k
+        return [Send(topics.requests(SERVER), self._request(name, message.k)) for name in self._names]
+
+    def close(self) -> None:
+        pass
+
+    def _request(self, name: str, k: int) -> Request:
+        if name == self._commands:
+            return Request(k=k, actuator=ACTUATOR, client=name, bid="command", values=(100.0, 0.0))
+        return Request(k=k, actuator=ACTUATOR, client=name, bid="silent")
+
+
+def main() -> None:
+    folder, robot, run, *numbers = sys.argv[1:]
+    ending = Ending()
+    on_death_of_parent(ending)
+    crowd = Crowd(run, *map(int, numbers))
+    place = Local(RobotDirectory(Path(folder), robot))
+    with on_signals(ending), Host.open(place, [crowd]) as host:
+        ending.then(host.stop)
+        host.run()
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,287 @@
+"""How fast a robot of processes is: frames in lockstep, many clients at one server, and the start of a run.
+
+Everything runs over the real transport on this machine, each part in a process of its own. In lockstep a
+frame begins as soon as the one before it is decided: Clock, servers, ten clients and the observer take part
+in each. The robot is scripted: its devices cost nothing.
+
+    python -m benchmarks.processes
+"""
+
+from __future__ import annotations
+
+import itertools
+import os
+import statistics
+import subprocess
+import sys
+import tempfile
+import time
+from collections.abc import Iterable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from threading import Thread
+from typing import NamedTuple
+
+from colony.compile.pipeline import compile_program
+from colony.dsl.load import check_file
+from colony.ir.program import Program
+from colony.runtime import topics
+from colony.runtime.deployment import Deployment, deployment
+from colony.runtime.fields import DSERVER, RSERVER
+from colony.runtime.live.host import Host
+from colony.runtime.live.place import Local
+from colony.runtime.live.run_directory import RunDirectory
+from colony.runtime.messages import Effect, Message, Verdict
+from colony.runtime.observer import FrameLog, Sink
+from colony.runtime.processes.children import Job
+from colony.runtime.processes.compiled import Compiled
+from colony.runtime.processes.crew import CLIENTS as CLIENTS_FIRST
+from colony.runtime.processes.crew import client_jobs, fresh_folder, server_jobs, server_parts
+from colony.runtime.processes.leader import Standings
+from colony.runtime.processes.run import LedRun
+from colony.runtime.processes.spec import Device
+from colony.runtime.processes.window import Window
+from colony.runtime.team import build_observer
+from colony.runtime.topics import CLOCK
+
+Row = dict[str, object]
+
+ROOT = Path(__file__).resolve().parent.parent
+WANDER = ROOT / "behaviors" / "wander.colony"
+LOOP = ROOT / "maps" / "loop.stickrep"
+
+CLIENTS = 10
+FRAMES = 3000
+WARM_UP = 300
+TARGET_FRAME_MS = 1000 / 300
+CROWD = 100
+CROWD_PROCESSES = 4
+CROWD_FRAMES = 600
+TARGET_CROWD_MS = 40.0
+TARGET_START_S = 3.0
+STARTS = 3
+
+ROBOT = """
+robot bench {
+  sensor sonar[24] : mm range 0 .. 10000 from PServer.sonar
+  sensor bumper    : bool from RServer.bumper
+  actuator drive { velocity : mm/s range -600 .. 600, turn : deg/s range -90 .. 90 }
+           to RServer.drive  idle drive(velocity = 0, turn = 0)
+}
+"""
+
+
+def program_of(clients: int, folder: Path) -> Program:
+    """A chain of suppressors: one module stands for each client, and the last of them always commands."""
+    modules = [
+        f"module m{i} {{ when sonar[{i % 24}] < {20_000 if i == clients - 1 else 400} mm and not bumper\n"
+        f"  do drive(velocity = {10 + i % 500} mm/s, turn = 0) }}\n"
+        for i in range(clients)
+    ]
+    chain = " suppresses ".join(f"m{i}" for i in range(clients))
+    path = folder / "bench.colony"
+    path.write_text(ROBOT + "".join(modules) + f"network {{ drive = {chain} }}\n")
+    checked = check_file(str(path))
+    assert checked.program is not None, checked.diagnostics
+    return checked.program
+
+
+class Times:
+    """A sink: when each frame was decided, as the leader sees it. Mutable: those times."""
+
+    def __init__(self) -> None:
+        self.at: list[float] = []
+        self.bad = 0
+
+    def take(self, log: FrameLog) -> None:
+        self.at.append(time.perf_counter())
+        self.bad += len(log.disagreements) + sum(
+            fate in ("late", "lost") for verdict in log.verdicts.values() for _, fate in verdict.fates
+        )
+
+    def close(self) -> None:
+        pass
+
+
+@contextmanager
+def scratch() -> Iterator[Path]:
+    """A folder for a run directory and all else; short, as paths of sockets have to be."""
+    with tempfile.TemporaryDirectory(prefix="colony-") as name:
+        yield Path(name)
+
+
+@contextmanager
+def robot_of(clients: int, frames: int, *sinks: Sink, lockstep: bool) -> Iterator[Bench]:
+    """A scripted robot and a run of `clients` clients on it, of which none is started yet."""
+    with scratch() as folder:
+        program = program_of(clients, folder)
+        compiled = Compiled(program, (wired := compile_program(program).clients))
+        bindings = compiled.bindings()
+        place = Local(RunDirectory(folder / "r").robot("bench"))
+        deployed = deployment(program, wired, bindings, run="bench", seed=1, lockstep=lockstep)
+        standings = Standings(deployed, file="bench.colony")
+        window = Window(frames * deployed.frame_ns, frame_ns=deployed.frame_ns, sinks=(*sinks, standings))
+        with LedRun(
+            place,
+            deployed,
+            (CLOCK, RSERVER.name, DSERVER.name),
+            observer=build_observer(program, wired, bindings, (window,), "bench"),
+            window=window,
+            standings=standings,
+            report=lambda text: None,
+        ) as led:
+            told = fresh_folder(place.directory.path / "run")
+            parts = server_parts(told, Device(plant=""))
+            led.start(server_jobs(place, parts, told, hardware="benchmarks.scripted_servers"))
+            yield Bench(led, place, deployed, compiled, told)
+
+
+class Bench(NamedTuple):
+    """A run and what its clients have to be told."""
+
+    led: LedRun
+    place: Local
+    deployed: Deployment
+    compiled: Compiled
+    folder: Path
+
+
+def frames_in_lockstep() -> Times:
+    """A process a client, each frame as soon as the one before it is decided."""
+    times = Times()
+    with robot_of(CLIENTS, WARM_UP + FRAMES, times, lockstep=True) as bench:
+        bench.led.start(client_jobs(bench.place, bench.deployed, bench.compiled, bench.folder))
+        bench.led.follow(lambda: False)
+    return times
+
+
+class Decided:
+    """A node that notes how long after its tick each verdict arrived. Mutable: the times in ms, and how many
+    clients were late or lost."""
+
+    address = "Decided"
+    listens = (topics.VERDICTS,)
+
+    def __init__(self) -> None:
+        self.ms: list[float] = []
+        self.bad = 0
+
+    def start(self, now_ns: int) -> Iterable[Effect]:
+        return ()
+
+    def handle(self, message: Message, now_ns: int) -> Iterable[Effect]:
+        if isinstance(message, Verdict):
+            self.ms.append((now_ns - message.t_ns) / 1e6)
+            self.bad += sum(fate in ("late", "lost") for _, fate in message.fates)
+        return ()
+
+    def close(self) -> None:
+        pass
+
+
+def crowd_at_one_server() -> Decided:
+    """A hundred clients' requests from a few processes, in frames of 50 ms."""
+    decided = Decided()
+    with robot_of(CROWD, CROWD_FRAMES, lockstep=False) as bench:
+        size = CROWD // CROWD_PROCESSES
+        for first in range(0, CROWD, size):
+            numbers = map(str, (first, first + size, CROWD))
+            bench.led.start([_crowd_job(bench, f"crowd-{first}", *numbers)])
+        host = Host.open(bench.place, [decided])
+        thread = Thread(target=host.run)
+        thread.start()
+        try:
+            bench.led.follow(lambda: False)
+        finally:
+            host.stop()
+            thread.join()
+            host.close()
+    return decided
+
+
+def _crowd_job(bench: Bench, name: str, *numbers: str) -> Job:
+    return Job(
+        name=name,
+        module="benchmarks.crowd",
+        arguments=(str(bench.place.directory.path), bench.place.robot, bench.deployed.run, *numbers),
+        log=bench.folder / f"{name}.log",
+        wave=CLIENTS_FIRST,
+        essential=True,
+    )
+
+
+def start_of_a_run() -> float:
+    """Seconds from the start of `colony run --processes` to the first frame that was decided."""
+    with scratch() as folder:
+        record = folder / "run.jsonl"
+        environment = {**os.environ, "COLONY_RUN_DIR": str(folder / "r"), "PYTHONPATH": str(ROOT)}
+        arguments = ["--map", str(LOOP), "--processes", "--no-picture", "--duration", "0.5"]
+        begin = time.perf_counter()
+        run = subprocess.Popen(
+            [
+                sys.executable,
+                "-m",
+                "colony.cli.main",
+                "run",
+                str(WANDER),
+                *arguments,
+                "--record",
+                str(record),
+            ],
+            stdout=subprocess.DEVNULL,
+            stderr=subprocess.DEVNULL,
+            env=environment,
+        )
+        while not (record.exists() and record.stat().st_size):
+            if run.poll() is not None:
+                raise RuntimeError(f"the run ended with {run.returncode} before its first frame")
+            time.sleep(0.001)
+        took = time.perf_counter() - begin
+        run.wait()
+        return took
+
+
+def run() -> list[Row]:
+    """Measure; a row has name, value, unit, target, ok and note. `target` is the most that `value` may be."""
+    start_of_a_run()  # what is compiled and cached once is not counted
+    start_s = statistics.median(start_of_a_run() for _ in range(STARTS))
+    times = frames_in_lockstep()
+    gaps = sorted(b - a for a, b in itertools.pairwise(times.at[WARM_UP:]))
+    mean_ms = statistics.fmean(gaps) * 1e3
+    crowd = crowd_at_one_server()
+    ms = sorted(crowd.ms)
+    return [
+        _row(
+            f"a frame of {CLIENTS} clients", mean_ms, "ms", TARGET_FRAME_MS, f"{1e3 / mean_ms:.0f} frames/s"
+        ),
+        _row("its median", statistics.median(gaps) * 1e3, "ms", None, ""),
+        _row("its 99th percentile", _p99(gaps) * 1e3, "ms", None, f"{times.bad} late or lost"),
+        _row(f"{CROWD} clients: median", statistics.median(ms), "ms", None, "from tick to verdict"),
+        _row(
+            f"{CROWD} clients: 99th percentile", _p99(ms), "ms", TARGET_CROWD_MS, f"{crowd.bad} late or lost"
+        ),
+        _row("start to first frame", start_s, "s", TARGET_START_S, "colony run --processes"),
+    ]
+
+
+def _p99(ordered: list[float]) -> float:
+    return ordered[int(0.99 * len(ordered))]
+
+
+def _row(name: str, value: float, unit: str, target: float | None, note: str) -> Row:
+    ok = target is None or value <= target
+    return {"name": name, "value": value, "unit": unit, "target": target, "ok": ok, "note": note}
+
+
+def main() -> None:
+    """Print the figures as a table."""
+    line = "{:32} {:>10} {:>10}  {:4} {:4} {}".format
+    print(line("processes", "value", "target", "unit", "", "note"))
+    for row in run():
+        target = "" if row["target"] is None else f"{row['target']:.4g}"
+        verdict = "ok" if row["ok"] else "MISS"
+        print(line(row["name"], f"{row['value']:.4g}", target, row["unit"], verdict, row["note"]))
+
+
+if __name__ == "__main__":
+    main()

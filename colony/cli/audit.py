@@ -1,0 +1,149 @@
+"""`colony audit`: a recorded run, held against the reference interpreter."""
+
+from __future__ import annotations
+
+import os
+import sys
+import time
+from collections.abc import Callable
+from contextlib import redirect_stdout
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from typing import TYPE_CHECKING, BinaryIO
+
+import click
+
+from colony.cli.exit_codes import EXIT_ERRORS
+from colony.cli.reporting import load_program, refuse, report, say
+from colony.cli.run_progress import PATIENCE_S
+
+if TYPE_CHECKING:
+    from colony.ir.program import Program
+    from colony.runtime.recorded import RecordingReader
+    from colony.verify.audit_report import AuditReport
+
+
+@click.command("audit", short_help="hold a recorded run against the reference interpreter")
+@click.argument("recording", metavar="RECORDING")
+@click.argument("file", metavar="[FILE]", required=False)
+@click.option("--trust", is_flag=True, help="Run the modules in Python that the recording holds.")
+@click.option("--format", "format_", type=click.Choice(["text", "json"]), default="text", show_default=True)
+def command(recording: str, file: str | None, trust: bool, format_: str) -> None:
+    """Decide every frame of a recording again, and tell the first that was decided otherwise.
+
+    The program is the one in the recording, or FILE, which JSON lines need: they do not hold it. Where a
+    client was late or lost the idle command is right, too; frames in which a client outside the network
+    commanded, or the emergency stop or a lock was on, are counted and not compared. A recording that breaks
+    off is audited as far as it goes.
+
+    A recording may hold modules in Python, which come from whoever made it: they are run, out of a
+    temporary folder, only with --trust. With FILE, modules are looked for beside it, as in other commands.
+
+    Exit code 0 where every frame agrees, 1 where one differs, 2 for misuse, as a file that is no recording.
+
+    \b
+    Example:
+      colony run behaviors/wander.colony --map maps/loop.stickrep --record run.mcap
+      colony audit run.mcap
+      colony audit run.mcap behaviors/changed.colony
+    """
+    from colony.cli.recordings import open_recording, read_recording
+    from colony.diagnostics import Failure
+
+    try:
+        with open_recording(recording) as stream, TemporaryDirectory(prefix="colony-audit-") as folder:
+            reader = read_recording(stream, recording)
+            program = _program(reader, recording, file, Path(folder), trust)
+            with redirect_stdout(sys.stderr):  # for what modules in Python print
+                result = _audit(program, reader, _Progress(stream))
+            _refuse_empty(recording, reader, result)
+    except Failure as failure:
+        if failure.diagnostics[0].code[0] in "AF":
+            refuse(failure.diagnostics)
+        report(failure.diagnostics)
+        raise click.exceptions.Exit(EXIT_ERRORS) from None
+    if format_ == "json":
+        _print_json(recording, reader, program, result, file)
+    else:
+        from colony.cli.audit_text import render
+
+        click.echo(render(recording, reader.run, program, result, file=file, cut=reader.cut))
+    if not result.agrees:
+        raise click.exceptions.Exit(EXIT_ERRORS)
+
+
+def _program(reader: RecordingReader, recording: str, file: str | None, folder: Path, trust: bool) -> Program:
+    if file is not None:
+        return load_program(file)
+    from colony.cli.recorded_program import recorded_program, unusable
+    from colony.diagnostics import Failure
+    from colony.ir.program import PythonModule
+
+    if reader.run is None:
+        raise Failure([unusable(recording, "JSON lines do not hold the program")])
+    program = recorded_program(reader.run, recording, folder)
+    modules = [m.module_path for m in program.modules if isinstance(m, PythonModule)]
+    if modules and not trust:
+        message = f"{recording} holds modules in Python ({', '.join(dict.fromkeys(modules))})"
+        hint = "run them with --trust, or name FILE"
+        raise click.UsageError(f"{message}; {hint}", click.get_current_context())
+    if modules:
+        sys.path.insert(0, str(folder / "python"))
+    return program
+
+
+def _audit(program: Program, reader: RecordingReader, progress: Callable[[], None]) -> AuditReport:
+    from colony.verify.audit import Auditor
+
+    auditor = Auditor(program)
+    for recorded in reader.frames(program):
+        auditor.take(recorded)
+        progress()
+    return auditor.report()
+
+
+def _refuse_empty(recording: str, reader: RecordingReader, result: AuditReport) -> None:
+    """Raises Failure: A003, where there was nothing to compare."""
+    from colony.diagnostics import Failure, error
+    from colony.source import Source, Span
+
+    if result.frames and result.compared + result.outside + result.holds:
+        return
+    message = "the recording holds no decision" if result.frames else "the recording holds no frame"
+    cut = f": {reader.cut}" if reader.cut else ""
+    raise Failure([error("A003", Span(Source(recording, ""), 0, 0), f"{message}{cut}")])
+
+
+def _print_json(
+    recording: str, reader: RecordingReader, program: Program, result: AuditReport, file: str | None
+) -> None:
+    import json
+
+    run = reader.run
+    told = {
+        "recording": recording,
+        "file": file,
+        "program": run.program if run else None,
+        "robot": program.robot.name,
+        "seed": run.seed if run else None,
+        "run": run.run if run else None,
+        "truncated": reader.cut,
+    }
+    click.echo(json.dumps(told | result.as_json(), indent=2))
+
+
+class _Progress:
+    """Tells every tenth how far a file was read, once that takes long. Mutable: what was told."""
+
+    def __init__(self, file: BinaryIO) -> None:
+        self._file = file
+        self._size = os.fstat(file.fileno()).st_size
+        self._since = time.monotonic()
+        self._tenths = 0
+
+    def __call__(self) -> None:
+        tenths = 10 * self._file.tell() // max(self._size, 1)
+        if tenths > self._tenths:
+            self._tenths = tenths
+            if tenths < 10 and time.monotonic() - self._since > PATIENCE_S:
+                say(f"{10 * tenths} %")

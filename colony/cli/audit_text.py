@@ -1,0 +1,119 @@
+"""What an audit came to, for people."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+from colony.ir.frame import Decision
+from colony.ir.program import Actuator, Program
+from colony.runtime.recorded import RunInfo
+from colony.verify.audit_report import AuditReport, Difference
+
+_PARTS = {"wins": "wins", "active": "active, does not get through", "silent": "not active"}
+
+
+def render(
+    name: str,
+    run: RunInfo | None,
+    program: Program,
+    report: AuditReport,
+    *,
+    file: str | None,
+    cut: str | None,
+) -> str:
+    """Some lines about the recording that is called `name`, audited by `program`, which is that of `file`."""
+    what = f"{run.program or program.robot.name}, seed {run.seed}" if run else program.robot.name
+    named = f"{what}, run {run.run}" if run and run.run else what
+    by = f", by {file}" if file else ""
+    lines = [
+        f"{name}: {named}{by}, {_count(report.frames, 'frame')}"
+        f" from {_seconds(report.first_ns)} to {_seconds(report.last_ns)}",
+        *_indented(_counts(report)),
+        *_indented(_contracts(report, program)),
+        *([f"  truncated: {cut}; audited as far as it goes"] if cut else []),
+    ]
+    if report.first is None:
+        return "\n".join(
+            [*lines, f"agrees: every decision {'compared ' if report.unknown else ''}is the interpreter's"]
+        )
+    differing = _count(report.differing, "frame")
+    return "\n".join(
+        [*lines, f"DIFFERS in {differing}, first {_where(report.first)}", *_first(report, program)]
+    )
+
+
+def _indented(lines: Iterator[str]) -> Iterator[str]:
+    return (f"  {line}" for line in lines)
+
+
+def _counts(report: AuditReport) -> Iterator[str]:
+    yield f"{_count(report.compared, 'decision')} compared"
+    told = {
+        "late clients": report.late,
+        "lost clients": report.lost,
+        "refused requests": report.refused,
+        "two commands at once": report.violations,
+        "a command from outside the network": report.outside,
+        "the emergency stop or a lock on": report.holds,
+    }
+    for what, frames in told.items():
+        if frames:
+            yield f"{_count(frames, 'frame')} with {what}"
+    if report.idled:
+        yield f"{_count(report.idled, 'decision')} idle for want of a client"
+    if report.unheard:
+        yield f"{_count(report.unheard, 'decision')} not recorded"
+    if report.unknown:
+        yield f"{_count(report.unknown, 'frame')} not compared: a frame before them was not observed"
+    if report.restarts:
+        yield f"{_count(report.restarts, 'restart')}"
+
+
+def _contracts(report: AuditReport, program: Program) -> Iterator[str]:
+    kept = len(program.contracts) - len(report.contracts)
+    if kept:
+        yield f"{_count(kept, 'contract')} held in every frame"
+    for c in report.contracts:
+        span = f"first at {_seconds(c.first_ns)}, last at {_seconds(c.last_ns)}"
+        yield f"contract {c.contract}: BROKEN in {_count(c.frames, 'frame')}, {span}"
+
+
+def _where(first: Difference) -> str:
+    actuator = "" if first.actuator is None else f", {first.actuator}"
+    return f"at {_seconds(first.t_ns)} (frame {first.k}){actuator}: {first.message}"
+
+
+def _first(report: AuditReport, program: Program) -> Iterator[str]:
+    """The first difference in detail."""
+    first = report.first
+    if first is None or first.recorded is None or first.expected is None:
+        return
+    actuator = next(a for a in program.robot.actuators if a.name == first.actuator)
+    yield f"  recorded:    {_decision(first.recorded, actuator)}"
+    yield f"  interpreter: {_decision(first.expected, actuator)}"
+    width = max((len(c.client) for c in first.clients), default=0)
+    for c in first.clients:
+        recorded = "" if c.fate is None else f"; recorded: {c.fate}"
+        yield f"    {c.client:{width}}  {_PARTS[c.part]}{recorded}"
+    if first.missing:
+        yield f"  missing in this frame: {', '.join(first.missing)}"
+
+
+def _decision(decision: Decision, actuator: Actuator) -> str:
+    values = decision.values
+    if values is None:
+        sent = "nothing sent"
+    elif len(values) == len(actuator.fields):
+        sent = ", ".join(f"{f.name} = {x!r}" for f, x in zip(actuator.fields, values, strict=True))
+    else:
+        sent = repr(values)
+    fault = f" ({decision.fault})" if decision.fault else ""
+    return f"by {decision.by or '(nobody)'}, {sent}{fault}"
+
+
+def _count(number: int, noun: str) -> str:
+    return f"{number} {noun}{'' if number == 1 else 's'}"
+
+
+def _seconds(t_ns: int) -> str:
+    return f"{t_ns / 1e9:.10g} s"

@@ -1,0 +1,93 @@
+"""Where a robot is, by the options of commands: `--robot NAME`, `--connect [ENDPOINT]`, `--security FILE`."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
+from pathlib import Path
+from typing import TYPE_CHECKING, TypeVar
+
+import click
+
+from colony.cli.exit_codes import EXIT_MISUSE
+from colony.cli.reporting import say
+
+if TYPE_CHECKING:
+    from colony.runtime.kit.connection import Session
+    from colony.runtime.live.place import Place
+
+F = TypeVar("F", bound=Callable[..., object])
+
+HERE = "here"
+"""What `--connect` without an endpoint stands for: the run directory of this machine."""
+
+_CONNECT = "The robot is behind this gateway, tls/HOST:PORT; without a value, on this machine."
+_SECURITY = "Who you are to a gateway: a TOML file with user, certificate, key and authority."
+
+
+def connect_option(help: str = _CONNECT) -> Callable[[F], F]:
+    """`--connect [ENDPOINT]`."""
+    return click.option("--connect", is_flag=False, flag_value=HERE, metavar="[ENDPOINT]", help=help)
+
+
+def security_option(help: str = _SECURITY) -> Callable[[F], F]:
+    """`--security FILE`."""
+    return click.option("--security", metavar="FILE", type=click.Path(path_type=Path), help=help)
+
+
+def place_of(robot: str, connect: str | None, security: Path | None) -> Place:
+    """Where the robot is.
+
+    Raises:
+        LiveError: the name, the endpoint or the credentials are no good.
+        click.UsageError: an endpoint without credentials.
+    """
+    from colony.runtime.live.place import Remote, local
+
+    if connect in (None, HERE):
+        return local(robot, os.environ)
+    from colony.runtime.live.endpoint import parse_endpoint
+    from colony.runtime.live.security import read_credentials
+
+    assert connect is not None
+    parse_endpoint(connect)
+    if security is None:
+        raise click.UsageError("--connect ENDPOINT also wants --security FILE: a gateway asks who comes")
+    return Remote(robot=robot, endpoint=connect, credentials=read_credentials(security))
+
+
+def session_with(place: Place) -> Session:
+    """A session with a robot.
+
+    Raises:
+        LiveError, ServerNotFound: it cannot be reached, or is not there.
+    """
+    from colony.runtime.kit.connection import Session
+    from colony.runtime.live.place import Remote
+
+    if isinstance(place, Remote):
+        return Session.open(place.robot, gateway=place.endpoint, credentials=place.credentials)
+    return Session.open(place.robot)
+
+
+@contextmanager
+def problems_told() -> Iterator[None]:
+    """What is wrong with reaching a robot is said in a line, and is exit code 2."""
+    from colony.runtime.kit.errors import ConnectionProblem
+    from colony.runtime.live.errors import LiveError
+
+    try:
+        yield
+    except (LiveError, ConnectionProblem) as problem:
+        say(f"colony: error: {problem}")
+        raise click.exceptions.Exit(EXIT_MISUSE) from None
+
+
+def running_robots(environment: Mapping[str, str] = os.environ) -> dict[str, Mapping[str, int]]:
+    """The robots of this machine of which something runs: the names of that, with the ids of processes."""
+    from colony.runtime.live.run_directory import RunDirectory
+
+    directory = RunDirectory.find(environment)
+    found = {name: directory.robot(name).running() for name in directory.robots()}
+    return {name: running for name, running in found.items() if running}

@@ -1,0 +1,163 @@
+"""`colony ps`: which robots run, and how: their servers, who is connected, and how the run stands."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import click
+
+from colony.cli.exit_codes import EXIT_ERRORS
+from colony.cli.places import (
+    HERE,
+    connect_option,
+    place_of,
+    problems_told,
+    running_robots,
+    security_option,
+    session_with,
+)
+
+if TYPE_CHECKING:
+    from colony.runtime.library.leader import RunStatus
+    from colony.runtime.processes.state import RobotState, ServerState
+
+
+@click.command(name="ps", short_help="show the robots that run, and how")
+@click.option("--robot", metavar="NAME", help="Only this one; behind a gateway there is no other way.")
+@connect_option()
+@security_option()
+@click.option("--format", "format_", type=click.Choice(["text", "json"]), default="text", show_default=True)
+def command(robot: str | None, connect: str | None, security: Path | None, format_: str) -> None:
+    """Show the robots of this machine that run: servers up and down, who is connected with which priority,
+    and how the clients of the run do.
+
+    A client is alive, late (its request for the newest frame came after the deadline) or lost (nothing was
+    heard of it for a while); beside it stands in how many frames it was that, and the last line of its
+    process where that died.
+
+    Exit code 0, or 1 where nothing runs.
+
+    \b
+    Example:
+      colony ps
+      colony ps --robot rome --format json
+      colony ps --robot rome --connect tls/rome.lab:7447 --security ada.toml
+    """
+    with problems_told():
+        states = _states(robot, connect, security)
+    if format_ == "json":
+        from colony.runtime.processes.state import as_json
+
+        click.echo(as_json(states))
+    elif not states:
+        click.echo(f"nothing of {robot} runs" if robot else "no robot runs on this machine")
+    else:
+        for state in states:
+            click.echo("\n".join(_lines(state)))
+    if not any(server.state != "down" for state in states for server in state.servers):
+        raise click.exceptions.Exit(EXIT_ERRORS)
+
+
+def _states(robot: str | None, connect: str | None, security: Path | None) -> list[RobotState]:
+    if connect not in (None, HERE) and robot is None:
+        raise click.UsageError("--connect ENDPOINT also wants --robot NAME: a gateway is that of one robot")
+    from colony.runtime.processes.state import state_of
+
+    names = [robot] if robot is not None else list(running_robots())
+    if connect in (None, HERE):
+        names = [name for name in names if name in running_robots()]
+    states = []
+    for name in names:
+        place = place_of(name, connect, security)
+        with session_with(place) as session:
+            states.append(state_of(session, place))
+    return states
+
+
+# --- for people ----------------------------------------------------------------------------------
+
+
+def _lines(state: RobotState) -> Iterator[str]:
+    yield state.robot
+    width = max(len(s.server) for s in state.servers)
+    for server in state.servers:
+        yield f"  {server.server:<{width}}  {_server(server)}"
+    if state.arbitration is not None:
+        yield from (f"  {line}" for line in _arbitration(state))
+    if state.run is not None:
+        yield from (f"  {line}" for line in _run(state.run, _priorities(state)))
+    elif state.who is not None:
+        yield f"  no program runs; frame {state.who.k}"
+    connections = [(s.server, c) for s in state.servers for c in s.connections]
+    if connections:
+        yield "  connections"
+        rows = [("to", "who", "priority", "calls", "refused", "connection")]
+        rows += [
+            (server, c.name, str(c.priority), str(c.calls), str(c.problems), c.connection)
+            for server, c in connections
+        ]
+        yield from _table(rows)
+
+
+def _server(server: ServerState) -> str:
+    parts = [server.state]
+    if server.process is not None:
+        parts.append(f"process {server.process}")
+    if server.malformed:
+        parts.append(f"{server.malformed} malformed messages")
+    if server.problem is not None:
+        parts.append(server.problem)
+    return ", ".join(parts)
+
+
+def _arbitration(state: RobotState) -> Iterator[str]:
+    found = state.arbitration
+    assert found is not None
+    if found.stopped is not None:
+        yield f"EMERGENCY STOP, by {found.stopped.by}; `colony stop --release` ends it"
+    if found.trouble is not None:
+        yield f"trouble: {found.trouble}"
+    if found.lock_holder is not None:
+        yield f"locked by {found.lock_holder}"
+    yield f"the base is commanded by {found.acting or 'nobody'}"
+
+
+def _priorities(state: RobotState) -> dict[str, int]:
+    found = state.arbitration
+    if found is None:
+        return {}
+    return {f"{a.name}/{c.name}": c.priority for a in found.actuators for c in a.clients}
+
+
+def _run(run: RunStatus, priorities: dict[str, int]) -> Iterator[str]:
+    yield f"run {run.run} of {run.file}, led by process {run.process}"
+    told = f"frame {run.k}, {run.frames} decided"
+    if run.restarts:
+        told += f", memory began anew {run.restarts} times"
+    if run.disagreements:
+        told += f", {run.disagreements} NOT AS THE PROGRAM SAYS"
+    yield told
+    rows = [("client", "priority", "state", "on time", "late", "lost", "restarts", "last error")]
+    rows += [
+        (
+            c.address,
+            str(priorities.get(c.address, "")),
+            c.standing,
+            str(c.on_time),
+            str(c.late),
+            str(c.lost),
+            str(c.restarts),
+            c.last_error or "",
+        )
+        for c in run.clients
+    ]
+    yield from _table(rows)
+
+
+def _table(rows: Iterable[tuple[str, ...]]) -> Iterator[str]:
+    rows = list(rows)
+    widths = [max(len(row[i]) for row in rows) for i in range(len(rows[0]))]
+    for row in rows:
+        yield "    " + "  ".join(f"{cell:<{w}}" for cell, w in zip(row, widths, strict=True)).rstrip()

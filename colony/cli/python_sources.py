@@ -1,0 +1,82 @@
+"""The files of modules in Python that a program uses, with those that they import, for a recording.
+
+What is installed (the standard library, packages) is left out. Nothing is imported to find them.
+"""
+
+from __future__ import annotations
+
+import ast
+import sysconfig
+from collections.abc import Iterable, Iterator
+from importlib.machinery import ModuleSpec, PathFinder
+from pathlib import Path
+
+from colony.runtime.recorded import SourceFile
+
+_INSTALLED = tuple(
+    Path(sysconfig.get_path(name)).resolve() for name in ("stdlib", "platstdlib", "purelib", "platlib")
+)
+
+
+def python_sources(names: Iterable[str]) -> tuple[SourceFile, ...]:
+    """The sources of these modules (dotted names) and of all that they import, as `sys.path` stands."""
+    found: dict[str, SourceFile] = {}
+    waiting, seen = list(names), set[str]()
+    while waiting:
+        name = waiting.pop()
+        if name in seen or name.partition(".")[0] == "colony":
+            continue
+        seen.add(name)
+        if "." in name:
+            waiting.append(name.rpartition(".")[0])
+        spec = _find(name)
+        source = None if spec is None else _own(spec)
+        if spec is not None and source is not None:
+            found[source.place] = source
+            waiting += _imports(source.data, name, is_package=spec.submodule_search_locations is not None)
+    return tuple(found[place] for place in sorted(found))
+
+
+def _find(name: str) -> ModuleSpec | None:
+    """Where a module is, package by package, as import would look for it."""
+    spec, path = None, None
+    parts = name.split(".")
+    for i in range(len(parts)):
+        try:
+            spec = PathFinder.find_spec(".".join(parts[: i + 1]), path)
+        except (ImportError, ValueError):
+            return None
+        if spec is None:
+            return None
+        path = spec.submodule_search_locations or []
+    return spec
+
+
+def _own(spec: ModuleSpec) -> SourceFile | None:
+    """The source of a module that is a file of the user's."""
+    origin = Path(spec.origin) if spec.origin else None
+    if origin is None or origin.suffix != ".py" or any(map(origin.resolve().is_relative_to, _INSTALLED)):
+        return None
+    place = spec.name.replace(".", "/")
+    place += ".py" if spec.submodule_search_locations is None else "/__init__.py"
+    try:
+        return SourceFile(kind="python", place=place, data=origin.read_bytes())
+    except OSError:
+        return None
+
+
+def _imports(data: bytes, name: str, *, is_package: bool) -> Iterator[str]:
+    """The names of what a module may import; some may be no modules."""
+    try:
+        tree = ast.parse(data)
+    except (SyntaxError, ValueError):
+        return
+    package = name.split(".") if is_package else name.split(".")[:-1]
+    for node in ast.walk(tree):
+        if isinstance(node, ast.Import):
+            yield from (alias.name for alias in node.names)
+        elif isinstance(node, ast.ImportFrom):
+            base = package[: len(package) - node.level + 1] if node.level else []
+            origin = ".".join([*base, *([node.module] if node.module else [])])
+            yield from [origin] if origin else []
+            yield from (f"{origin}.{alias.name}" if origin else alias.name for alias in node.names)

@@ -1,0 +1,225 @@
+"""The run behind `colony run --processes` and `--connect`: clients as processes, and servers that are either
+started with them or there already."""
+
+from __future__ import annotations
+
+import os
+import shutil
+import time
+from collections.abc import Iterator
+from contextlib import ExitStack, contextmanager, suppress
+from pathlib import Path
+from tempfile import mkdtemp
+
+from colony.cli.interruption import interruptible
+from colony.cli.outputs import cannot_write
+from colony.cli.places import running_robots, session_with
+from colony.cli.recordings import recording_into
+from colony.cli.reporting import say
+from colony.cli.run_options import BrokenOff, Misuse, Options, cameras, duration_ns, variables
+from colony.cli.run_outputs import check_outputs, draw_way
+from colony.cli.run_progress import Progress
+from colony.compile.pipeline import compile_program
+from colony.ir.program import Program
+from colony.runtime.deployment import deployment
+from colony.runtime.fields import DSERVER, SERVERS, ServerSpec
+from colony.runtime.live.place import Local, Place
+from colony.runtime.observer import Sink
+from colony.runtime.processes.children import Job
+from colony.runtime.processes.compiled import Compiled
+from colony.runtime.processes.crew import client_jobs, fresh_folder, keep_logs
+from colony.runtime.processes.leader import Standings
+from colony.runtime.processes.run import LedRun, RunFailed
+from colony.runtime.processes.window import Window
+from colony.runtime.summary import RunSummary, Tally, Travel
+from colony.runtime.team import build_observer, members, places_of
+from colony.runtime.topics import CLOCK
+
+PLANT_S = 120.0
+"""For how long the simulator may take to start: once, where nothing is kept of it, it is compiled."""
+
+
+def run_here(program: Program, place: Local, options: Options) -> RunSummary:
+    """Run a program on a simulated robot: servers, clients and the plant are started, and end with the run.
+
+    Raises:
+        BadOption: an option makes no sense.
+        Failure: the map is bad (its codes begin with M), or the program asks for what the robot lacks.
+        LiveError: the robot's processes cannot be joined: another run of it goes on, for one.
+        BrokenOff: the run could not begin, or broke off.
+        click.exceptions.Exit: a file cannot be written, which has been said.
+    """
+    from colony.cli.simulated_robot import SimulatedRobot, TruthLog, jobs_of
+    from colony.nav.stickrep_reader import load_map
+
+    assert options.map_path is not None
+    run = _Run(program, place, options)
+    looking = cameras(options.cameras)
+    building = load_map(options.map_path)
+    truth = TruthLog(place)
+    with run.led() as led:
+        robot = SimulatedRobot(
+            map_path=options.map_path,
+            seed=options.seed,
+            state=run.folder,
+            cameras=looking,
+            fsync=options.fsync,
+            held=run.held,
+        )
+        led.start(jobs_of(place, robot, run.folder))
+        led.start(run.client_jobs())
+        interrupted = not (
+            led.wait_for(truth.look, run.stop, what="the simulator starts", most_s=PLANT_S)
+            and led.follow(run.stop, meanwhile=truth.look)
+        )
+        travel = truth.travel
+        truth.close()
+    if options.picture is not None:
+        draw_way(building, truth.places, program.robot.name, options.picture)
+    return run.summary(interrupted, travel)
+
+
+def run_there(program: Program, place: Place, options: Options) -> RunSummary:
+    """Run a program on a robot whose servers run already, here or behind a gateway.
+
+    Raises:
+        Misuse: there is no such robot on this machine.
+        others: as `run_here`.
+    """
+    if isinstance(place, Local) and not place.directory.running():
+        robots = ", ".join(running_robots()) or "none"
+        raise Misuse(
+            f"colony: error: nothing of `{place.robot}` runs on this machine (robots found: {robots}); "
+            f"start it with `colony serve all --robot {place.robot} --map MAP`"
+        )
+    run = _Run(program, place, options)
+    with run.led() as led:
+        led.start(run.client_jobs())
+        led.hold(run.held)
+        interrupted = not led.follow(run.stop)
+    return run.summary(interrupted, None)
+
+
+class _Run:
+    """What both ways have in common. Mutable: what was seen of the run."""
+
+    def __init__(self, program: Program, place: Place, options: Options) -> None:
+        self._place = place
+        self._options = options
+        self._length_ns = None if options.duration is None else duration_ns(options.duration)
+        self.held = variables(program, options.settings)
+        inputs = [options.file, *([options.map_path] if options.map_path is not None else [])]
+        check_outputs(options.record, options.picture, inputs)
+        self._compiled = Compiled(program, compile_program(program).clients, _more_servers(program, place))
+        self._bindings = self._compiled.bindings()
+        self._both = (program, self._compiled.clients)
+        self._deployed = deployment(
+            *self._both,
+            self._bindings,
+            run=f"{time.strftime('%Y%m%d-%H%M%S')}-{os.getpid()}",
+            seed=options.seed,
+            announced=members(*self._both).announced,
+            servers=tuple(server.name for server in self._compiled.servers),
+        )
+        self._tally = Tally(program, places_of(*self._both))
+        self._standings = Standings(self._deployed, file=os.path.abspath(options.file))
+        self._window = Window(
+            self._length_ns,
+            frame_ns=program.robot.frame_ns,
+            sinks=(self._tally, self._standings, Progress(self._length_ns)),
+        )
+        self._folder: Path | None = None
+
+    @contextmanager
+    def led(self) -> Iterator[LedRun]:
+        """Lead the run, to the end of the block; its processes have ended then."""
+        recorded = self._options.record
+        with interruptible() as self.stop, ExitStack() as holds:
+            led = holds.enter_context(self._lead())
+            self._folder = self._fresh_folder()
+            if recorded is not None:
+                self._window.record(self._recording(recorded))
+            try:
+                yield led
+                holds.close()
+            except RunFailed as problem:
+                raise BrokenOff(str(problem)) from None
+            except OSError as problem:
+                if recorded is None or problem.filename not in (None, recorded):
+                    raise
+                cannot_write(recorded, problem.strerror or str(problem))
+
+    @property
+    def folder(self) -> Path:
+        """Where its processes are told what to be, and what they print goes."""
+        assert self._folder is not None
+        return self._folder
+
+    def client_jobs(self) -> tuple[Job, ...]:
+        """How its clients are started; modules in Python are looked for where this process looks for them."""
+        search = (str(Path(self._options.file).resolve().parent), os.getcwd())
+        return client_jobs(self._place, self._deployed, self._compiled, self.folder, search)
+
+    def summary(self, interrupted: bool, travel: Travel | None) -> RunSummary:
+        """What came of it."""
+        return self._tally.summary(
+            seed=self._options.seed,
+            duration_s=self._window.shown_ns / 1e9,
+            interrupted=interrupted,
+            travel=travel,
+        )
+
+    def _lead(self) -> LedRun:
+        program, clients = self._both
+        recorded = self._options.record is not None
+        observer = build_observer(
+            program, clients, self._bindings, (self._window,), self._deployed.run, requests=recorded
+        )
+        servers = dict.fromkeys([CLOCK, DSERVER.name, *(b.server for b in self._bindings.actuators)])
+        return LedRun(
+            self._place,
+            self._deployed,
+            servers,
+            observer=observer,
+            window=self._window,
+            standings=self._standings,
+            ended=self._tidy,
+            report=say,
+        )
+
+    def _fresh_folder(self) -> Path:
+        """The folder of the run, where nothing is of an earlier one: its leader is the only one now."""
+        if isinstance(self._place, Local):
+            return fresh_folder(self._place.directory.path / "run")
+        return Path(mkdtemp(prefix="colony-run-"))
+
+    def _tidy(self) -> None:
+        """Its processes have ended: what they printed stays behind, on the robot's own machine, no more."""
+        if self._folder is not None:
+            if isinstance(self._place, Local):
+                keep_logs(self._folder)
+            else:
+                shutil.rmtree(self._folder, ignore_errors=True)
+
+    def _recording(self, path: str) -> Sink:
+        run, started = self._deployed.run, time.strftime("%Y-%m-%dT%H:%M:%S%z")
+        file, seed = self._options.file, self._options.seed
+        return recording_into(path, file, *self._both, seed=seed, run=run, started=started)
+
+
+def _more_servers(program: Program, place: Place) -> tuple[ServerSpec, ...]:
+    """Those that sensors of the program read besides what every robot has, as they describe themselves; what
+    does not run, or does not, is left out."""
+    known = {server.name for server in SERVERS}
+    wanted = dict.fromkeys(s.server for s in program.robot.sensors if s.server not in known)
+    if not wanted:
+        return ()
+    from colony.runtime.kit.description import describe, server_spec
+    from colony.runtime.kit.errors import ConnectionProblem
+
+    found = []
+    with suppress(ConnectionProblem), session_with(place) as session:
+        for name in wanted:
+            with suppress(ConnectionProblem, ValueError), session.connect(name) as connection:
+                found.append(server_spec(connection.do(describe())))
+    return tuple(found)

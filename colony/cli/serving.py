@@ -1,0 +1,130 @@
+"""What `colony serve` does: one server in this process, or all of them as processes that are watched over."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+
+from colony.cli.interruption import interruptible
+from colony.cli.reporting import say
+from colony.cli.run_options import BrokenOff, Misuse
+from colony.cli.simulated_robot import SimulatedRobot, device_of, jobs_of, plant_spec
+from colony.runtime.live.place import Local
+from colony.runtime.processes import child
+from colony.runtime.processes.children import Children, told
+from colony.runtime.processes.crew import SERVERS, fresh_folder, job_of, server_parts
+from colony.runtime.processes.ending import Ending, on_signals
+from colony.runtime.processes.run import ENDING_S, LOOK_S
+from colony.runtime.processes.spec import GatewayPart, Part, Spec, name_of, said_of
+from colony.sim.child import PlantDevices
+from colony.sim.plant_child import SIMULATOR, NoRoom, serve
+
+SUPERVISOR = "Supervisor"
+"""Under what name `serve all` claims a robot."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Settings:
+    """The command line of `colony serve`; `cameras` by server, each with the direction in which it looks."""
+
+    map_path: str | None
+    seed: int
+    cameras: Mapping[str, float]
+    state: Path
+    fsync: bool
+    listen: str | None
+    security: Path | None
+
+
+def serve_one(server: str, place: Local, settings: Settings) -> None:
+    """Be one server until a signal comes.
+
+    Raises:
+        LiveError: it runs already, or the run directory or the gateway's security are no good.
+        Misuse: the robot has no room in the building.
+        Failure: the map is bad.
+        BrokenOff: what it kept cannot be read.
+    """
+    ending = Ending()
+    with on_signals(ending):
+        if server == SIMULATOR:
+            _simulate(place, settings, ending)
+        else:
+            _serve(_part(server, place, settings), place, settings, ending)
+
+
+def _simulate(place: Local, settings: Settings, ending: Ending) -> None:
+    told = f"{SIMULATOR} of {place.robot} runs; Ctrl-C ends it"
+    try:
+        serve(plant_spec(place, _robot(settings)), ending, ready=lambda: say(told))
+    except NoRoom as problem:
+        raise Misuse(str(problem)) from None
+
+
+def _serve(part: Part, place: Local, settings: Settings, ending: Ending) -> None:
+    name = name_of(part)
+    where = settings.listen if isinstance(part, GatewayPart) else place.directory.socket(name)
+    told = f"{name} of {place.robot} listens at {where}; Ctrl-C ends it"
+    spec = Spec(place=said_of(place), part=part)
+    try:
+        child.run(spec, ending, devices=PlantDevices(), ready=lambda: say(told))
+    except child.CannotBegin as problem:
+        raise BrokenOff(str(problem)) from None
+
+
+def serve_all(place: Local, settings: Settings) -> None:
+    """Start all servers and the plant, and start again who dies, until a signal comes.
+
+    Raises:
+        LiveError: all of them are served already.
+        BrokenOff: one of them cannot live.
+    """
+    with interruptible() as stop, place.directory.claim(SUPERVISOR):
+        folder = fresh_folder(place.directory.path / "served")
+        jobs = [*jobs_of(place, _robot(settings), folder)]
+        if settings.listen is not None:
+            jobs.append(job_of(place, _part("Gateway", place, settings), folder, SERVERS))
+        children = Children()
+        try:
+            for job in jobs:
+                children.start(job)
+            say(f"{place.robot}: {', '.join(job.name for job in jobs)}; Ctrl-C ends them")
+            while not stop():
+                for death in children.poll():
+                    if death.pause_s is None:
+                        raise BrokenOff(told(death))
+                    say(told(death))
+                time.sleep(LOOK_S)
+        finally:
+            children.stop(ENDING_S)
+
+
+def _robot(settings: Settings) -> SimulatedRobot:
+    assert settings.map_path is not None
+    settings.state.mkdir(mode=0o700, parents=True, exist_ok=True)
+    return SimulatedRobot(
+        map_path=settings.map_path,
+        seed=settings.seed,
+        state=settings.state,
+        cameras=settings.cameras,
+        fsync=settings.fsync,
+    )
+
+
+def _part(server: str, place: Local, settings: Settings) -> Part:
+    """What a server is told that runs alone."""
+    if server == "Gateway":
+        assert settings.listen is not None
+        assert settings.security is not None
+        return GatewayPart(listen=settings.listen, security=str(settings.security.absolute()))
+    settings.state.mkdir(mode=0o700, parents=True, exist_ok=True)
+    parts = server_parts(
+        settings.state,
+        device_of(place),
+        cameras=[(name, name) for name in settings.cameras],
+        fsync=settings.fsync,
+    )
+    wanted = next(iter(settings.cameras)) if server == "CServer" else server
+    return next(part for part in parts if name_of(part) == wanted)

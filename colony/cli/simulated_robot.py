@@ -1,0 +1,124 @@
+"""The processes of a simulated robot: the plant in place of the hardware, and the servers that drive it."""
+
+from __future__ import annotations
+
+import os
+import time
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+
+from colony.ir.types import Value
+from colony.runtime.live.place import Local
+from colony.runtime.processes.children import Job
+from colony.runtime.processes.crew import HARDWARE, server_jobs, server_parts
+from colony.runtime.processes.spec import Device, write_spec
+from colony.runtime.summary import Travel
+from colony.sim.plant_child import SIMULATOR, PlantSpec, plant_socket
+from colony.sim.plant_control import PlantControl
+
+PLANT = "colony.sim.plant_child"
+SERVERS_OF_PLANT = "colony.sim.child"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class SimulatedRobot:
+    """What it is made of: the building, the seed of its sensors' noise, servers of cameras with the direction
+    in which each looks, the folder of what survives the death of a server, and how DServer keeps it."""
+
+    map_path: str
+    seed: int
+    state: Path
+    cameras: Mapping[str, float] = field(default_factory=dict)
+    fsync: bool = False
+    held: Mapping[str, Value] = field(default_factory=dict)
+
+
+def plant_spec(place: Local, robot: SimulatedRobot) -> PlantSpec:
+    """What the plant is told."""
+    return PlantSpec(
+        robot=place.robot,
+        folder=str(place.directory.path),
+        map=os.path.abspath(robot.map_path),
+        seed=robot.seed,
+        cameras=dict(robot.cameras),
+    )
+
+
+def device_of(place: Local) -> Device:
+    """The hardware of a simulated robot."""
+    return Device(plant=str(plant_socket(place.directory.path)))
+
+
+def jobs_of(place: Local, robot: SimulatedRobot, folder: Path) -> tuple[Job, ...]:
+    """How its processes are started, the slowest one first; what they are told is written into `folder`."""
+    told = folder / f"{SIMULATOR}.json"
+    write_spec(told, plant_spec(place, robot))
+    plant = Job(
+        name=SIMULATOR,
+        module=PLANT,
+        arguments=(str(told),),
+        log=told.with_suffix(".log"),
+        wave=HARDWARE,
+        essential=True,
+    )
+    parts = server_parts(
+        robot.state,
+        device_of(place),
+        cameras=[(server, server) for server in robot.cameras],
+        fsync=robot.fsync,
+        held=dict(robot.held),
+    )
+    return (plant, *server_jobs(place, parts, folder, hardware=SERVERS_OF_PLANT))
+
+
+LOOK_NS = 100_000_000
+"""How often it is looked where the robot really is."""
+
+
+class TruthLog:
+    """The true way of a simulated robot, by the plant's control channel. Mutable: the way so far.
+
+    A plant that was started anew begins again where the map says; its way is added to that of the one before.
+    """
+
+    def __init__(self, place: Local) -> None:
+        self._path = plant_socket(place.directory.path)
+        self._robot = place.robot
+        self._control: PlantControl | None = None
+        self._before = Travel(bumps=0, distance_mm=0.0)
+        self._now = Travel(bumps=0, distance_mm=0.0)
+        self._next_ns = 0
+        self.places: list[tuple[float, float]] = []
+
+    def look(self) -> bool:
+        """Where is it? Asked for not too often; False while the plant does not answer."""
+        now_ns = time.monotonic_ns()
+        if now_ns < self._next_ns:
+            return self._control is not None
+        self._next_ns = now_ns + (LOOK_NS if self._control is not None else LOOK_NS // 5)
+        try:
+            if self._control is None:
+                self._control = PlantControl(self._path, timeout_s=0.5)
+            truth = self._control.truth(self._robot)
+        except (OSError, ValueError):
+            self.close()
+            return False
+        self.places.append((truth.x, truth.y))
+        self._now = Travel(bumps=truth.bumps, distance_mm=truth.distance)
+        return True
+
+    def close(self) -> None:
+        """Look no more; what was seen stays."""
+        control, self._control = self._control, None
+        if control is not None:
+            control.close()
+            self._before, self._now = self.travel, Travel(bumps=0, distance_mm=0.0)
+
+    @property
+    def travel(self) -> Travel:
+        """How it went so far."""
+        return Travel(
+            bumps=self._before.bumps + self._now.bumps,
+            distance_mm=self._before.distance_mm + self._now.distance_mm,
+        )

@@ -1,0 +1,47 @@
+"""Images as cameras and their servers hand them on: plain bytes, so that passing one on needs no numpy."""
+
+from __future__ import annotations
+
+import msgspec
+
+
+class Image(msgspec.Struct, frozen=True, kw_only=True, array_like=True):
+    """An image, or a band of rows of one, taken at `t_ns`.
+
+    `pixels` has a byte a channel, the channels of a pixel together, pixels from left to right, rows from top
+    to bottom. `first_row` is where a band begins in the whole image; `height` is the band's own.
+
+    Raises:
+        ValueError: a size is not above 0, or `pixels` is not height x width x channels bytes.
+    """
+
+    t_ns: int
+    height: int
+    width: int
+    channels: int
+    pixels: bytes
+    first_row: int = 0
+
+    def __post_init__(self) -> None:
+        size = self.height * self.width * self.channels
+        if min(self.height, self.width, self.channels) <= 0 or len(self.pixels) != size:
+            shape = f"{self.height} x {self.width} x {self.channels}"
+            raise ValueError(f"an image of {shape} with {len(self.pixels)} bytes")
+
+    def rows(self, first: int, count: int) -> Image:
+        """The band of `count` rows from row `first` on, counted from the top of this image.
+
+        Raises:
+            ValueError: the image does not have these rows.
+        """
+        if first < 0 or count <= 0 or first + count > self.height:
+            raise ValueError(
+                f"{count} rows from row {first} on; expected at least 1 of rows 0 to {self.height - 1}"
+            )
+        line = self.width * self.channels
+        return msgspec.structs.replace(
+            self,
+            height=count,
+            pixels=self.pixels[first * line : (first + count) * line],
+            first_row=self.first_row + first,
+        )

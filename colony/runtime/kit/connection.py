@@ -1,0 +1,321 @@
+"""Connections to servers, for programs that wait for answers (thesis section 4.5.2).
+
+    with connect("RServer", robot="rome", name="joystick", priority=5) as base:
+        base.do(robot.go(200))
+        speed = base.do(robot.speed_setting())
+
+or, with the two halves of an exchange apart:
+
+    base.send(robot.speed_setting())
+    speed = base.recv()
+"""
+
+from __future__ import annotations
+
+import os
+import sys
+import time
+from collections import deque
+from collections.abc import Iterator, Mapping
+from contextlib import ExitStack, suppress
+from functools import lru_cache
+from pathlib import Path
+from queue import Empty, SimpleQueue
+from threading import TIMEOUT_MAX, Lock
+from types import TracebackType
+from typing import Any, Generic, TypeVar
+
+import msgspec
+
+from colony.runtime.kit.conversation import Outcome
+from colony.runtime.kit.errors import CallRefused, ConnectionProblem, TimedOut
+from colony.runtime.kit.hub import Hub
+from colony.runtime.kit.wire import Wire
+from colony.runtime.library.ask import Ask
+from colony.runtime.live.place import Credentials
+from colony.runtime.messages import Notice
+
+T = TypeVar("T")
+
+TIMEOUT_S = 5.0
+"""For how long an answer is waited for, unless something else is said."""
+
+STARTING_S = 2.0
+"""For how long a server may be missing that is about to start."""
+
+NOTICES_KEPT = 1024
+"""Notices that wait to be read; when there are more, the oldest are dropped."""
+
+
+class Answer(Generic[T]):
+    """The answer to a call, which may not be there yet. Mutable: until it is."""
+
+    def __init__(self, wire: Wire, ask: Ask[T], timeout_s: float) -> None:
+        self._wire = wire
+        self._ask = ask
+        self._due = time.monotonic() + timeout_s
+        self._timeout_s = timeout_s
+        self._ready = Lock()
+        self._ready.acquire()
+        self._outcome: Outcome | None = None
+        self._pending = wire.submit(ask, self._resolve)
+
+    def result(self) -> T:
+        """Wait for it.
+
+        Raises:
+            CallRefused, ConnectionLost, TimedOut: there is none.
+        """
+        left_s = min(max(0.0, self._due - time.monotonic()), TIMEOUT_MAX)  # it may wait for ever
+        if self._outcome is None and not self._ready.acquire(timeout=left_s):
+            self._wire.forget(self._pending)
+            if self._outcome is None:
+                raise timed_out(self._wire, self._ask, self._timeout_s)
+        assert self._outcome is not None
+        return read_result(self._wire.server, self._ask, self._outcome)
+
+    def _resolve(self, outcome: Outcome) -> None:
+        self._outcome = outcome
+        self._ready.release()
+
+
+class Connection:
+    """A channel between this program and one server. Threads may share it. Mutable: what is on its way."""
+
+    def __init__(self, hub: Hub, server: str, *, name: str, priority: int, timeout_s: float) -> None:
+        """Opens it; see `connect`."""
+        self.server = server
+        self._hub = hub
+        self._timeout_s = timeout_s
+        self._sent: deque[Answer[Any]] = deque()
+        self._notices: deque[Notice] = deque(maxlen=NOTICES_KEPT)
+        self._noticed: SimpleQueue[None] = SimpleQueue()
+        self._holds = ExitStack()
+        self._wire = hub.wire(server, name=name, priority=priority, notify=self._notify)
+        self._holds.callback(hub.release, self._wire)
+        try:
+            self._open()
+        except BaseException:
+            self.close()
+            raise
+
+    def do(self, ask: Ask[T], *, timeout_s: float | None = None) -> T:
+        """Have the server do something, and wait for the result.
+
+        Raises:
+            CallRefused: the server does not do it; its `code` and message say why.
+            ConnectionLost: the server went away in the meantime, and the call must not be repeated blindly.
+            TimedOut: no answer came in `timeout_s`, by default that of the connection, or of the call.
+        """
+        return self._answer(ask, timeout_s).result()
+
+    def send(self, ask: Ask[T], *, timeout_s: float | None = None) -> Answer[T]:
+        """Have the server do something; the answer is waited for with `result` of what this gives, or with
+        `recv`."""
+        answer = self._answer(ask, timeout_s)
+        self._sent.append(answer)
+        return answer
+
+    def recv(self) -> Any:
+        """The result of the oldest call that was sent and not yet received.
+
+        Raises:
+            LookupError: there is none.
+            CallRefused, ConnectionLost, TimedOut: as for `do`.
+        """
+        if not self._sent:
+            raise LookupError(f"nothing was sent to {self.server} that is not received yet")
+        return self._sent.popleft().result()
+
+    def keep(self, ask: Ask[T]) -> T:
+        """Do this now, and again whenever the connection had to be opened anew: a watch, a subscription."""
+        result = self.do(ask)
+        self._wire.keep(ask)
+        return result
+
+    def notices(self, *, timeout_s: float | None = None) -> Iterator[Notice]:
+        """What the server tells of its own accord, because it was asked to; ends when none came for
+        `timeout_s`."""
+        while True:
+            try:
+                self._noticed.get(timeout=timeout_s)
+            except Empty:
+                return
+            if self._notices:
+                yield self._notices.popleft()
+
+    @property
+    def openings(self) -> int:
+        """How often the connection was opened: more than once means that it was lost in between, and with it
+        what it held at the server."""
+        return self._wire.openings
+
+    def close(self) -> None:
+        """End it; again is nothing."""
+        self._holds.close()
+
+    def and_close(self, holds: ExitStack) -> None:
+        """Close these too, after the connection."""
+        holds.push(self._holds)
+        self._holds = holds
+
+    def __enter__(self) -> Connection:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self.close()
+
+    def _answer(self, ask: Ask[T], timeout_s: float | None) -> Answer[T]:
+        return Answer(self._wire, ask, waiting_time(ask, timeout_s, self._timeout_s))
+
+    def _open(self) -> None:
+        ready: SimpleQueue[Outcome] = SimpleQueue()
+        self._wire.open(ready.put)
+        for wait_s in opening_times(self._timeout_s):
+            with suppress(Empty):
+                outcome = ready.get(timeout=wait_s)
+                if isinstance(outcome, ConnectionProblem):
+                    raise outcome
+                return
+            if self.server not in self._hub.network.alive():
+                break
+        raise self._hub.not_found(self.server)
+
+    def _notify(self, notice: Notice) -> None:
+        self._notices.append(notice)
+        self._noticed.put(None)
+
+
+class Session:
+    """What a process has with a robot: its connections share one session of the network.
+
+        with Session.open("rome") as rome:
+            base, data = rome.connect("RServer", priority=5), rome.connect("DServer")
+
+    Mutable: the connections. Threads may share it.
+    """
+
+    def __init__(self, hub: Hub) -> None:
+        self.hub = hub
+
+    @classmethod
+    def open(
+        cls,
+        robot: str,
+        *,
+        gateway: str | None = None,
+        credentials: Credentials | None = None,
+        environment: Mapping[str, str] = os.environ,
+    ) -> Session:
+        """Join the processes of a robot: of this machine, or behind a gateway (`tls/HOST:PORT`).
+
+        Raises:
+            ServerNotFound: there is no such robot on this machine.
+            NotReached: the gateway cannot be reached, or refuses.
+        """
+        return cls(Hub.open(robot, gateway=gateway, credentials=credentials, environment=environment))
+
+    def connect(
+        self, server: str, *, name: str | None = None, priority: int = 0, timeout_s: float = TIMEOUT_S
+    ) -> Connection:
+        """Open a connection to a server of the robot; see `connect`."""
+        return Connection(
+            self.hub, server, name=name or program_name(), priority=priority, timeout_s=timeout_s
+        )
+
+    def servers(self) -> tuple[str, ...]:
+        """The addresses of all nodes of the robot that are there now."""
+        return self.hub.network.alive()
+
+    def close(self) -> None:
+        """End all connections and leave; again is nothing."""
+        self.hub.close()
+
+    def __enter__(self) -> Session:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self.close()
+
+
+def connect(
+    server: str,
+    *,
+    robot: str,
+    name: str | None = None,
+    priority: int = 0,
+    timeout_s: float = TIMEOUT_S,
+    gateway: str | None = None,
+    credentials: Credentials | None = None,
+    environment: Mapping[str, str] = os.environ,
+) -> Connection:
+    """Open a connection to a server of a robot.
+
+    Args:
+        name: what the connection goes by, for people; by default that of the program.
+        priority: by which the server orders the calls that wait; higher goes first.
+        timeout_s: for how long answers are waited for.
+        gateway, credentials: of a robot of another machine; see `Session.open`.
+
+    Raises:
+        ServerNotFound: nobody answers under these names.
+        CallRefused: the server does not take the connection.
+        NotReached: the gateway cannot be reached, or refuses.
+    """
+    with ExitStack() as holds:
+        session = Session.open(robot, gateway=gateway, credentials=credentials, environment=environment)
+        holds.enter_context(session)
+        connection = session.connect(server, name=name, priority=priority, timeout_s=timeout_s)
+        connection.and_close(holds.pop_all())
+        return connection
+
+
+def waiting_time(ask: Ask[Any], asked_s: float | None, usual_s: float) -> float:
+    """For how long to wait for an answer: as asked, else as usual, or longer where the call needs it."""
+    if asked_s is not None:
+        return asked_s
+    return usual_s if ask.wait_s is None else max(usual_s, ask.wait_s)
+
+
+def opening_times(timeout_s: float) -> tuple[float, ...]:
+    """For how long to wait for a server to open: first as for one that may be about to start, and then, if it
+    turns out to be there, for the rest."""
+    first = min(timeout_s, STARTING_S)
+    return (first, timeout_s - first)
+
+
+def timed_out(wire: Wire, ask: Ask[Any], timeout_s: float) -> TimedOut:
+    """What to say when no answer came."""
+    text = f"{wire.server} did not answer `{ask.method}` in {timeout_s:g} s"
+    if not wire.is_open:
+        text += "; the connection was lost, and could not be opened again yet"
+    return TimedOut(f"{text} (it said: {wire.complaint})" if wire.complaint else text)
+
+
+def read_result(server: str, ask: Ask[T], outcome: Outcome) -> T:
+    """The result of a call.
+
+    Raises:
+        CallRefused, ConnectionLost: there is none.
+    """
+    if isinstance(outcome, ConnectionProblem):
+        raise outcome
+    try:
+        result: T = _decoder(ask.reply).decode(outcome)
+    except msgspec.DecodeError as problem:
+        raise CallRefused("reply", f"{server}.{ask.method} gave a strange result: {problem}") from None
+    return result
+
+
+@lru_cache(maxsize=256)
+def _decoder(result: Any) -> msgspec.msgpack.Decoder[Any]:
+    return msgspec.msgpack.Decoder(result)
+
+
+def program_name() -> str:
+    """What this program is called, for people who look at a server's connections."""
+    return Path(sys.argv[0]).name or "python"

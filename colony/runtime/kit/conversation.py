@@ -1,0 +1,285 @@
+"""The client's end of a connection as logic without input and output: messages and times in, effects out.
+
+A connection is opened under an id of its own. When the server says that it does not know it (it was started
+anew, or did not hear of us for the lease), or dies, the connection is opened again under the same id, and its
+calls are numbered on: a server that notes what it did (DServer) knows a call that it did before it died.
+Calls that may be repeated are then made again, each with its number; the others fail with `ConnectionLost`.
+A call without an answer is sent again with the same number: it is done once.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, field
+from enum import Enum
+from typing import Any, NamedTuple
+
+import msgspec
+
+from colony.runtime.calls import Nothing, Open
+from colony.runtime.codec import LARGEST
+from colony.runtime.kit.errors import CallRefused, ConnectionLost, ConnectionProblem
+from colony.runtime.library.ask import Ask
+from colony.runtime.messages import Alive, Call, Notice, Reply, Right
+
+ALIVE_NS = 150_000_000
+"""After so long without sending anything a sign of life is due. Asked every 100 ms, it is never late."""
+
+AGAIN_NS = 250_000_000
+"""After so long without an answer a call is sent again; then after twice as long, and so on."""
+
+AGAIN_MOST_NS = 2_000_000_000
+
+LARGEST_ARGUMENTS = LARGEST - 1024
+"""Bytes of arguments that fit into a message, with all else."""
+
+Outcome = msgspec.Raw | ConnectionProblem
+"""The result of a call in msgpack, or why there is none."""
+
+
+@dataclass(frozen=False, slots=True, eq=False)
+class Pending:
+    """A call that is not answered yet; `resolve` is told how it comes out, once.
+
+    Raises:
+        TypeError: the arguments cannot be put into bytes.
+        CallRefused: they are too large.
+    """
+
+    ask: Ask[Any]
+    resolve: Callable[[Outcome], None]
+    arguments: bytes = b""
+    call: Call | None = None
+    sent_ns: int = 0
+    again_ns: int = AGAIN_NS
+
+    def __post_init__(self) -> None:
+        self.arguments = msgspec.msgpack.encode(self.ask.arguments)
+        if len(self.arguments) > LARGEST_ARGUMENTS:
+            found = f"the arguments are {len(self.arguments)} bytes; expected at most {LARGEST_ARGUMENTS}"
+            raise CallRefused("size", f"{self.ask.method}: {found}")
+
+
+class Begin(NamedTuple):
+    """Effect: listen to the replies for `connection` from now on, and no longer to those for an older one."""
+
+    connection: str
+
+
+class Transmit(NamedTuple):
+    """Effect: send this to the server."""
+
+    message: Call | Alive
+
+
+class Resolve(NamedTuple):
+    """Effect: this is how a call came out."""
+
+    pending: Pending
+    outcome: Outcome
+
+
+class Tell(NamedTuple):
+    """Effect: the server has something to tell."""
+
+    notice: Notice
+
+
+Effect = Begin | Transmit | Resolve | Tell
+
+
+class State(Enum):
+    OPENING = "opening"
+    OPEN = "open"
+    CLOSED = "closed"
+
+
+@dataclass(frozen=False, slots=True)
+class Conversation:
+    """Mutable: the state of the connection and the calls on their way.
+
+    Args:
+        server: its name.
+        user: who we are.
+        ids: gives a new id every time.
+        name: what the connection goes by, for people.
+        priority: of all its calls.
+        least: the right under which goes what any right allows: one that the user has.
+    """
+
+    server: str
+    user: str
+    ids: Callable[[], str]
+    name: str
+    priority: int
+    least: Right = "read"
+    state: State = State.CLOSED
+    connection: str = ""
+    openings: int = 0
+    complaint: str = ""
+    _number: int = 0
+    _opening: Pending | None = None
+    _sent: dict[int, Pending] = field(default_factory=dict)
+    _unsent: list[Pending] = field(default_factory=list)
+    _kept: list[Ask[Any]] = field(default_factory=list)
+    _spoke_ns: int = 0
+
+    def open(self, resolve: Callable[[Outcome], None], now_ns: int) -> Iterator[Effect]:
+        """Open it, for the first time or anew."""
+        self.state = State.OPENING
+        if not self.connection:
+            self.connection = f"{self.user}/{self.ids()}"
+            yield Begin(self.connection)
+        ask = Ask("open", Open(name=self.name), None, self.least, repeatable=True)
+        self._opening = Pending(ask, resolve)
+        yield self._transmit(self._opening, now_ns)
+
+    def ask(self, pending: Pending, now_ns: int) -> Iterator[Effect]:
+        """Make a call, at once or when the connection is open again."""
+        match self.state:
+            case State.OPEN:
+                yield self._transmit(pending, now_ns)
+            case State.OPENING:
+                self._unsent.append(pending)
+            case State.CLOSED:
+                yield Resolve(pending, ConnectionLost(f"the connection to {self.server} was closed"))
+
+    def keep(self, ask: Ask[Any]) -> None:
+        """Make this call again whenever the connection was opened anew."""
+        self._kept.append(ask)
+
+    def forget(self, pending: Pending) -> None:
+        """Nobody waits for this answer any more."""
+        if pending.call is not None:
+            self._sent.pop(pending.call.number, None)
+        elif pending in self._unsent:
+            self._unsent.remove(pending)
+
+    def take(self, message: Reply | Notice, now_ns: int) -> Iterator[Effect]:
+        """Take what the server says; what it said to an older connection is nothing."""
+        if message.connection != self.connection or self.state is State.CLOSED:
+            return
+        if isinstance(message, Notice):
+            yield Tell(message)
+        elif message.problem is not None and message.problem.code == "closed":
+            if self.state is State.OPEN:  # else it answers what was said before we knew
+                yield from self.lose(now_ns)
+        elif message.number == 0:
+            self.complaint = "" if message.problem is None else message.problem.message
+        else:
+            yield from self._answer(message, now_ns)
+
+    def lose(self, now_ns: int) -> Iterator[Effect]:
+        """The connection is not there any more, at the server: open it anew."""
+        if self.state is State.CLOSED:
+            return
+        lost = ConnectionLost(
+            f"the connection to {self.server} was lost before the answer; it is not known whether the call "
+            "was done, so it is not made again"
+        )
+        yield from self._sort(lost)
+        opening = self._opening
+        resolve = opening.resolve if opening is not None else _ignore
+        yield from self.open(resolve, now_ns)
+
+    def vanished(self) -> Iterator[Effect]:
+        """The server died, or is out of reach: calls that cannot be repeated have no answer to wait for."""
+        if self.state is not State.CLOSED:
+            lost = ConnectionLost(
+                f"{self.server} went away before it answered; it is not known whether the call was done, so "
+                "it is not made again"
+            )
+            yield from self._sort(lost)
+
+    def appeared(self, now_ns: int) -> Iterator[Effect]:
+        """The server is there, perhaps anew: ask at once whether it knows us."""
+        if self.state is State.OPEN:
+            yield self._alive(now_ns)
+        elif self.state is State.OPENING and self._opening is not None:
+            yield self._transmit(self._opening, now_ns)
+
+    def tend(self, now_ns: int) -> Iterator[Effect]:
+        """Send again what was not answered, and a sign of life where one is due; to be asked often."""
+        if self.state is State.CLOSED:
+            return
+        for pending in tuple(self._sent.values()) if self._opening is None else (self._opening,):
+            if now_ns - pending.sent_ns >= pending.again_ns:
+                pending.again_ns = min(2 * pending.again_ns, AGAIN_MOST_NS)
+                yield self._transmit(pending, now_ns)
+        if self.state is State.OPEN and now_ns - self._spoke_ns >= ALIVE_NS:
+            yield self._alive(now_ns)
+
+    def close(self, now_ns: int) -> Iterator[Effect]:
+        """End it: the server is told, and whoever waits too."""
+        if self.state is State.OPEN:
+            ask = Ask("close", Nothing(), None, self.least)
+            yield self._transmit(Pending(ask, _ignore), now_ns)
+        self.state = State.CLOSED
+        ended = ConnectionLost(f"the connection to {self.server} was closed before the answer")
+        for pending in (*self._sent.values(), *self._unsent):
+            yield Resolve(pending, ended)
+        self._sent.clear()
+        self._unsent.clear()
+
+    # --- inside --------------------------------------------------------------------------------------
+
+    def _answer(self, reply: Reply, now_ns: int) -> Iterator[Effect]:
+        outcome: Outcome = reply.result
+        if reply.problem is not None:
+            outcome = CallRefused(reply.problem.code, reply.problem.message)
+        opening = self._opening
+        if opening is not None and opening.call is not None and reply.number == opening.call.number:
+            if isinstance(outcome, ConnectionProblem):
+                self.complaint = str(outcome)
+            else:
+                self._opening = None
+                yield from self._opened(now_ns)
+            yield Resolve(opening, outcome)
+        elif (pending := self._sent.pop(reply.number, None)) is not None:
+            yield Resolve(pending, outcome)
+
+    def _opened(self, now_ns: int) -> Iterator[Effect]:
+        self.state = State.OPEN
+        self.openings += 1
+        self.complaint = ""
+        again = tuple(self._sent.values())
+        if self.openings > 1:
+            for ask in self._kept:
+                yield self._transmit(Pending(ask, _ignore), now_ns)
+        for pending in again:
+            yield self._transmit(pending, now_ns)
+        unsent, self._unsent = self._unsent, []
+        for pending in unsent:
+            yield self._transmit(pending, now_ns)
+
+    def _sort(self, lost: ConnectionLost) -> Iterator[Effect]:
+        """Calls on their way fail, unless they may be repeated."""
+        for number, pending in tuple(self._sent.items()):
+            if not pending.ask.repeatable:
+                del self._sent[number]
+                yield Resolve(pending, lost)
+
+    def _transmit(self, pending: Pending, now_ns: int) -> Effect:
+        if pending.call is None:
+            self._number += 1
+            ask = pending.ask
+            pending.call = Call(
+                connection=self.connection,
+                number=self._number,
+                method=ask.method,
+                arguments=msgspec.Raw(pending.arguments),
+                priority=self.priority,
+                right=self.least if ask.right == "read" else ask.right,
+            )
+            if pending is not self._opening:
+                self._sent[self._number] = pending
+        pending.sent_ns = self._spoke_ns = now_ns
+        return Transmit(pending.call)
+
+    def _alive(self, now_ns: int) -> Effect:
+        self._spoke_ns = now_ns
+        return Transmit(Alive(connection=self.connection))
+
+
+def _ignore(outcome: Outcome) -> None:
+    """Nobody waits for it."""

@@ -1,0 +1,73 @@
+"""What a server says of itself when asked `describe`, so that programs can be bound to servers that nobody
+knew of when `colony` was written: `sensor level: number from Battery.level`."""
+
+from __future__ import annotations
+
+from typing import Literal
+
+import msgspec
+
+from colony.ir.types import BOOL, Array, Quantity, Scalar, Type
+from colony.runtime.calls import Nothing
+from colony.runtime.fields import FieldSpec, ServerSpec
+from colony.runtime.library.ask import Ask
+from colony.runtime.messages import Right
+from colony.units import NUMBER, parse_unit
+
+
+class FieldDescription(msgspec.Struct, frozen=True, kw_only=True):
+    """A field of the server's frames: a number in `unit` ("" for a plain one), a bool, or `size` of these."""
+
+    name: str
+    kind: Literal["bool", "number"]
+    unit: str = ""
+    size: int | None = None
+    meaning: str = ""
+
+
+class MethodDescription(msgspec.Struct, frozen=True, kw_only=True):
+    """A method of the server, and the right that it needs."""
+
+    name: str
+    right: Right
+
+
+class Description(msgspec.Struct, frozen=True, kw_only=True):
+    """What can be read of a server, and what can be asked of it."""
+
+    server: str
+    fields: tuple[FieldDescription, ...] = ()
+    methods: tuple[MethodDescription, ...] = ()
+
+
+def describe() -> Ask[Description]:
+    """What is there to read and to ask? Servers made with the kit answer."""
+    return Ask("describe", Nothing(), Description, "read", repeatable=True)
+
+
+def server_spec(description: Description) -> ServerSpec:
+    """The server as `bind` wants it.
+
+    Raises:
+        ValueError: a unit is none, or not a base unit: fields are in mm, s and deg.
+    """
+    fields = tuple(FieldSpec(f.name, field_type(f), f.meaning) for f in description.fields)
+    return ServerSpec(description.server, fields=fields)
+
+
+def field_type(field: FieldDescription) -> Type:
+    """The type of a field.
+
+    Raises:
+        ValueError: the unit is none, or not a base unit.
+    """
+    element: Scalar = BOOL
+    if field.kind == "number":
+        dimension = NUMBER
+        if field.unit:
+            unit = parse_unit(field.unit)
+            if unit.factor != 1:
+                raise ValueError(f"{field.name}: the unit `{field.unit}`; expected base units, mm, s and deg")
+            dimension = unit.dimension
+        element = Quantity(dimension)
+    return element if field.size is None else Array(element, field.size)

@@ -1,0 +1,227 @@
+"""What all connections of a process with a robot share: the network, the thread that keeps them alive, and
+the knowledge of which servers are there."""
+
+from __future__ import annotations
+
+import os
+import time
+from collections.abc import Callable, Mapping
+from contextlib import ExitStack
+from functools import partial
+from queue import Empty, SimpleQueue
+from threading import Lock, Thread
+
+import msgspec
+
+from colony.runtime.kit.conversation import Outcome
+from colony.runtime.kit.errors import ConnectionProblem, ServerNotFound
+from colony.runtime.kit.wire import Wire
+from colony.runtime.live import keys
+from colony.runtime.live.endpoint import parse_endpoint
+from colony.runtime.live.errors import NotReached
+from colony.runtime.live.gateway import GATEWAY, Admitted, whoami
+from colony.runtime.live.network import Network
+from colony.runtime.live.place import Credentials, Local, Place, Remote, local
+from colony.runtime.live.security import check_credentials, rights
+from colony.runtime.messages import Notice, Right
+
+LOGIN_S = 2.0
+"""For how long a gateway may take to say who one is to it."""
+
+TEND_S = 0.1
+"""How often connections are tended."""
+
+
+class Hub:
+    """Mutable: the connections. Threads may share it."""
+
+    def __init__(self, network: Network, *, rights: tuple[Right, ...] = keys.RIGHTS) -> None:
+        """For a network that is open already and stays so. `rights` are what is asked for: others than those
+        that the user has are of no avail. See `on` and `open`."""
+        self.network = network
+        self._rights = rights
+        self._wires: set[Wire] = set()
+        self._lock = Lock()
+        self._deferred: SimpleQueue[Callable[[], None] | None] = SimpleQueue()
+        self._holds = ExitStack()
+        network.watch(self._presence)
+        self._holds.callback(network.unwatch, self._presence)
+        tender = Thread(target=self._tend, name="colony connections", daemon=True)
+        tender.start()
+        self._holds.callback(tender.join)
+        self._holds.callback(self._deferred.put, None)
+
+    @classmethod
+    def on(cls, network: Network) -> Hub:
+        """On a network that is open already and stays so, with the rights that the user has.
+
+        Raises:
+            NotReached: the gateway does not let the user in.
+        """
+        return cls(network, rights=_rights(network))
+
+    @classmethod
+    def open(
+        cls,
+        robot: str,
+        *,
+        gateway: str | None = None,
+        credentials: Credentials | None = None,
+        environment: Mapping[str, str] = os.environ,
+    ) -> Hub:
+        """Join the processes of a robot: of this machine, or behind a gateway (`tls/HOST:PORT`).
+
+        Raises:
+            ServerNotFound: there is no such robot on this machine.
+            NotReached: the gateway cannot be reached, or refuses.
+            SecurityError: the address is not one for TLS, or the credentials cannot be used.
+        """
+        place: Place
+        if gateway is None:
+            place = local(robot, environment)
+            _expect_folder(place)
+        else:
+            if credentials is None:
+                raise ValueError(f"a gateway wants to know who comes: give credentials for {gateway}")
+            parse_endpoint(gateway)
+            check_credentials(credentials)
+            place = Remote(robot=robot, endpoint=gateway, credentials=credentials)
+        with ExitStack() as holds:
+            network = holds.enter_context(Network.open(place))
+            hub = cls.on(network)
+            hub._holds = _nested(hub._holds, holds.pop_all())
+            return hub
+
+    def wire(
+        self,
+        server: str,
+        *,
+        name: str,
+        priority: int,
+        notify: Callable[[Notice], None],
+        rights: tuple[Right, ...] | None = None,
+    ) -> Wire:
+        """A conversation with a server, not opened yet; give it to `release` in the end."""
+        wire = Wire(
+            self.network,
+            server,
+            name=name,
+            priority=priority,
+            rights=self._rights if rights is None else rights,
+            notify=notify,
+            defer=self._deferred.put,
+        )
+        with self._lock:
+            self._wires.add(wire)
+        return wire
+
+    def release(self, wire: Wire) -> None:
+        """End a conversation."""
+        with self._lock:
+            self._wires.discard(wire)
+        wire.close()
+
+    def not_found(self, server: str) -> ServerNotFound:
+        """Why nobody answers under a name, as well as can be found out."""
+        robot, there = self.network.robot, self.network.alive()
+        if server in there:
+            text = f"{server} of {robot} is there, but does not answer: is it busy or frozen?"
+        elif there:
+            text = f"{robot} has no {server}: found {', '.join(there)}"
+        else:
+            text = f"nothing of {robot} runs {_where(self.network.place)}: start it with `colony serve`"
+        return ServerNotFound(text)
+
+    def close(self) -> None:
+        """End all connections and leave; again is nothing."""
+        with self._lock:
+            wires, self._wires = self._wires, set()
+        for wire in wires:
+            wire.close()
+        self._holds.close()
+
+    # --- inside --------------------------------------------------------------------------------------
+
+    def _tend(self) -> None:
+        """The thread that keeps connections alive. It never waits for room to send."""
+        due = time.monotonic() + TEND_S
+        while True:
+            try:
+                work = self._deferred.get(timeout=max(0.0, due - time.monotonic()))
+            except Empty:
+                due = time.monotonic() + TEND_S
+                for wire in self._all():
+                    wire.tend()
+            else:
+                if work is None:
+                    return
+                work()
+
+    def _presence(self, address: str, present: bool) -> None:
+        """In a thread of the network: a node came or went."""
+        for wire in self._all():
+            if wire.server == address:
+                self._deferred.put(partial(wire.presence, present))
+
+    def _all(self) -> tuple[Wire, ...]:
+        with self._lock:
+            return tuple(self._wires)
+
+
+def _rights(network: Network) -> tuple[Right, ...]:
+    """What this user may: of this machine everything, elsewhere what the gateway says.
+
+    Whatever the user may, asking the gateway who one is goes under each right; so all are tried.
+    """
+    place = network.place
+    if isinstance(place, Local):
+        return keys.RIGHTS
+    answered: SimpleQueue[Outcome] = SimpleQueue()
+    hub = Hub(network)
+    try:
+        wires = [
+            hub.wire(GATEWAY, name="login", priority=0, notify=_ignore, rights=(r,)) for r in keys.RIGHTS
+        ]
+        for wire in wires:
+            wire.open(_ignore)
+            wire.submit(whoami(), answered.put)
+        outcome = answered.get(timeout=LOGIN_S)
+    except Empty:
+        raise NotReached(
+            f"{place.endpoint} lets nobody in as {network.user}: the user's name must be that in "
+            f"{place.credentials.certificate}, and in the gateway's table of users for {place.robot}"
+        ) from None
+    finally:
+        hub.close()
+    if isinstance(outcome, ConnectionProblem):
+        raise outcome
+    return rights(msgspec.msgpack.decode(outcome, type=Admitted).may)
+
+
+def _ignore(anything: object) -> None:
+    """Nobody wants to know."""
+
+
+def _nested(inner: ExitStack, outer: ExitStack) -> ExitStack:
+    """Both, the inner one closed first."""
+    outer.push(inner)
+    return outer
+
+
+def _expect_folder(place: Local) -> None:
+    directory = place.directory
+    if directory.path.is_dir():
+        return
+    robots = ", ".join(p.name for p in directory.path.parent.glob("*") if p.is_dir()) or "none"
+    raise ServerNotFound(
+        f"no robot `{directory.robot}` on this machine: {directory.path} is not there "
+        f"(robots found: {robots}); start it with `colony serve`"
+    )
+
+
+def _where(place: Place) -> str:
+    match place:
+        case Local(directory=directory):
+            return f"on this machine (looked in {directory.path})"
+        case Remote(endpoint=endpoint):
+            return f"behind {endpoint}"

@@ -1,0 +1,96 @@
+"""Servers of your own, beside those that every robot has (thesis section 4.5.3).
+
+    class Charge(msgspec.Struct):
+        amperes: float
+
+    battery = Battery()
+    with Server.open("Battery", robot="rome") as server:
+        signal.signal(signal.SIGTERM, lambda *_: server.exitloop())
+        server.mainloop(
+            [method("charge", Charge, lambda caller, given: battery.charge(given.amperes))],
+            fields=[field("level", battery.level, meaning="how full it is, 0 to 1")],
+        )
+
+Clients ask for `Ask("charge", Charge(2.0), None, "command")`, and a behavior reads `from Battery.level`.
+"""
+
+from __future__ import annotations
+
+import os
+import sys
+from collections.abc import Iterable, Mapping
+from types import TracebackType
+
+from colony.runtime.calls import Method, Refused
+from colony.runtime.kit.service import Field, Report, Service, field, method
+from colony.runtime.live.host import Host
+from colony.runtime.live.network import Network, local_time
+from colony.runtime.live.place import Local, local
+
+__all__ = ["Field", "Method", "Refused", "Server", "field", "method"]
+
+
+def _to_stderr(problem: str) -> None:
+    print(problem, file=sys.stderr, flush=True)
+
+
+class Server:
+    """A server under a name, on the robot's own machine. Mutable: whether its loop runs, is to end."""
+
+    def __init__(self, name: str, network: Network, place: Local, report: Report) -> None:
+        """See `open`."""
+        self.name = name
+        self._network = network
+        self._time = local_time(place)
+        self._report = report
+        self._host: Host | None = None
+        self._ending = False
+
+    @classmethod
+    def open(
+        cls,
+        name: str,
+        *,
+        robot: str,
+        environment: Mapping[str, str] = os.environ,
+        report: Report = _to_stderr,
+    ) -> Server:
+        """Announce a server; it answers in `mainloop`. `report` is told what went wrong and is survived.
+
+        Raises:
+            AlreadyRunning: there is one of this name.
+            RunDirectoryError: the robot's folder cannot be used.
+        """
+        place = local(robot, environment)
+        network = Network.open(place, listens=(name,))
+        try:
+            return cls(name, network, place, report)
+        except BaseException:
+            network.close()
+            raise
+
+    def mainloop(self, methods: Iterable[Method], *, fields: Iterable[Field] = ()) -> None:
+        """Serve, one call at a time, until `exitloop`."""
+        service = Service(self.name, methods, fields, self._report)
+        self._host = Host(self._network, [service], time=self._time, report=self._report)
+        if self._ending:
+            self._host.stop()
+        self._host.run()
+
+    def exitloop(self) -> None:
+        """End `mainloop` soon, or as soon as it begins; from a signal handler, a handler, or any thread."""
+        self._ending = True
+        if self._host is not None:
+            self._host.stop()
+
+    def close(self) -> None:
+        """Take the name back; again is nothing."""
+        self._network.close()
+
+    def __enter__(self) -> Server:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self.close()

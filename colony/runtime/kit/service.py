@@ -1,0 +1,130 @@
+"""A server that somebody wrote with the kit, as a node: it takes calls, and publishes fields each frame."""
+
+from __future__ import annotations
+
+import traceback
+from collections.abc import Callable, Iterable, Iterator
+from typing import Any, NamedTuple, TypeVar
+
+import msgspec
+
+from colony.ir.types import Value
+from colony.runtime import calls, topics
+from colony.runtime.calls import Asked, CallDesk, Caller, Method, Nothing, Refused
+from colony.runtime.kit.description import Description, FieldDescription, MethodDescription, field_type
+from colony.runtime.messages import Effect, Fetch, Message, Right, Sample, Send, ServerFrame, Tick
+from colony.runtime.servers.publishing import Fields, Publisher
+
+A = TypeVar("A", bound=msgspec.Struct)
+
+KEPT = 400
+"""Frames that are kept for readers that missed one: two seconds of frames of 5 ms."""
+
+Report = Callable[[str], None]
+
+
+class Field(NamedTuple):
+    """A field of the frames: what it is, and what gives its value, or None where there is none now."""
+
+    description: FieldDescription
+    read: Callable[[], Value | None]
+
+
+def field(
+    name: str,
+    read: Callable[[], Value | None],
+    *,
+    unit: str = "",
+    size: int | None = None,
+    boolean: bool = False,
+    meaning: str = "",
+) -> Field:
+    """A line of a server's table of fields: numbers in a base unit (mm, s, deg, or plain), or bools.
+
+    Raises:
+        ValueError: the unit is none, or not a base unit.
+    """
+    described = FieldDescription(
+        name=name, kind="bool" if boolean else "number", unit=unit, size=size, meaning=meaning
+    )
+    field_type(described)
+    return Field(described, read)
+
+
+def method(
+    name: str, arguments: type[A], handler: Callable[[Caller, A], object], *, right: Right = "command"
+) -> Method:
+    """A line of a server's table of methods. `handler` gives the result, or raises `Refused`."""
+
+    def handle(asked: Asked, given: A, now_ns: int) -> object:
+        return handler(asked.caller, given)
+
+    return calls.method(name, arguments, handle, right=right)
+
+
+class Service:
+    """Mutable: its connections, and the frames that it published.
+
+    What a handler or a field raises is reported, and is the answer, or "no value"; the server lives on.
+    """
+
+    def __init__(self, name: str, methods: Iterable[Method], fields: Iterable[Field], report: Report) -> None:
+        self.address = name
+        self._fields = tuple(fields)
+        self._report = report
+        own = tuple(m._replace(handler=self._guarded(m)) for m in methods)
+        described = Description(
+            server=name,
+            fields=tuple(f.description for f in self._fields),
+            methods=tuple(MethodDescription(name=m.name, right=m.right) for m in own),
+        )
+        telling = calls.method("describe", Nothing, lambda *_: described, right="read")
+        self._desk = CallDesk(name, (*own, telling))
+        self._publisher = Publisher(name, self._read, keep=KEPT)
+        self._now_ns = 0
+        self.listens = (*self._desk.listens, *(self._publisher.listens if self._fields else ()))
+
+    def start(self, now_ns: int) -> Iterable[Effect]:
+        return ()
+
+    def handle(self, message: Message, now_ns: int) -> Iterator[Effect]:
+        if isinstance(message, (Tick, Fetch)):
+            self._now_ns = now_ns
+            for effect in self._publisher.handle(message):
+                yield effect
+                yield from _answered(effect)
+        else:
+            yield from self._desk.handle(message, now_ns)
+
+    def close(self) -> None:
+        """It holds nothing: what the handlers hold is their maker's to close."""
+
+    def _guarded(self, guarded: Method) -> calls.Handler:
+        def handle(asked: Asked, arguments: Any, now_ns: int) -> object:
+            try:
+                return guarded.handler(asked, arguments, now_ns)
+            except Refused:
+                raise
+            except Exception as problem:
+                where = f"{self.address}.{guarded.name}"
+                self._report(f"{where} failed:\n{traceback.format_exc()}")
+                raise Refused("failed", f"{where} failed: {type(problem).__name__}: {problem}") from None
+
+        return handle
+
+    def _read(self, tick: Tick) -> Fields:
+        return {f.description.name: self._sample(f) for f in self._fields}
+
+    def _sample(self, field: Field) -> Sample | None:
+        try:
+            value = field.read()
+        except Exception:
+            self._report(f"{self.address}.{field.description.name} failed:\n{traceback.format_exc()}")
+            return None
+        return None if value is None else Sample(value, self._now_ns)
+
+
+def _answered(effect: Effect) -> Iterator[Effect]:
+    """Tell the Clock of a frame, which knows this server only by what programs read."""
+    if isinstance(effect, Send) and isinstance(effect.message, ServerFrame):
+        yield Send(topics.ANSWERS, msgspec.structs.replace(effect.message, fields={}))

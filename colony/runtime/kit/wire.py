@@ -1,0 +1,222 @@
+"""A conversation joined to the network: what both the connections that wait and those that await have.
+
+The threads of the network and of the users meet here under one lock, which is never held while something is
+sent: a send may have to wait, and what it waits for may have to get past the lock.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Iterable
+from contextlib import suppress
+from threading import Lock
+from typing import Any
+from uuid import uuid4
+
+import zenoh
+
+from colony.runtime import codec, topics
+from colony.runtime.codec import NotAMessage
+from colony.runtime.kit.conversation import (
+    Begin,
+    Conversation,
+    Effect,
+    Outcome,
+    Pending,
+    Resolve,
+    State,
+    Tell,
+    Transmit,
+)
+from colony.runtime.kit.errors import CallRefused
+from colony.runtime.library.ask import Ask
+from colony.runtime.live import keys
+from colony.runtime.live.network import Network
+from colony.runtime.live.outbox import haste_of, publish
+from colony.runtime.messages import Alive, Call, Notice, Reply, Right
+
+monotonic = time.monotonic_ns
+
+Deferred = Callable[[], None]
+
+
+class _Publisher:
+    """A publisher that one thread may give back while another one sends. Mutable: until then."""
+
+    def __init__(self, publisher: zenoh.Publisher) -> None:
+        self._publisher = publisher
+        self._lock = Lock()
+
+    def put(self, data: bytes) -> None:
+        with self._lock:
+            self._publisher.put(data)
+
+    def release(self) -> None:
+        """Give it back, at once or, by the last reference, when the send that is under way is over."""
+        if self._lock.acquire(blocking=False):
+            self._publisher.undeclare()  # type: ignore[no-untyped-call]
+            self._lock.release()
+
+
+class Wire:
+    """Mutable: the conversation, the publishers and the subscriber of its present id."""
+
+    def __init__(
+        self,
+        network: Network,
+        server: str,
+        *,
+        name: str,
+        priority: int,
+        rights: tuple[Right, ...],
+        notify: Callable[[Notice], None],
+        defer: Callable[[Deferred], None],
+    ) -> None:
+        """`defer` takes what must not be done in a thread of the network, to be done soon by another."""
+        self.server = server
+        self.network = network
+        self._rights = rights
+        self._notify = notify
+        self._defer = defer
+        self._lock = Lock()
+        self._least = rights[0]
+        self._talk = Conversation(
+            server=server,
+            user=network.user,
+            ids=lambda: uuid4().hex[:16],
+            name=name,
+            priority=priority,
+            least=self._least,
+        )
+        self._subscriber: zenoh.Subscriber[None] | None = None
+        self._publishers: dict[tuple[str, bool], _Publisher] = {}
+
+    # --- for those who use it ------------------------------------------------------------------------
+
+    def open(self, resolve: Callable[[Outcome], None]) -> None:
+        """Open the connection; `resolve` is told how that comes out."""
+        with self._lock:
+            effects = list(self._talk.open(resolve, monotonic()))
+        self._carry_out(effects)
+
+    def submit(self, ask: Ask[Any], resolve: Callable[[Outcome], None]) -> Pending:
+        """Make a call; `resolve` is told how it comes out, from any thread.
+
+        Raises:
+            CallRefused: this user may not.
+        """
+        if ask.right != "read" and ask.right not in self._rights:
+            raise CallRefused("right", self._not_allowed(ask))
+        pending = Pending(ask, resolve)
+        with self._lock:
+            effects = list(self._talk.ask(pending, monotonic()))
+        self._carry_out(effects)
+        return pending
+
+    def forget(self, pending: Pending) -> None:
+        """Nobody waits for this call any more."""
+        with self._lock:
+            self._talk.forget(pending)
+
+    def keep(self, ask: Ask[Any]) -> None:
+        """Make this call again whenever the connection was opened anew."""
+        with self._lock:
+            self._talk.keep(ask)
+
+    def close(self) -> None:
+        """Tell the server, and leave."""
+        with self._lock:
+            effects = list(self._talk.close(monotonic()))
+        self._carry_out(effects)
+        self._release()
+
+    @property
+    def complaint(self) -> str:
+        """What the server said that belongs to no call, or why it does not open the connection again."""
+        return self._talk.complaint
+
+    @property
+    def openings(self) -> int:
+        """How often the connection was opened: more than once means that it was lost in between."""
+        return self._talk.openings
+
+    @property
+    def is_open(self) -> bool:
+        """Whether the server knows us, as far as we know."""
+        return self._talk.state is State.OPEN
+
+    # --- for the session -----------------------------------------------------------------------------
+
+    def tend(self) -> None:
+        """Send again what is due; asked every 100 ms."""
+        with self._lock:
+            effects = list(self._talk.tend(monotonic()))
+        self._carry_out(effects, patient=False)
+
+    def presence(self, present: bool) -> None:
+        """The server appeared on the network, or went away."""
+        with self._lock:
+            talk = self._talk
+            effects = list(talk.appeared(monotonic()) if present else talk.vanished())
+        self._carry_out(effects, patient=False)
+
+    # --- inside --------------------------------------------------------------------------------------
+
+    def _carry_out(self, effects: Iterable[Effect], *, patient: bool = True) -> None:
+        for effect in effects:
+            match effect:
+                case Transmit(message):
+                    self._send(message, patient)
+                case Resolve(pending, outcome):
+                    pending.resolve(outcome)
+                case Tell(notice):
+                    self._notify(notice)
+                case Begin(connection):
+                    self._begin(connection)
+
+    def _begin(self, connection: str) -> None:
+        self._release()
+        key = keys.listening(self.network.robot, topics.replies(self.server, connection))
+        handler = zenoh.handlers.Callback(self._take, indirect=False)
+        self._subscriber = self.network.session.declare_subscriber(key, handler)
+
+    def _release(self) -> None:
+        if self._subscriber is not None:
+            self._subscriber.undeclare()  # type: ignore[no-untyped-call]
+            self._subscriber = None
+        publishers, self._publishers = self._publishers, {}
+        for publisher in publishers.values():
+            publisher.release()
+
+    def _take(self, sample: zenoh.Sample) -> None:
+        """In a thread of the network: what the server says."""
+        try:
+            message = codec.decode(sample.payload.to_bytes())
+        except NotAMessage:
+            return
+        if not isinstance(message, (Reply, Notice)):
+            return
+        with self._lock:
+            effects = list(self._talk.take(message, monotonic()))
+        at_once = [e for e in effects if isinstance(e, (Resolve, Tell))]
+        if len(at_once) < len(effects):
+            later = [e for e in effects if not isinstance(e, (Resolve, Tell))]
+            self._defer(lambda: self._carry_out(later, patient=False))
+        self._carry_out(at_once)
+
+    def _send(self, message: Call | Alive, patient: bool) -> None:
+        """Send; who is not patient would rather lose the message than wait for room."""
+        key = keys.sending(self.network.robot, topics.calls(self.server), message, least=self._least)
+        publisher = self._publishers.get((key, patient))
+        with suppress(zenoh.ZError):  # this id is given up already: what was to be sent has no meaning
+            if publisher is None:
+                made = publish(self.network.session, key, haste=haste_of(message), patient=patient)
+                publisher = self._publishers[key, patient] = _Publisher(made)
+            publisher.put(codec.encode(message))
+
+    def _not_allowed(self, ask: Ask[Any]) -> str:
+        may = ", ".join(self._rights)
+        return (
+            f"{self.server}.{ask.method} needs the right to {ask.right}, and {self.network.user} may only "
+            f"{may}: the table of users of the gateway says so"
+        )

@@ -1,0 +1,65 @@
+"""What can be asked of the Clock: to run a program, and who takes part in the run."""
+
+from __future__ import annotations
+
+import msgspec
+
+from colony.runtime.calls import Nothing
+from colony.runtime.deployment import Deployment
+from colony.runtime.library.ask import Ask
+
+
+class ServerWho(msgspec.Struct, frozen=True, kw_only=True):
+    """A server that is expected to answer ticks, or what tells the activity of a module in Python."""
+
+    server: str
+    up: bool
+
+
+class ClientWho(msgspec.Struct, frozen=True, kw_only=True):
+    """A client of the run, by address. `ready`: it has said that it listens, in this run.
+
+    `on_time` counts its requests that came before the next tick, `late` those that came after it; both as
+    seen by the Clock, which does not command anything. The server that decides knows what it was late for.
+    """
+
+    client: str
+    ready: bool
+    lives: bool
+    on_time: int
+    late: int
+
+
+class Who(msgspec.Struct, frozen=True, kw_only=True):
+    """The newest tick (k -1 where there was none yet), and who takes part.
+
+    `run` and `program` are of the deployment, "" where there is none; `leader` is the connection that
+    deployed it. `begun` is false while the Clock still waits for clients to be ready; `restarts` counts how
+    often all memory began anew since.
+    """
+
+    k: int
+    t_ns: int
+    start: int
+    frame_ns: int
+    run: str
+    program: str
+    leader: str | None
+    begun: bool
+    restarts: int
+    servers: tuple[ServerWho, ...]
+    clients: tuple[ClientWho, ...]
+
+
+def deploy(deployment: Deployment) -> Ask[None]:
+    """Run a program: at the Clock, and at each server that it commands. The connection that asks leads the
+    run, which ends with the connection.
+
+    Refused with the code "busy" while somebody else leads another run, "arguments" where it makes no sense.
+    """
+    return Ask("deploy", deployment, None, "command", repeatable=True)
+
+
+def who() -> Ask[Who]:
+    """Who takes part in the run, as far as the Clock knows."""
+    return Ask("who", Nothing(), Who, "read", repeatable=True)

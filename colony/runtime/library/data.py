@@ -1,0 +1,291 @@
+"""What can be asked of DServer: variables with a history, semaphores, and to be told of changes (thesis
+section 4.6.1).
+
+    connection.do(data.set("PosX", 4))
+    x = connection.do(data.get("PosX", type=int))
+
+A value is anything that msgspec can put into msgpack: numbers, bools, strings, bytes, None, lists, mappings,
+dataclasses and structs. Numbers, bools and flat lists of them are also fields of DServer's frames, which the
+sensors of programs bind to. A name has 1 to 255 bytes of UTF-8.
+
+What was acknowledged survives the death of the server. Each of these is done once, however often it is called
+again because no answer came. Besides those told below, the codes of what is refused are: "arguments"; "size",
+for a value that is too large; "full", for a server that has no room for more.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Mapping
+from typing import Any, TypeVar, overload
+
+import msgspec
+
+from colony.runtime.library.ask import Ask
+from colony.runtime.messages import Notice
+
+T = TypeVar("T")
+
+_MARGIN_S = 1.0
+"""For how much longer than the server a caller waits for a semaphore."""
+
+# --- arguments -------------------------------------------------------------------------------------
+
+
+class Set(msgspec.Struct, frozen=True, kw_only=True):
+    """`set`: a variable and its new value in msgpack."""
+
+    name: str
+    value: msgspec.Raw
+
+
+class SetMany(msgspec.Struct, frozen=True, kw_only=True):
+    """`set_many`: variables and their new values."""
+
+    values: dict[str, msgspec.Raw]
+
+
+class Get(msgspec.Struct, frozen=True, kw_only=True):
+    """`get`: a variable, and which of its values: 0 is the present one, -1 the one before it."""
+
+    name: str
+    back: int = 0
+
+
+class GetMany(msgspec.Struct, frozen=True, kw_only=True):
+    """`get_many`: several variables at one moment."""
+
+    names: tuple[str, ...]
+
+
+class SetHistory(msgspec.Struct, frozen=True, kw_only=True):
+    """`set_history`: how many values of a variable are kept."""
+
+    name: str
+    length: int
+
+
+class Named(msgspec.Struct, frozen=True, kw_only=True):
+    """`history`, `delete`, `semaphore`, `delete_semaphore`, `signal` and `release`: which one."""
+
+    name: str
+
+
+class ListNames(msgspec.Struct, frozen=True, kw_only=True):
+    """`names` and `semaphores`: at most `limit` names that begin with `prefix` and come after `after`."""
+
+    prefix: str = ""
+    after: str = ""
+    limit: int = 1000
+
+
+class CreateSemaphore(msgspec.Struct, frozen=True, kw_only=True):
+    """`create_semaphore`: its name and initial value."""
+
+    name: str
+    value: int = 1
+
+
+class Wait(msgspec.Struct, frozen=True, kw_only=True):
+    """`wait`: for how long at most, None: for ever; and whether to give it back when the caller is lost."""
+
+    name: str
+    wait_ns: int | None = None
+    hold: bool = False
+
+
+class Watch(msgspec.Struct, frozen=True, kw_only=True):
+    """`watch` and `unwatch`: variables by name, and all whose name begins with a prefix."""
+
+    names: tuple[str, ...] = ()
+    prefixes: tuple[str, ...] = ()
+
+
+# --- results ---------------------------------------------------------------------------------------
+
+
+class Dated(msgspec.Struct, frozen=True, kw_only=True):
+    """A value in msgpack, and the robot's time at which it was set."""
+
+    t_ns: int
+    value: msgspec.Raw
+
+    def read(self, type: Any = Any) -> Any:
+        """The value.
+
+        Raises:
+            msgspec.ValidationError: it is not of this type.
+        """
+        return msgspec.msgpack.decode(self.value, type=type)
+
+
+class Change(msgspec.Struct, frozen=True, kw_only=True):
+    """What a watcher is told: a variable has a value; None is that it was deleted."""
+
+    name: str
+    present: Dated | None
+
+
+class SemaphoreState(msgspec.Struct, frozen=True, kw_only=True):
+    """A semaphore's value, and the connections that wait for it and that hold it, in their order."""
+
+    value: int
+    waiting: tuple[str, ...]
+    holding: tuple[str, ...]
+
+
+# --- variables -------------------------------------------------------------------------------------
+
+
+def set(name: str, value: object) -> Ask[None]:
+    """Give a variable a new value (`DATA_SETVALUE`).
+
+    Raises:
+        TypeError, OverflowError: msgspec cannot put the value into msgpack.
+    """
+    return Ask("set", Set(name=name, value=_raw(value)), type(None), "command", repeatable=True)
+
+
+def set_many(values: Mapping[str, object]) -> Ask[None]:
+    """Give several variables new values at one moment: nobody sees some of them old and some new.
+
+    Raises:
+        TypeError, OverflowError: msgspec cannot put a value into msgpack.
+    """
+    arguments = SetMany(values={name: _raw(value) for name, value in values.items()})
+    return Ask("set_many", arguments, type(None), "command", repeatable=True)
+
+
+@overload
+def get(name: str, back: int = 0) -> Ask[Any]: ...
+@overload
+def get(name: str, back: int = 0, *, type: type[T]) -> Ask[T]: ...
+def get(name: str, back: int = 0, *, type: Any = Any) -> Ask[Any]:
+    """A value of a variable (`DATA_GETVALUE`): 0 is the present one, -1 the one before it, and so on back to
+    -(n - 1) where its history is n long.
+
+    Refused with "unknown": there is no such variable; "range": `back` is not in the history; "unset": it was
+    not set that often yet.
+    """
+    return Ask("get", Get(name=name, back=back), type, "read", repeatable=True)
+
+
+def get_many(names: Iterable[str]) -> Ask[dict[str, Any]]:
+    """The present values of several variables at one moment. Refused as `get` is, where one has none."""
+    return Ask("get_many", GetMany(names=tuple(names)), dict[str, Any], "read", repeatable=True)
+
+
+def history(name: str) -> Ask[tuple[Dated, ...]]:
+    """All values kept of a variable, with their times, the present one first. Refused with "unknown"."""
+    return Ask("history", Named(name=name), tuple[Dated, ...], "read", repeatable=True)
+
+
+def set_history(name: str, length: int) -> Ask[None]:
+    """Keep so many values of a variable, the present one included (`DATA_SETHISTORY`); 1 unless told.
+
+    A shorter history loses its oldest values. A variable that was never set may be given one.
+    """
+    arguments = SetHistory(name=name, length=length)
+    return Ask("set_history", arguments, type(None), "command", repeatable=True)
+
+
+def delete(name: str) -> Ask[bool]:
+    """Remove a variable and its history; False where there is none."""
+    return Ask("delete", Named(name=name), bool, "command", repeatable=True)
+
+
+def names(prefix: str = "", *, after: str = "", limit: int = 1000) -> Ask[tuple[str, ...]]:
+    """Which variables there are, in order, at most `limit`; to go on, say after which name."""
+    arguments = ListNames(prefix=prefix, after=after, limit=limit)
+    return Ask("names", arguments, tuple[str, ...], "read", repeatable=True)
+
+
+# --- semaphores ------------------------------------------------------------------------------------
+
+
+def create_semaphore(name: str, value: int = 1) -> Ask[bool]:
+    """Make a semaphore (`DATA_CREATE_SEM`); False, and nothing is changed, where there is one already."""
+    arguments = CreateSemaphore(name=name, value=value)
+    return Ask("create_semaphore", arguments, bool, "command", repeatable=True)
+
+
+def wait(name: str, timeout_s: float | None = None, *, hold: bool = False) -> Ask[None]:
+    """Take one from a semaphore, or wait until there is one to take (`DATA_WAIT`), first come first served.
+
+    Args:
+        timeout_s: for how long to wait; 0 is not at all, None for ever.
+        hold: give it back by itself when this connection is lost.
+
+    Refused with "timeout", "unknown", or "deleted". A client that died does not wait any more.
+    """
+    patient = timeout_s is None or timeout_s == math.inf
+    if timeout_s is None or patient:
+        arguments = Wait(name=name, wait_ns=None, hold=hold)
+        return Ask("wait", arguments, type(None), "command", repeatable=True, wait_s=math.inf)
+    arguments = Wait(name=name, wait_ns=round(timeout_s * 1e9), hold=hold)
+    for_s = timeout_s + _MARGIN_S if timeout_s > 0 else None
+    return Ask("wait", arguments, type(None), "command", repeatable=True, wait_s=for_s)
+
+
+def signal(name: str) -> Ask[None]:
+    """Put one back into a semaphore (`DATA_SIGNAL`): the first who waits has it at once.
+
+    What this connection holds of it counts as given back. Refused with "unknown".
+    """
+    return Ask("signal", Named(name=name), type(None), "command", repeatable=True)
+
+
+def release(name: str) -> Ask[None]:
+    """Give back what was taken with `hold`.
+
+    Refused with "not held" where it is not held any more: the connection was lost in between, so that
+    somebody else may have had it at the same time.
+    """
+    return Ask("release", Named(name=name), type(None), "command", repeatable=True)
+
+
+def semaphore(name: str) -> Ask[SemaphoreState]:
+    """How a semaphore stands. Refused with "unknown"."""
+    return Ask("semaphore", Named(name=name), SemaphoreState, "read", repeatable=True)
+
+
+def semaphores(prefix: str = "", *, after: str = "", limit: int = 1000) -> Ask[tuple[str, ...]]:
+    """Which semaphores there are, as `names` does."""
+    arguments = ListNames(prefix=prefix, after=after, limit=limit)
+    return Ask("semaphores", arguments, tuple[str, ...], "read", repeatable=True)
+
+
+def delete_semaphore(name: str) -> Ask[bool]:
+    """Remove a semaphore; False where there is none. Who waits for it is refused with "deleted"."""
+    return Ask("delete_semaphore", Named(name=name), bool, "command", repeatable=True)
+
+
+# --- changes ---------------------------------------------------------------------------------------
+
+
+def watch(*names: str, prefixes: Iterable[str] = ()) -> Ask[None]:
+    """Be told whenever one of these variables, or one whose name begins with one of these prefixes, is set.
+
+    A notice comes for each that has a value already, and then for every time that one is set or deleted; its
+    subject is the name of the variable, its body a `Change`. When a connection is opened again, the notices
+    go on, from the values of that moment. It adds to what is watched already.
+    """
+    return Ask("watch", Watch(names=names, prefixes=tuple(prefixes)), type(None), "read", repeatable=True)
+
+
+def unwatch(*names: str, prefixes: Iterable[str] = ()) -> Ask[None]:
+    """Be told no more of these; of nothing at all, where none is given."""
+    return Ask("unwatch", Watch(names=names, prefixes=tuple(prefixes)), type(None), "read", repeatable=True)
+
+
+def change(notice: Notice) -> Change:
+    """What a notice says of a variable that is watched.
+
+    Raises:
+        msgspec.DecodeError: it is not one of those.
+    """
+    return msgspec.msgpack.decode(notice.body, type=Change)
+
+
+def _raw(value: object) -> msgspec.Raw:
+    return msgspec.Raw(msgspec.msgpack.encode(value))

@@ -1,0 +1,53 @@
+"""What can be asked of the leader of a run: the process of `colony run`, which watches over it."""
+
+from __future__ import annotations
+
+from typing import Literal
+
+import msgspec
+
+from colony.runtime.calls import Nothing
+from colony.runtime.library.ask import Ask
+
+LEADER = "Leader"
+"""Its name among the servers of a robot."""
+
+Standing = Literal["alive", "late", "lost", "starting"]
+
+
+class ClientStanding(msgspec.Struct, frozen=True, kw_only=True):
+    """A client of the network, by address: how it stands in the newest frame, and in how many frames it was
+    on time, late and lost. `restarts` of its process, and the last line that one said which died."""
+
+    address: str
+    standing: Standing
+    on_time: int
+    late: int
+    lost: int
+    restarts: int
+    last_error: str | None
+
+
+class RunStatus(msgspec.Struct, frozen=True, kw_only=True):
+    """A run of a program: `frames` were decided, the newest of them k; `process` leads it.
+
+    All memory began anew in `restarts` of them. `commanded_by` has who commanded each actuator in the newest,
+    None where nobody did. `disagreements` are frames in which the runtime did not do what the program says:
+    there should be none.
+    """
+
+    run: str
+    program: str
+    file: str
+    process: int
+    k: int
+    frames: int
+    restarts: int
+    disagreements: int
+    commanded_by: dict[str, str | None]
+    clients: tuple[ClientStanding, ...]
+
+
+def run_status() -> Ask[RunStatus]:
+    """How the run stands."""
+    return Ask("run", Nothing(), RunStatus, "read", repeatable=True)

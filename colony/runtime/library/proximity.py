@@ -1,0 +1,54 @@
+"""What can be asked of PServer: both rings, and how far the sonars look (thesis section 4.6.2).
+
+Sensors are numbered counterclockwise: 12 looks ahead, 18 to the left, 0 back, 6 to the right.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import msgspec
+
+from colony.runtime.calls import Nothing
+from colony.runtime.library.ask import Ask
+
+
+class SonarReading(msgspec.Struct, frozen=True, kw_only=True):
+    """24 ranges in mm, measured at `t_ns`."""
+
+    t_ns: int
+    ranges: tuple[float, ...]
+
+
+class InfraredReading(msgspec.Struct, frozen=True, kw_only=True):
+    """Whether each of 24 detectors saw something at `t_ns`; one that is not there never does."""
+
+    t_ns: int
+    seen: tuple[bool, ...]
+
+
+class SetTimeouts(msgspec.Struct, frozen=True, kw_only=True):
+    """`set_timeouts`: the greatest range of each of the 24 sonars in mm."""
+
+    ranges: tuple[float, ...]
+
+
+def sonar() -> Ask[SonarReading | None]:
+    """The newest ranges; None while the device has none to give (`PROX_SONAR`)."""
+    return Ask("sonar", Nothing(), SonarReading | None, "read", repeatable=True)
+
+
+def infrared() -> Ask[InfraredReading | None]:
+    """What the infrared detectors see; None while the device has nothing to give (`PROX_IR`)."""
+    return Ask("infrared", Nothing(), InfraredReading | None, "read", repeatable=True)
+
+
+def set_timeouts(ranges: Sequence[float]) -> Ask[None]:
+    """Set the greatest range of each of the 24 sonars in mm: beyond it, that is what it reads
+    (`PROX_TIMEOUT`). It holds for everybody who reads them, until PServer ends."""
+    return Ask("set_timeouts", SetTimeouts(ranges=tuple(ranges)), type(None), "command", repeatable=True)
+
+
+def timeouts() -> Ask[tuple[float, ...] | None]:
+    """What `set_timeouts` set last; None before that: the sonars read as far as they can."""
+    return Ask("timeouts", Nothing(), tuple[float, ...] | None, "read", repeatable=True)

@@ -1,0 +1,361 @@
+"""What can be asked of RServer: to move the base, to tell how it is, to lock it, to stop it (thesis section
+4.6.3, Table 4.1).
+
+    connection.do(robot.move(1500, velocity=250))
+    where = connection.do(robot.position())
+
+Distances are in mm, angles in degrees, times in seconds; speeds and accelerations accordingly. What is told
+in degrees (`turn`, `continuous_turn`, `jog`) is positive clockwise, as in the thesis, and lowers the heading,
+which grows counterclockwise; `drive` takes turning speeds as programs do, positive counterclockwise.
+
+What moves the base is arbitrated by the connection's priority. Over a program, a connection with a priority
+above its modules' drives in their place, one below them only while they are idle; a priority that another
+commander has is refused with the code "tie". `drive`, `go`, `jog` and `stop` hold for their lease, unless
+they are told again; what has an end holds until then. Other codes: "stopped" while the emergency stop is on,
+"locked" while somebody else has the lock, "replaced", "bumper" and "stalled" for motions that ended early.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import msgspec
+
+from colony.runtime.calls import Nothing
+from colony.runtime.library.ask import Ask
+from colony.runtime.motion import Mode
+
+if TYPE_CHECKING:
+    from colony.runtime.deployment import Deployment
+
+LEASE_S = 0.5
+"""For how long a command holds that is not told again."""
+
+KEEP = -1.0
+"""In place of a velocity or acceleration: the one that was set last."""
+
+MOTION_WAIT_S = 3600.0
+"""For how long to wait for the end of a motion."""
+
+_MARGIN_S = 1.0
+"""For how much longer than the server a caller waits for a lock."""
+
+
+# --- arguments -------------------------------------------------------------------------------------
+
+
+class Drive(msgspec.Struct, frozen=True, kw_only=True):
+    """`drive`: forward mm/s and deg/s counterclockwise, for `lease_s`."""
+
+    velocity: float
+    turn: float
+    lease_s: float = LEASE_S
+
+
+class Go(msgspec.Struct, frozen=True, kw_only=True):
+    """`go` and `proportional_go`: straight on at `velocity`, backward where it is negative."""
+
+    velocity: float
+    lease_s: float = LEASE_S
+
+
+class Jog(msgspec.Struct, frozen=True, kw_only=True):
+    """`jog`: deg/s clockwise on top of the forward motion."""
+
+    rate: float
+    lease_s: float = LEASE_S
+
+
+class Halt(msgspec.Struct, frozen=True, kw_only=True):
+    """`stop`: at once where `mode` is not 0, else gradually; and stand for `lease_s`."""
+
+    mode: int = 0
+    lease_s: float = LEASE_S
+
+
+class Move(msgspec.Struct, frozen=True, kw_only=True):
+    """`move`: a distance straight on; negative is backward. A negative velocity or acceleration is the one
+    set last. `wait`: the answer comes when it is done."""
+
+    distance: float
+    velocity: float = KEEP
+    acceleration: float = KEEP
+    wait: bool = True
+
+
+class Turn(msgspec.Struct, frozen=True, kw_only=True):
+    """`turn`: degrees clockwise on the spot, at deg/s and with deg/s^2; else as `Move`."""
+
+    degrees: float
+    velocity: float = KEEP
+    acceleration: float = KEEP
+    wait: bool = True
+
+
+class ContinuousTurn(msgspec.Struct, frozen=True, kw_only=True):
+    """`continuous_turn`: degrees clockwise along an arc of `radius`, at mm/s along it; else as `Move`."""
+
+    degrees: float
+    radius: float
+    velocity: float = KEEP
+    acceleration: float = KEEP
+    wait: bool = True
+
+
+class PoseArguments(msgspec.Struct, frozen=True, kw_only=True):
+    """`set_position` and `adjust_position`: x, y and heading, or by how much they are off."""
+
+    x: float
+    y: float
+    heading: float
+
+
+class SetBumper(msgspec.Struct, frozen=True, kw_only=True):
+    """`set_bumper`: 0 is to ignore the bumpers, all else to watch them."""
+
+    setting: int
+
+
+class LockBase(msgspec.Struct, frozen=True, kw_only=True):
+    """`lock`: for how long to wait where somebody else has it; 0 is not at all."""
+
+    wait_ns: int = 0
+
+
+# --- replies ---------------------------------------------------------------------------------------
+
+
+class Bumpers(msgspec.Struct, frozen=True, kw_only=True):
+    """Which bumpers touch something."""
+
+    front: bool
+    rear: bool
+
+    @property
+    def code(self) -> int:
+        """0 none, 1 the front one, 2 the rear one, 3 both."""
+        return self.front + 2 * self.rear
+
+
+class Position(msgspec.Struct, frozen=True, kw_only=True):
+    """Dead reckoning at `t_ns` of the robot's time: x east, y north, heading in [0, 360), 90 is west."""
+
+    x: float
+    y: float
+    heading: float
+    t_ns: int
+
+
+class ClientReport(msgspec.Struct, frozen=True, kw_only=True):
+    """A client of the program: in how many frames its request was there in time, or was not."""
+
+    name: str
+    priority: int
+    on_time: int
+    late: int
+    lost: int
+    refused: int
+
+
+class ActuatorReport(msgspec.Struct, frozen=True, kw_only=True):
+    """An actuator of the program: its clients, highest place first, and the newest note of its verdicts."""
+
+    name: str
+    frames: int
+    clients: tuple[ClientReport, ...]
+    last_note: str | None
+
+
+class OutsideReport(msgspec.Struct, frozen=True, kw_only=True):
+    """A connection that has commanded, whose priority is therefore taken.
+
+    `commands` is what it wants now, None for nothing; `lease_s` for how long still, None until it is done.
+    """
+
+    connection: str
+    name: str
+    priority: int
+    commands: Mode | None
+    lease_s: float | None
+
+
+class Stopped(msgspec.Struct, frozen=True, kw_only=True):
+    """The emergency stop is on: by this connection, at this time of the robot."""
+
+    by: str
+    t_ns: int
+
+
+class Arbitration(msgspec.Struct, frozen=True, kw_only=True):
+    """Who may move the base, and who does.
+
+    `run` is "" where no program is deployed, `leader` the connection that deployed it, `acting` who commanded
+    the newest frame (a client of the program, or a connection). Connections are in the order of their
+    priorities, those that wait for the lock in the order in which they will get it. `trouble` tells that the
+    emergency stop could not be written to, or read from, its file.
+    """
+
+    run: str
+    leader: str | None
+    acting: str | None
+    actuators: tuple[ActuatorReport, ...]
+    outside: tuple[OutsideReport, ...]
+    lock_holder: str | None
+    lock_waiting: tuple[str, ...]
+    stopped: Stopped | None
+    trouble: str | None
+
+
+# --- asks ------------------------------------------------------------------------------------------
+
+
+def drive(velocity: float, turn: float, lease: float = LEASE_S) -> Ask[None]:
+    """Go at `velocity` mm/s, turning `turn` deg/s counterclockwise, for `lease` s or until told again."""
+    return _order("drive", Drive(velocity=velocity, turn=turn, lease_s=lease))
+
+
+def go(velocity: float, lease: float = LEASE_S) -> Ask[None]:
+    """Go straight on, the heading held with error integration (`ROBOT_GO`)."""
+    return _order("go", Go(velocity=velocity, lease_s=lease))
+
+
+def proportional_go(velocity: float, lease: float = LEASE_S) -> Ask[None]:
+    """The same without integration."""
+    return _order("proportional_go", Go(velocity=velocity, lease_s=lease))
+
+
+def jog(rate: float, lease: float = LEASE_S) -> Ask[None]:
+    """Turn at `rate` deg/s, positive clockwise, on top of this connection's forward motion (`ROBOT_JOG`)."""
+    return _order("jog", Jog(rate=rate, lease_s=lease))
+
+
+def stop(mode: int = 0, lease: float = LEASE_S) -> Ask[None]:
+    """Stop, at once where `mode` is not 0, else gradually, and stand for `lease` s (`ROBOT_STOP`).
+
+    Like every command it acts by the connection's priority; `emergency_stop` always does.
+    """
+    return _order("stop", Halt(mode=mode, lease_s=lease))
+
+
+def move(
+    distance: float, velocity: float = KEEP, acceleration: float = KEEP, wait: bool = True
+) -> Ask[float | None]:
+    """Go `distance` mm straight on, backward where it is negative, and stand (`ROBOT_MOVE`).
+
+    The reply is how far it went, when it is done; None at once, without `wait`.
+    """
+    order = Move(distance=distance, velocity=velocity, acceleration=acceleration, wait=wait)
+    return _motion("move", order, wait)
+
+
+def turn(
+    degrees: float, velocity: float = KEEP, acceleration: float = KEEP, wait: bool = True
+) -> Ask[float | None]:
+    """Turn on the spot by `degrees`, positive clockwise, and stand (`ROBOT_TURN`).
+
+    The reply is by how much it turned, when it is done; None at once, without `wait`.
+    """
+    order = Turn(degrees=degrees, velocity=velocity, acceleration=acceleration, wait=wait)
+    return _motion("turn", order, wait)
+
+
+def continuous_turn(
+    degrees: float, radius: float, velocity: float = KEEP, acceleration: float = KEEP, wait: bool = True
+) -> Ask[float | None]:
+    """Go along an arc of `radius` mm until the heading changed by `degrees`, positive clockwise; then stand.
+
+    The reply is by how much it turned, when it is done; None at once, without `wait`.
+    """
+    order = ContinuousTurn(
+        degrees=degrees, radius=radius, velocity=velocity, acceleration=acceleration, wait=wait
+    )
+    return _motion("continuous_turn", order, wait)
+
+
+def adjust_position(dx: float, dy: float, dheading: float) -> Ask[None]:
+    """The base is off by so much in x, y and heading (`ROBOT_ADJPOS`)."""
+    return Ask("adjust_position", PoseArguments(x=dx, y=dy, heading=dheading), type(None), "command")
+
+
+def set_position(x: float, y: float, heading: float) -> Ask[None]:
+    """The base is there now, and is reckoned from there on (`ROBOT_SETPOS`)."""
+    return Ask("set_position", PoseArguments(x=x, y=y, heading=heading), type(None), "command")
+
+
+def position() -> Ask[Position]:
+    """Where the base is (`ROBOT_GETPOS`)."""
+    return Ask("position", Nothing(), Position, "read", repeatable=True)
+
+
+def bumper() -> Ask[Bumpers]:
+    """Which bumpers touch something (`ROBOT_GETBMPR`)."""
+    return Ask("bumper", Nothing(), Bumpers, "read", repeatable=True)
+
+
+def set_bumper(setting: int) -> Ask[None]:
+    """Ignore the bumpers where `setting` is 0. Watched, as they are at first, a pressed one stops motion into
+    it, whoever commands that (`ROBOT_SETBMPR`)."""
+    return Ask("set_bumper", SetBumper(setting=setting), type(None), "command", repeatable=True)
+
+
+def mode() -> Ask[Mode]:
+    """The mode of the base, by what was commanded last (`ROBOT_GETMODE`)."""
+    return Ask("mode", Nothing(), Mode, "read", repeatable=True)
+
+
+def speed_setting() -> Ask[float]:
+    """The forward speed that was sent to the base last (`ROBOT_GETSPEED`)."""
+    return Ask("speed_setting", Nothing(), float, "read", repeatable=True)
+
+
+def wheel_speed() -> Ask[float]:
+    """The mean of the magnitudes of both wheels' measured speeds (`ROBOT_GETWSPEED`)."""
+    return Ask("wheel_speed", Nothing(), float, "read", repeatable=True)
+
+
+def lock(wait: bool = True, wait_s: float = 60.0) -> Ask[None]:
+    """Let nobody else move the base, the program included, until `unlock` or this connection's end
+    (`RobotLock`).
+
+    Where somebody else has the lock, the call waits for it, for `wait_s` at most, behind those of higher
+    priority. In the end, or at once without `wait`, it is refused with the code "locked".
+    """
+    asked = LockBase(wait_ns=round(wait_s * 1e9) if wait else 0)
+    return Ask("lock", asked, type(None), "command", wait_s=wait_s + _MARGIN_S if wait else None)
+
+
+def unlock() -> Ask[None]:
+    """Give the lock back (`RobotUnlock`)."""
+    return Ask("unlock", Nothing(), type(None), "command")
+
+
+def emergency_stop() -> Ask[None]:
+    """Stop the base at once, and let nobody move it until `release`, not even after a restart of RServer."""
+    return Ask("emergency_stop", Nothing(), type(None), "stop", repeatable=True)
+
+
+def release() -> Ask[None]:
+    """Let the base be moved again after an emergency stop."""
+    return Ask("release", Nothing(), type(None), "command")
+
+
+def arbitration() -> Ask[Arbitration]:
+    """Who may move the base, and who does."""
+    return Ask("arbitration", Nothing(), Arbitration, "read", repeatable=True)
+
+
+def deploy(deployed: Deployment) -> Ask[None]:
+    """Let the clients of a program command the base for as long as this connection lives.
+
+    Refused with the codes "busy" while another run's leader lives, "deployment" where there is something
+    wrong with it, "tie" where a connection commands with the priority of one of its clients.
+    """
+    return Ask("deploy", deployed, type(None), "command", repeatable=True)
+
+
+def _order(method: str, order: msgspec.Struct) -> Ask[None]:
+    return Ask(method, order, type(None), "command")
+
+
+def _motion(method: str, order: msgspec.Struct, wait: bool) -> Ask[float | None]:
+    return Ask(method, order, float | None, "command", wait_s=MOTION_WAIT_S if wait else None)

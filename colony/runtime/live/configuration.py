@@ -1,0 +1,117 @@
+"""The configuration of zenoh for a process of a robot.
+
+On one machine every server listens on a unix socket in the robot's folder, and everyone connects to those
+that are known, present or not: a server that comes, or comes back, is found by trying again, and servers of
+other names by gossip. There is no scouting, no port, no shared memory.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping
+
+import zenoh
+
+from colony.runtime.codec import LARGEST
+from colony.runtime.live.place import Credentials, Local, Place, Remote
+from colony.runtime.live.run_directory import RobotDirectory
+from colony.runtime.live.security import Security
+
+LEASE_MS = 3000
+"""After this time without a sign of life zenoh gives up a link; it must outlast a long reception."""
+
+KNOWN = ("Clock", "RServer", "PServer", "DServer")
+"""The servers that a robot has; others are found by their sockets and by gossip."""
+
+BLOCKED_US = 1_000_000
+"""After so long without room for a message that must not be dropped, its link is given up instead: its
+receiver is frozen, and who sends must not be for much longer."""
+
+LOGIN_MS = 3000
+"""For how long a gateway may take to let somebody in."""
+
+RETRY = {"period_init_ms": 20, "period_max_ms": 200, "period_increase_factor": 2}
+"""How often a socket is tried that is not there: one that comes back is found within the longest period."""
+
+Settings = Mapping[str, object]
+
+
+def configuration(settings: Settings) -> zenoh.Config:
+    """The settings as zenoh takes them."""
+    made = zenoh.Config()
+    for key, value in settings.items():
+        made.insert_json5(key, json.dumps(value))
+    return made
+
+
+def settings(place: Place, *, listens: tuple[str, ...] = ()) -> Settings:
+    """Those of a process that serves under the names `listens` on this machine, or that only connects.
+
+    Raises:
+        ValueError: it would serve a robot of another machine: only the robot's own machine has its sockets.
+    """
+    match place:
+        case Local(directory=directory):
+            names = {*KNOWN, *directory.servers()}
+            if listens:
+                names.add("Gateway")  # who only connects has nothing to say to other machines
+            else:
+                names.discard("Gateway")
+            return _common("peer") | _local(directory, listens, names)
+        case Remote(endpoint=endpoint, credentials=credentials):
+            if listens:
+                raise ValueError(f"{listens[0]} cannot serve {place.robot} from another machine")
+            return (
+                _common("client")
+                | {"listen/endpoints": [], "connect/endpoints": [endpoint], "connect/timeout_ms": LOGIN_MS}
+                | _tls_client(credentials)
+            )
+
+
+def gateway_settings(directory: RobotDirectory, name: str, listen: str, security: Security) -> Settings:
+    """Those of a gateway that listens at `listen`, but for its access control."""
+    local = _local(directory, (name,), {*KNOWN, *directory.servers()})
+    return _common("router") | {
+        **local,
+        "listen/endpoints": [directory.endpoint(name), listen],
+        "transport/link/tls/root_ca_certificate": str(security.authority),
+        "transport/link/tls/listen_certificate": str(security.certificate),
+        "transport/link/tls/listen_private_key": str(security.key),
+        "transport/link/tls/enable_mtls": True,
+        "transport/link/tls/close_link_on_expiration": True,
+    }
+
+
+def _local(directory: RobotDirectory, listens: tuple[str, ...], names: set[str]) -> dict[str, object]:
+    """Listen as `listens`, and connect to all of `names`, present or not."""
+    return {
+        "listen/endpoints": [directory.endpoint(name) for name in listens],
+        "connect/endpoints": [directory.endpoint(name) for name in sorted(names.difference(listens))],
+        "connect/timeout_ms": -1,
+        "connect/exit_on_failure": False,
+    }
+
+
+def _common(mode: str) -> dict[str, object]:
+    return {
+        "mode": mode,
+        "scouting/multicast/enabled": False,
+        "scouting/delay": 0,
+        "scouting/gossip/enabled": True,
+        "transport/shared_memory/enabled": False,
+        "transport/link/tx/lease": LEASE_MS,
+        "transport/link/tx/queue/congestion_control/block/wait_before_close": BLOCKED_US,
+        "transport/link/rx/max_message_size": 2 * LARGEST,
+        "connect/retry": RETRY,
+        "open/return_conditions/connect_scouted": False,
+    }
+
+
+def _tls_client(credentials: Credentials) -> dict[str, object]:
+    return {
+        "transport/link/tls/root_ca_certificate": str(credentials.authority),
+        "transport/link/tls/connect_certificate": str(credentials.certificate),
+        "transport/link/tls/connect_private_key": str(credentials.key),
+        "transport/link/tls/enable_mtls": True,
+        "transport/link/tls/verify_name_on_connect": True,
+    }

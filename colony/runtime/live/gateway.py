@@ -1,0 +1,85 @@
+"""The way to a robot from other machines: a process that joins the robot's sockets and listens with TLS.
+
+It routes; it is also asked, by who comes, what they may do. What they may not never gets past it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from contextlib import ExitStack
+
+import msgspec
+
+from colony.runtime.calls import Asked, CallDesk, Nothing, method
+from colony.runtime.library.ask import Ask
+from colony.runtime.live import configuration
+from colony.runtime.live.access import access_control
+from colony.runtime.live.endpoint import parse_endpoint
+from colony.runtime.live.host import Host
+from colony.runtime.live.network import Network, local_time
+from colony.runtime.live.outbox import Report
+from colony.runtime.live.place import Local
+from colony.runtime.live.security import PERMISSIONS, Permission, Security
+from colony.runtime.messages import Effect, Message
+
+GATEWAY = "Gateway"
+
+
+class Admitted(msgspec.Struct, frozen=True, kw_only=True):
+    """What a gateway says to `whoami`: who one is to it, and what one may."""
+
+    user: str
+    may: tuple[Permission, ...]
+
+
+def whoami() -> Ask[Admitted]:
+    """Who am I, and what may I?"""
+    return Ask("whoami", Nothing(), Admitted, "read", repeatable=True)
+
+
+class GatewayNode:
+    """Answers `whoami`. Users whom the table does not know are those of this machine, who may everything."""
+
+    address = GATEWAY
+
+    def __init__(self, security: Security) -> None:
+        self._users = security.users
+        self._desk = CallDesk(GATEWAY, (method("whoami", Nothing, self._whoami, right="read"),))
+        self.listens = self._desk.listens
+
+    def start(self, now_ns: int) -> Iterable[Effect]:
+        return ()
+
+    def handle(self, message: Message, now_ns: int) -> Iterable[Effect]:
+        return self._desk.handle(message, now_ns)
+
+    def close(self) -> None:
+        """It holds nothing."""
+
+    def _whoami(self, asked: Asked, arguments: Nothing, now_ns: int) -> Admitted:
+        user = asked.caller.user
+        return Admitted(user=user, may=self._users.get(user, PERMISSIONS))
+
+
+def open_gateway(
+    place: Local, listen: str, security: Security, *, report: Report = lambda problem: None
+) -> Host:
+    """A gateway to a robot of this machine, listening at `listen` (`tls/HOST:PORT`); it works from when it is
+    opened, and answers from when its `run` is called.
+
+    Raises:
+        SecurityError: `listen` is no address for TLS.
+        AlreadyRunning: there is a gateway to this robot.
+        RunDirectoryError: the robot's folder cannot be used.
+        NotReached: it cannot listen there.
+    """
+    parse_endpoint(listen)
+    settings = {
+        **configuration.gateway_settings(place.directory, GATEWAY, listen, security),
+        "access_control": access_control(place.robot, security),
+    }
+    with ExitStack() as holds:
+        network = holds.enter_context(Network.open(place, listens=(GATEWAY,), settings=settings))
+        host = Host(network, [GatewayNode(security)], time=local_time(place), report=report)
+        host.and_close(holds.pop_all())
+        return host

@@ -1,0 +1,276 @@
+"""A process of the runtime over zenoh: it runs one or several nodes, the very same that run in virtual time.
+
+    with Host.open(place, [RServer(driver)], serves=True) as host:
+        signal.signal(signal.SIGTERM, lambda *_: host.stop())
+        host.run()
+
+The threads of the network only put bytes into the inbox. One thread, that of `run`, does all else: it takes
+messages in their order (see `waiting.py`), reads them, gives them to the nodes, lets these settle, and sends
+what they want sent.
+"""
+
+from __future__ import annotations
+
+import heapq
+from collections.abc import Callable, Iterable, Sequence
+from contextlib import ExitStack
+from types import TracebackType
+
+import zenoh
+
+from colony.runtime import codec, topics
+from colony.runtime.codec import LARGEST, NotAMessage
+from colony.runtime.live import keys
+from colony.runtime.live.inbox import Inbox
+from colony.runtime.live.network import Network, local_time
+from colony.runtime.live.outbox import Outbox, Report
+from colony.runtime.live.place import Local, Place
+from colony.runtime.live.robot_time import learned_time
+from colony.runtime.live.waiting import Waiting, WaitingRoom
+from colony.runtime.messages import Effect, Malformed, Message, Node, Problem, Reply, Send, Settling, Wake
+
+BATCH = 64
+"""How many messages are handled, at most, before nodes settle and their effects leave."""
+
+
+class Host:
+    """Mutable: what waits, who is to be woken when, and whether it is to stop."""
+
+    def __init__(
+        self,
+        network: Network,
+        nodes: Sequence[Node],
+        *,
+        time: Callable[[], int],
+        report: Report = lambda problem: None,
+    ) -> None:
+        """For a network that is open already and stays so; `Host.open` opens one of its own.
+
+        Args:
+            nodes: all have different addresses.
+            time: the robot's, in nanoseconds.
+            report: told of what went wrong and is survived, from the thread of `run`.
+        """
+        self._nodes = tuple(nodes)
+        self._network = network
+        self._time = time
+        self._report = report
+        self._inbox = Inbox(WaitingRoom())
+        self._outbox = Outbox(network.session, network.robot, report)
+        self._listeners: dict[str, list[Node]] = {}
+        for node in nodes:
+            for topic in dict.fromkeys(node.listens):
+                self._listeners.setdefault(topic, []).append(node)
+        self._settling = tuple(node for node in nodes if isinstance(node, Settling))
+        self._wakes: list[tuple[int, int, Node]] = []
+        self._count = 0
+        self._stopping = False
+        self._holds = ExitStack()
+
+    @classmethod
+    def open(
+        cls,
+        place: Place,
+        nodes: Sequence[Node],
+        *,
+        serves: bool = False,
+        time: Callable[[], int] | None = None,
+        report: Report = lambda problem: None,
+    ) -> Host:
+        """Join the robot's processes with these nodes; they begin in `run`.
+
+        With `serves` it is the one process of this machine that has nodes of these addresses, and is found
+        under the socket of the first. `time` is the robot's, unless another is given.
+
+        Raises:
+            AlreadyRunning: one of the nodes runs already.
+            RunDirectoryError: the robot's folder cannot be used.
+            NotReached: the gateway cannot be reached, or refuses, or no Clock ticks behind it.
+        """
+        listens = tuple(node.address for node in nodes) if serves else ()
+        with ExitStack() as holds:
+            network = holds.enter_context(Network.open(place, listens=listens))
+            if time is None:
+                time = local_time(place) if isinstance(place, Local) else learned_time(network)
+            host = cls(network, nodes, time=time, report=report)
+            host.and_close(holds.pop_all())
+            return host
+
+    @property
+    def network(self) -> Network:
+        """What the process is part of, for connections besides its nodes."""
+        return self._network
+
+    def run(self) -> None:
+        """Run the nodes until `stop`, or until one fails; in the end all are closed, whatever happens."""
+        try:
+            with ExitStack() as declared:
+                self._listen(declared)
+                self._begin()
+                self._announce(declared)
+                while not self._stopping:
+                    self._turn()
+        finally:
+            _close_all(self._nodes)
+
+    def stop(self) -> None:
+        """End `run` soon; from any thread, or from a signal handler."""
+        self._stopping = True
+        self._inbox.rouse()
+
+    def and_close(self, holds: ExitStack) -> None:
+        """Close these too, when the host is closed."""
+        self._holds.push(holds)
+
+    def close(self) -> None:
+        """Leave the network; again is nothing."""
+        self._holds.close()
+
+    def __enter__(self) -> Host:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self.close()
+
+    # --- the thread of `run` -------------------------------------------------------------------------
+
+    def _begin(self) -> None:
+        effects: list[_Due] = []
+        for node in self._nodes:
+            effects.extend((node, effect) for effect in node.start(self._time()))
+        for settling in self._settling:
+            settling.settle()
+        self._carry_out(effects)
+
+    def _turn(self) -> None:
+        """Handle what is due and what waits; sleep where there is nothing."""
+        effects: list[_Due] = []
+        handled = self._wake(effects)
+        for _ in range(BATCH if self._settling else 1):
+            waiting = self._inbox.pop()
+            if waiting is None:
+                break
+            handled = True
+            self._deliver(waiting.topic, _read(waiting), effects)
+        if handled:
+            for settling in self._settling:
+                settling.settle()
+            self._carry_out(effects)
+        else:
+            self._inbox.sleep(self._until_wake_s())
+        if self._inbox.gave_up:
+            self._refuse_given_up()
+
+    def _wake(self, effects: list[_Due]) -> bool:
+        """Wake who is due; whether somebody was."""
+        now, woken = self._time(), False
+        while self._wakes and self._wakes[0][0] <= now:
+            node = heapq.heappop(self._wakes)[2]
+            effects.extend((node, effect) for effect in node.handle(Wake(), now))
+            woken = True
+        return woken
+
+    def _until_wake_s(self) -> float | None:
+        return max(0.0, (self._wakes[0][0] - self._time()) / 1e9) if self._wakes else None
+
+    def _deliver(self, topic: str, message: Message, effects: list[_Due]) -> None:
+        now = self._time()
+        for node in self._listeners[topic]:
+            effects.extend((node, effect) for effect in node.handle(message, now))
+
+    def _carry_out(self, effects: list[_Due]) -> None:
+        now = self._time()
+        for node, effect in effects:
+            if isinstance(effect, Send):
+                self._outbox.send(effect.topic, effect.message, now)
+            else:
+                self._count += 1
+                heapq.heappush(self._wakes, (effect.t_ns, self._count, node))
+
+    def _refuse_given_up(self) -> None:
+        for topic, connection, number in self._inbox.given_up():
+            server = topic.partition("/")[0]
+            text = f"{server}: too many calls of {connection} wait; this one was given up"
+            reply = Reply(connection=connection, number=number, problem=Problem(code="flood", message=text))
+            self._outbox.send(topics.replies(server, connection), reply, self._time())
+
+    # --- the threads of the network ------------------------------------------------------------------
+
+    def _listen(self, declared: ExitStack) -> None:
+        session, robot = self._network.session, self._network.robot
+        for topic in self._listeners:
+            taken = self._takes_call(topic) if keys.takes_calls(topic) else self._takes_frame(topic)
+            handler = zenoh.handlers.Callback(taken, indirect=False)
+            subscriber = session.declare_subscriber(keys.listening(robot, topic), handler)
+            declared.callback(subscriber.undeclare)
+
+    def _announce(self, declared: ExitStack) -> None:
+        """Tell that the nodes are there, once they can hear."""
+        for node in self._nodes:
+            key = keys.alive(self._network.robot, node.address)
+            declared.callback(self._network.session.liveliness().declare_token(key).undeclare)
+
+    def _takes_frame(self, topic: str) -> Callable[[zenoh.Sample], None]:
+        frame = self._inbox.frame
+
+        def take(sample: zenoh.Sample) -> None:
+            payload = sample.payload
+            if len(payload) > LARGEST:
+                frame(topic, _too_large(topic, None, len(payload)))
+            else:
+                frame(topic, payload.to_bytes())
+
+        return take
+
+    def _takes_call(self, topic: str) -> Callable[[zenoh.Sample], None]:
+        call = self._inbox.call
+
+        def take(sample: zenoh.Sample) -> None:
+            payload = sample.payload
+            key = keys.call_key(str(sample.key_expr))
+            size = len(payload)
+            if key is None:
+                return  # on a key of nobody there is nobody to be told
+            if size > LARGEST:
+                call(topic, key.connection, _too_large(topic, key.connection, size), 0)
+                return
+            try:
+                message = keys.check_call(codec.decode(payload.to_bytes()), key)
+            except NotAMessage as problem:
+                malformed = Malformed(topic=topic, connection=key.connection, reason=str(problem))
+                call(topic, key.connection, malformed, 0)
+            else:
+                call(topic, key.connection, message, size)
+
+        return take
+
+
+_Due = tuple[Node, Effect]
+"""An effect, and whose it is."""
+
+
+def _read(waiting: Waiting) -> Message:
+    if not isinstance(waiting.message, bytes):
+        return waiting.message
+    try:
+        return keys.check_frame(codec.decode(waiting.message), waiting.topic)
+    except NotAMessage as problem:
+        return Malformed(topic=waiting.topic, connection=None, reason=str(problem))
+
+
+def _too_large(topic: str, connection: str | None, size: int) -> Malformed:
+    return Malformed(topic=topic, connection=connection, reason=f"{size} bytes; expected at most {LARGEST}")
+
+
+def _close_all(nodes: Iterable[Node]) -> None:
+    """Close each node even where closing another fails; the first failure is raised in the end."""
+    failures: list[BaseException] = []
+    for node in nodes:
+        try:
+            node.close()
+        except BaseException as failure:
+            failures.append(failure)
+    if failures:
+        raise failures[0]

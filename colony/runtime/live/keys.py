@@ -1,0 +1,136 @@
+"""Topics as keys of zenoh, and what a key says of the message on it.
+
+    Clock/ticks                    colony/rome/Clock/ticks
+    RServer/reply/ada/7            colony/rome/RServer/reply/ada/7
+    RServer/call                   colony/rome/RServer/call/<right>/ada/7
+
+The right and the connection of a call stand in its key, because keys are what access control can tie to
+users; what the message itself says of them must be the same. For the same reason each topic takes only its
+own kinds of messages: who may ask for frames again must not be able to put a call there.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple, get_args
+
+from colony.runtime.codec import NotAMessage
+from colony.runtime.messages import (
+    Alive,
+    Announcement,
+    Call,
+    Checkpoint,
+    Fetch,
+    Notice,
+    Ready,
+    Recall,
+    Reply,
+    Request,
+    Restart,
+    Right,
+    Sent,
+    ServerFrame,
+    Tick,
+    Verdict,
+)
+
+RIGHTS: tuple[Right, ...] = get_args(Right)
+_CALL = "/call"
+
+_KINDS: dict[str, tuple[type, ...]] = {
+    "ticks": (Tick,),
+    "frames": (ServerFrame, Tick),
+    "answers": (ServerFrame,),
+    "activity": (ServerFrame,),
+    "fetches": (Fetch,),
+    "requests": (Request,),
+    "announcements": (Announcement,),
+    "checkpoints": (Checkpoint, Recall),
+    "recalled": (Checkpoint,),
+    "ready": (Ready,),
+    "restarts": (Restart,),
+    "verdicts": (Verdict,),
+    "reply": (Reply, Notice),
+}
+"""What comes on topics, by what stands second in them (or alone)."""
+
+
+class CallKey(NamedTuple):
+    """What the key of a call says."""
+
+    right: Right
+    connection: str
+
+
+def prefix(robot: str) -> str:
+    """What the keys of a robot begin with."""
+    return f"colony/{robot}/"
+
+
+def takes_calls(topic: str) -> bool:
+    """Whether a topic is one of calls."""
+    return topic.endswith(_CALL)
+
+
+def listening(robot: str, topic: str) -> str:
+    """The key expression on which a topic is listened to."""
+    return f"colony/{robot}/{topic}" + ("/*/*/*" if takes_calls(topic) else "")
+
+
+def sending(robot: str, topic: str, message: Sent, *, least: Right = "read") -> str:
+    """The key on which a message goes to a topic. A sign of life goes under any right that its sender has."""
+    match message:
+        case Call(right=right, connection=connection):
+            return f"colony/{robot}/{topic}/{right}/{connection}"
+        case Alive(connection=connection):
+            return f"colony/{robot}/{topic}/{least}/{connection}"
+        case _:
+            return f"colony/{robot}/{topic}"
+
+
+def alive(robot: str, address: str) -> str:
+    """The key of the token that a node is there."""
+    return f"colony/{robot}/alive/{address}"
+
+
+def call_key(key: str) -> CallKey | None:
+    """What the key of a call says; None where it is none."""
+    parts = key.rsplit("/", 3)
+    if len(parts) != 4:
+        return None
+    for right in RIGHTS:
+        if parts[1] == right:
+            return CallKey(right, f"{parts[2]}/{parts[3]}")
+    return None
+
+
+def check_call(message: Sent, key: CallKey) -> Call | Alive:
+    """The message, where it may come on this key.
+
+    Raises:
+        NotAMessage: it is no call, another's, or claims another right.
+    """
+    match message:
+        case Call(right=right, connection=connection):
+            if right != key.right:
+                raise NotAMessage(f"it claims the right to {right}, but came under that to {key.right}")
+        case Alive(connection=connection):
+            pass
+        case _:
+            raise NotAMessage(f"found {type(message).__name__}; expected Call or Alive")
+    if connection != key.connection:
+        raise NotAMessage(f"it claims to be of {connection}, but is of {key.connection}")
+    return message
+
+
+def check_frame(message: Sent, topic: str) -> Sent:
+    """The message, where it may come on this topic, which is none of calls.
+
+    Raises:
+        NotAMessage: it belongs elsewhere.
+    """
+    parts = topic.split("/", 2)
+    kinds = _KINDS.get(parts[min(1, len(parts) - 1)])
+    if isinstance(message, (Call, Alive)) or (kinds is not None and not isinstance(message, kinds)):
+        expected = "no call" if kinds is None else " or ".join(kind.__name__ for kind in kinds)
+        raise NotAMessage(f"found {type(message).__name__}; expected {expected}")
+    return message

@@ -1,0 +1,80 @@
+"""A process of a robot: `python -m colony.runtime.processes.child SPEC`.
+
+It runs until it is told to end by a signal, or its parent is gone, and then closes what it holds: a server
+of a base stops it. What is wrong with it is said on standard error, and told by the exit code. Servers of
+hardware have an entry of their own beside their drivers, which gives these to `main`.
+"""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Callable
+from contextlib import ExitStack
+from pathlib import Path
+
+from colony.diagnostics import Failure
+from colony.runtime.live.errors import LiveError
+from colony.runtime.live.host import Host
+from colony.runtime.live.place import Local, Place
+from colony.runtime.processes.compiled import NotOurs
+from colony.runtime.processes.devices import Devices
+from colony.runtime.processes.ending import Ending, give_up, on_death_of_parent, on_signals, say
+from colony.runtime.processes.parts import nodes_of, serves
+from colony.runtime.processes.spec import GatewayPart, Part, Spec, place_of, read_spec
+from colony.runtime.store import StoreError
+
+
+class CannotBegin(Exception):
+    """What a process needs to begin is not there, or is no good; the message tells what and why."""
+
+
+def run(
+    spec: Spec,
+    ending: Ending,
+    *,
+    devices: Devices | None = None,
+    ready: Callable[[], None] = lambda: None,
+) -> None:
+    """Be what the spec says until it is time to end; `ready` is told when it has joined the others.
+
+    Raises:
+        LiveError: it cannot join the robot's processes; another process serves its name, for one.
+        CannotBegin: what it needs is not there, or is no good.
+        Exception: whatever a node raised.
+    """
+    place = place_of(spec.place)
+    with ExitStack() as holds:
+        host = holds.enter_context(_host(spec.part, place, devices, holds))
+        ending.then(host.stop)
+        ready()
+        host.run()
+
+
+def _host(part: Part, place: Place, devices: Devices | None, holds: ExitStack) -> Host:
+    if isinstance(part, GatewayPart):
+        from colony.runtime.live.gateway import open_gateway
+        from colony.runtime.live.security import read_security
+
+        if not isinstance(place, Local):
+            raise ValueError("a gateway runs on the robot's own machine")
+        return open_gateway(place, part.listen, read_security(Path(part.security)), report=say)
+    try:
+        nodes = nodes_of(part, place, devices, holds)
+    except (Failure, StoreError, NotOurs, OSError) as problem:
+        raise CannotBegin(str(problem)) from None
+    return Host.open(place, nodes, serves=serves(part), report=say)
+
+
+def main(devices: Devices | None = None) -> None:
+    """The entry of a process that a supervisor starts."""
+    ending = Ending()
+    with on_signals(ending):
+        on_death_of_parent(ending)
+        try:
+            run(read_spec(Path(sys.argv[1])), ending, devices=devices)
+        except (LiveError, CannotBegin) as problem:
+            give_up(str(problem))
+
+
+if __name__ == "__main__":
+    main()

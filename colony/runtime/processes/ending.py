@@ -1,0 +1,117 @@
+"""When a process of a robot has to end: it was told to by a signal, or its parent is gone.
+
+The parent holds the other end of the standard input. However the parent ends, also by SIGKILL, the kernel
+closes that, and reading gives its end: so nothing is left behind of a run that was killed.
+"""
+
+from __future__ import annotations
+
+import os
+import signal
+import sys
+import threading
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from typing import NoReturn
+
+SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
+
+PATIENCE_S = 1.5
+"""For how long a process may close what it holds before it is ended the hard way."""
+
+EXIT_FINAL = 2
+"""Exit code of a process that was started wrongly: starting it again would not help."""
+
+EXIT_HARD = 70
+"""Exit code of a process that did not close in time."""
+
+
+class Ending:
+    """Tells when to end. Mutable: why, and what is to be done then.
+
+    `note` may be called from any thread, and again; only the first reason counts. From then on the process
+    has `patience_s` to close what it holds, and ends in any case.
+    """
+
+    def __init__(self, *, patience_s: float | None = PATIENCE_S) -> None:
+        self._event = threading.Event()
+        self._patience_s = patience_s
+        self._then: Callable[[], None] = lambda: None
+        self.why: str | None = None
+
+    def note(self, why: str) -> None:
+        """It is time to end."""
+        if self.why is not None:
+            return
+        self.why = why
+        if self._patience_s is not None:
+            timer = threading.Timer(self._patience_s, os._exit, (EXIT_HARD,))
+            timer.daemon = True
+            timer.start()
+        self._event.set()
+        self._then()
+
+    def then(self, stop: Callable[[], None]) -> None:
+        """Call `stop` when it is time, at once if it is already."""
+        self._then = stop
+        if self.why is not None:
+            stop()
+
+    def wait(self, timeout_s: float | None = None) -> bool:
+        """Whether the time has come, after waiting for it for so long at most."""
+        return self._event.wait(timeout_s)
+
+    def __bool__(self) -> bool:
+        return self.why is not None
+
+
+@contextmanager
+def on_signals(ending: Ending) -> Iterator[None]:
+    """While it lasts, end on SIGINT, SIGTERM and SIGHUP; to be used in the main thread.
+
+    A thread of its own is told of them, through a pipe: a handler in Python would wait for the main thread,
+    and could break in where that holds a lock which it needs.
+    """
+    reading, writing = os.pipe()
+    os.set_blocking(writing, False)
+
+    def watch() -> None:
+        while number := os.read(reading, 1):
+            ending.note(signal.Signals(number[0]).name)
+        os.close(reading)
+
+    threading.Thread(target=watch, name="signals", daemon=True).start()
+    before_fd = signal.set_wakeup_fd(writing, warn_on_full_buffer=False)
+    before = {number: signal.signal(number, lambda *_: None) for number in SIGNALS}
+    try:
+        yield
+    finally:
+        for number, handler in before.items():
+            signal.signal(number, handler)
+        signal.set_wakeup_fd(before_fd)
+        os.close(writing)
+
+
+def on_death_of_parent(ending: Ending) -> None:
+    """End when the standard input does."""
+
+    def watch() -> None:
+        try:
+            while os.read(sys.stdin.fileno(), 4096):
+                pass
+        except (OSError, ValueError):
+            pass
+        ending.note("the process that started it is gone")
+
+    threading.Thread(target=watch, name="parent", daemon=True).start()
+
+
+def say(text: str) -> None:
+    """A line for whoever started the process; it goes into its log."""
+    print(text, file=sys.stderr, flush=True)
+
+
+def give_up(text: str) -> NoReturn:
+    """The process was started wrongly: say why, and end."""
+    say(text)
+    sys.exit(EXIT_FINAL)

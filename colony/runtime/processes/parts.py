@@ -1,0 +1,121 @@
+"""From what a spec says to the nodes of a process. Each kind imports only what it needs: processes start
+soon."""
+
+from __future__ import annotations
+
+import sys
+from contextlib import ExitStack
+from pathlib import Path
+from typing import TYPE_CHECKING, assert_never
+
+from colony.runtime.live.place import Local, Place
+from colony.runtime.messages import Node
+from colony.runtime.processes.devices import Devices
+from colony.runtime.processes.spec import (
+    AnnouncerPart,
+    ClientPart,
+    ClockPart,
+    CServerPart,
+    DServerPart,
+    NodePart,
+    PServerPart,
+    RServerPart,
+)
+
+if TYPE_CHECKING:
+    from colony.runtime.processes.compiled import Compiled
+
+KEPT = 2000
+"""How many frames servers keep for who missed one: two seconds, also of frames of a millisecond."""
+
+
+def serves(part: NodePart) -> bool:
+    """Whether others look for it by its name."""
+    return not isinstance(part, (ClientPart, AnnouncerPart))
+
+
+def nodes_of(part: NodePart, place: Place, devices: Devices | None, holds: ExitStack) -> tuple[Node, ...]:
+    """The nodes that a part consists of; what they hold besides is closed with `holds`.
+
+    Raises:
+        Failure: a module in Python cannot be imported or built.
+        StoreError: what DServer kept cannot be read.
+        NotOurs, OSError: the compiled program cannot be read.
+        ValueError: the part needs hardware, or has to be on the robot's own machine, and this is not so.
+    """
+    match part:
+        case ClockPart(servers=servers):
+            return _clock(servers)
+        case RServerPart() | PServerPart() | CServerPart():
+            return (_driving(part, place, devices, holds),)
+        case DServerPart():
+            return (_dserver(part, place),)
+        case ClientPart():
+            return (_client(part),)
+        case AnnouncerPart():
+            return (_announcer(part),)
+        case _:
+            assert_never(part)
+
+
+def _clock(servers: tuple[str, ...]) -> tuple[Node, ...]:
+    from colony.runtime.clock import Clock
+    from colony.runtime.servers.runtime_server import RuntimeServer
+
+    runtime = RuntimeServer(keep=KEPT)
+    return Clock(servers=servers, keep=KEPT, told=runtime.use), runtime
+
+
+def _driving(
+    part: RServerPart | PServerPart | CServerPart, place: Place, devices: Devices | None, holds: ExitStack
+) -> Node:
+    if devices is None or not isinstance(place, Local):
+        raise ValueError("a server of hardware runs where the hardware is")
+    robot, base_ns, device = place.robot, place.directory.base_ns(), part.device
+    match part:
+        case RServerPart():
+            from colony.runtime.servers.rserver import RServer
+
+            driver = devices.base(device, robot, base_ns, holds)
+            return RServer(driver, state_path=Path(part.stop), keep=KEPT)
+        case PServerPart():
+            from colony.runtime.servers.pserver import PServer
+
+            return PServer(devices.proximity(device, robot, base_ns, holds), keep=KEPT)
+        case CServerPart(server=server, camera=camera):
+            from colony.runtime.servers.cserver import CServer
+
+            eye = devices.camera(device, robot, camera, base_ns, holds)
+            return CServer(eye, address=server, keep=KEPT)
+
+
+def _dserver(part: DServerPart, place: Place) -> Node:
+    from colony.runtime.servers.dserver import DServer
+    from colony.runtime.sqlite_store import SqliteStore
+
+    if not isinstance(place, Local):
+        raise ValueError("DServer runs on the robot's own machine")
+    store = SqliteStore(Path(part.store), fsync=part.fsync)
+    return DServer(part.held, keep=KEPT, store=store, epoch=str(place.directory.base_ns()))
+
+
+def _client(part: ClientPart) -> Node:
+    from colony.runtime.team import build_client
+
+    compiled = _compiled(part)
+    program, clients, bindings = compiled.program, compiled.clients, compiled.bindings()
+    return build_client(program, clients, bindings, part.actuator, part.module, part.run)
+
+
+def _announcer(part: AnnouncerPart) -> Node:
+    from colony.runtime.team import build_announcer
+
+    compiled = _compiled(part)
+    return build_announcer(compiled.program, compiled.bindings(), part.module, part.run)
+
+
+def _compiled(part: ClientPart | AnnouncerPart) -> Compiled:
+    from colony.runtime.processes.compiled import read_compiled
+
+    sys.path += part.search
+    return read_compiled(Path(part.program))

@@ -1,0 +1,85 @@
+"""What a recording holds, whatever its format: the run that it is of, and its frames."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from typing import Literal, Protocol
+
+from colony.compile.clients import ClientList
+from colony.ir.frame import Frame
+from colony.ir.program import Program
+from colony.runtime.messages import Tick, Verdict
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class SourceFile:
+    """A file that the program was made of, by its place: a relative path with `/` between its parts.
+
+    Files of behaviors import each other by these places; modules in Python are found by them.
+    """
+
+    kind: Literal["behavior", "python"]
+    place: str
+    data: bytes
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class RunInfo:
+    """What run it was. `clients` are actuator, module and priority, highest place first.
+
+    `program` is the place of the behavior that was run among `sources`, "" where these are not known;
+    `run` names the run on a real robot; `started` is when that was, for people.
+    """
+
+    robot: str
+    frame_ns: int
+    seed: int
+    version: str
+    clients: tuple[tuple[str, str, int], ...]
+    program: str = ""
+    sources: tuple[SourceFile, ...] = ()
+    run: str = ""
+    started: str = ""
+
+
+def places(clients: ClientList) -> tuple[tuple[str, str, int], ...]:
+    """The clients of a compiled program, as `RunInfo` has them."""
+    return tuple((a.actuator, c.module, c.priority) for a in clients.actuators for c in a.clients)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class RecordedFrame:
+    """One frame as it was recorded (see `FrameLog`); `breaches` is None where the format leaves them out.
+
+    A verdict is absent where none was heard. What the format leaves out of ticks and verdicts is as if
+    nothing had been there; of `fates`, JSON lines have only those that are worth telling.
+    """
+
+    tick: Tick
+    frame: Frame
+    verdicts: Mapping[str, Verdict]
+    restart: bool = False
+    skipped: int = 0
+    astray: bool = False
+    breaches: tuple[str, ...] | None = None
+
+
+class RecordingReader(Protocol):
+    """A recording that was opened. `run` is None where the format does not tell."""
+
+    @property
+    def run(self) -> RunInfo | None: ...
+
+    @property
+    def cut(self) -> str | None:
+        """Once all frames were read: how the recording breaks off or is damaged; None where it is whole."""
+        ...
+
+    def frames(self, program: Program) -> Iterator[RecordedFrame]:
+        """Its frames, once, in their order, as frames of `program`.
+
+        Raises:
+            Failure: what is recorded is none of that program's, or malformed.
+        """
+        ...

@@ -1,0 +1,240 @@
+"""Recordings as MCAP read back: what `recording_mcap.py` wrote, also where other tools rewrote the file."""
+
+from __future__ import annotations
+
+import json
+import struct
+from collections.abc import Iterator, Mapping
+from itertools import chain
+from pathlib import PurePosixPath
+from typing import Any, BinaryIO, Literal, NoReturn
+
+import msgspec
+from mcap.exceptions import EndOfFile, InvalidMagic
+from mcap.records import Attachment, Channel, McapRecord, Message, Metadata
+from mcap.stream_reader import StreamReader
+
+from colony.diagnostics import Failure, error
+from colony.ir.frame import Frame
+from colony.ir.program import Actuator, Program
+from colony.runtime.messages import Tick, Verdict
+from colony.runtime.recorded import RecordedFrame, RunInfo, SourceFile
+from colony.runtime.recording_mcap import CLIENTS, FORMAT, METADATA, ContractsMessage, VerdictMessage
+from colony.runtime.recording_reader import BREAKS_OFF, command
+from colony.runtime.recording_schemas import CONTRACTS, FRAMES, VERDICTS
+from colony.source import Source, Span
+
+LARGEST_RECORD = 256 * 1024 * 1024
+"""Bytes of the largest record that is read: more is damage."""
+
+
+class FrameMessage(msgspec.Struct, frozen=True, kw_only=True):
+    """A message of `/frames`. `sensors` stay text: for infinity they have a number beyond all doubles."""
+
+    k: int
+    t_ns: int
+    sensors: msgspec.Raw
+    start: int = 0
+    restart: bool = False
+    skipped: int | None = None
+    down: tuple[str, ...] = ()
+    lost: tuple[str, ...] = ()
+
+
+class _RunText(msgspec.Struct, frozen=True, kw_only=True):
+    """The metadata of the run; its numbers are texts there."""
+
+    format: str
+    version: str
+    robot: str
+    program: str
+    frame_ns: int
+    seed: int
+    run: str = ""
+    started: str = ""
+
+
+class McapReader:
+    """A recording as MCAP; what stands before its first frame is read at once. Mutable: how far it was read.
+
+    Raises:
+        Failure: A002, it is no recording of a run.
+    """
+
+    def __init__(self, file: BinaryIO, name: str) -> None:
+        self._name = name
+        self.cut: str | None = None
+        self._topics: dict[int, str] = {}
+        self._actuators: frozenset[str] = frozenset()
+        records = self._records(file)
+        self.run, first = self._header(records)
+        self._messages = chain(first, (r for r in records if isinstance(r, Message)))
+
+    def frames(self, program: Program) -> Iterator[RecordedFrame]:
+        """Its frames, as frames of `program`.
+
+        Raises:
+            Failure: A004, what is recorded is none of that program's, or malformed.
+        """
+        for actuator in program.robot.actuators:
+            if actuator.name not in self._actuators:
+                self._fail("A004", f"it is of a robot without the actuator `{actuator.name}` of this program")
+        frames = _Frames(self._topics, program)
+        for message in self._messages:
+            try:
+                frame = frames.take(message)
+            except (msgspec.DecodeError, ValueError) as problem:  # the former also where a type is wrong
+                self._fail(
+                    "A004", f"what is recorded at {message.log_time} ns is none of this program: {problem}"
+                )
+            if frame is not None:
+                yield frame
+
+    def _records(self, file: BinaryIO) -> Iterator[McapRecord]:
+        """Every record up to the end or the first damage, with the topics of channels noted."""
+        try:
+            reader = StreamReader(file, validate_crcs=True, record_size_limit=LARGEST_RECORD)
+            for record in reader.records:
+                if isinstance(record, Channel):
+                    self._topics[record.id] = record.topic
+                yield record
+        except OSError:
+            raise
+        except (EndOfFile, InvalidMagic, struct.error):
+            self.cut = BREAKS_OFF
+        except Exception as problem:  # damage shows as whatever the decoders run into
+            self.cut = f"it is damaged: {problem}"
+
+    def _header(self, records: Iterator[McapRecord]) -> tuple[RunInfo, tuple[Message, ...]]:
+        told: dict[str, Mapping[str, str]] = {}
+        sources: list[SourceFile] = []
+        first: tuple[Message, ...] = ()
+        for record in records:
+            if isinstance(record, Message):
+                first = (record,)
+                break
+            if isinstance(record, Metadata):
+                told[record.name] = record.metadata
+            elif isinstance(record, Attachment):
+                sources += _source(record)
+        return self._run(told, tuple(sources)), first
+
+    def _run(self, told: Mapping[str, Mapping[str, str]], sources: tuple[SourceFile, ...]) -> RunInfo:
+        if METADATA not in told:
+            self._fail(
+                "A002", f"this is MCAP, but no recording of a run{f': {self.cut}' if self.cut else ''}"
+            )
+        try:
+            run = msgspec.convert(told[METADATA], _RunText, strict=False)
+            clients = tuple(
+                (name.removeprefix(CLIENTS), module, int(priority))
+                for name, of in told.items()
+                if name.startswith(CLIENTS)
+                for module, priority in of.items()
+            )
+        except (msgspec.ValidationError, ValueError) as problem:
+            self._fail("A002", f"what it tells of its run is malformed: {problem}")
+        self._actuators = frozenset(name.removeprefix(CLIENTS) for name in told if name.startswith(CLIENTS))
+        if run.format != FORMAT:
+            self._fail("A002", f"its format is `{run.format}`; expected `{FORMAT}`")
+        return RunInfo(
+            robot=run.robot,
+            frame_ns=run.frame_ns,
+            seed=run.seed,
+            version=run.version,
+            clients=clients,
+            program=run.program,
+            sources=sources,
+            run=run.run,
+            started=run.started,
+        )
+
+    def _fail(self, code: Literal["A002", "A004"], message: str) -> NoReturn:
+        raise Failure([error(code, Span(Source(self._name, ""), 0, 0), message)]) from None
+
+
+def _source(attachment: Attachment) -> Iterator[SourceFile]:
+    """The source that an attachment is; nothing where it is something else, or its place leads elsewhere."""
+    kind, _, place = attachment.name.partition("/")
+    path = PurePosixPath(place)
+    if not path.parts or path.is_absolute() or ".." in path.parts or "\\" in place or "\0" in place:
+        return
+    match kind:
+        case "behavior" | "python":
+            yield SourceFile(kind=kind, place=str(path), data=attachment.data)
+        case _:
+            pass
+
+
+class _Frames:
+    """Puts the messages of a frame together. Mutable: those whose frame has not come yet.
+
+    The message of `/frames` is the last one of its frame; messages whose frame never comes are dropped.
+    """
+
+    def __init__(self, topics: Mapping[int, str], program: Program) -> None:
+        self._topics = topics
+        self._actuators = {VERDICTS + a.name: a for a in program.robot.actuators}
+        self._found: dict[str, VerdictMessage] = {}  # by topic
+        self._broken: tuple[str, ...] = ()
+        self._frame = msgspec.json.Decoder(FrameMessage).decode
+        self._verdict = msgspec.json.Decoder(VerdictMessage).decode
+        self._contracts = msgspec.json.Decoder(ContractsMessage).decode
+
+    def take(self, message: Message) -> RecordedFrame | None:
+        """A frame, when it is complete.
+
+        Raises:
+            msgspec.DecodeError, ValueError: the message is malformed.
+        """
+        topic = self._topics.get(message.channel_id, "")
+        if topic == FRAMES:
+            return self._complete(self._frame(message.data))
+        if topic == CONTRACTS:
+            self._broken = self._contracts(message.data).broken
+        elif topic in self._actuators:
+            self._found[topic] = self._verdict(message.data)
+        elif topic.startswith(VERDICTS):
+            raise ValueError(f"it has no actuator `{topic.removeprefix(VERDICTS)}`")
+        return None
+
+    def _complete(self, found: FrameMessage) -> RecordedFrame:
+        t_ns, broken = found.t_ns, self._broken
+        decided = [
+            _decided(self._actuators[topic], verdict, t_ns)
+            for topic, verdict in self._found.items()
+            if verdict.k == found.k
+        ]
+        self._found, self._broken = {}, ()
+        return RecordedFrame(
+            tick=Tick(k=found.k, t_ns=t_ns, start=found.start, down=found.down, lost=found.lost),
+            frame=Frame(t_ns, _readings(found.sensors)),
+            verdicts={verdict.actuator: verdict for verdict in decided},
+            restart=found.restart,
+            skipped=found.skipped or 0,
+            astray=found.skipped is not None,
+            breaches=broken,
+        )
+
+
+def _readings(sensors: msgspec.Raw) -> dict[str, Any]:
+    readings = json.loads(bytes(sensors))
+    if not isinstance(readings, dict):
+        raise ValueError("`sensors` is no object")
+    return readings
+
+
+def _decided(actuator: Actuator, found: VerdictMessage, t_ns: int) -> Verdict:
+    return Verdict(
+        k=found.k,
+        t_ns=t_ns,
+        actuator=actuator.name,
+        by=found.by,
+        values=None if found.values is None else command(actuator, found.values),
+        fates=tuple(found.fates.items()),
+        fault=found.fault,
+        violation=found.violation,
+        outside=found.outside,
+        hold=found.hold,
+        notes=found.notes,
+    )

@@ -1,0 +1,150 @@
+"""Recordings read back: JSON lines here, MCAP in `recording_mcap_reader.py`.
+
+A run may be killed while it writes: a recording that breaks off in the middle of a frame ends with the frame
+before it, and says so.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterator
+from typing import Any, BinaryIO
+
+import msgspec
+
+from colony.diagnostics import Failure
+from colony.ir.program import Actuator, Program
+from colony.runtime.messages import Fate, Hold, Tick, Verdict
+from colony.runtime.recorded import RecordedFrame
+from colony.runtime.replay import Row, located, read_rows
+
+MAGIC = b"\x89MCAP0\r\n"
+"""How a recording as MCAP begins."""
+
+BREAKS_OFF = "it breaks off in the middle of a frame"
+
+
+class LinesReader:
+    """A recording in JSON lines. Mutable: how far it was read.
+
+    `name` is what messages call it. It does not tell of which run it is.
+    """
+
+    run = None
+
+    def __init__(self, file: BinaryIO, name: str) -> None:
+        self._file = file
+        self._name = name
+        self.cut: str | None = None
+
+    def frames(self, program: Program) -> Iterator[RecordedFrame]:
+        """Its frames, as frames of `program`.
+
+        Raises:
+            Failure: at the first bad line. Codes: those of `read_frames`, and A004 for what it says of
+                actuators.
+        """
+        actuators, start = program.robot.actuators, None
+        for at, row in enumerate(read_rows(self._lines(), self._name, program)):
+            try:
+                told = msgspec.convert(row.values, _Row)
+                k = at if told.tick is None else told.tick
+                start = k if start is None or told.restart else start
+                tick = Tick(k=k, t_ns=row.frame.t_ns, start=start)
+                recorded = _recorded(tick, row, actuators, told)
+            except msgspec.ValidationError as problem:
+                message = f"what is recorded is no decision of this program: {problem}"
+                raise Failure([located("A004", self._name, row.number, row.text, 0, message)]) from None
+            yield recorded
+
+    def _lines(self) -> Iterator[bytes]:
+        for line in self._file:
+            if not line.endswith(b"\n") and not _is_json(line):
+                self.cut = BREAKS_OFF
+                return
+            yield line
+
+
+def _is_json(line: bytes) -> bool:
+    try:
+        json.loads(line)
+    except (ValueError, RecursionError):
+        return False
+    return True
+
+
+class _Row(
+    msgspec.Struct,
+    frozen=True,
+    kw_only=True,
+    rename={"tick": "@tick", "restart": "@restart", "skipped": "@skipped"},
+):
+    """What a line says of its frame."""
+
+    tick: int | None = None
+    restart: bool = False
+    skipped: int | None = None
+
+
+class _Decision(
+    msgspec.Struct,
+    frozen=True,
+    kw_only=True,
+    forbid_unknown_fields=True,
+    rename={"outside": "@outside", "held_by": "@held_by"},
+):
+    """What a line says of an actuator, besides the fields of the command."""
+
+    by: str | None = None
+    fault: str | None = None
+    fates: dict[str, Fate] = {}
+    outside: str | None = None
+    held_by: Hold | None = None
+
+
+def _recorded(tick: Tick, row: Row, actuators: tuple[Actuator, ...], told: _Row) -> RecordedFrame:
+    verdicts = {a.name: _verdict(tick, a, row.values[a.name]) for a in actuators if a.name in row.values}
+    lost = {f"{v.actuator}/{c}" for v in verdicts.values() for c, fate in v.fates if fate == "lost"}
+    return RecordedFrame(
+        tick=msgspec.structs.replace(tick, lost=tuple(sorted(lost))),
+        frame=row.frame,
+        verdicts=verdicts,
+        restart=told.restart,
+        skipped=told.skipped or 0,
+        astray=told.skipped is not None,
+    )
+
+
+def _verdict(tick: Tick, actuator: Actuator, found: Any) -> Verdict:
+    if found is None:
+        found = {}
+    if not isinstance(found, dict):
+        raise msgspec.ValidationError(f"`{actuator.name}` is no object")
+    names = [f.name for f in actuator.fields]
+    told = msgspec.convert({key: found[key] for key in found if key not in names}, _Decision)
+    values = {name: found[name] for name in names if name in found}
+    return Verdict(
+        k=tick.k,
+        t_ns=tick.t_ns,
+        actuator=actuator.name,
+        by=told.by,
+        values=command(actuator, msgspec.convert(values, dict[str, float | bool])) if values else None,
+        fates=tuple(told.fates.items()),
+        fault=told.fault,
+        violation="overruled" in told.fates.values(),
+        outside=told.outside,
+        hold=told.held_by,
+    )
+
+
+def command(actuator: Actuator, values: dict[str, float | bool]) -> tuple[float | bool, ...]:
+    """A recorded command in the order of the actuator's fields.
+
+    Raises:
+        msgspec.ValidationError: it does not have exactly these fields.
+    """
+    names = [f.name for f in actuator.fields]
+    if set(values) != set(names):
+        found, expected = ", ".join(values) or "none", ", ".join(names)
+        raise msgspec.ValidationError(f"`{actuator.name}` has the fields {found}; expected {expected}")
+    return tuple(values[name] for name in names)

@@ -1,0 +1,135 @@
+"""The channels of a recording as MCAP, and the JSON schemas of their messages.
+
+Tools that draw recordings (Foxglove, Lichtblick) want schemas of plain objects: every property has one type,
+and what is not there is absent, never null.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+from colony.ir.program import Actuator, ActuatorField, Program, Sensor
+from colony.ir.types import Array, Bool, Scalar
+
+FRAMES = "/frames"
+CONTRACTS = "/contracts"
+VERDICTS = "/verdicts/"
+REQUESTS = "/requests/"
+"""Topics; those that end in `/` are followed by the name of an actuator."""
+
+Schema = dict[str, object]
+
+
+class ChannelSchema(NamedTuple):
+    """A topic, and the name and schema of its messages."""
+
+    topic: str
+    name: str
+    schema: Schema
+
+
+def channel_schemas(program: Program, clients: dict[str, tuple[str, ...]]) -> tuple[ChannelSchema, ...]:
+    """Every channel of a recording; `clients` are the modules of each actuator, highest place first."""
+    out = [ChannelSchema(FRAMES, "colony.Frame", _frame(program))]
+    for actuator in program.robot.actuators:
+        modules = clients.get(actuator.name, ())
+        out += [
+            ChannelSchema(
+                VERDICTS + actuator.name, f"colony.Verdict.{actuator.name}", _verdict(actuator, modules)
+            ),
+            ChannelSchema(
+                REQUESTS + actuator.name, f"colony.Requests.{actuator.name}", _requests(actuator, modules)
+            ),
+        ]
+    return (*out, ChannelSchema(CONTRACTS, "colony.Contracts", _contracts(program)))
+
+
+def _object(description: str, required: tuple[str, ...] = (), /, **properties: Schema) -> Schema:
+    out: Schema = {"type": "object", "description": description, "properties": properties}
+    return {**out, "required": list(required)} if required else out
+
+
+def _of(kind: str, description: str) -> Schema:
+    return {"type": kind, "description": description}
+
+
+def _texts(description: str) -> Schema:
+    return {"type": "array", "description": description, "items": {"type": "string"}}
+
+
+_K = _of("integer", "number of the frame")
+
+
+def _frame(program: Program) -> Schema:
+    return _object(
+        "what was sensed in a frame",
+        ("k", "t", "t_ns", "sensors"),
+        k=_K,
+        t=_of("number", "time of the frame in s"),
+        t_ns=_of("integer", "the same in ns, exactly"),
+        start=_of("integer", "the frame in which all memory was initial"),
+        restart=_of("boolean", "all memory began anew with this frame"),
+        skipped=_of("integer", "memory is not known; frames before this one that could not be observed"),
+        down=_texts("servers that do not live"),
+        lost=_texts("clients that do not live"),
+        sensors=_object(
+            "readings in declared units; absent where missing",
+            **{s.name: _sensor(s) for s in program.robot.sensors},
+        ),
+        disagreements=_texts("how verdicts differ from the client list, with nobody late or lost"),
+    )
+
+
+def _verdict(actuator: Actuator, modules: tuple[str, ...]) -> Schema:
+    return _object(
+        f"how a frame of {actuator.name} came out",
+        ("k",),
+        k=_K,
+        by=_of("string", "the client of the network that won; absent where none did"),
+        values=_values(actuator, "what was sent, in declared units; absent where nothing was"),
+        fates=_object("what became of each client", **{m: _of("string", "") for m in modules}),
+        fault=_of("string", "why the winner's command was not sent"),
+        violation=_of("boolean", "two clients commanded in one frame"),
+        outside=_of("string", "the client outside the network whose command was sent"),
+        hold=_of("string", "what kept the network from deciding"),
+        notes=_texts("what was wrong with what came"),
+    )
+
+
+def _requests(actuator: Actuator, modules: tuple[str, ...]) -> Schema:
+    bid = _object(
+        "what a client wanted",
+        ("bid",),
+        bid=_of("string", "command, suppressed, inhibited or silent"),
+        values=_values(actuator, "its command, limited and clamped, in declared units"),
+        fault=_of("string", "why its command has no values"),
+    )
+    clients = _object("by client", **dict.fromkeys(modules, bid))
+    return _object(f"what the clients of {actuator.name} wanted", ("k",), k=_K, clients=clients)
+
+
+def _contracts(program: Program) -> Schema:
+    names = ", ".join(c.name for c in program.contracts) or "there are none"
+    broken = _texts(f"those that were broken, of: {names}")
+    return _object("frames in which contracts were broken", ("k", "broken"), k=_K, broken=broken)
+
+
+def _values(actuator: Actuator, description: str) -> Schema:
+    return _object(description, **{f.name: _field(f) for f in actuator.fields})
+
+
+def _field(field: ActuatorField) -> Schema:
+    return _of(_kind(field.type), field.unit)
+
+
+def _sensor(sensor: Sensor) -> Schema:
+    where = f"from {sensor.server}.{sensor.field}"
+    description = f"{sensor.unit}, {where}" if sensor.unit else where
+    if isinstance(sensor.type, Array):
+        items = {"type": _kind(sensor.type.element)}
+        return {"type": "array", "description": f"{sensor.type.size} values, {description}", "items": items}
+    return _of(_kind(sensor.type), description)
+
+
+def _kind(of: Scalar) -> str:
+    return "boolean" if isinstance(of, Bool) else "number"

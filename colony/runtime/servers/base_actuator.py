@@ -1,0 +1,141 @@
+"""The actuator of a program that is bound to the base, or the built-in one where there is none."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+
+from colony.ir.program import Actuator, ActuatorField
+from colony.ir.types import ScalarValue
+from colony.runtime.bindings import ActuatorBinding
+from colony.runtime.deployment import ActuatorTable, Deployment, commanded_by
+from colony.runtime.drivers import BaseLimits
+from colony.runtime.fields import RSERVER
+from colony.runtime.motion import Speeds
+from colony.runtime.servers.commanding import Commanded
+from colony.runtime.servers.orders import Range, whole_range
+
+FRAME_NS = 50_000_000
+"""The frame of a robot without a program."""
+
+_DRIVE = RSERVER.commands[0]
+
+_BUILT_IN = Commanded(
+    actuator=Actuator(
+        name=_DRIVE.name,
+        fields=tuple(ActuatorField(name=p.name, type=p.type) for p in _DRIVE.parameters),
+        server=RSERVER.name,
+        command=_DRIVE.name,
+        idle=(0.0, 0.0),
+    ),
+    binding=ActuatorBinding(actuator=_DRIVE.name, server=RSERVER.name, command=_DRIVE.name, places=(0, 1)),
+    places=(),
+)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class BaseActuator:
+    """Who commands the base in a run, within which range, and by which clients at which priority.
+
+    `published`: whether verdicts are told; a program that has no base would not know what they are of.
+    """
+
+    run: str
+    frame_ns: int
+    commanded: Commanded
+    allowed: Range
+    places: Mapping[int, str]
+    published: bool = True
+
+    @property
+    def name(self) -> str:
+        return self.commanded.actuator.name
+
+    def speeds(self, values: tuple[ScalarValue, ...]) -> Speeds:
+        """What an actuator's values, in base units, say; a parameter that it does not have is 0."""
+        velocity, turn = (0.0 if i is None else float(values[i]) for i in self.commanded.binding.places)
+        return Speeds(velocity, turn)
+
+    def values(self, speeds: Speeds) -> tuple[float, ...]:
+        """Speeds as an actuator's values; what it has no field for is left out."""
+        values = [0.0] * len(self.commanded.actuator.fields)
+        for i, speed in zip(self.commanded.binding.places, speeds, strict=True):
+            if i is not None:
+                values[i] = speed
+        return tuple(values)
+
+
+def base_actuator(deployed: Deployment | None, limits: BaseLimits) -> BaseActuator:
+    """Of a deployment that fits, the actuator that is bound to the base; else the built-in one."""
+    if deployed is None:
+        return BaseActuator(
+            run="", frame_ns=FRAME_NS, commanded=_BUILT_IN, allowed=whole_range(limits), places={}
+        )
+    found = commanded_by(deployed, RSERVER.name)
+    commanded = found[0] if found else _BUILT_IN
+    return BaseActuator(
+        run=deployed.run,
+        frame_ns=deployed.frame_ns,
+        commanded=commanded,
+        allowed=_range(commanded, limits),
+        places=dict(zip(commanded.priorities, commanded.places, strict=True)),
+        published=bool(found),
+    )
+
+
+def misfit(deployed: Deployment) -> str | None:
+    """Why the base cannot be commanded like this, or None."""
+    return next(_misfits(deployed), None)
+
+
+def _misfits(deployed: Deployment) -> Iterator[str]:
+    if not deployed.run:
+        yield "a run without a name"
+    tables = [table for table in deployed.actuators if table.server == RSERVER.name]
+    if len(tables) > 1:
+        names = " and ".join(f"`{table.name}`" for table in tables)
+        yield f"{names} command the base; expected one actuator"
+    for table in tables:
+        yield from _misfits_of(table)
+
+
+def _misfits_of(table: ActuatorTable) -> Iterator[str]:
+    if table.command != _DRIVE.name:
+        yield f"`{table.name}`: {RSERVER.name} has no command `{table.command}`"
+    count = len(table.fields)
+    if len(table.places) != len(_DRIVE.parameters):
+        yield f"`{table.name}`: {len(table.places)} parameters; expected {len(_DRIVE.parameters)}"
+    if any(i is not None and not 0 <= i < count for i in table.places):
+        yield f"`{table.name}`: a parameter is none of its {count} fields"
+    if any(field.kind != "number" for field in table.fields):
+        yield f"`{table.name}`: a field is no number"
+    if any(not math.isfinite(field.factor) or field.factor == 0.0 for field in table.fields):
+        yield f"`{table.name}`: a factor is 0 or not finite"
+    if table.idle is not None and not all(map(_number, table.idle)):
+        yield f"`{table.name}`: an idle command that is not finite numbers"
+    priorities = [priority for _, priority in table.clients]
+    if priorities != sorted(priorities, reverse=True):
+        yield f"`{table.name}`: clients that are not in the order of their priorities"
+
+
+def _number(value: ScalarValue) -> bool:
+    return isinstance(value, (int, float)) and not isinstance(value, bool) and math.isfinite(value)
+
+
+def _range(commanded: Commanded, limits: BaseLimits) -> Range:
+    """What the program allows of what the base can do; what it does not command is not narrowed."""
+    whole = whole_range(limits)
+    velocity, turn = commanded.binding.places
+    return whole._replace(
+        velocity=_narrowed(whole.velocity, commanded, velocity), turn=_narrowed(whole.turn, commanded, turn)
+    )
+
+
+def _narrowed(whole: tuple[float, float], commanded: Commanded, place: int | None) -> tuple[float, float]:
+    if place is None:
+        return whole
+    field = commanded.actuator.fields[place]
+    low = whole[0] if field.low is None else max(whole[0], field.low)
+    high = whole[1] if field.high is None else min(whole[1], field.high)
+    return (low, high)

@@ -1,0 +1,167 @@
+"""CServer: one camera (thesis section 4.6.4). A robot with several has one server each, by another name.
+
+It grabs an image every period, and hands out the one that it has, so that nobody waits for a camera. Under
+its lock the image is frozen: rows that are grabbed one after the other belong to the same one.
+
+Images do not fit into frames; nothing binds to a CServer. It answers ticks with empty frames all the same,
+which is how the Clock knows that it lives.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator
+
+from colony.runtime.calls import LATER, Asked, CallDesk, Caller, Later, Nothing, Refused, method
+from colony.runtime.codec import LARGEST
+from colony.runtime.drivers import CameraDriver
+from colony.runtime.images import Image
+from colony.runtime.library.camera import GrabRows, ImageSize, LockImage, SetPeriod
+from colony.runtime.locks import LockQueue
+from colony.runtime.messages import (
+    Alive,
+    Call,
+    Effect,
+    Fetch,
+    Malformed,
+    Message,
+    Tick,
+    Wake,
+    WakeAt,
+)
+from colony.runtime.servers.publishing import Publisher
+
+CSERVER = "CServer"
+"""The name of the only camera; where there are several, what their names begin with."""
+
+PERIOD_NS = 500_000_000
+"""From one image to the next, as in the thesis."""
+
+SHORTEST_PERIOD_NS = 10_000_000
+LONGEST_PERIOD_NS = 3_600_000_000_000
+
+_LARGEST_PIXELS = LARGEST - 4096
+"""What fits into one message besides all else that a reply has."""
+
+
+class CServer:
+    """Mutable: the image, its lock, the period.
+
+    Args:
+        driver: the camera.
+        address: the server's name, an identifier.
+        period_ns: from one image to the next.
+        keep: how many frames are kept for who missed one.
+    """
+
+    def __init__(
+        self, driver: CameraDriver, *, keep: int, address: str = CSERVER, period_ns: int = PERIOD_NS
+    ) -> None:
+        self.address = address
+        self._driver = driver
+        self._period_ns = period_ns
+        self._publisher = Publisher(address, lambda tick: {}, keep=keep)
+        self._desk = CallDesk(
+            address,
+            (
+                method("size", Nothing, self._size, right="read"),
+                method("grab", Nothing, self._grab, right="read"),
+                method("grab_rows", GrabRows, self._grab_rows, right="read"),
+                method("lock", LockImage, self._take_lock),
+                method("unlock", Nothing, self._give_lock),
+                method("period", Nothing, lambda *_: self._period_ns, right="read"),
+                method("set_period", SetPeriod, self._set_period),
+            ),
+            lost=self._lost,
+        )
+        self._lock = LockQueue()
+        self._granted: list[Asked] = []
+        self._image: Image | None = None
+        self._due_ns = 0
+        self._alarm: int | None = None
+        self.listens = (*self._publisher.listens, *self._desk.listens)
+
+    def start(self, now_ns: int) -> Iterable[Effect]:
+        self._due_ns = now_ns
+        return tuple(self._keep_time(now_ns))
+
+    def handle(self, message: Message, now_ns: int) -> Iterable[Effect]:
+        match message:
+            case Tick() | Fetch():
+                yield from self._publisher.handle(message)
+            case Call() | Alive() | Malformed() | Wake():
+                yield from self._desk.handle(message, now_ns)
+                yield from self._keep_time(now_ns)
+            case _:
+                pass
+
+    def close(self) -> None:
+        """It holds nothing."""
+
+    # --- time ----------------------------------------------------------------------------------------
+
+    def _keep_time(self, now_ns: int) -> Iterator[Effect]:
+        """Grab when it is time, answer those who waited for the lock, and see to it that a wake comes."""
+        if self._granted or self._lock.holder is None:  # a lock that changes hands does not freeze what was
+            self._refresh(now_ns)
+        granted, self._granted = self._granted, []
+        for asked in granted:
+            yield from self._desk.answer(asked, None)
+        for asked in self._lock.expire(now_ns):
+            yield from self._desk.refuse(asked, self._lock.refusal())
+        dues = (self._lock.wake_at, self._due_ns if self._lock.holder is None else None)
+        due = min((due for due in dues if due is not None), default=None)
+        if due is not None and (self._alarm is None or due < self._alarm or now_ns >= self._alarm):
+            self._alarm = due
+            yield WakeAt(due)
+
+    def _refresh(self, now_ns: int) -> None:
+        if now_ns >= self._due_ns:
+            self._image = self._driver.grab()
+            self._due_ns += self._period_ns * (1 + (now_ns - self._due_ns) // self._period_ns)
+
+    # --- calls ---------------------------------------------------------------------------------------
+
+    def _present(self) -> Image:
+        """The image; where there is none yet, the camera is asked once more."""
+        if self._image is None:
+            self._image = self._driver.grab()
+        if self._image is None:
+            raise Refused("no image", f"{self.address}: the camera has no image to give")
+        return self._image
+
+    def _size(self, asked: Asked, arguments: Nothing, now_ns: int) -> ImageSize:
+        image = self._present()
+        return ImageSize(height=image.height, width=image.width, channels=image.channels)
+
+    def _grab(self, asked: Asked, arguments: Nothing, now_ns: int) -> Image:
+        return self._sendable(self._present())
+
+    def _grab_rows(self, asked: Asked, arguments: GrabRows, now_ns: int) -> Image:
+        try:
+            return self._sendable(self._present().rows(arguments.first, arguments.count))
+        except ValueError as problem:
+            raise Refused("arguments", f"{self.address}.grab_rows: {problem}") from None
+
+    def _sendable(self, image: Image) -> Image:
+        if len(image.pixels) > _LARGEST_PIXELS:
+            found = f"{self.address}: {len(image.pixels)} bytes are too many for one message"
+            raise Refused("too large", f"{found}; grab rows, {_LARGEST_PIXELS} bytes at most")
+        return image
+
+    def _take_lock(self, asked: Asked, arguments: LockImage, now_ns: int) -> Later | None:
+        return None if self._lock.ask(asked, now_ns, wait_ns=arguments.wait_ns) else LATER
+
+    def _give_lock(self, asked: Asked, arguments: Nothing, now_ns: int) -> None:
+        self._granted += self._lock.release(asked.caller)
+
+    def _lost(self, caller: Caller, now_ns: int) -> tuple[Effect, ...]:
+        self._granted += self._lock.drop(caller)
+        return ()
+
+    def _set_period(self, asked: Asked, arguments: SetPeriod, now_ns: int) -> None:
+        period_ns, least, most = arguments.period_ns, SHORTEST_PERIOD_NS, LONGEST_PERIOD_NS
+        if not least <= period_ns <= most:
+            found = f"{self.address}.set_period: {period_ns / 1e9:g} s"
+            raise Refused("arguments", f"{found}; expected {least / 1e9:g} to {most / 1e9:g} s")
+        self._period_ns = period_ns
+        self._due_ns = min(self._due_ns, now_ns + period_ns)

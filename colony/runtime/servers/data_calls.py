@@ -1,0 +1,334 @@
+"""What DServer does for whoever calls it: the methods of `library/data.py` (thesis section 4.6.1).
+
+Each of its parts (variables, semaphores, who watches, what was answered) puts what changes into one journal,
+and the server commits that before any effect leaves.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Iterator
+from typing import Any
+
+import msgspec
+
+from colony.runtime.calls import LATER, Asked, CallDesk, Caller, Handler, Later, Method, Refused, method
+from colony.runtime.fields import DSERVER
+from colony.runtime.library.data import (
+    Change,
+    CreateSemaphore,
+    Dated,
+    Get,
+    GetMany,
+    ListNames,
+    Named,
+    SemaphoreState,
+    Set,
+    SetHistory,
+    SetMany,
+    Wait,
+    Watch,
+)
+from colony.runtime.messages import Effect, Message, Wake, WakeAt
+from colony.runtime.servers.once import Answers
+from colony.runtime.servers.semaphores import Semaphores, timed_out
+from colony.runtime.servers.variables import Dating, Variables, named, prepared, unknown
+from colony.runtime.servers.watching import Watches
+
+RETURN_NS = 2_000_000_000
+"""After a restart, what a connection holds is kept for so long, for it to come back. Shorter than that, and
+somebody who is about to return might find that another has it too."""
+
+REPLY_BYTES = 3 << 20
+"""Of the values in one reply, so that it fits into a message."""
+
+MOST_NAMES = 5000
+"""In one reply."""
+
+
+class DataCalls:
+    """Mutable: its parts, and what is still to be sent.
+
+    Args:
+        variables, semaphores, answers, watches: the state, loaded.
+        others: more methods.
+        lost: told of connections that ended.
+    """
+
+    def __init__(
+        self,
+        variables: Variables,
+        semaphores: Semaphores,
+        answers: Answers,
+        watches: Watches,
+        *,
+        others: Iterable[Method] = (),
+        lost: Callable[[Caller], None] = lambda caller: None,
+    ) -> None:
+        self._variables = variables
+        self._semaphores = semaphores
+        self._answers = answers
+        self._watches = watches
+        self._desk = CallDesk(DSERVER.name, (*self._methods(), *others), admit=self._admit, lost=self._end)
+        self._tell_lost = lost
+        self._callers: dict[str, Caller] = {}
+        self._opened: list[str] = []
+        self._effects: list[Effect] = []
+        self._alarm: int | None = None
+        self._return_by: int | None = None
+        self.listens = self._desk.listens
+
+    def start(self, now_ns: int) -> Iterator[Effect]:
+        """Nobody is connected yet: give those who were the time to come back."""
+        self._watches.start(now_ns)
+        if self._semaphores.holders_but(()):
+            self._return_by = now_ns + RETURN_NS
+            yield WakeAt(self._return_by)
+
+    def handle(self, message: Message, now_ns: int) -> Iterator[Effect]:
+        """Take what is for the desk: calls, signs of life, what could not be read, and the time."""
+        if isinstance(message, Wake):
+            self._wake(now_ns)
+        yield from self._desk.handle(message, now_ns)
+        if self._opened:
+            self._greet()
+        if self._effects:
+            yield from self._flush()
+
+    def changed(self, name: str) -> Iterator[Effect]:
+        """A variable was set by an actuator: who watches is to know."""
+        self._tell(name)
+        yield from self._flush()
+
+    def _methods(self) -> tuple[Method, ...]:
+        once = self._once
+        return (
+            method("set", Set, once(self._set)),
+            method("set_many", SetMany, once(self._set_many)),
+            method("get", Get, self._get, right="read"),
+            method("get_many", GetMany, self._get_many, right="read"),
+            method("history", Named, self._history, right="read"),
+            method("set_history", SetHistory, once(self._set_history)),
+            method("delete", Named, once(self._delete)),
+            method("names", ListNames, self._names, right="read"),
+            method("create_semaphore", CreateSemaphore, once(self._create_semaphore)),
+            method("wait", Wait, once(self._wait)),
+            method("signal", Named, once(self._signal)),
+            method("release", Named, once(self._release)),
+            method("semaphore", Named, self._semaphore, right="read"),
+            method("semaphores", ListNames, self._semaphore_names, right="read"),
+            method("delete_semaphore", Named, once(self._delete_semaphore)),
+            method("watch", Watch, self._watch, right="read"),
+            method("unwatch", Watch, self._unwatch, right="read"),
+        )
+
+    def _once(self, handler: Handler) -> Handler:
+        """A handler that gives the answer noted to a call that it has done before."""
+
+        def handle(asked: Asked, arguments: Any, now_ns: int) -> object:
+            connection, number = asked.caller.connection, asked.number
+            done = self._answers.find(connection, number)
+            if done is not None:
+                return msgspec.Raw(done)
+            try:
+                result = handler(asked, arguments, now_ns)
+            except Refused:
+                self._answers.settle(connection, number)
+                raise
+            if isinstance(result, Later):
+                self._answers.pend(connection, number)
+            else:
+                self._answers.note(connection, number, _encode(result))
+            return result
+
+        return handle
+
+    # --- variables -----------------------------------------------------------------------------------
+
+    def _set(self, asked: Asked, arguments: Set, now_ns: int) -> None:
+        name = named(arguments.name)
+        self._variables.set((prepared(name, arguments.value),), now_ns)
+        self._tell(name)
+
+    def _set_many(self, asked: Asked, arguments: SetMany, now_ns: int) -> None:
+        values = [prepared(named(name), value) for name, value in arguments.values.items()]
+        self._variables.set(values, now_ns)
+        for value in values:
+            self._tell(value.name)
+
+    def _get(self, asked: Asked, arguments: Get, now_ns: int) -> msgspec.Raw:
+        try:
+            return msgspec.Raw(self._variables.value(arguments.name, arguments.back).data)
+        except Refused:
+            if not self._variables.has(arguments.name) and self._semaphores.has(arguments.name):
+                raise Refused("unknown", f"DServer: `{arguments.name}` is a semaphore") from None
+            raise
+
+    def _get_many(self, asked: Asked, arguments: GetMany, now_ns: int) -> dict[str, msgspec.Raw]:
+        missing = [name for name in arguments.names if not self._variables.has(name)]
+        if missing:
+            raise unknown("`, `".join(missing[:10]))
+        found = {name: self._variables.value(name) for name in arguments.names}
+        _fit(found.values(), "fewer variables")
+        return {name: msgspec.Raw(dating.data) for name, dating in found.items()}
+
+    def _history(self, asked: Asked, arguments: Named, now_ns: int) -> tuple[Dated, ...]:
+        found = tuple(self._variables.history(arguments.name))
+        _fit(found, "single values by `get`")
+        return tuple(_dated(dating) for dating in found)
+
+    def _set_history(self, asked: Asked, arguments: SetHistory, now_ns: int) -> None:
+        self._variables.set_history(named(arguments.name), arguments.length)
+
+    def _delete(self, asked: Asked, arguments: Named, now_ns: int) -> bool:
+        deleted = self._variables.delete(arguments.name)
+        if deleted:
+            self._tell(arguments.name)
+        return deleted
+
+    def _names(self, asked: Asked, arguments: ListNames, now_ns: int) -> tuple[str, ...]:
+        return _page(self._variables.names(), arguments)
+
+    # --- semaphores ----------------------------------------------------------------------------------
+
+    def _create_semaphore(self, asked: Asked, arguments: CreateSemaphore, now_ns: int) -> bool:
+        return self._semaphores.create(named(arguments.name), arguments.value)
+
+    def _wait(self, asked: Asked, arguments: Wait, now_ns: int) -> Later | None:
+        name, hold = arguments.name, arguments.hold
+        waiter = self._semaphores.wait(asked, name, arguments.wait_ns, now_ns, hold=hold)
+        if waiter is None:
+            return None
+        self._wake_by(waiter.until_ns)
+        return LATER
+
+    def _signal(self, asked: Asked, arguments: Named, now_ns: int) -> None:
+        self._grant(self._semaphores.signal(arguments.name, asked.caller.connection))
+
+    def _release(self, asked: Asked, arguments: Named, now_ns: int) -> None:
+        self._grant(self._semaphores.release(arguments.name, asked.caller.connection))
+
+    def _semaphore(self, asked: Asked, arguments: Named, now_ns: int) -> SemaphoreState:
+        return self._semaphores.state(arguments.name)
+
+    def _semaphore_names(self, asked: Asked, arguments: ListNames, now_ns: int) -> tuple[str, ...]:
+        return _page(self._semaphores.names(), arguments)
+
+    def _delete_semaphore(self, asked: Asked, arguments: Named, now_ns: int) -> bool:
+        deleted, waited = self._semaphores.delete(arguments.name)
+        for waiter in waited:
+            self._refuse(waiter, Refused("deleted", f"DServer: `{arguments.name}` was deleted"))
+        return deleted
+
+    def _grant(self, asked: Asked | None) -> None:
+        """A call that waited has what it waited for."""
+        if asked is not None:
+            self._answers.note(asked.caller.connection, asked.number, _NIL)
+            self._effects += self._desk.answer(asked, None)
+
+    def _refuse(self, asked: Asked, refused: Refused) -> None:
+        self._answers.settle(asked.caller.connection, asked.number)
+        self._effects += self._desk.refuse(asked, refused)
+
+    # --- changes -------------------------------------------------------------------------------------
+
+    def _watch(self, asked: Asked, arguments: Watch, now_ns: int) -> None:
+        for one in (*arguments.names, *arguments.prefixes):
+            named(one or "-")  # a prefix may be empty
+        connection = asked.caller.connection
+        self._watches.add(connection, arguments.names, arguments.prefixes)
+        prefixes = tuple(arguments.prefixes)
+        names = self._variables.names() if prefixes else dict.fromkeys(arguments.names)
+        for name in names:
+            if name in arguments.names or name.startswith(prefixes):
+                self._tell_one(connection, name)
+
+    def _unwatch(self, asked: Asked, arguments: Watch, now_ns: int) -> None:
+        if arguments.names or arguments.prefixes:
+            self._watches.remove(asked.caller.connection, arguments.names, arguments.prefixes)
+        else:
+            self._watches.forget(asked.caller.connection)
+
+    def _tell(self, name: str) -> None:
+        """Tell everybody who watches a variable how it is now."""
+        for connection in self._watches.watchers(name):
+            self._tell_one(connection, name, deleted=not self._variables.has(name))
+
+    def _tell_one(self, connection: str, name: str, *, deleted: bool = False) -> None:
+        caller, present = self._callers.get(connection), self._variables.present(name)
+        if caller is not None and (deleted or present is not None):
+            change = Change(name=name, present=None if present is None else _dated(present))
+            self._effects += self._desk.notify(caller, name, change)
+
+    # --- connections and time ------------------------------------------------------------------------
+
+    def _admit(self, caller: Caller) -> None:
+        self._callers[caller.connection] = caller
+        self._opened.append(caller.connection)
+
+    def _greet(self) -> None:
+        """Go on with what those watch who are (back) here."""
+        opened, self._opened = self._opened, []
+        for connection in opened:
+            self._watches.opened(connection)
+            for name in self._watches.of(connection, self._variables.names):
+                self._tell_one(connection, name)
+
+    def _end(self, caller: Caller, now_ns: int) -> Iterable[Effect]:
+        connection = caller.connection
+        self._callers.pop(connection, None)
+        self._watches.lost(connection, now_ns)
+        self._give_up(connection)
+        self._tell_lost(caller)
+        return ()
+
+    def _give_up(self, connection: str) -> None:
+        """A connection's places in queues, and what it holds, are for others."""
+        held, granted = self._semaphores.drop(connection)
+        for number in held:
+            self._answers.undo(connection, number)
+        for asked in granted:
+            self._grant(asked)
+
+    def _wake(self, now_ns: int) -> None:
+        self._watches.expire(now_ns)
+        if self._return_by is not None and now_ns >= self._return_by:
+            self._return_by = None
+            for connection in self._semaphores.holders_but(self._callers):
+                self._give_up(connection)
+        if self._alarm is not None and now_ns >= self._alarm:
+            self._alarm = None
+            for waiter in self._semaphores.expire(now_ns):
+                self._refuse(waiter.asked, timed_out(waiter.name))
+            self._wake_by(self._semaphores.wake_at)
+
+    def _wake_by(self, due_ns: int | None) -> None:
+        if due_ns is not None and (self._alarm is None or due_ns < self._alarm):
+            self._alarm = due_ns
+            self._effects.append(WakeAt(due_ns))
+
+    def _flush(self) -> Iterator[Effect]:
+        effects, self._effects = self._effects, []
+        yield from effects
+
+
+_encode = msgspec.msgpack.Encoder().encode
+_NIL = _encode(None)
+
+
+def _dated(dating: Dating) -> Dated:
+    return Dated(t_ns=dating.t_ns, value=msgspec.Raw(dating.data))
+
+
+def _fit(datings: Iterable[Dating], instead: str) -> None:
+    size = sum(len(dating.data) + 16 for dating in datings)
+    if size > REPLY_BYTES:
+        text = f"DServer: {size} bytes of values are too many for one reply; ask for {instead}"
+        raise Refused("size", text)
+
+
+def _page(names: list[str], wanted: ListNames) -> tuple[str, ...]:
+    """Those that were asked for, of names in order."""
+    if not 1 <= wanted.limit <= MOST_NAMES:
+        raise Refused("arguments", f"DServer: at most {wanted.limit} names; expected 1 to {MOST_NAMES}")
+    found = [name for name in names if name.startswith(wanted.prefix) and name > wanted.after]
+    return tuple(found[: wanted.limit])

@@ -1,0 +1,39 @@
+"""Who may deploy at a server: one run at a time, as long as its leader is connected."""
+
+from __future__ import annotations
+
+from colony.runtime.calls import Caller, Refused
+from colony.runtime.deployment import Deployment, problems
+
+
+class Leadership:
+    """Mutable: what is deployed, and who leads it."""
+
+    def __init__(self, server: str) -> None:
+        self._server = server
+        self._run: str | None = None
+        self._leader: Caller | None = None
+
+    def take(self, caller: Caller, deployed: Deployment) -> bool:
+        """Whether this is to be deployed: True for another run, False for the one that is deployed already.
+
+        Raises:
+            Refused: "busy" while the leader of another run is connected; "arguments" for a deployment that
+                is impossible.
+        """
+        leader = self._leader
+        if leader is not None and deployed.run != self._run and leader.connection != caller.connection:
+            text = f"{self._server} is in the run `{self._run}`, which {leader.name} leads"
+            raise Refused("busy", text)
+        wrong = problems(deployed)
+        if wrong:
+            raise Refused("arguments", f"{self._server}.deploy: {'; '.join(wrong)}")
+        self._leader = caller
+        new = deployed.run != self._run
+        self._run = deployed.run
+        return new
+
+    def lost(self, caller: Caller) -> None:
+        """A connection ended. What it deployed stays until somebody else deploys."""
+        if self._leader is not None and self._leader.connection == caller.connection:
+            self._leader = None

@@ -1,0 +1,139 @@
+"""Doing each call once, though its server died before it could answer.
+
+A server that is started again, or lost a connection for a while, does not know which of the calls that now
+arrive once more it has done already. So what was answered is noted, and put into the store in the very commit
+that has the effects of the call: either both are there or neither.
+
+Of each connection the newest `KEPT` answers are noted, in a ring: number i of its answers is in slot i mod
+`KEPT`. Numbers below one whose answer is no longer there may have been done, and are refused; except for
+calls that are still waiting for their answer, as these are noted too.
+"""
+
+from __future__ import annotations
+
+from collections import OrderedDict
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import NamedTuple
+
+import msgspec
+
+from colony.runtime.calls import Refused
+from colony.runtime.store import Journal, Key
+
+KEPT = 64
+"""Answers that are noted of a connection."""
+
+CONNECTIONS = 2000
+"""Connections of which answers are noted; those that said nothing for the longest time are forgotten."""
+
+HIGHEST = (1 << 53) - 1
+"""Of the number of a call."""
+
+
+class _Answer(NamedTuple):
+    turn: int
+    number: int
+    floor: int  # the highest number whose answer was gone when this one was noted
+    result: bytes
+
+
+@dataclass(frozen=False, slots=True, kw_only=True)
+class _Ring:
+    turn: int = 0
+    floor: int = 0
+    answers: dict[int, _Answer] = field(default_factory=dict)  # by number, in the order of their turns
+    pending: set[int] = field(default_factory=set)
+
+
+class Answers:
+    """Mutable: what was answered. Goes into the journal as it changes."""
+
+    def __init__(self, journal: Journal) -> None:
+        self._journal = journal
+        self._rings: OrderedDict[str, _Ring] = OrderedDict()
+
+    def find(self, connection: str, number: int) -> bytes | None:
+        """The result in msgpack that a call had; None for one that was not done.
+
+        Raises:
+            Refused: "forgotten" for a number so far back that it may have been done; "arguments".
+        """
+        if not 0 < number <= HIGHEST:
+            raise Refused("arguments", f"DServer: a call with the number {number}; expected 1 to {HIGHEST}")
+        ring = self._rings.get(connection)
+        if ring is None:
+            return None
+        answer = ring.answers.get(number)
+        if answer is not None:
+            return answer.result
+        if number <= ring.floor and number not in ring.pending:
+            text = f"DServer: call {number} comes too late to tell whether it was done already"
+            raise Refused("forgotten", text)
+        return None
+
+    def note(self, connection: str, number: int, result: bytes) -> None:
+        """A call was done, with this result in msgpack."""
+        ring = self._ring(connection)
+        answers = ring.answers
+        oldest = next(iter(answers.values()), None)
+        if oldest is not None and oldest.turn == ring.turn - KEPT:  # its slot is the one to be written
+            del answers[oldest.number]
+            ring.floor = max(ring.floor, oldest.number)
+        answer = answers[number] = _Answer(ring.turn, number, ring.floor, result)
+        ring.turn += 1
+        self._journal.put(Key("answer", connection, answer.turn % KEPT), _encode(answer))
+        if number in ring.pending:
+            self.settle(connection, number)
+
+    def pend(self, connection: str, number: int) -> None:
+        """A call waits for its answer; of `KEPT` at a time that is noted."""
+        pending = self._ring(connection).pending
+        if len(pending) < KEPT:
+            pending.add(number)
+            self._journal.put(Key("pending", connection, number), b"")
+
+    def settle(self, connection: str, number: int) -> None:
+        """A call waits no more."""
+        ring = self._rings.get(connection)
+        if ring is not None and number in ring.pending:
+            ring.pending.discard(number)
+            self._journal.drop(Key("pending", connection, number))
+
+    def undo(self, connection: str, number: int) -> None:
+        """What a call did was taken back: when it arrives again, it is done again."""
+        ring = self._rings.get(connection)
+        answer = None if ring is None else ring.answers.pop(number, None)
+        if answer is not None:
+            self._journal.drop(Key("answer", connection, answer.turn % KEPT))
+
+    def load(self, entries: Mapping[Key, bytes]) -> None:
+        """Take over what a store had of the kinds "answer" and "pending"."""
+        kept = [(key.name, _answers.decode(data)) for key, data in entries.items() if key.kind == "answer"]
+        for connection, answer in sorted(kept, key=lambda one: one[1].turn):
+            ring = self._rings.setdefault(connection, _Ring())
+            ring.answers[answer.number] = answer
+            ring.turn = answer.turn + 1
+            ring.floor = max(ring.floor, answer.floor)
+        for key in entries:
+            if key.kind == "pending":
+                self._rings.setdefault(key.name, _Ring()).pending.add(key.slot)
+
+    def _ring(self, connection: str) -> _Ring:
+        ring = self._rings.get(connection)
+        if ring is None:
+            ring = self._rings[connection] = _Ring()
+            if len(self._rings) > CONNECTIONS:
+                self._forget(*self._rings.popitem(last=False))
+        self._rings.move_to_end(connection)
+        return ring
+
+    def _forget(self, connection: str, ring: _Ring) -> None:
+        for answer in ring.answers.values():
+            self._journal.drop(Key("answer", connection, answer.turn % KEPT))
+        for number in ring.pending:
+            self._journal.drop(Key("pending", connection, number))
+
+
+_encode = msgspec.msgpack.Encoder().encode
+_answers = msgspec.msgpack.Decoder(_Answer)

@@ -1,0 +1,261 @@
+"""DServer's semaphores (thesis section 4.6.1, "Semaphores").
+
+A semaphore has a value and a queue, first come first served; while somebody waits, its value is 0. To signal
+one hands over to the first who waits, which leaves the value as it is.
+
+As in the thesis nobody owns what was taken. Who wants that takes it as a *hold*: it belongs to the connection
+and the call that took it, and is put back when the connection is lost.
+"""
+
+from __future__ import annotations
+
+from collections import OrderedDict
+from collections.abc import Container, Mapping
+from dataclasses import dataclass, field
+from typing import NamedTuple
+
+import msgspec
+
+from colony.runtime.calls import Asked, Refused
+from colony.runtime.library.data import SemaphoreState
+from colony.runtime.store import Journal, Key
+
+MOST = 100_000
+"""How many semaphores there may be, and how many holds."""
+
+MOST_WAITING = 10_000
+"""How many calls may wait for all of them."""
+
+FOR_EVER_NS = 10**17
+"""Who would wait for three years waits for ever."""
+
+HIGHEST = (1 << 31) - 1
+"""Of a semaphore's initial value."""
+
+
+class Waiter(NamedTuple):
+    """A call that waits for a semaphore, until when (None: for ever), and whether it would hold it."""
+
+    asked: Asked
+    name: str
+    until_ns: int | None
+    hold: bool
+
+
+@dataclass(frozen=False, slots=True, kw_only=True)
+class _Semaphore:
+    value: int
+    waiting: OrderedDict[Asked, Waiter] = field(default_factory=OrderedDict)
+
+
+class Semaphores:
+    """Mutable: values, queues and holds. Values and holds are put into the journal; queues are not.
+
+    What was granted late is returned as the calls to answer.
+    """
+
+    def __init__(self, journal: Journal) -> None:
+        self._journal = journal
+        self._semaphores: dict[str, _Semaphore] = {}
+        self._holds: dict[str, dict[int, str]] = {}  # of each connection, by the number of the call
+        self._held = self._waiting = 0
+
+    def names(self) -> list[str]:
+        """Every semaphore, in order."""
+        return sorted(self._semaphores)
+
+    def has(self, name: str) -> bool:
+        """Whether there is one of this name."""
+        return name in self._semaphores
+
+    def state(self, name: str) -> SemaphoreState:
+        """How it stands.
+
+        Raises:
+            Refused: "unknown".
+        """
+        semaphore = self._of(name)
+        return SemaphoreState(
+            value=semaphore.value,
+            waiting=tuple(asked.caller.connection for asked in semaphore.waiting),
+            holding=tuple(c for c, held in self._holds.items() for n in held.values() if n == name),
+        )
+
+    def create(self, name: str, value: int) -> bool:
+        """Make one; False where there is one already.
+
+        Raises:
+            Refused: "arguments" or "full".
+        """
+        if name in self._semaphores:
+            return False
+        if not 0 <= value <= HIGHEST:
+            raise Refused("arguments", f"DServer: an initial value of {value}; expected 0 to {HIGHEST}")
+        if len(self._semaphores) >= MOST:
+            raise Refused("full", f"DServer has {MOST} semaphores already")
+        self._semaphores[name] = _Semaphore(value=0)
+        self._set(name, value)
+        return True
+
+    def delete(self, name: str) -> tuple[bool, tuple[Asked, ...]]:
+        """Remove one: whether there was one, and the calls that waited for it, which are to be refused."""
+        semaphore = self._semaphores.pop(name, None)
+        if semaphore is None:
+            return False, ()
+        self._journal.drop(Key("semaphore", name))
+        for connection in [*self._holds]:
+            while (number := self._held_by(connection, name)) is not None:
+                self._unhold(connection, number)
+        self._waiting -= len(semaphore.waiting)
+        return True, tuple(semaphore.waiting)
+
+    # --- taking and giving back ----------------------------------------------------------------------
+
+    def wait(self, asked: Asked, name: str, wait_ns: int | None, now_ns: int, *, hold: bool) -> Waiter | None:
+        """Take one; gives None where that is done, and else how the call waits.
+
+        Raises:
+            Refused: "unknown", "timeout" or "full".
+        """
+        semaphore = self._of(name)
+        if hold and self._held >= MOST:
+            raise Refused("full", f"DServer has {MOST} holds already")
+        if semaphore.value > 0:
+            self._set(name, semaphore.value - 1)
+            if hold:
+                self._hold(asked, name)
+            return None
+        if wait_ns is not None and wait_ns <= 0:
+            raise timed_out(name)
+        if self._waiting >= MOST_WAITING:
+            raise Refused("full", f"DServer has {MOST_WAITING} calls that wait already")
+        until_ns = None if wait_ns is None or wait_ns >= FOR_EVER_NS else now_ns + wait_ns
+        semaphore.waiting[asked] = waiter = Waiter(asked, name, until_ns, hold)
+        self._waiting += 1
+        return waiter
+
+    def signal(self, name: str, connection: str) -> Asked | None:
+        """Put one back; gives the call that has it now, if one waited. What `connection` holds ends.
+
+        Raises:
+            Refused: "unknown".
+        """
+        self._of(name)
+        held = self._held_by(connection, name)
+        if held is not None:
+            self._unhold(connection, held)
+        return self._put_back(name)
+
+    def release(self, name: str, connection: str) -> Asked | None:
+        """The same for who holds it.
+
+        Raises:
+            Refused: "unknown" or "not held".
+        """
+        self._of(name)
+        if self._held_by(connection, name) is None:
+            raise Refused("not held", f"DServer: this connection does not hold `{name}` (any more)")
+        return self.signal(name, connection)
+
+    def drop(self, connection: str) -> tuple[tuple[int, ...], tuple[Asked, ...]]:
+        """A connection was lost: it waits no more, and holds no more.
+
+        Gives the numbers of its calls by which it held, and the calls of others that are granted by that.
+        """
+        if self._waiting:
+            for semaphore in self._semaphores.values():
+                for asked in [a for a in semaphore.waiting if a.caller.connection == connection]:
+                    del semaphore.waiting[asked]
+                    self._waiting -= 1
+        held = tuple(self._holds.get(connection, {}).items())
+        granted = []
+        for number, name in held:
+            self._unhold(connection, number)
+            following = self._put_back(name)
+            if following is not None:
+                granted.append(following)
+        return tuple(number for number, _ in held), tuple(granted)
+
+    def holders_but(self, connections: Container[str]) -> tuple[str, ...]:
+        """The connections that hold something and are not among these."""
+        return tuple(connection for connection in self._holds if connection not in connections)
+
+    # --- time ----------------------------------------------------------------------------------------
+
+    @property
+    def wake_at(self) -> int | None:
+        """When the patience of somebody who waits ends."""
+        waiters = (w for semaphore in self._semaphores.values() for w in semaphore.waiting.values())
+        return min((w.until_ns for w in waiters if w.until_ns is not None), default=None)
+
+    def expire(self, now_ns: int) -> tuple[Waiter, ...]:
+        """Who has waited for as long as it would; their calls are to be refused."""
+        late = []
+        for semaphore in self._semaphores.values():
+            for asked, waiter in [*semaphore.waiting.items()]:
+                if waiter.until_ns is not None and now_ns >= waiter.until_ns:
+                    del semaphore.waiting[asked]
+                    self._waiting -= 1
+                    late.append(waiter)
+        return tuple(late)
+
+    def load(self, entries: Mapping[Key, bytes]) -> None:
+        """Take over what a store had of the kinds "semaphore" and "hold"."""
+        for key, data in entries.items():
+            if key.kind == "semaphore":
+                self._semaphores[key.name] = _Semaphore(value=_values.decode(data))
+            elif key.kind == "hold":
+                self._holds.setdefault(key.name, {})[key.slot] = _names.decode(data)
+                self._held += 1
+
+    # --- its parts -----------------------------------------------------------------------------------
+
+    def _of(self, name: str) -> _Semaphore:
+        semaphore = self._semaphores.get(name)
+        if semaphore is None:
+            raise Refused("unknown", f"DServer has no semaphore `{name}`")
+        return semaphore
+
+    def _set(self, name: str, value: int) -> None:
+        self._semaphores[name].value = value
+        self._journal.put(Key("semaphore", name), _encode(value))
+
+    def _put_back(self, name: str) -> Asked | None:
+        semaphore = self._semaphores[name]
+        if not semaphore.waiting:
+            self._set(name, semaphore.value + 1)
+            return None
+        asked, first = semaphore.waiting.popitem(last=False)
+        self._waiting -= 1
+        if first.hold:
+            self._hold(asked, name)
+        return asked
+
+    def _hold(self, asked: Asked, name: str) -> None:
+        connection, number = asked.caller.connection, asked.number
+        self._holds.setdefault(connection, {})[number] = name
+        self._held += 1
+        self._journal.put(Key("hold", connection, number), _encode(name))
+
+    def _unhold(self, connection: str, number: int) -> None:
+        held = self._holds[connection]
+        del held[number]
+        if not held:
+            del self._holds[connection]
+        self._held -= 1
+        self._journal.drop(Key("hold", connection, number))
+
+    def _held_by(self, connection: str, name: str) -> int | None:
+        """The number of the call that holds it, the first of several."""
+        held = self._holds.get(connection)
+        return None if held is None else next((number for number, n in held.items() if n == name), None)
+
+
+def timed_out(name: str) -> Refused:
+    """That there was nothing to take in time."""
+    return Refused("timeout", f"DServer: `{name}` was not signaled in time")
+
+
+_encode = msgspec.msgpack.Encoder().encode
+_values = msgspec.msgpack.Decoder(int)
+_names = msgspec.msgpack.Decoder(str)

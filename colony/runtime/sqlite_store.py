@@ -1,0 +1,180 @@
+"""A store in one file, by SQLite.
+
+What survives what. A commit appends to the write-ahead log with plain writes: once they are done the
+operating system has the bytes, and SIGKILL of the process cannot take them back, synchronized to the disk or
+not. So the default is `synchronous=NORMAL`, which synchronizes only when the log is carried over into the
+database, about every four megabytes. `OFF` would be no faster in between, and after a loss of power may leave
+a file that cannot be read; with `NORMAL` a loss of power costs the last moments, never the file. With `fsync`
+each commit waits for the disk (`synchronous=FULL`), and a loss of power costs nothing.
+
+The file is locked while it is open: two servers cannot write one state. Pages are small because most entries
+are: a commit writes whole pages. Each entry has a checksum, as the file format itself has none.
+"""
+
+from __future__ import annotations
+
+import os
+import sqlite3
+import zlib
+from collections.abc import Iterator, Mapping
+from pathlib import Path
+
+from colony.runtime.store import Key, StoreError
+
+APPLICATION = 0x436F6C44
+"""`ColD`: marks a file as DServer's."""
+
+VERSION = 1
+"""Of the table's form."""
+
+_PAGE = 1024
+_CARRIED_OVER_AFTER = 4096  # pages of the log: four megabytes
+
+_TABLE = """
+CREATE TABLE state (
+    kind TEXT NOT NULL, name TEXT NOT NULL, slot INTEGER NOT NULL, data BLOB NOT NULL, sum INTEGER NOT NULL,
+    PRIMARY KEY (kind, name, slot)
+) WITHOUT ROWID
+"""
+_PUT = "INSERT OR REPLACE INTO state VALUES (?, ?, ?, ?, ?)"
+_DROP = "DELETE FROM state WHERE kind = ? AND name = ? AND slot = ?"
+
+
+class SqliteStore:
+    """Keeps entries in the database at `path`, which is made where there is none. Mutable: the file.
+
+    Args:
+        path: of the database; SQLite keeps its log beside it, as `<path>-wal`.
+        fsync: whether a commit outlives a loss of power, too.
+        patience_s: for how long to wait for another server to let go of the file.
+
+    Raises:
+        StoreError: the file cannot be opened, is in use, is damaged, or is something else.
+    """
+
+    def __init__(self, path: str | os.PathLike[str], *, fsync: bool = False, patience_s: float = 1.0) -> None:
+        self._path = Path(path)
+        self._database: sqlite3.Connection | None = None
+        _look_at(self._path)
+        try:
+            self._database = sqlite3.connect(
+                self._path, timeout=patience_s, isolation_level=None, check_same_thread=False
+            )
+            self._prepare(self._database, fsync)
+        except (sqlite3.Error, UnicodeDecodeError) as problem:  # the latter from messages about damage
+            self._abandon()
+            raise self._error(problem) from None
+        except BaseException:
+            self._abandon()
+            raise
+
+    def load(self) -> Iterator[tuple[Key, bytes]]:
+        try:
+            for kind, name, slot, data, found in self._open().execute("SELECT * FROM state"):
+                key = Key(kind, name, slot)
+                if not isinstance(data, bytes) or found != _checksum(key, data):
+                    text = f"the {kind} `{name}` is not what was written"
+                    raise StoreError(f"{self._path} is damaged: {text}; {_MEND}")
+                yield key, data
+        except (sqlite3.Error, UnicodeDecodeError) as problem:
+            raise StoreError(f"{self._path} is damaged: {problem}; {_MEND}") from None
+
+    def commit(self, changes: Mapping[Key, bytes | None]) -> None:
+        database = self._open()
+        try:
+            database.execute("BEGIN")
+            database.executemany(
+                _PUT, [(*k, data, _checksum(k, data)) for k, data in changes.items() if data is not None]
+            )
+            dropped = [key for key, data in changes.items() if data is None]
+            if dropped:
+                database.executemany(_DROP, dropped)
+            database.execute("COMMIT")
+        except sqlite3.Error as problem:
+            if database.in_transaction:
+                database.execute("ROLLBACK")
+            raise self._error(problem) from None
+
+    def close(self) -> None:
+        """Carry the log over into the database, and let go of the file."""
+        database, self._database = self._database, None
+        if database is not None:
+            database.close()
+
+    # --- opening ---------------------------------------------------------------------------------------
+
+    def _prepare(self, database: sqlite3.Connection, fsync: bool) -> None:
+        database.execute(f"PRAGMA page_size = {_PAGE}")
+        database.execute("PRAGMA locking_mode = EXCLUSIVE")
+        self._check_owner(database)
+        mode = database.execute("PRAGMA journal_mode = WAL").fetchone()[0]
+        if mode != "wal":
+            raise StoreError(f"{self._path}: SQLite cannot keep a log here (it is in mode `{mode}`)")
+        database.execute(f"PRAGMA synchronous = {'FULL' if fsync else 'NORMAL'}")
+        database.execute(f"PRAGMA wal_autocheckpoint = {_CARRIED_OVER_AFTER}")
+        database.execute("BEGIN EXCLUSIVE")
+        if database.execute("SELECT count(*) FROM sqlite_schema").fetchone()[0] == 0:
+            database.execute(_TABLE)
+            database.execute(f"PRAGMA application_id = {APPLICATION}")
+            database.execute(f"PRAGMA user_version = {VERSION}")
+        database.execute("COMMIT")
+        found = database.execute("PRAGMA quick_check(1)").fetchone()[0]
+        if found != "ok":
+            raise StoreError(f"{self._path} is damaged: {found}; {_MEND}")
+
+    def _check_owner(self, database: sqlite3.Connection) -> None:
+        """Refuse what is another program's, or of a later version, before anything is written to it."""
+        owner = database.execute("PRAGMA application_id").fetchone()[0]
+        version = database.execute("PRAGMA user_version").fetchone()[0]
+        if owner == APPLICATION and version == VERSION:
+            return
+        if owner == APPLICATION:
+            raise StoreError(f"{self._path} is of version {version}; this is a server of version {VERSION}")
+        if owner != 0 or database.execute("SELECT count(*) FROM sqlite_schema").fetchone()[0]:
+            raise StoreError(f"{self._path} is another program's database; give DServer a file of its own")
+
+    def _open(self) -> sqlite3.Connection:
+        if self._database is None:
+            raise StoreError(f"{self._path} is closed")
+        return self._database
+
+    def _abandon(self) -> None:
+        if self._database is not None:
+            self._database.close()
+            self._database = None
+
+    def _error(self, problem: Exception) -> StoreError:
+        code = getattr(problem, "sqlite_errorcode", None)
+        primary = None if code is None else code & 0xFF
+        if primary in (sqlite3.SQLITE_BUSY, sqlite3.SQLITE_LOCKED):
+            return StoreError(f"{self._path} is in use by another server")
+        if primary == sqlite3.SQLITE_NOTADB:
+            return StoreError(f"{self._path} is no database; give DServer a file of its own")
+        if primary == sqlite3.SQLITE_CORRUPT or isinstance(problem, UnicodeDecodeError):
+            return StoreError(f"{self._path} is damaged: {problem}; {_MEND}")
+        return StoreError(f"{self._path}: {problem}")
+
+
+_MEND = "restore it from a copy, or move it away to begin with nothing"
+
+_HEADER = b"SQLite format 3\0"
+
+
+def _look_at(path: Path) -> None:
+    """Tell apart what SQLite would take for an empty database: a file cut to nothing beside its log."""
+    try:
+        with path.open("rb") as file:
+            header = file.read(len(_HEADER))
+    except FileNotFoundError:
+        header = b""
+    except OSError as problem:
+        raise StoreError(f"{path} cannot be read: {problem.strerror}") from None
+    log = path.with_name(path.name + "-wal")
+    if not header and log.exists() and log.stat().st_size > 0:
+        raise StoreError(f"{path} is missing or empty, but its log {log.name} is there; {_MEND}")
+    if header and header != _HEADER:
+        raise StoreError(f"{path} is no database; give DServer a file of its own")
+
+
+def _checksum(key: Key, data: bytes) -> int:
+    return zlib.crc32(data, zlib.crc32(f"{key.kind}\0{key.name}\0{key.slot}".encode()))

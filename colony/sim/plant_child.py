@@ -1,0 +1,91 @@
+"""The plant as a process that is started by another one: `python -m colony.sim.plant_child SPEC`."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Callable
+from pathlib import Path
+
+import msgspec
+
+from colony.runtime.live.errors import LiveError
+from colony.runtime.live.run_directory import RobotDirectory
+from colony.runtime.processes.ending import Ending, give_up, on_death_of_parent, on_signals
+
+SIMULATOR = "Simulator"
+"""Its name among the processes of a robot."""
+
+
+class PlantSpec(msgspec.Struct, frozen=True, kw_only=True):
+    """What is simulated: one robot in the building of a map, with cameras that look so many degrees
+    counterclockwise from ahead, by name.
+
+    `folder` is the robot's, `logical_ns` as in `colony.sim.plant_process.PlantOptions`.
+    """
+
+    robot: str
+    folder: str
+    map: str
+    seed: int
+    cameras: dict[str, float] = {}
+    logical_ns: int | None = None
+
+    @property
+    def socket(self) -> Path:
+        """Where drivers attach."""
+        return plant_socket(Path(self.folder))
+
+
+def plant_socket(folder: Path) -> Path:
+    """The socket of the plant in a robot's folder."""
+    return folder / "plant"
+
+
+class NoRoom(Exception):
+    """The robot cannot start where the map says; the message is one line that begins with the file."""
+
+
+def serve(spec: PlantSpec, ending: Ending, *, ready: Callable[[], None] = lambda: None) -> None:
+    """Simulate until it is time to end; `ready` is told when drivers can attach.
+
+    Raises:
+        LiveError: a plant of the robot runs already, or the folder cannot be used.
+        Failure: the map is bad.
+        NoRoom: the robot has no room in it.
+    """
+    with RobotDirectory(Path(spec.folder), spec.robot).claim(SIMULATOR):
+        from colony.nav.stickrep_reader import load_map
+        from colony.sim.camera import CameraConfig
+        from colony.sim.plant_process import PlantOptions, serve_plant
+
+        building = load_map(spec.map)
+        start = building.start
+        options = PlantOptions(
+            path=spec.socket,
+            building=building,
+            robots={spec.robot: (start.x_mm, start.y_mm, start.heading_deg)},
+            cameras={name: CameraConfig(yaw_deg=yaw) for name, yaw in spec.cameras.items()},
+            seed=spec.seed,
+            logical_ns=spec.logical_ns,
+        )
+        try:
+            serve_plant(options, stop=lambda: bool(ending), ready=ready)
+        except ValueError as problem:
+            raise NoRoom(f"{spec.map}: error: the robot cannot start there: {problem}") from None
+
+
+def main() -> None:
+    """The entry of the process."""
+    from colony.diagnostics import Failure
+
+    ending = Ending()
+    with on_signals(ending):
+        on_death_of_parent(ending)
+        try:
+            serve(msgspec.json.decode(Path(sys.argv[1]).read_bytes(), type=PlantSpec), ending)
+        except (LiveError, NoRoom, Failure) as problem:
+            give_up(str(problem))
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,107 @@
+"""One verdict against one decision of the reference interpreter."""
+
+from __future__ import annotations
+
+import struct
+from collections.abc import Callable, Sequence
+from typing import Protocol
+
+from colony.ir.frame import Decision
+from colony.ir.program import Actuator
+from colony.ir.types import ScalarValue
+
+
+class RecordedVerdict(Protocol):
+    """What became of one actuator in one frame; `runtime.messages.Verdict` tells what each of these is."""
+
+    @property
+    def by(self) -> str | None: ...
+
+    @property
+    def values(self) -> tuple[ScalarValue, ...] | None: ...
+
+    @property
+    def fault(self) -> str | None: ...
+
+    @property
+    def fates(self) -> Sequence[tuple[str, str]]: ...
+
+    @property
+    def violation(self) -> bool: ...
+
+    @property
+    def outside(self) -> str | None: ...
+
+    @property
+    def hold(self) -> str | None: ...
+
+
+EXCUSES = frozenset({"late", "lost", "refused"})
+"""Fates of a client with which an actuator may have been idle instead."""
+
+_COMMANDED = frozenset({"won", "overruled", "overridden", "locked out", "stopped"})
+_GATED = frozenset({"suppressed", "inhibited"})
+
+
+def objection(
+    actuator: Actuator, verdict: RecordedVerdict, due: Decision, is_active: Callable[[str], bool]
+) -> str | None:
+    """What is wrong with a verdict of the network, None where nothing is.
+
+    `due` is what the interpreter decides, and `is_active` tells of the modules in the same frame.
+    """
+    if verdict.violation:
+        return "two clients commanded in one frame"
+    if not same_decision(verdict, due):
+        if not is_excused(verdict):
+            return "something else was sent than the interpreter decides"
+        if not is_idle(actuator, verdict):
+            return "a client was missed, and neither the interpreter's command nor the idle command was sent"
+    return next((text for text in (_fate(*one, due, is_active) for one in verdict.fates) if text), None)
+
+
+def same_decision(verdict: RecordedVerdict, due: Decision) -> bool:
+    """Whether winner, values and fault are the same, values bit for bit."""
+    same = (verdict.by, verdict.fault) == (due.by, due.fault)
+    return same and same_values(verdict.values, due.values)
+
+
+def same_values(one: Sequence[ScalarValue] | None, other: Sequence[ScalarValue] | None) -> bool:
+    """Whether two commands are the same bit for bit: -0.0 is not 0.0."""
+    if one is None or other is None:
+        return one is other
+    return len(one) == len(other) and all(map(_same_bits, one, other))
+
+
+def _same_bits(one: ScalarValue, other: ScalarValue) -> bool:
+    if isinstance(one, bool) or isinstance(other, bool):
+        return one is other
+    return struct.pack("<d", one) == struct.pack("<d", other)
+
+
+def is_excused(verdict: RecordedVerdict) -> bool:
+    """Whether a client was not heard, or not understood."""
+    return any(fate in EXCUSES for _, fate in verdict.fates)
+
+
+def is_idle(actuator: Actuator, verdict: RecordedVerdict) -> bool:
+    """Whether nobody won and the idle command was sent (nothing, for `idle hold`)."""
+    idle = actuator.idle
+    if idle is not None:
+        fields = zip(idle, actuator.fields, strict=True)
+        idle = tuple(x if isinstance(x, bool) else x / f.factor for x, f in fields)
+    return verdict.by is None and verdict.fault is None and same_values(verdict.values, idle)
+
+
+def _fate(client: str, fate: str, due: Decision, is_active: Callable[[str], bool]) -> str | None:
+    """What is wrong with what was recorded of a client."""
+    wins = client == due.by
+    if fate in _COMMANDED and not wins:
+        return f"`{client}` commanded, but does not get through by the interpreter"
+    if (fate in _GATED or fate == "silent") and wins:
+        return f"`{client}` was {fate}, but gets through by the interpreter"
+    if fate in _GATED and not is_active(client):
+        return f"`{client}` was {fate}, but is not active by the interpreter"
+    if fate == "silent" and is_active(client):
+        return f"`{client}` was silent, but is active by the interpreter"
+    return None

@@ -1,0 +1,187 @@
+"""A machine of its own for tests: a run directory in a temporary folder, and `colony` as processes there.
+
+Everything that was started is ended by its own id, also where a test fails in the middle.
+"""
+
+from __future__ import annotations
+
+import os
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Callable, Mapping
+from pathlib import Path
+from typing import TypeVar
+
+from colony.runtime.fields import RSERVER
+from colony.runtime.kit.connection import Session
+from colony.runtime.kit.errors import ConnectionProblem
+from colony.runtime.library import robot
+from colony.runtime.library.leader import LEADER, RunStatus, run_status
+from colony.runtime.live.run_directory import RobotDirectory, RunDirectory
+from colony.sim.plant_child import plant_socket
+from colony.sim.plant_control import PlantControl
+from colony.sim.plant_protocol import Truth
+
+ROOT = Path(__file__).parents[2]
+MAP = str(ROOT / "maps" / "loop.stickrep")
+WANDER = str(ROOT / "behaviors" / "wander.colony")
+ROBOT = "rome"
+
+PATIENCE_S = 30.0
+"""For what takes a second on a machine that does nothing else."""
+
+T = TypeVar("T")
+
+
+def until(condition: Callable[[], T], what: str) -> T:
+    """What the condition gives as soon as that is something."""
+    end = time.monotonic() + PATIENCE_S
+    while True:
+        found = condition()
+        if found:
+            return found
+        assert time.monotonic() < end, f"not in {PATIENCE_S:g} s: {what}"
+        time.sleep(0.01)
+
+
+def lives(pid: int) -> bool:
+    """Whether there is such a process, and it is no zombie."""
+    try:
+        return Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()[0] not in ("Z", "X")
+    except (FileNotFoundError, ProcessLookupError):
+        return False
+
+
+def children_of(pid: int) -> set[int]:
+    """The processes that a process has started and that are there still."""
+    found = set()
+    for task in Path(f"/proc/{pid}/task").glob("*/children"):
+        found |= {int(child) for child in task.read_text().split()}
+    return found
+
+
+class Started:
+    """A `colony` command as a process. Mutable: whether it has ended."""
+
+    def __init__(self, arguments: tuple[str, ...], environment: Mapping[str, str], folder: Path) -> None:
+        self._out, self._err = folder / "out", folder / "err"
+        folder.mkdir()
+        with self._out.open("wb") as out, self._err.open("wb") as err:
+            self.process = subprocess.Popen(
+                [sys.executable, "-m", "colony.cli.main", *arguments],
+                stdin=subprocess.DEVNULL,
+                stdout=out,
+                stderr=err,
+                env=environment,
+                cwd=folder,
+                process_group=0,
+            )
+        self.pid = self.process.pid
+        self.folder = folder
+
+    @property
+    def out(self) -> str:
+        return self._out.read_text()
+
+    @property
+    def err(self) -> str:
+        return self._err.read_text()
+
+    def tell(self, number: int) -> None:
+        """Send it a signal."""
+        self.process.send_signal(number)
+
+    def wait(self) -> int:
+        """Its exit code."""
+        code = self.process.wait(PATIENCE_S)
+        assert "Traceback" not in self.err, self.err
+        return code
+
+    def ended(self) -> bool:
+        return self.process.poll() is not None
+
+
+class Machine:
+    """Mutable: what runs on it."""
+
+    def __init__(self, folder: Path) -> None:
+        self._folder = folder
+        self.environment = {
+            **os.environ,
+            "COLONY_RUN_DIR": str(folder / "r"),
+            "XDG_STATE_HOME": str(folder / "s"),
+            "PYTHONPATH": str(ROOT),
+        }
+        self._started: list[Started] = []
+
+    def start(self, *arguments: str) -> Started:
+        """Run `colony ARGUMENTS`."""
+        folder = self._folder / f"{len(self._started)}"
+        started = Started(arguments, self.environment, folder)
+        self._started.append(started)
+        return started
+
+    def run(self, *arguments: str) -> Started:
+        """The same, to its end."""
+        started = self.start(*arguments)
+        started.wait()
+        return started
+
+    def close(self) -> None:
+        """End what is left, and see to it that nothing stays behind."""
+        for started in self._started:
+            if not started.ended():
+                left = children_of(started.pid)
+                started.process.terminate()
+                try:
+                    started.process.wait(PATIENCE_S)
+                finally:
+                    started.process.kill()
+                    for pid in filter(lives, left):
+                        os.kill(pid, signal.SIGKILL)
+
+    @property
+    def directory(self) -> RobotDirectory:
+        return RunDirectory.find(self.environment).robot(ROBOT)
+
+    def pid(self, server: str) -> int | None:
+        """Of the process that serves a name."""
+        return self.directory.running().get(server)
+
+    def truth(self) -> Truth | None:
+        """What is true of the simulated robot, None while the plant does not answer."""
+        try:
+            with PlantControl(plant_socket(self.directory.path)) as control:
+                return control.truth(ROBOT)
+        except OSError:
+            return None
+
+    def moves(self) -> bool:
+        """Whether the robot really moves."""
+        truth = self.truth()
+        return truth is not None and abs(truth.velocity) > 1.0
+
+    def stands(self) -> bool:
+        """Whether it really stands."""
+        truth = self.truth()
+        return truth is not None and truth.velocity == 0.0 and truth.turn == 0.0
+
+    def session(self) -> Session:
+        """A session with the robot, as an outside program has one."""
+        return Session.open(ROBOT, environment=self.environment)
+
+
+def status(session: Session) -> RunStatus | None:
+    """How the run stands, None while its leader does not answer."""
+    try:
+        with session.connect(LEADER, name="test", timeout_s=1.0) as leader:
+            return leader.do(run_status())
+    except ConnectionProblem:
+        return None
+
+
+def emergency_stop(session: Session, *, release: bool = False) -> None:
+    with session.connect(RSERVER.name, name="test") as base:
+        base.do(robot.release() if release else robot.emergency_stop())

@@ -1,0 +1,382 @@
+"""`colony audit` from end to end: on what `colony run` recorded, whole, changed and broken off."""
+
+from __future__ import annotations
+
+import io
+import json
+import os
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import pytest
+from mcap.records import Attachment, Channel, Message, Metadata, Schema
+from mcap.stream_reader import StreamReader
+from mcap.writer import CompressionType, Writer
+
+from tests.cli.conftest import Colony, Ran
+from tests.cli.test_run import MAP, ROAM, ROOT
+
+
+@pytest.fixture
+def recorded(colony: Colony, tmp_path: Path) -> Callable[..., Ran]:
+    """Records a run of `roam.colony` into a file of this name; gives what was said."""
+    (tmp_path / "roam.colony").write_text(ROAM)
+
+    def record(name: str = "run.mcap", file: str = "roam.colony", duration: str = "3") -> Ran:
+        ran = colony("run", file, "--map", MAP, "--no-picture", "--duration", duration, "--record", name)
+        assert ran.code == 0
+        return ran
+
+    return record
+
+
+Change = Callable[[str, dict[str, Any]], dict[str, Any] | None]
+"""What to make of a message: its topic and content in, what is written in its place out."""
+
+
+def rewrite(name: str, change: Change, *, chunked: bool = False) -> None:
+    """Write a recording again, message by message, as another tool would: channels when they are needed."""
+    out, channels, schemas, ids = io.BytesIO(), {}, {}, dict[int, int]()
+    writer = Writer(out, use_chunking=chunked, compression=CompressionType.ZSTD, chunk_size=10_000)
+    writer.start()
+    for record in StreamReader(io.BytesIO(Path(name).read_bytes())).records:
+        match record:
+            case Metadata():
+                writer.add_metadata(record.name, record.metadata)
+            case Attachment():
+                writer.add_attachment(0, 0, record.name, record.media_type, record.data)
+            case Schema():
+                schemas[record.id] = record
+            case Channel():
+                channels[record.id] = record
+            case Message():
+                channel = channels[record.channel_id]
+                found = change(channel.topic, json.loads(record.data))
+                if found is None:
+                    continue
+                if channel.id not in ids:
+                    schema = schemas[channel.schema_id]
+                    schema_id = writer.register_schema(schema.name, schema.encoding, schema.data)
+                    ids[channel.id] = writer.register_channel(channel.topic, "json", schema_id)
+                data = json.dumps(found).encode()
+                writer.add_message(ids[channel.id], record.log_time, data, record.publish_time)
+    writer.finish()
+    Path(name).write_bytes(out.getvalue())
+
+
+def test_a_run_agrees(colony: Colony, recorded: Callable[..., Ran]) -> None:
+    assert "wrote run.mcap" in recorded().out
+    result = colony("audit", "run.mcap")
+    assert (result.code, result.err) == (0, "")
+    assert result.out.splitlines() == [
+        "run.mcap: roam.colony, seed 0, 60 frames from 0 s to 2.95 s",
+        "  60 decisions compared",
+        "  1 contract held in every frame",
+        "agrees: every decision is the interpreter's",
+    ]
+    assert colony("audit", "run.mcap", "roam.colony").code == 0
+
+
+def test_a_recording_that_another_tool_wrote_again(colony: Colony, recorded: Callable[..., Ran]) -> None:
+    recorded()
+    before, size = colony("audit", "run.mcap").out, Path("run.mcap").stat().st_size
+    rewrite("run.mcap", lambda topic, row: row, chunked=True)
+    assert Path("run.mcap").stat().st_size < size / 2
+    assert colony("audit", "run.mcap") == (0, before, "")
+
+
+def test_json_lines_agree(colony: Colony, recorded: Callable[..., Ran]) -> None:
+    recorded("run.jsonl")
+    result = colony("audit", "run.jsonl", "roam.colony")
+    assert (result.code, result.err) == (0, "")
+    assert result.out.startswith("run.jsonl: rome, by roam.colony, 60 frames from 0 s to 2.95 s\n")
+    without = colony("audit", "run.jsonl")
+    assert (without.code, without.out) == (2, "")
+    assert "error[A005]: JSON lines do not hold the program" in without.err
+
+
+def test_as_json(colony: Colony, recorded: Callable[..., Ran]) -> None:
+    recorded()
+    row = json.loads(colony("audit", "run.mcap", "--format", "json").out)
+    assert row["agrees"] is True
+    assert (row["program"], row["robot"], row["seed"], row["run"]) == ("roam.colony", "rome", 0, "")
+    assert (row["frames"], row["compared"], row["first"], row["truncated"]) == (60, 60, None, None)
+
+
+def test_a_recording_holds_requests(colony: Colony, recorded: Callable[..., Ran]) -> None:
+    recorded()
+    found: list[dict[str, Any]] = []
+    rewrite("run.mcap", lambda topic, row: found.append(row) if topic == "/requests/drive" else row)
+    assert len(found) == 60
+    assert all(set(row["clients"]) == {"avoid", "cruise", "stagger"} for row in found)
+    assert sum(bid["bid"] == "command" for bid in found[0]["clients"].values()) == 1
+    assert colony("audit", "run.mcap").code == 0
+
+
+def test_another_winner(colony: Colony, recorded: Callable[..., Ran]) -> None:
+    recorded()
+
+    def change(topic: str, row: dict[str, Any]) -> dict[str, Any]:
+        return row | {"by": "avoid"} if topic == "/verdicts/drive" and row["k"] == 17 else row
+
+    rewrite("run.mcap", change, chunked=True)
+    result = colony("audit", "run.mcap")
+    assert result.code == 1
+    lines = result.out.splitlines()
+    message = "something else was sent than the interpreter decides"
+    assert lines[3] == f"DIFFERS in 1 frame, first at 0.85 s (frame 17), drive: {message}"
+    assert lines[4] == "  recorded:    by avoid, velocity = 500.0, turn = 0.0"
+    assert lines[5] == "  interpreter: by cruise, velocity = 500.0, turn = 0.0"
+    assert [line.split()[:2] for line in lines[6:9]] == [
+        ["avoid", "not"],
+        ["stagger", "not"],
+        ["cruise", "wins;"],
+    ]
+    row = json.loads(colony("audit", "run.mcap", "--format", "json").out)
+    assert (row["first"]["k"], row["first"]["recorded"]["by"], row["first"]["expected"]["by"]) == (
+        17,
+        "avoid",
+        "cruise",
+    )
+
+
+def test_a_dropped_frame(colony: Colony, recorded: Callable[..., Ran]) -> None:
+    recorded()
+    rewrite("run.mcap", lambda topic, row: None if topic == "/frames" and row["k"] == 17 else row)
+    result = colony("audit", "run.mcap")
+    assert result.code == 1
+    assert (
+        "at 0.9 s (frame 18): frame 18 follows frame 16: 1 between them are not in the recording"
+        in result.out
+    )
+    recorded("run.jsonl")
+    lines = Path("run.jsonl").read_bytes().splitlines(keepends=True)
+    Path("run.jsonl").write_bytes(b"".join([*lines[:17], *lines[18:]]))
+    assert "frame 18 follows frame 16" in colony("audit", "run.jsonl", "roam.colony").out
+
+
+def test_a_changed_program(colony: Colony, recorded: Callable[..., Ran]) -> None:
+    recorded()
+    Path("roam.colony").write_text(ROAM.replace("velocity = 500 mm/s", "velocity = 501 mm/s"))
+    result = colony("audit", "run.mcap", "roam.colony")
+    assert result.code == 1
+    assert "DIFFERS in 60 frames, first at 0 s (frame 0), drive" in result.out
+    assert colony("audit", "run.mcap").code == 0  # which holds the program as it was
+
+
+def test_a_program_of_several_files(colony: Colony, recorded: Callable[..., Ran], tmp_path: Path) -> None:
+    split = ROAM.index("module cruise")
+    (tmp_path / "robots").mkdir()
+    (tmp_path / "behaviors" / "mine").mkdir(parents=True)
+    (tmp_path / "robots" / "rome.colony").write_text(ROAM[:split])
+    (tmp_path / "behaviors" / "mine" / "roam.colony").write_text(
+        'import "../../robots/rome.colony"\n' + ROAM[split:]
+    )
+    recorded(file="behaviors/mine/roam.colony")
+    (tmp_path / "robots" / "rome.colony").unlink()
+    result = colony("audit", "run.mcap")
+    assert result.code == 0
+    assert result.out.startswith("run.mcap: behaviors/mine/roam.colony, seed 0")
+
+
+def test_an_absolute_import_asks_for_the_file(
+    colony: Colony, recorded: Callable[..., Ran], tmp_path: Path
+) -> None:
+    split = ROAM.index("module cruise")
+    (tmp_path / "rome.colony").write_text(ROAM[:split])
+    (tmp_path / "mine.colony").write_text(f'import "{tmp_path}/rome.colony"\n' + ROAM[split:])
+    recorded(file="mine.colony")
+    result = colony("audit", "run.mcap")
+    assert (result.code, len(result.err.splitlines())) == (2, 1)
+    assert "error[A005]: its program imports" in result.err
+    assert colony("audit", "run.mcap", "mine.colony").code == 0
+
+
+def test_a_recording_that_breaks_off(colony: Colony, recorded: Callable[..., Ran]) -> None:
+    for name, arguments in (("run.mcap", ()), ("run.jsonl", ("roam.colony",))):
+        recorded(name)
+        data = Path(name).read_bytes()
+        Path(name).write_bytes(data[: len(data) * 2 // 3])
+        result = colony("audit", name, *arguments)
+        assert result.code == 0
+        assert "  truncated: it breaks off in the middle of a frame; audited as far as it goes" in result.out
+        assert json.loads(colony("audit", name, *arguments, "--format", "json").out)["truncated"]
+        assert list(colony("trace", "roam.colony", "--input", name).out) if name == "run.mcap" else True
+
+
+def test_mcap_is_input_of_trace(colony: Colony, recorded: Callable[..., Ran]) -> None:
+    recorded()
+    recorded("run.jsonl")
+    one, other = (colony("trace", "roam.colony", "--input", name) for name in ("run.mcap", "run.jsonl"))
+    assert one == other
+    assert len(one.out.splitlines()) == 60
+
+
+def test_the_same_seed_gives_the_same_recording(recorded: Callable[..., Ran]) -> None:
+    for name in ("a.mcap", "b.mcap"):
+        recorded(name)
+    assert Path("a.mcap").read_bytes() == Path("b.mcap").read_bytes()
+
+
+def test_texts_are_those_that_were_run(colony: Colony, behavior: Path) -> None:
+    """A file that is saved after it was checked, and before the recording begins, is not recorded."""
+    from colony.cli.recorded_program import program_sources
+    from colony.dsl.load import load_file
+
+    text, program = behavior.read_text(), load_file(behavior)
+    behavior.write_text("# gone")
+    root, (source,) = program_sources(str(behavior), program)
+    assert (root, source.place, source.data.decode()) == ("b.colony", "b.colony", text)
+
+
+PYTHON = """
+robot rome {
+  sensor   bumper : bool  from RServer.bumper
+  actuator drive { velocity : mm/s, turn : deg/s } to RServer.drive  idle drive(velocity = 0, turn = 0)
+}
+module plan from python "audited.plan:Plan" { reads bumper  commands drive }
+network { drive = plan }
+"""
+
+PLAN = """
+import json
+from . import speeds
+class Plan:
+    def __init__(self):
+        self.calls = 0
+    def step(self, frame):
+        self.calls += 1
+        print("heard", json.dumps(self.calls))
+        return {"velocity": speeds.SPEED + self.calls, "turn": 0.0}
+"""
+
+
+def test_python_of_a_recording_runs_only_when_trusted(
+    colony: Colony, recorded: Callable[..., Ran], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    import sys
+
+    monkeypatch.setattr(sys, "path", list(sys.path))
+    package = tmp_path / "audited"
+    package.mkdir()
+    files = {"__init__.py": "", "plan.py": PLAN, "speeds.py": "SPEED = 50.0\n"}
+    for name, text in files.items():
+        (package / name).write_text(text)
+    (tmp_path / "planned.colony").write_text(PYTHON)
+    recorded(file="planned.colony", duration="1")
+    for name in files:
+        (package / name).unlink()
+    (package / "__init__.py").write_text("raise SystemExit('what is beside it now is not run')\n")
+    for name in [name for name in sys.modules if name.partition(".")[0] == "audited"]:
+        monkeypatch.delitem(sys.modules, name)
+
+    refused = colony("audit", "run.mcap")
+    assert (refused.code, refused.out) == (2, "")
+    assert (
+        "run.mcap holds modules in Python (audited.plan); run them with --trust, or name FILE" in refused.err
+    )
+    assert not any(name.startswith("audited") for name in sys.modules)
+    trusted = colony("audit", "run.mcap", "--trust")
+    assert trusted.code == 0
+    assert "agrees" in trusted.out
+    assert "heard 20" in trusted.err
+    assert "heard" not in trusted.out
+    places = ("audited", "audited.plan", "audited.speeds")
+    assert all("colony-audit-" in str(sys.modules[m].__file__) for m in places)
+    for name in places:
+        monkeypatch.delitem(sys.modules, name)
+
+
+def foreign() -> bytes:
+    out = io.BytesIO()
+    writer = Writer(out)
+    writer.start()
+    writer.finish()
+    return out.getvalue()
+
+
+MISUSE: list[tuple[bytes | None, str]] = [
+    (None, "run.mcap:1:1: error[A001]: cannot read the recording: No such file or directory"),
+    (b"\x89PNG....", "run.mcap:1:1: error[A002]: this is no recording: neither MCAP nor JSON lines"),
+    (foreign(), "run.mcap:1:1: error[A002]: this is MCAP, but no recording of a run"),
+    (b"\x89MCAP0\r\n\x01", "error[A002]: this is MCAP, but no recording of a run: it breaks off"),
+    (b'{"t": 0, "bumper": true}\n', "error[A003]: the recording holds no decision"),
+    (b'{"t": 0, "near": 1}\n', "run.mcap:1:10: error[F005]: unknown sensor `near`"),
+    (
+        b'{"t": 0, "@tick": "x"}\n',
+        "run.mcap:1:1: error[A004]: what is recorded is no decision of this program",
+    ),
+    (b'{"t": 0, "drive": {"by": "cruise", "velocity": 1}}\n', "error[A004]"),
+    (b'{"t": 0, "drive": {"fates": {"cruise": "asleep"}}}\n', "error[A004]"),
+    (
+        b'{"t": 0, "drive": 3}\n',
+        "error[A004]: what is recorded is no decision of this program: `drive` is no object",
+    ),
+    (b"", "run.mcap:1:1: error[A003]: the recording holds no frame"),
+]
+
+
+@pytest.mark.parametrize(("content", "text"), MISUSE)
+def test_misuse_is_one_line_and_exit_code_2(
+    colony: Colony, tmp_path: Path, content: bytes | None, text: str
+) -> None:
+    (tmp_path / "roam.colony").write_text(ROAM)
+    if content is not None:
+        (tmp_path / "run.mcap").write_bytes(content)
+    result = colony("audit", "run.mcap", "roam.colony")
+    assert (result.code, result.out, len(result.err.splitlines())) == (2, "", 1)
+    assert text in result.err
+
+
+def test_what_is_no_file(colony: Colony, tmp_path: Path) -> None:
+    os.mkfifo(tmp_path / "pipe")
+    for name in (".", "pipe", "/dev/zero"):
+        result = colony("audit", name)
+        assert (result.code, len(result.err.splitlines())) == (2, 1)
+        assert "error[A001]: cannot read the recording: it is not a regular file" in result.err
+
+
+def test_a_killed_recording_without_frames(colony: Colony, recorded: Callable[..., Ran]) -> None:
+    recorded(duration="0.05")
+    data = Path("run.mcap").read_bytes()
+    Path("run.mcap").write_bytes(data[: data.index(b"/frames") + 30])
+    result = colony("audit", "run.mcap")
+    assert result.code == 2
+
+
+def test_errors_in_the_file_that_is_named(
+    colony: Colony, recorded: Callable[..., Ran], tmp_path: Path
+) -> None:
+    recorded("run.jsonl")
+    (tmp_path / "bad.colony").write_text("module {")
+    assert colony("audit", "run.jsonl", "bad.colony").code == 1
+    assert colony("audit", "run.jsonl", "nowhere.colony").code == 2
+
+
+def test_progress_on_what_takes_long(
+    colony: Colony, recorded: Callable[..., Ran], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    recorded()
+    monkeypatch.setattr("colony.cli.audit.PATIENCE_S", -1.0)
+    result = colony("audit", "run.mcap")
+    said = result.err.splitlines()
+    assert said == sorted(said, key=lambda line: int(line.split()[0]))
+    assert said[-1] == "90 %"
+
+
+def test_of_behaviors_that_come_with_the_project(colony: Colony) -> None:
+    for name, building in (("hallway", "hallway"), ("allen", "loop"), ("teleop", "loop")):
+        file, plan = ROOT / "behaviors" / f"{name}.colony", ROOT / "maps" / f"{building}.stickrep"
+        ran = colony("run", file, "--map", plan, "--no-picture", "--duration", "5", "--record", "run.mcap")
+        assert ran.code == 0, name
+        result = colony("audit", "run.mcap")
+        assert (result.code, result.err) == (0, ""), name
+        assert "100 frames" in result.out
+
+
+def test_help_says_what_is_run(colony: Colony) -> None:
+    result = colony("audit", "--help")
+    assert result.code == 0
+    assert "only with --trust" in " ".join(result.out.split())
+    assert "colony audit run.mcap" in result.out

@@ -1,0 +1,208 @@
+"""`colony run --processes`: a robot of real processes, and what may happen to them."""
+
+from __future__ import annotations
+
+import json
+import os
+import re
+import signal
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+from colony.runtime.library.leader import ClientStanding, RunStatus
+from tests.cli.conftest import Colony
+from tests.cli.machine import MAP, ROBOT, WANDER, Machine, Started, children_of, lives, status, until
+
+SERVERS = ("Clock", "RServer", "PServer", "DServer", "Simulator")
+CLIENTS = 4
+
+
+@pytest.fixture
+def machine(tmp_path: Path) -> Iterator[Machine]:
+    made = Machine(tmp_path)
+    yield made
+    made.close()
+
+
+def start(machine: Machine, *options: str, duration: str = "1000", seed: str = "1") -> Started:
+    print(f"seed {seed}")
+    arguments = ("--map", MAP, "--processes", "--duration", duration, "--seed", seed, *options)
+    return machine.start("run", WANDER, *arguments)
+
+
+def driving(machine: Machine, run: Started) -> set[int]:
+    """Wait until the robot drives; gives the processes of the run."""
+    until(lambda: run.ended() or machine.moves(), "the robot drives")
+    assert not run.ended(), run.err
+    return children_of(run.pid)
+
+
+def audit(colony: Colony, recording: Path) -> None:
+    """The reference interpreter says the same of every frame."""
+    result = colony("audit", recording)
+    assert result.code == 0, result.out + result.err
+
+
+def test_a_run_decides_as_the_interpreter_does_and_leaves_nothing_behind(
+    machine: Machine, colony: Colony
+) -> None:
+    run = start(machine, "--record", "run.mcap", "--format", "json", duration="3")
+    processes = driving(machine, run)
+    assert len(processes) == len(SERVERS) + CLIENTS
+    assert run.wait() == 0, run.err
+    assert not any(map(lives, processes))
+    assert machine.directory.running() == {}
+    summary = json.loads(run.out)
+    assert summary["robot"] == ROBOT
+    assert summary["disagreements"] == []
+    assert summary["distance_mm"] > 100.0
+    assert summary["frames"] >= 50  # of 60; more may be left out while the machine is busy
+    assert (run.folder / "run.png").read_bytes().startswith(b"\x89PNG")
+    audit(colony, run.folder / "run.mcap")
+
+
+def test_ctrl_c_stops_the_robot_and_keeps_the_recording(machine: Machine, colony: Colony) -> None:
+    run = start(machine, "--record", "run.mcap", "--no-picture")
+    processes = driving(machine, run)
+    run.tell(signal.SIGINT)
+    assert run.wait() == 130
+    assert "interrupted" in run.out
+    assert "contracts held in every frame" in run.out
+    assert not any(map(lives, processes))
+    audit(colony, run.folder / "run.mcap")
+
+
+def test_who_dies_or_is_frozen_comes_back(machine: Machine, colony: Colony) -> None:
+    run = start(machine, "--record", "run.mcap", "--no-picture", "--format", "json")
+    driving(machine, run)
+    with machine.session() as session:
+
+        def standing() -> RunStatus:
+            return until(lambda: status(session), "the leader answers")
+
+        def client(found: RunStatus, address: str = "drive/cruise") -> ClientStanding:
+            return next(c for c in found.clients if c.address == address)
+
+        def goes_on() -> None:
+            """All of them are there again, and the robot drives."""
+            since = standing().frames
+
+            def well() -> bool:
+                found = standing()
+                return found.frames > since and all(c.standing == "alive" for c in found.clients)
+
+            until(well, "all clients are there")
+            until(machine.moves, "the robot drives")
+
+        goes_on()
+        pids = {name: machine.pid(name) for name in SERVERS}
+        for name, pid in pids.items():
+            assert pid is not None
+            os.kill(pid, signal.SIGKILL)
+            until(lambda name=name, pid=pid: machine.pid(name) not in (None, pid), f"{name} is started again")
+            goes_on()
+        until(lambda: client(standing()).on_time > 0, "the client is on time")
+        (victim,) = _client_processes(run, "drive.cruise")
+        os.kill(victim, signal.SIGKILL)
+        until(lambda: client(standing()).restarts == 1, "the client is started again")
+        goes_on()
+        driver = f"drive/{standing().commanded_by['drive']}"  # whoever it is: while it is lost, nobody drives
+        (victim,) = _client_processes(run, driver.replace("/", "."))
+        os.kill(victim, signal.SIGSTOP)
+        until(lambda: client(standing(), driver).standing == "lost", "the client is lost")
+        until(machine.stands, "the robot stands")
+        os.kill(victim, signal.SIGCONT)
+        goes_on()
+        base = machine.pid("RServer")
+        assert base is not None
+        os.kill(base, signal.SIGSTOP)
+        until(machine.stands, "the base stops by itself")
+        os.kill(base, signal.SIGCONT)
+        goes_on()
+        run.tell(signal.SIGINT)
+    assert run.wait() == 130
+    assert json.loads(run.out)["disagreements"] == []
+    for name in (*SERVERS, "drive/cruise"):
+        assert f"{name} was killed by SIGKILL; it is started again" in run.err
+    audit(colony, run.folder / "run.mcap")
+
+
+def _client_processes(run: Started, name: str) -> list[int]:
+    spec = re.compile(rf"/{re.escape(name)}\.json\0$")
+    return [pid for pid in children_of(run.pid) if spec.search(Path(f"/proc/{pid}/cmdline").read_text())]
+
+
+def test_a_leader_that_is_killed_leaves_nothing_behind(machine: Machine) -> None:
+    run = start(machine, "--no-picture")
+    processes = driving(machine, run)
+    run.tell(signal.SIGKILL)
+    run.process.wait()
+    until(lambda: not any(map(lives, processes)), "all processes end")
+    assert machine.directory.running() == {}
+
+
+def test_a_robot_has_one_run_at_a_time(machine: Machine) -> None:
+    run = start(machine, "--no-picture")
+    driving(machine, run)
+    second = start(machine, "--no-picture")
+    assert second.wait() == 2
+    assert f"Leader of {ROBOT} runs already" in second.err
+    assert len(second.err.splitlines()) == 1
+    run.tell(signal.SIGTERM)
+    assert run.wait() == 130
+
+
+BROKEN = """
+import sys
+if "child" in sys.argv[0]:
+    raise OSError("no camera here")
+class Seeks:
+    def step(self, readings):
+        return None
+"""
+
+
+def test_a_module_in_python_that_cannot_live_ends_the_run(machine: Machine, tmp_path: Path) -> None:
+    (tmp_path / "broken.py").write_text(BROKEN)
+    (tmp_path / "b.colony").write_text(
+        """
+robot rome {
+  sensor bumper : bool from RServer.bumper
+  actuator drive { velocity : mm/s range -600 .. 600, turn : deg/s }
+           to RServer.drive idle drive(velocity = 0, turn = 0)
+}
+module seeks from python "broken:Seeks" { reads bumper  commands drive }
+network { drive = seeks }
+"""
+    )
+    run = machine.start("run", str(tmp_path / "b.colony"), "--map", MAP, "--processes", "--no-picture")
+    assert run.wait() == 1
+    assert "no camera here" in run.err
+
+
+BAD_OPTIONS: list[tuple[tuple[str, ...], str]] = [
+    ((), "found neither --map nor --connect"),
+    (("--map", MAP, "--connect"), "--connect is for a robot that is there"),
+    (("--map", MAP, "--fsync"), "--fsync goes with --processes"),
+    (("--map", MAP, "--camera", "90"), "--camera goes with --processes"),
+    (("--map", MAP, "--processes", "--camera", "left=up"), "found `left=up`"),
+    (("--map", MAP, "--processes", "--robot", "a/b"), "`a/b` cannot be the name of a robot"),
+    (("--connect", "tls/x:7447"), "also wants --security"),
+    (("--connect", "tcp/x:7447", "--security", "f"), "would go in the clear"),
+    (("--map", MAP, "--security", "f"), "--security goes with --connect"),
+    (("--connect", "--realtime"), "--realtime is for a run in a building"),
+    (("--connect", "--robot", "nobody"), "nothing of `nobody` runs on this machine (robots found: none)"),
+]
+
+
+@pytest.mark.parametrize(("options", "expected"), BAD_OPTIONS, ids=[e for _, e in BAD_OPTIONS])
+def test_options_that_make_no_sense(
+    colony: Colony, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, options: tuple[str, ...], expected: str
+) -> None:
+    monkeypatch.setenv("COLONY_RUN_DIR", str(tmp_path / "r"))
+    result = colony("run", WANDER, *options)
+    assert result.code == 2
+    assert expected in result.err
+    assert len(result.err.splitlines()) == 1

@@ -1,0 +1,24 @@
+"""The behaviors of the examples are right: nothing is found in them, and their tests pass."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from colony.dsl.load import check_file
+from colony.verify.examples import run_examples
+from tests.examples.stage import ROOT
+
+BEHAVIORS = sorted((ROOT / "examples").rglob("*.colony"))
+
+
+@pytest.mark.parametrize("path", BEHAVIORS, ids=lambda path: path.stem)
+def test_a_behavior_is_right(path: Path) -> None:
+    checked = check_file(path)
+    assert checked.diagnostics == ()
+    assert checked.program is not None
+    results = run_examples(checked.program)
+    assert results
+    assert [result.failures for result in results] == [()] * len(results)
+    assert checked.program.contracts

@@ -1,0 +1,164 @@
+"""A run of a behavior by real processes, watched from outside while some of them die or freeze.
+
+What is measured is measured in the robot's time, which on its own machine is the monotonic clock: when a
+signal was sent, which tick a decision belongs to, and how fast the robot really was.
+"""
+
+from __future__ import annotations
+
+import os
+import re
+import signal
+import subprocess
+import sys
+import threading
+import time
+from collections.abc import Callable, Iterator
+from contextlib import ExitStack, contextmanager
+from pathlib import Path
+from random import Random
+from typing import NamedTuple
+
+import zenoh
+
+from colony.runtime import codec, topics
+from colony.runtime.live.network import Network, local_time
+from colony.runtime.live.place import local
+from colony.runtime.messages import Tick, Verdict
+from colony.sim.plant_child import plant_socket
+from colony.sim.plant_control import PlantControl
+from tests.cli.machine import MAP, ROBOT, WANDER, Machine, Started, children_of, until
+
+FRAME_NS = 50_000_000
+UNHEARD = ("late", "lost", "refused")
+
+
+class Speed(NamedTuple):
+    """How fast the robot really was, at a time of the robot."""
+
+    t_ns: int
+    velocity: float
+
+
+class Run:
+    """Mutable: what was heard of it."""
+
+    def __init__(self, machine: Machine, *options: str, seed: int, program: str = WANDER) -> None:
+        self.machine, self.random = machine, Random(seed)
+        arguments = ("--map", MAP, "--processes", "--duration", "1000", "--seed", str(seed))
+        self.started: Started = machine.start("run", program, *arguments, "--no-picture", *options)
+        self.verdicts: list[Verdict] = []
+        self.ticks: list[Tick] = []
+        self._holds = ExitStack()
+        place = local(ROBOT, machine.environment)
+        until(lambda: self.started.ended() or machine.truth(), "the simulator starts")
+        assert not self.started.ended(), self.started.err
+        self.network = self._holds.enter_context(Network.open(place))
+        self.now: Callable[[], int] = local_time(place)
+        self.base_ns = place.directory.base_ns()
+        for topic in (topics.TICKS, topics.VERDICTS):
+            handler = zenoh.handlers.Callback(self._hear, indirect=False)
+            self.network.session.declare_subscriber(f"colony/{ROBOT}/{topic}", handler)
+
+    def _hear(self, sample: zenoh.Sample) -> None:
+        message = codec.decode(sample.payload.to_bytes())
+        if isinstance(message, Tick):
+            self.ticks.append(message)
+        elif isinstance(message, Verdict):
+            self.verdicts.append(message)
+
+    def close(self) -> None:
+        self._holds.close()
+
+    # --- how it goes -----------------------------------------------------------------------------------
+
+    def since(self, t_ns: int) -> list[Verdict]:
+        """The decisions of the frames that began after this time."""
+        return [v for v in tuple(self.verdicts) if v.t_ns > t_ns]
+
+    def well(self, t_ns: int) -> bool:
+        """Whether, after this time, everybody was there for three frames in a row, the newest ones, and one
+        of them commanded."""
+        newest = self.since(t_ns)[-3:]
+        ticks = [t for t in tuple(self.ticks) if t.t_ns > t_ns][-3:]
+        return (
+            len(newest) == len(ticks) == 3
+            and not any(fate in UNHEARD for v in newest for _, fate in v.fates)
+            and not any(t.down or t.lost for t in ticks)
+            and newest[-1].by is not None
+        )
+
+    def goes_on(self) -> None:
+        """Wait until all is well, and the robot drives."""
+        since = self.now()
+        until(lambda: self.ended() or self.well(since), "all are there again")
+        until(lambda: self.ended() or self.machine.moves(), "the robot drives")
+        assert not self.started.ended(), self.started.err
+
+    def ended(self) -> bool:
+        return self.started.ended()
+
+    def driving(self) -> str:
+        """The client that commands in the newest frame."""
+        found = until(lambda: self.verdicts[-1].by if self.verdicts else None, "somebody commands")
+        assert found is not None
+        return found
+
+    # --- its processes -----------------------------------------------------------------------------------
+
+    def pid(self, name: str) -> int | None:
+        """The process of a server, or of the client `drive.NAME`; None while there is none."""
+        spec = re.compile(rf"/{re.escape(name)}\.json\0$")
+        for pid in children_of(self.started.pid):
+            try:
+                if spec.search(Path(f"/proc/{pid}/cmdline").read_text()):
+                    return pid
+            except OSError:  # it just ended
+                continue
+        return None
+
+    def signal(self, name: str, number: signal.Signals) -> tuple[int, int]:
+        """Send it a signal, at any moment of a frame; gives its process and the time just after."""
+        pid = until(lambda: self.pid(name), f"{name} is there")
+        assert pid is not None
+        time.sleep(self.random.random() * FRAME_NS / 1e9)
+        os.kill(pid, number)
+        return pid, self.now()
+
+    # --- the robot itself --------------------------------------------------------------------------------
+
+    @contextmanager
+    def speeds(self) -> Iterator[list[Speed]]:
+        """How fast it is, over and over again until the end of the block."""
+        found: list[Speed] = []
+        ended = threading.Event()
+
+        def look() -> None:
+            with PlantControl(plant_socket(self.machine.directory.path)) as control:
+                while not ended.wait(0.002):
+                    truth = control.truth(ROBOT)
+                    found.append(Speed(truth.t_ns - self.base_ns, truth.velocity))
+
+        thread = threading.Thread(target=look)
+        thread.start()
+        try:
+            yield found
+        finally:
+            ended.set()
+            thread.join()
+
+
+@contextmanager
+def child(machine: Machine, what: str) -> Iterator[subprocess.Popen[str]]:
+    """A `fault_child`, killed in the end where it lives still."""
+    process = subprocess.Popen(
+        [sys.executable, "-m", "tests.runtime.fault_child", what],
+        env=machine.environment,
+        stdout=subprocess.PIPE,
+        text=True,
+    )
+    try:
+        yield process
+    finally:
+        process.kill()
+        process.communicate()

@@ -1,0 +1,126 @@
+"""What tests of the live transport stand on: run directories of their own, hosts in threads, and waiting for
+a condition instead of sleeping."""
+
+from __future__ import annotations
+
+import shutil
+import tempfile
+import threading
+import time
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from pathlib import Path
+
+from colony.runtime.live.host import Host
+from colony.runtime.live.place import Local, local
+from colony.runtime.messages import Effect, Message, Node
+
+ROBOT = "rome"
+PATIENCE_S = 20.0
+"""Far longer than anything takes; only a failure waits for so long."""
+
+
+@contextmanager
+def run_directory() -> Iterator[Mapping[str, str]]:
+    """An environment with a run directory of its own; its path is short, as sockets need it."""
+    folder = Path(tempfile.mkdtemp(prefix="colony-", dir="/tmp"))
+    try:
+        yield {"COLONY_RUN_DIR": str(folder)}
+    finally:
+        shutil.rmtree(folder)
+
+
+def place(environment: Mapping[str, str]) -> Local:
+    """The robot of the tests."""
+    return local(ROBOT, environment)
+
+
+def until(condition: Callable[[], bool], what: str) -> None:
+    """Wait until `condition` holds."""
+    end = time.monotonic() + PATIENCE_S
+    while not condition():
+        assert time.monotonic() < end, f"waited {PATIENCE_S:g} s in vain: {what}"
+        time.sleep(0.001)
+
+
+class Running:
+    """A host that runs in a thread. Mutable: until it is ended."""
+
+    def __init__(self, host: Host) -> None:
+        self.host = host
+        self.failures: list[BaseException] = []
+        self._thread = threading.Thread(target=self._run)
+        self._thread.start()
+
+    def _run(self) -> None:
+        try:
+            self.host.run()
+        except BaseException as failure:
+            self.failures.append(failure)
+
+    def end(self) -> None:
+        """Stop it, and raise what made it fail."""
+        self.host.stop()
+        self._thread.join(PATIENCE_S)
+        assert not self._thread.is_alive(), "the host did not stop"
+        self.host.close()
+        if self.failures:
+            raise self.failures[0]
+
+
+@contextmanager
+def running(host: Host) -> Iterator[Running]:
+    """A host that runs in a thread until the end of the block."""
+    run = Running(host)
+    try:
+        yield run
+    finally:
+        run.end()
+
+
+@contextmanager
+def hosted(
+    environment: Mapping[str, str],
+    nodes: Sequence[Node],
+    *,
+    report: Callable[[str], None] = lambda problem: None,
+) -> Iterator[Host]:
+    """A process's worth of nodes that serve, in a thread."""
+    host = Host.open(place(environment), nodes, serves=True, report=report)
+    with running(host):
+        names = {node.address for node in nodes}
+        until(lambda: names <= set(host.network.alive()), f"{names} are not there")
+        yield host
+
+
+class Recorder:
+    """A node that keeps what it gets. Mutable: that.
+
+    `on` gives its effects for a message; by default there are none.
+    """
+
+    def __init__(
+        self,
+        address: str,
+        *listens: str,
+        on: Callable[[Message, int], Iterable[Effect]] = lambda message, now_ns: (),
+        begin: Callable[[int], Iterable[Effect]] = lambda now_ns: (),
+    ) -> None:
+        self.address = address
+        self.listens = listens
+        self.got: list[Message] = []
+        self.times: list[int] = []
+        self.closed = 0
+        self._on = on
+        self._begin = begin
+
+    def start(self, now_ns: int) -> Iterable[Effect]:
+        return self._begin(now_ns)
+
+    def handle(self, message: Message, now_ns: int) -> Iterable[Effect]:
+        self.got.append(message)
+        self.times.append(now_ns)
+        return self._on(message, now_ns)
+
+    def close(self) -> None:
+        self.closed += 1

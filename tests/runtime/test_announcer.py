@@ -1,0 +1,76 @@
+"""An announcer tells the activity of every frame once, and again to who asks; without its memory it asks
+for a new epoch."""
+
+from __future__ import annotations
+
+from colony.ir.frame import Frame
+from colony.runtime.announcer import Announcer
+from colony.runtime.assembly import FrameAssembler
+from colony.runtime.messages import Announcement, Fetch, Message, Ready, Restart, Send, Sent, Tick
+
+ADDRESS = "DServer/activity/pulse"
+KEEP = 4
+
+
+class Third:
+    """Active in every third step."""
+
+    def __init__(self) -> None:
+        self.steps = 0
+
+    def step(self, frame: Frame) -> bool:
+        self.steps += 1
+        return self.steps % 3 == 0
+
+    def restart(self) -> None:
+        self.steps = 0
+
+
+def announcer() -> Announcer:
+    return Announcer("pulse", FrameAssembler((), run="run", keep=KEEP), Third(), run="run", keep=KEEP)
+
+
+def take(node: Announcer, *messages: Message) -> list[Sent]:
+    return [e.message for m in messages for e in node.handle(m, 0) if isinstance(e, Send)]
+
+
+def tick(k: int, start: int = 0) -> Tick:
+    return Tick(k=k, t_ns=k, start=start, run="run")
+
+
+def told(k: int, active: bool) -> Announcement:
+    return Announcement(k=k, module="pulse", active=active)
+
+
+def test_every_frame_is_told_once_also_those_that_it_is_late_for() -> None:
+    node = announcer()
+    assert list(node.start(0)) == [Send("Clock/ready", Ready(client=ADDRESS, run="run"))]
+    assert take(node, tick(0), tick(0)) == [told(0, False)]
+    assert take(node, tick(2)) == [Fetch(server="Clock", k=1)]
+    assert take(node, tick(1)) == [told(1, False), told(2, True)]
+
+
+def test_what_it_told_is_told_again_to_who_asks() -> None:
+    node = announcer()
+    take(node, *(tick(k) for k in range(6)))
+    assert take(node, Fetch(server=ADDRESS, k=5)) == [told(5, True)]
+    assert take(node, Fetch(server=ADDRESS, k=1)) == []
+    assert take(node, Fetch(server="DServer", k=5)) == []
+
+
+def test_with_an_epoch_its_object_is_built_anew() -> None:
+    node = announcer()
+    take(node, tick(0), tick(1))
+    assert take(node, *(tick(k, start=2) for k in (2, 3, 4))) == [
+        told(2, False),
+        told(3, False),
+        told(4, True),
+    ]
+
+
+def test_one_that_comes_too_late_asks_for_a_new_epoch() -> None:
+    node = announcer()
+    assert take(node, tick(KEEP)) == [Restart(client=ADDRESS, start=0)]
+    assert take(node, tick(KEEP + 1)) == [Restart(client=ADDRESS, start=0)]
+    young = announcer()
+    assert take(young, tick(KEEP - 1)) == [Fetch(server="Clock", k=k) for k in range(KEEP - 1)]

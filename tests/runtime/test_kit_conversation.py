@@ -1,0 +1,209 @@
+"""The client's end of a connection, message by message."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from itertools import count
+
+import msgspec
+import pytest
+
+from colony.runtime.calls import Nothing
+from colony.runtime.codec import LARGEST
+from colony.runtime.kit.conversation import (
+    AGAIN_NS,
+    ALIVE_NS,
+    Begin,
+    Conversation,
+    Effect,
+    Outcome,
+    Pending,
+    Resolve,
+    State,
+    Tell,
+    Transmit,
+)
+from colony.runtime.kit.errors import CallRefused, ConnectionLost
+from colony.runtime.library.ask import Ask
+from colony.runtime.messages import Alive, Call, Notice, Problem, Reply
+
+MS = 1_000_000
+
+
+class _Blob(msgspec.Struct, frozen=True, kw_only=True):
+    data: bytes
+
+
+def _conversation() -> Conversation:
+    numbers = count(1)
+    return Conversation(
+        server="RServer", user="ada", ids=lambda: str(next(numbers)), name="joystick", priority=5
+    )
+
+
+def _pending(method: str, outcomes: list[Outcome], *, repeatable: bool = False) -> Pending:
+    ask: Ask[None] = Ask(method, Nothing(), None, "command", repeatable=repeatable)
+    return Pending(ask, outcomes.append)
+
+
+def _calls(effects: Iterable[Effect]) -> list[Call]:
+    messages = [effect.message for effect in effects if isinstance(effect, Transmit)]
+    return [message for message in messages if isinstance(message, Call)]
+
+
+def _resolve(effects: Iterable[Effect]) -> list[Effect]:
+    """Do what the effects say about outcomes; gives the others."""
+    rest: list[Effect] = []
+    for effect in effects:
+        if isinstance(effect, Resolve):
+            effect.pending.resolve(effect.outcome)
+        else:
+            rest.append(effect)
+    return rest
+
+
+def _closed(connection: str, number: int = 0) -> Reply:
+    return Reply(connection=connection, number=number, problem=Problem(code="closed", message="lost"))
+
+
+def _open(talk: Conversation, now_ns: int = 0) -> None:
+    opened: list[Outcome] = []
+    _resolve(talk.open(opened.append, now_ns))
+    _resolve(talk.take(Reply(connection=talk.connection, number=1), now_ns))
+    assert talk.state is State.OPEN
+    assert len(opened) == 1
+
+
+def test_it_opens_with_a_call_and_then_calls_are_answered_by_number() -> None:
+    talk, opened = _conversation(), list[Outcome]()
+    begin, transmit = talk.open(opened.append, 0)
+    assert begin == Begin("ada/1")
+    assert isinstance(transmit, Transmit)
+    assert isinstance(transmit.message, Call)
+    call = transmit.message
+    assert (call.connection, call.number, call.method, call.priority, call.right) == (
+        "ada/1",
+        1,
+        "open",
+        5,
+        "read",
+    )
+    outcomes: list[Outcome] = []
+    assert not list(talk.ask(_pending("go", outcomes), 0)), "it waits until the connection is open"
+    opening = _resolve(talk.take(Reply(connection="ada/1", number=1), 0))
+    assert [(c.number, c.method, c.right) for c in _calls(opening)] == [(2, "go", "command")]
+    (second,) = _calls(talk.ask(_pending("stop", outcomes), 0))
+    assert second.number == 3
+    result = msgspec.Raw(msgspec.msgpack.encode(7))
+    _resolve(talk.take(Reply(connection="ada/1", number=3, result=result), 0))
+    assert outcomes == [result]
+    refused = Reply(connection="ada/1", number=2, problem=Problem(code="locked", message="by bob"))
+    _resolve(talk.take(refused, 0))
+    _resolve(talk.take(refused, 0))
+    problem = outcomes[1]
+    assert isinstance(problem, CallRefused)
+    assert (problem.code, str(problem), len(outcomes)) == ("locked", "by bob", 2)
+
+
+def test_a_call_without_an_answer_is_sent_again_with_the_same_number_ever_less_often() -> None:
+    talk = _conversation()
+    _open(talk)
+    (call,) = _calls(talk.ask(_pending("go", []), 0))
+    sent = [t for t in range(0, 5001 * MS, 50 * MS) if call in _calls(talk.tend(t))]
+    gaps = [(b - a) // MS for a, b in zip([0, *sent], sent, strict=False)]
+    assert gaps == [250, 500, 1000, 2000]
+
+
+def test_a_silent_connection_gives_signs_of_life() -> None:
+    talk = _conversation()
+    _open(talk)
+    alive = Transmit(Alive(connection="ada/1"))
+    assert not list(talk.tend(ALIVE_NS - 1))
+    assert list(talk.tend(ALIVE_NS)) == [alive]
+    _calls(talk.ask(_pending("go", []), ALIVE_NS + 1))
+    assert alive not in list(talk.tend(2 * ALIVE_NS))
+
+
+def test_when_the_server_does_not_know_us_any_more_it_opens_anew_and_numbers_on() -> None:
+    talk, outcomes = _conversation(), list[Outcome]()
+    _open(talk)
+    kept: Ask[None] = Ask("watch", Nothing(), None, "read")
+    talk.keep(kept)
+    list(talk.ask(_pending("read", outcomes, repeatable=True), 0))
+    list(talk.ask(_pending("go", outcomes), 0))
+    effects = _resolve(talk.take(_closed("ada/1"), 0))
+    assert isinstance(outcomes[0], ConnectionLost)
+    assert len(outcomes) == 1
+    assert [(c.connection, c.number, c.method) for c in _calls(effects)] == [("ada/1", 4, "open")]
+    assert not list(talk.take(_closed("ada/1", 2), 0)), "it answers what was said before it was known"
+    again = _calls(_resolve(talk.take(Reply(connection="ada/1", number=4), 0)))
+    assert [(c.number, c.method) for c in again] == [(5, "watch"), (2, "read")], "the same call, once"
+    assert talk.openings == 2
+    _resolve(talk.take(Reply(connection="ada/1", number=2), 0))
+    assert len(outcomes) == 2
+
+
+def test_when_the_server_dies_only_calls_that_may_be_repeated_go_on_waiting() -> None:
+    talk, outcomes = _conversation(), list[Outcome]()
+    _open(talk)
+    list(talk.ask(_pending("go", outcomes), 0))
+    (read,) = _calls(talk.ask(_pending("read", outcomes, repeatable=True), 0))
+    _resolve(talk.vanished())
+    assert [type(outcome) for outcome in outcomes] == [ConnectionLost]
+    assert list(talk.appeared(0)) == [Transmit(Alive(connection="ada/1"))]
+    assert _calls(talk.tend(AGAIN_NS)) == [read]
+
+
+def test_a_server_that_appears_is_asked_at_once_to_open() -> None:
+    talk = _conversation()
+    opening = _calls(talk.open(lambda outcome: None, 0))
+    assert _calls(talk.appeared(MS)) == opening
+
+
+def test_a_refused_opening_is_told_and_tried_again() -> None:
+    talk, opened = _conversation(), list[Outcome]()
+    list(talk.open(opened.append, 0))
+    refusal = Reply(connection="ada/1", number=1, problem=Problem(code="full", message="1000 connections"))
+    _resolve(talk.take(refusal, 0))
+    assert isinstance(opened[0], CallRefused)
+    assert (talk.state, talk.complaint) == (State.OPENING, "1000 connections")
+    assert len(_calls(talk.tend(AGAIN_NS))) == 1
+
+
+def test_what_the_server_tells_and_complains_of() -> None:
+    talk = _conversation()
+    _open(talk)
+    notice = Notice(connection="ada/1", subject="goal", body=msgspec.Raw(b"\xc0"))
+    assert list(talk.take(notice, 0)) == [Tell(notice)]
+    problem = Problem(code="malformed", message="no message")
+    assert not list(talk.take(Reply(connection="ada/1", number=0, problem=problem), 0))
+    assert talk.complaint == "no message"
+
+
+def test_closing_tells_the_server_and_whoever_waits() -> None:
+    talk, outcomes = _conversation(), list[Outcome]()
+    _open(talk)
+    list(talk.ask(_pending("go", outcomes), 0))
+    effects = _resolve(talk.close(0))
+    assert [c.method for c in _calls(effects)] == ["close"]
+    _resolve(talk.ask(_pending("go", outcomes), 0))
+    assert [type(outcome) for outcome in outcomes] == [ConnectionLost] * 2
+    assert not [*talk.close(0), *talk.tend(10**12), *talk.lose(0), *talk.vanished(), *talk.appeared(0)]
+
+
+def test_who_gave_up_waiting_is_not_told() -> None:
+    talk, outcomes = _conversation(), list[Outcome]()
+    unsent = _pending("early", outcomes)
+    list(talk.ask(unsent, 0))
+    _open(talk)
+    pending = _pending("go", outcomes)
+    (call,) = _calls(talk.ask(pending, 0))
+    talk.forget(pending)
+    talk.forget(pending)
+    assert not list(talk.take(Reply(connection="ada/1", number=call.number), 0))
+
+
+def test_arguments_that_are_too_large_are_refused_before_anything_is_sent() -> None:
+    ask: Ask[None] = Ask("write", _Blob(data=bytes(LARGEST)), None, "command")
+    with pytest.raises(CallRefused, match=r"write: the arguments are [0-9]+ bytes; expected at most 4193280"):
+        Pending(ask, lambda outcome: None)

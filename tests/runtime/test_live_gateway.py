@@ -1,0 +1,339 @@
+"""Who gets through a gateway, with what, and what those are told who do not."""
+
+from __future__ import annotations
+
+import threading
+from collections.abc import Iterator, Mapping
+from contextlib import ExitStack, contextmanager
+from pathlib import Path
+
+import msgspec
+import pytest
+import zenoh
+
+from colony.runtime import codec, topics
+from colony.runtime.calls import Open
+from colony.runtime.kit.connection import Session, connect
+from colony.runtime.kit.errors import CallRefused, ServerNotFound
+from colony.runtime.live import configuration, keys
+from colony.runtime.live.errors import NotReached, SecurityError
+from colony.runtime.live.gateway import open_gateway
+from colony.runtime.live.host import Host
+from colony.runtime.live.network import Network
+from colony.runtime.live.outbox import publish
+from colony.runtime.live.place import Credentials, Remote
+from colony.runtime.live.robot_time import learned_time
+from colony.runtime.live.security import Permission, read_security
+from colony.runtime.messages import (
+    Alive,
+    Call,
+    Effect,
+    Malformed,
+    Message,
+    Reply,
+    Request,
+    Right,
+    Send,
+    Tick,
+    Wake,
+    WakeAt,
+)
+from tests.runtime.certificates import Authority, free_port
+from tests.runtime.kit_stage import BATTERY, battery_thread, charge, halt, level
+from tests.runtime.live_stage import ROBOT, Recorder, hosted, place, run_directory, running, until
+
+USERS: dict[str, tuple[Permission, ...]] = {
+    "ada": ("read", "command"),
+    "bob": ("read",),
+    "carl": ("stop",),
+    "eva": ("run",),
+}
+
+
+class _Lab:
+    """A robot behind a gateway. Mutable: certificates that were made."""
+
+    def __init__(self, environment: Mapping[str, str], authority: Authority, endpoint: str) -> None:
+        self.environment = environment
+        self.authority = authority
+        self.endpoint = endpoint
+
+    def session(self, who: str | Credentials) -> Session:
+        credentials = self.authority.user(who) if isinstance(who, str) else who
+        return Session.open(ROBOT, gateway=self.endpoint, credentials=credentials)
+
+    def remote(self, who: str) -> Remote:
+        return Remote(robot=ROBOT, endpoint=self.endpoint, credentials=self.authority.user(who))
+
+
+@contextmanager
+def _gateway(lab: _Lab, users: Mapping[str, tuple[Permission, ...]]) -> Iterator[None]:
+    security = read_security(lab.authority.table(users))
+    with running(open_gateway(place(lab.environment), lab.endpoint, security)):
+        yield
+
+
+@pytest.fixture
+def lab(tmp_path: Path) -> Iterator[_Lab]:
+    with ExitStack() as holds:
+        environment = holds.enter_context(run_directory())
+        made = _Lab(environment, Authority(tmp_path), f"tls/localhost:{free_port()}")
+        holds.enter_context(_gateway(made, USERS))
+        yield made
+
+
+def test_a_user_does_what_the_table_allows(lab: _Lab) -> None:
+    with battery_thread(lab.environment), lab.session("ada") as session:
+        until(lambda: BATTERY in session.servers(), "the gateway found the server")
+        with session.connect(BATTERY, priority=4) as battery:
+            assert battery.do(level()) == 0.5
+            assert battery.do(charge(1.0)) == pytest.approx(0.6)
+            assert battery.do(halt()) == "halted", "who may command may stop"
+        with pytest.raises(ServerNotFound, match="rome has no Radio: found Battery, Gateway"):
+            session.connect("Radio", timeout_s=0.2)
+
+
+@pytest.mark.parametrize(("user", "says"), [("bob", "bob may only read"), ("carl", "carl may only stop")])
+def test_a_user_without_the_right_is_told_so(lab: _Lab, user: str, says: str) -> None:
+    with (
+        battery_thread(lab.environment) as server,
+        lab.session(user) as session,
+        session.connect(BATTERY) as battery,
+    ):
+        with pytest.raises(CallRefused, match=f"charge needs the right to command, and {says}") as refused:
+            battery.do(charge(1.0))
+        assert refused.value.code == "right"
+        assert battery.do(level()) == 0.5
+        if user == "carl":
+            assert battery.do(halt()) == "halted"
+    assert server.charges == 0
+
+
+def test_who_does_not_ask_the_kit_does_not_get_past_the_gateway_either(lab: _Lab) -> None:
+    node = Recorder("RServer", topics.calls("RServer"), topics.requests("RServer"))
+    with hosted(lab.environment, [node]), Network.open(lab.remote("bob")) as network:
+        until(lambda: "RServer" in network.alive(), "the gateway found the server")
+        forged = (
+            ("command", "bob/1", _call("bob/1", "command")),
+            ("stop", "bob/1", _call("bob/1", "stop")),
+            ("read", "ada/1", _call("ada/1", "read")),
+        )
+        for right, connection, message in forged:
+            key = f"colony/{ROBOT}/RServer/call/{right}/{connection}"
+            network.session.put(key, codec.encode(message))
+        request = Request(k=1, actuator="drive", client="wander", bid="command", values=(1.0, 0.0))
+        network.session.put(f"colony/{ROBOT}/RServer/requests", codec.encode(request))
+        honest = Alive(connection="bob/1")
+        _put(network, f"colony/{ROBOT}/RServer/call/read/bob/1", codec.encode(honest))
+        until(lambda: bool(node.got), "the honest one")
+    assert node.got == [honest]
+
+
+def test_who_claims_another_name_in_the_message_is_refused(lab: _Lab) -> None:
+    node = Recorder("RServer", topics.calls("RServer"))
+    with hosted(lab.environment, [node]), Network.open(lab.remote("bob")) as network:
+        data = codec.encode(_call("ada/1", "read"))
+        _put(network, f"colony/{ROBOT}/RServer/call/read/bob/1", data)
+        until(lambda: bool(node.got), "it is told of")
+    malformed = node.got[0]
+    assert isinstance(malformed, Malformed)
+    assert malformed.connection == "bob/1"
+    assert "claims to be of ada/1" in malformed.reason
+
+
+def test_nobody_hears_the_answers_to_others(lab: _Lab) -> None:
+    def answer(message: Message, now_ns: int) -> Iterator[Effect]:
+        if isinstance(message, Call):
+            reply = Reply(connection=message.connection, number=message.number)
+            yield Send(topics.replies("RServer", message.connection), reply)
+
+    heard: dict[str, list[object]] = {"ada": [], "bob": []}
+    node = Recorder("RServer", topics.calls("RServer"), on=answer)
+    with (
+        hosted(lab.environment, [node]),
+        Network.open(lab.remote("ada")) as ada,
+        Network.open(lab.remote("bob")) as bob,
+    ):
+        for network, user in ((ada, "ada"), (bob, "bob")):
+            for key in (keys.listening(ROBOT, "RServer/reply/ada/1"), "**", f"colony/{ROBOT}/**"):
+                _listen(network, key, heard[user])
+        _put(ada, f"colony/{ROBOT}/RServer/call/read/ada/1", codec.encode(_call("ada/1", "read")))
+        until(lambda: any(isinstance(m, Reply) for m in heard["ada"]), "the answer")
+        _listen(bob, keys.listening(ROBOT, "RServer/reply/bob/1"), heard["bob"])
+        _put(bob, f"colony/{ROBOT}/RServer/call/read/bob/1", codec.encode(_call("bob/1", "read")))
+        until(lambda: any(isinstance(m, Reply) for m in heard["bob"]), "one's own")
+    answers = {user: {m.connection for m in heard[user] if isinstance(m, Reply)} for user in heard}
+    assert answers == {"ada": {"ada/1"}, "bob": {"bob/1"}}
+    assert not any(isinstance(m, Call) and m.connection == "ada/1" for m in heard["bob"])
+
+
+def test_logins_that_are_refused(lab: _Lab, tmp_path: Path) -> None:
+    folder = tmp_path / "other"
+    folder.mkdir()
+    stranger = Authority(folder, "stranger")
+    ada, eve = lab.authority.user("ada"), stranger.user("ada")
+    forged = Credentials(user="ada", certificate=eve.certificate, key=eve.key, authority=ada.authority)
+    fooled = Credentials(user="ada", certificate=ada.certificate, key=ada.key, authority=stranger.path)
+    port = lab.endpoint.rsplit(":", 1)[1]
+    cases = (
+        (forged, lab.endpoint, r"refuses .*ada.pem: .*UNKNOWN_CA"),
+        (fooled, lab.endpoint, r"is not to be trusted: .*stranger.pem"),
+        (lab.authority.user("ada", expired=True), lab.endpoint, r"refuses .*ada-expired.pem: .*EXPIRED"),
+        (lab.authority.user("zoe"), lab.endpoint, r"lets nobody in as zoe: .*table of users for rome"),
+        (lab.authority.user("bob", called="ada"), lab.endpoint, r"lets nobody in as ada: .*bob.pem"),
+        (
+            lab.authority.user("ada"),
+            f"tls/127.0.0.2:{port}",
+            r"not to be trusted: .*for `127.0.0.2`|Connection refused",
+        ),
+        (lab.authority.user("ada"), f"tls/localhost:{free_port()}", r"nobody listens .*Connection refused"),
+    )
+    for (credentials, endpoint, says), problem in zip(cases, _all_refused(cases), strict=True):
+        assert isinstance(problem, NotReached), (credentials, endpoint, problem)
+        assert _matches(says, str(problem)), problem
+
+
+def _all_refused(cases: tuple[tuple[Credentials, str, str], ...]) -> list[BaseException | None]:
+    """Try all at once: each waits for as long as a gateway may take."""
+    found: list[BaseException | None] = [None] * len(cases)
+
+    def attempt(place: int, credentials: Credentials, endpoint: str) -> None:
+        try:
+            Session.open(ROBOT, gateway=endpoint, credentials=credentials).close()
+        except Exception as problem:
+            found[place] = problem
+
+    threads = [threading.Thread(target=attempt, args=(n, c, e)) for n, (c, e, _) in enumerate(cases)]
+    for thread in threads:
+        thread.start()
+    for thread in threads:
+        thread.join(30)
+    return found
+
+
+def _matches(pattern: str, text: str) -> bool:
+    import re
+
+    return re.search(pattern, text, re.DOTALL | re.IGNORECASE) is not None
+
+
+def test_nothing_goes_in_the_clear(lab: _Lab) -> None:
+    in_the_clear = lab.endpoint.replace("tls/", "tcp/")
+    with pytest.raises(SecurityError, match="would go in the clear"):
+        connect(BATTERY, robot=ROBOT, gateway=in_the_clear, credentials=lab.authority.user("ada"))
+    security = read_security(lab.authority.table(USERS))
+    with pytest.raises(SecurityError, match="would go in the clear"):
+        open_gateway(place(lab.environment), in_the_clear, security)
+    settings = {"mode": "client", "connect/endpoints": [in_the_clear], "connect/timeout_ms": 300}
+    with pytest.raises(zenoh.ZError):
+        zenoh.open(configuration.configuration({**settings, "scouting/multicast/enabled": False}))
+
+
+def test_a_certificate_is_wanted(lab: _Lab) -> None:
+    with pytest.raises(ValueError, match="a gateway wants to know who comes"):
+        Session.open(ROBOT, gateway=lab.endpoint)
+    ada = lab.remote("ada")
+    settings = {
+        key: value
+        for key, value in configuration.settings(ada).items()
+        if key not in ("transport/link/tls/connect_certificate", "transport/link/tls/connect_private_key")
+    }
+    settings |= {"transport/link/tls/enable_mtls": False, "connect/timeout_ms": 300}
+    with pytest.raises(zenoh.ZError):
+        zenoh.open(configuration.configuration(settings))
+
+
+def test_two_gateways_to_one_robot_and_a_port_that_is_taken(lab: _Lab, tmp_path: Path) -> None:
+    security = read_security(lab.authority.table(USERS))
+    with pytest.raises(Exception, match="Gateway of rome runs already"):
+        open_gateway(place(lab.environment), f"tls/localhost:{free_port()}", security)
+    with run_directory() as other, pytest.raises(NotReached, match=r"cannot listen at .*tls/localhost"):
+        open_gateway(place(other), lab.endpoint, security)
+
+
+def test_a_user_who_was_taken_out_of_the_table_is_out(lab: _Lab, tmp_path: Path) -> None:
+    with run_directory() as environment:
+        other = _Lab(environment, lab.authority, f"tls/localhost:{free_port()}")
+        with _gateway(other, USERS), other.session("bob") as session:
+            assert session.servers() == ("Gateway",)
+        with _gateway(other, {"ada": ("read",)}), pytest.raises(NotReached, match="lets nobody in as bob"):
+            other.session("bob")
+
+
+class _Clock(Recorder):
+    """Ticks every 5 ms."""
+
+    def __init__(self) -> None:
+        super().__init__(topics.CLOCK, on=self._tick, begin=lambda now: [WakeAt(now)])
+        self.k = 0
+
+    def _tick(self, message: Message, now_ns: int) -> Iterator[Effect]:
+        if isinstance(message, Wake):
+            self.k += 1
+            yield Send(topics.TICKS, Tick(k=self.k, t_ns=now_ns))
+            yield WakeAt(now_ns + 5_000_000)
+
+
+def test_a_client_of_a_program_runs_on_another_machine(lab: _Lab) -> None:
+    def request(message: Message, now_ns: int) -> Iterator[Effect]:
+        if isinstance(message, Tick):
+            yield Send(
+                topics.requests("RServer"),
+                Request(k=message.k, actuator="drive", client="wander", bid="silent"),
+            )
+
+    server = Recorder("RServer", topics.requests("RServer"))
+    client = Recorder("drive/wander", topics.TICKS, on=request)
+    with (
+        hosted(lab.environment, [_Clock()]) as clock,
+        hosted(lab.environment, [server]),
+        Host.open(lab.remote("eva"), [client]) as remote,
+        running(remote),
+    ):
+        until(lambda: len(server.got) >= 3, "requests come")
+        until(lambda: "drive/wander" in clock.network.alive(), "it is seen to be there")
+    assert {m.client for m in server.got if isinstance(m, Request)} == {"wander"}
+    late = [t - m.t_ns for t, m in zip(client.times, client.got, strict=True) if isinstance(m, Tick)]
+    assert all(-1_000_000 < ns < 5_000_000_000 for ns in late), "its time is the robot's"
+
+
+def test_no_clock_no_time(lab: _Lab) -> None:
+    with Network.open(lab.remote("eva")) as network, pytest.raises(NotReached, match="no tick of its Clock"):
+        learned_time(network, timeout_s=0.1)
+
+
+def test_a_server_stays_on_the_robots_machine(lab: _Lab) -> None:
+    with pytest.raises(ValueError, match="RServer cannot serve rome from another machine"):
+        Host.open(lab.remote("eva"), [Recorder("RServer")], serves=True)
+
+
+def _call(connection: str, right: Right) -> Call:
+    arguments = msgspec.Raw(msgspec.msgpack.encode(Open(name="x")))
+    return Call(connection=connection, number=1, method="open", arguments=arguments, right=right)
+
+
+def _put(network: Network, key: str, data: bytes) -> None:
+    with publish(network.session, key) as publisher:
+        until(lambda: publisher.matching_status.matching, f"nobody listens to {key}")  # type: ignore[attr-defined]
+        publisher.put(data)
+
+
+def _listen(network: Network, key: str, heard: list[object]) -> None:
+    def take(sample: zenoh.Sample) -> None:
+        heard.append(codec.decode(sample.payload.to_bytes()))
+
+    network.session.declare_subscriber(key, zenoh.handlers.Callback(take, indirect=False))
+
+
+def test_a_gateway_that_is_started_anew_is_found_again(tmp_path: Path) -> None:
+    with run_directory() as environment, battery_thread(environment):
+        lab = _Lab(environment, Authority(tmp_path), f"tls/localhost:{free_port()}")
+        with ExitStack() as holds:
+            with _gateway(lab, USERS):
+                session = holds.enter_context(lab.session("ada"))
+                battery = holds.enter_context(session.connect(BATTERY, timeout_s=20))
+                assert battery.do(level()) == 0.5
+            until(lambda: session.servers() == (), "the gateway is gone")
+            with _gateway(lab, USERS):
+                assert battery.do(level()) == 0.5
+                assert battery.do(charge(1.0)) == pytest.approx(0.6)

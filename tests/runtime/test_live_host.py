@@ -1,0 +1,351 @@
+"""A process of the runtime over zenoh: what comes first, what is refused, how it ends."""
+
+from __future__ import annotations
+
+import os
+import signal
+import subprocess
+import sys
+import threading
+from collections.abc import Iterable, Iterator, Mapping
+from pathlib import Path
+
+import msgspec
+import pytest
+
+from colony.runtime import codec, topics
+from colony.runtime.codec import LARGEST
+from colony.runtime.live import keys
+from colony.runtime.live.configuration import BLOCKED_US
+from colony.runtime.live.errors import AlreadyRunning
+from colony.runtime.live.host import Host
+from colony.runtime.live.network import Network
+from colony.runtime.live.outbox import publish
+from colony.runtime.live.waiting import CALLS_EACH
+from colony.runtime.messages import (
+    Alive,
+    Call,
+    Effect,
+    Malformed,
+    Message,
+    Notice,
+    Reply,
+    Right,
+    Sample,
+    Send,
+    ServerFrame,
+    Tick,
+    WakeAt,
+)
+from tests.runtime.live_stage import ROBOT, Recorder, hosted, place, run_directory, running, until
+
+SERVER = "RServer"
+CALLS = topics.calls(SERVER)
+
+
+@pytest.fixture
+def environment() -> Iterator[Mapping[str, str]]:
+    with run_directory() as made:
+        yield made
+
+
+def _call(connection: str, number: int, *, priority: int = 0, right: Right = "command") -> Call:
+    return Call(
+        connection=connection,
+        number=number,
+        method="m",
+        arguments=msgspec.Raw(b"\xc0"),
+        priority=priority,
+        right=right,
+    )
+
+
+class _Outside:
+    """Somebody who sends bytes and hears replies."""
+
+    def __init__(self, network: Network) -> None:
+        self._network = network
+        self.heard: list[object] = []
+
+    def put(self, key: str, data: bytes) -> None:
+        with publish(self._network.session, f"colony/{ROBOT}/{key}") as publisher:
+            until(lambda: publisher.matching_status.matching, f"nobody listens to {key}")  # type: ignore[attr-defined]
+            publisher.put(data)
+
+    def call(self, call: Call) -> None:
+        self.put(keys.sending(ROBOT, CALLS, call).removeprefix(f"colony/{ROBOT}/"), codec.encode(call))
+
+    def hear(self, topic: str) -> None:
+        import zenoh
+
+        handler = zenoh.handlers.Callback(self._take, indirect=False)
+        self._network.session.declare_subscriber(keys.listening(ROBOT, topic), handler)
+
+    def _take(self, sample: object) -> None:
+        self.heard.append(codec.decode(sample.payload.to_bytes()))  # type: ignore[attr-defined]
+
+
+@pytest.fixture
+def outside(environment: Mapping[str, str]) -> Iterator[_Outside]:
+    with Network.open(place(environment)) as network:
+        yield _Outside(network)
+
+
+class _Blocked(Recorder):
+    """Handles a first tick for as long as `go` is not set; meanwhile others wait."""
+
+    def __init__(self) -> None:
+        super().__init__(SERVER, CALLS, topics.TICKS, on=self._block)
+        self.busy, self.go = threading.Event(), threading.Event()
+
+    def _block(self, message: Message, now_ns: int) -> Iterable[Effect]:
+        if len(self.got) == 1:
+            self.busy.set()
+            assert self.go.wait(20)
+        return ()
+
+
+def test_waiting_messages_are_taken_in_their_order(environment: Mapping[str, str], outside: _Outside) -> None:
+    node = _Blocked()
+    with hosted(environment, [node]) as host:
+        outside.put(topics.TICKS, codec.encode(Tick(k=0, t_ns=0)))
+        assert node.busy.wait(20)
+        low, high, next_high = (
+            _call("u/a", 1, priority=1),
+            _call("u/b", 1, priority=5),
+            _call("u/c", 1, priority=5),
+        )
+        stop, tick = _call("u/a", 2, priority=1, right="stop"), Tick(k=1, t_ns=0)
+        for call in (low, high, next_high):
+            outside.call(call)
+        outside.put(topics.TICKS, codec.encode(tick))
+        outside.call(stop)
+        waiting = host._inbox._room
+        until(
+            lambda: len(waiting._calls) == 3 and len(waiting._stops) == len(waiting._frames) == 1, "they wait"
+        )
+        node.go.set()
+        until(lambda: len(node.got) == 6, "all are handled")
+    assert node.got[1:] == [stop, tick, high, next_high, low]
+
+
+def test_a_flood_is_answered_and_harms_nobody_else(environment: Mapping[str, str], outside: _Outside) -> None:
+    node = _Blocked()
+    outside.hear(topics.replies(SERVER, "u/flood"))
+    with hosted(environment, [node]) as host:
+        outside.put(topics.TICKS, codec.encode(Tick(k=0, t_ns=0)))
+        assert node.busy.wait(20)
+        outside.call(_call("u/other", 1))
+        for number in range(1, CALLS_EACH + 11):
+            outside.call(_call("u/flood", number))
+        room = host._inbox._room
+        until(lambda: (len(room._calls), len(room._given_up)) == (CALLS_EACH + 1, 10), "they wait")
+        node.go.set()
+        until(lambda: len(node.got) == CALLS_EACH + 2, "all are handled")
+        until(lambda: len(outside.heard) == 10, "ten are told")
+    assert node.got[1] == _call("u/other", 1)
+    replies = [reply for reply in outside.heard if isinstance(reply, Reply)]
+    assert [reply.number for reply in replies] == list(range(1, 11))
+    assert {reply.problem.code for reply in replies if reply.problem is not None} == {"flood"}
+
+
+@pytest.mark.parametrize(
+    ("key", "message", "says"),
+    [
+        ("read/ada/7", _call("ada/7", 1), "claims the right to command"),
+        ("command/ada/7", _call("bob/7", 1), "claims to be of bob/7"),
+        ("command/ada/7", Tick(k=1, t_ns=1), "found Tick"),
+        ("read/ada/7", Alive(connection="bob/7"), "claims to be of bob/7"),
+    ],
+)
+def test_a_call_that_does_not_fit_its_key_is_malformed(
+    environment: Mapping[str, str], outside: _Outside, key: str, message: Call | Tick | Alive, says: str
+) -> None:
+    node = Recorder(SERVER, CALLS)
+    with hosted(environment, [node]):
+        outside.put(f"{CALLS}/{key}", codec.encode(message))
+        until(lambda: len(node.got) == 1, "it is told of")
+    malformed = node.got[0]
+    assert isinstance(malformed, Malformed)
+    assert malformed.connection == "ada/7"
+    assert says in malformed.reason
+
+
+def test_what_is_far_too_large_is_dropped_by_the_network_and_the_link_lives_on(
+    environment: Mapping[str, str], outside: _Outside
+) -> None:
+    node = Recorder(SERVER, CALLS)
+    with hosted(environment, [node]):
+        outside.put(f"{CALLS}/read/ada/7", bytes(3 * LARGEST))
+        outside.call(_call("ada/7", 1))
+        until(lambda: _call("ada/7", 1) in node.got, "the next call arrives")
+    assert len(node.got) <= 2
+
+
+def test_a_reply_that_is_too_large_becomes_an_error_and_other_messages_are_reported(
+    environment: Mapping[str, str], outside: _Outside
+) -> None:
+    huge = msgspec.Raw(msgspec.msgpack.encode(bytes(LARGEST)))
+
+    def answer(message: Message, now_ns: int) -> Iterable[Effect]:
+        assert isinstance(message, Call)
+        topic = topics.replies(SERVER, message.connection)
+        yield Send(topic, Notice(connection=message.connection, subject="s", body=huge))
+        yield Send(topic, Reply(connection=message.connection, number=message.number, result=huge))
+
+    reports: list[str] = []
+    outside.hear(topics.replies(SERVER, "ada/7"))
+    with hosted(environment, [Recorder(SERVER, CALLS, on=answer)], report=reports.append):
+        outside.call(_call("ada/7", 3))
+        until(lambda: bool(outside.heard), "an answer")
+    reply = outside.heard[0]
+    assert isinstance(reply, Reply)
+    assert reply.number == 3
+    assert reply.problem is not None
+    assert reply.problem.code == "size"
+    assert len(reports) == 2
+
+
+def test_one_process_serves_under_a_name(environment: Mapping[str, str]) -> None:
+    with (
+        hosted(environment, [Recorder(SERVER), Recorder("Second")]),
+        pytest.raises(AlreadyRunning, match=r"Second of rome runs already"),
+    ):
+        Host.open(place(environment), [Recorder("Other"), Recorder("Second")], serves=True)
+    Host.open(place(environment), [Recorder("Other"), Recorder("Second")], serves=True).close()
+
+
+def test_a_node_that_fails_ends_the_host_and_all_are_closed(
+    environment: Mapping[str, str], outside: _Outside
+) -> None:
+    def fail(message: Message, now_ns: int) -> Iterable[Effect]:
+        raise ArithmeticError("on purpose")
+
+    nodes = [Recorder(SERVER, topics.TICKS, on=fail), Recorder("other")]
+    with Host.open(place(environment), nodes, serves=True) as host:
+        ran = threading.Thread(target=_expect_failure, args=(host,))
+        ran.start()
+        outside.put(topics.TICKS, codec.encode(Tick(k=0, t_ns=0)))
+        ran.join(20)
+    assert [node.closed for node in nodes] == [1, 1]
+
+
+def _expect_failure(host: Host) -> None:
+    with pytest.raises(ArithmeticError, match="on purpose"):
+        host.run()
+
+
+def test_it_stops_before_it_ran(environment: Mapping[str, str]) -> None:
+    node = Recorder(SERVER)
+    with Host.open(place(environment), [node], serves=True) as host:
+        host.stop()
+        host.run()
+    assert node.closed == 1
+
+
+def test_nodes_of_one_host_hear_each_other(environment: Mapping[str, str]) -> None:
+    def send(now_ns: int) -> Iterable[Effect]:
+        yield Send(topics.TICKS, Tick(k=1, t_ns=now_ns))
+
+    listener = Recorder("listener", topics.TICKS)
+    with hosted(environment, [Recorder(SERVER, begin=send), listener]):
+        until(lambda: len(listener.got) == 1, "the tick")
+
+
+def test_the_robots_time_is_the_same_in_all_processes(environment: Mapping[str, str]) -> None:
+    nodes = [Recorder(name, topics.TICKS) for name in ("one", "two")]
+    hosts = [Host.open(place(environment), [node]) for node in nodes]
+    with (
+        running(hosts[0]),
+        running(hosts[1]),
+        Network.open(place(environment), listens=("Clock",)) as network,
+    ):
+        until(lambda: len(network.alive()) == 2, "both are there")
+        _Outside(network).put(topics.TICKS, codec.encode(Tick(k=0, t_ns=0)))
+        until(lambda: all(node.got for node in nodes), "both heard it")
+    assert abs(nodes[0].times[0] - nodes[1].times[0]) < 10_000_000_000
+
+
+FROZEN = """
+import os, signal, sys
+from colony.runtime import topics
+from colony.runtime.live.host import Host
+from colony.runtime.live.place import local
+from tests.runtime.live_stage import Recorder
+
+with Host.open(local("rome", os.environ), [Recorder("drive/frozen", topics.frames("PServer"))]) as host:
+    print("ready", flush=True)
+    host.run()
+"""
+
+
+def test_a_reader_that_is_frozen_does_not_hold_up_a_server(environment: Mapping[str, str]) -> None:
+    frames, fields = 200, {"big": Sample(tuple(float(n) for n in range(10_000)), 0)}
+
+    def publish_frames(message: Message, now_ns: int) -> Iterable[Effect]:
+        if len(server.got) <= frames:
+            topic = topics.frames("PServer")
+            yield Send(topic, ServerFrame(server="PServer", k=len(server.got), fields=fields))
+            yield WakeAt(now_ns + 1_000_000)
+
+    server = Recorder("PServer", topics.TICKS, on=publish_frames)
+    process = subprocess.Popen(
+        [sys.executable, "-c", FROZEN],
+        env={**os.environ, **environment, "PYTHONPATH": str(Path(__file__).parents[2])},
+        stdout=subprocess.PIPE,
+        text=True,
+    )
+    try:
+        with hosted(environment, [server]) as host:
+            assert process.stdout is not None
+            assert process.stdout.readline() == "ready\n"
+            until(lambda: "drive/frozen" in host.network.alive(), "the reader is there")
+            process.send_signal(signal.SIGSTOP)
+            with Network.open(place(environment)) as network:
+                _Outside(network).put(topics.TICKS, codec.encode(Tick(k=0, t_ns=0)))
+            until(lambda: len(server.got) > frames, "all frames are published")
+    finally:
+        process.kill()
+        process.communicate()
+    gaps = [b - a for a, b in zip(server.times, server.times[1:], strict=False)]
+    assert max(gaps) < BLOCKED_US * 1000 // 2, "who waits for room is held up until the link is given up"
+
+
+PROCESS = """
+import os, signal, sys
+from colony.runtime.live.host import Host
+from colony.runtime.live.place import local
+from tests.runtime.live_stage import Recorder
+
+class Node(Recorder):
+    def close(self):
+        print("closed", flush=True)
+
+with Host.open(local("rome", os.environ), [Node("RServer")], serves=True) as host:
+    signal.signal(signal.SIGTERM, lambda *_: host.stop())
+    print("ready", flush=True)
+    host.run()
+print("ended", flush=True)
+"""
+
+
+@pytest.mark.parametrize("how", [signal.SIGTERM, signal.SIGKILL])
+def test_a_process_ends_by_a_signal_and_another_takes_its_place(
+    environment: Mapping[str, str], how: signal.Signals
+) -> None:
+    for _ in range(2):
+        process = subprocess.Popen(
+            [sys.executable, "-c", PROCESS],
+            env={**os.environ, **environment, "PYTHONPATH": str(Path(__file__).parents[2])},
+            stdout=subprocess.PIPE,
+            text=True,
+        )
+        assert process.stdout is not None
+        assert process.stdout.readline() == "ready\n"
+        with Network.open(place(environment)) as network:
+            until(lambda n=network: n.alive() == (SERVER,), "it is there")  # type: ignore[misc]
+            process.send_signal(how)
+            rest = process.communicate(timeout=20)[0]
+            until(lambda n=network: n.alive() == (), "it is gone")  # type: ignore[misc]
+        assert rest == ("closed\nended\n" if how is signal.SIGTERM else "")
+        assert process.returncode == (0 if how is signal.SIGTERM else -9)

@@ -1,0 +1,59 @@
+"""Topics as keys, and what the key of a call says."""
+
+from __future__ import annotations
+
+import msgspec
+import pytest
+import zenoh
+
+from colony.runtime import topics
+from colony.runtime.codec import NotAMessage
+from colony.runtime.live import keys
+from colony.runtime.live.keys import CallKey
+from colony.runtime.messages import Alive, Call, Reply, Right, Sent, Tick
+
+
+def _call(right: Right = "command", connection: str = "ada/7") -> Call:
+    return Call(connection=connection, number=1, method="go", arguments=msgspec.Raw(b"\xc0"), right=right)
+
+
+@pytest.mark.parametrize(
+    ("topic", "message"),
+    [
+        (topics.TICKS, Tick(k=1, t_ns=1)),
+        (topics.frames("PServer"), Tick(k=1, t_ns=1)),
+        (topics.replies("RServer", "ada/7"), Reply(connection="ada/7", number=1)),
+        (topics.calls("RServer"), _call()),
+        (topics.calls("RServer"), _call("stop")),
+        (topics.calls("RServer"), Alive(connection="ada/7")),
+        (topics.activity("DServer", "wander"), Tick(k=1, t_ns=1)),
+    ],
+)
+def test_who_listens_to_a_topic_hears_what_is_sent_to_it_at_this_robot(topic: str, message: Sent) -> None:
+    key = zenoh.KeyExpr(keys.sending("rome", topic, message))
+    assert zenoh.KeyExpr(keys.listening("rome", topic)).includes(key)
+    assert not zenoh.KeyExpr(keys.listening("siena", topic)).intersects(key)
+
+
+def test_the_key_of_a_call_says_whose_it_is_and_under_which_right() -> None:
+    assert keys.call_key("colony/rome/RServer/call/stop/ada@lab/7") == CallKey("stop", "ada@lab/7")
+    assert keys.call_key("colony/rome/RServer/call/fly/ada/7") is None
+    assert keys.call_key("call/read") is None
+
+
+@pytest.mark.parametrize(
+    ("message", "says"),
+    [
+        (_call("command"), "claims the right to command"),
+        (_call("read", "bob/7"), "claims to be of bob/7"),
+        (Alive(connection="bob/7"), "claims to be of bob/7"),
+        (Tick(k=1, t_ns=1), "found Tick; expected Call or Alive"),
+    ],
+)
+def test_a_call_must_say_what_its_key_says(message: Sent, says: str) -> None:
+    with pytest.raises(NotAMessage, match=says):
+        keys.check_call(message, CallKey("read", "ada/7"))
+
+
+def test_a_call_that_does_is_taken() -> None:
+    assert keys.check_call(_call("read"), CallKey("read", "ada/7")) == _call("read")

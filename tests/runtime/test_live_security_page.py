@@ -1,0 +1,53 @@
+"""docs/security.md: its commands make keys that work, and its files are read."""
+
+from __future__ import annotations
+
+import re
+import shutil
+import subprocess
+from pathlib import Path
+
+import pytest
+
+from colony.runtime.kit.connection import Session
+from colony.runtime.live.gateway import open_gateway
+from colony.runtime.live.security import PERMISSIONS, read_credentials, read_security
+from tests.runtime.certificates import free_port
+from tests.runtime.kit_stage import BATTERY, battery_thread, charge, level
+from tests.runtime.live_stage import ROBOT, place, run_directory, running, until
+
+PAGE = (Path(__file__).parents[2] / "docs" / "security.md").read_text(encoding="utf-8")
+FENCES = re.findall(r"^```([^\n]*)\n(.*?)^```$", PAGE, re.MULTILINE | re.DOTALL)
+
+
+@pytest.mark.skipif(shutil.which("openssl") is None, reason="needs openssl")
+def test_the_keys_that_the_page_makes_open_the_gateway_that_it_describes(tmp_path: Path) -> None:
+    for info, text in FENCES:
+        if info == "sh":
+            subprocess.run(["sh", "-e", "-c", text], cwd=tmp_path, check=True, capture_output=True)
+        elif info.startswith("toml "):
+            (tmp_path / info.split()[1]).write_text(text)
+    security = read_security(tmp_path / "users.toml")
+    assert security.users == {"ada": ("read", "command"), "guard": ("stop",)}
+    endpoint, login = f"tls/localhost:{free_port()}", read_credentials(tmp_path / "login.toml")
+    with (
+        run_directory() as environment,
+        battery_thread(environment),
+        running(open_gateway(place(environment), endpoint, security)),
+        Session.open(ROBOT, gateway=endpoint, credentials=login) as session,
+    ):
+        until(lambda: BATTERY in session.servers(), "the gateway found the server")
+        with session.connect(BATTERY) as battery:
+            assert battery.do(level()) == 0.5
+            assert battery.do(charge(1.0)) == pytest.approx(0.6)
+
+
+def test_the_program_on_the_page_is_one() -> None:
+    for info, text in FENCES:
+        if info == "python":
+            compile(text, "security.md", "exec")
+
+
+def test_every_permission_is_explained() -> None:
+    explained = re.findall(r"^\| `(\w+)` \|", PAGE, re.MULTILINE)
+    assert set(explained) - {"may"} == set(PERMISSIONS)

@@ -1,0 +1,122 @@
+"""The observer hands every frame on once, with its verdicts, and says where memory began anew or was lost."""
+
+from __future__ import annotations
+
+from colony.ir.frame import Decision, Frame, Outcome
+from colony.runtime.assembly import KEPT_NS, FrameAssembler
+from colony.runtime.messages import Message, Request, Tick, Verdict
+from colony.runtime.monitor import Monitor
+from colony.runtime.observer import Observer
+from tests.runtime.scripted import Log
+
+KEEP = 4
+
+
+class Counting:
+    """Decides for the number of frames since its memory began."""
+
+    def __init__(self) -> None:
+        self.frames = 0
+
+    def step(self, frame: Frame) -> Outcome:
+        self.frames += 1
+        return Outcome((Decision("drive", "go", (float(self.frames),)),))
+
+    def restart(self) -> None:
+        self.frames = 0
+
+
+class Stage:
+    def __init__(self, heeded: tuple[str, ...] = ()) -> None:
+        self.log = Log()
+        assembler = FrameAssembler((), run="run", keep=KEEP)
+        self.observer = Observer(assembler, ("drive",), Monitor(Counting()), (self.log,), heeded)
+
+    def take(self, *messages: Message, now_ns: int = 0) -> None:
+        for message in messages:
+            list(self.observer.handle(message, now_ns))
+
+    def frame(self, k: int, n: float, start: int = 0) -> None:
+        """A frame, and a verdict for one that is the n-th since memory began."""
+        self.take(tick(k, start), verdict(k, n))
+
+
+def tick(k: int, start: int = 0, run: str = "run") -> Tick:
+    return Tick(k=k, t_ns=k, start=start, run=run)
+
+
+def verdict(k: int, n: float) -> Verdict:
+    return Verdict(k=k, t_ns=k, actuator="drive", by="go", values=(n,), fates=(("go", "won"),))
+
+
+def test_frames_wait_for_their_verdicts_in_order() -> None:
+    stage = Stage()
+    stage.take(verdict(1, 2.0), tick(0), tick(1))
+    assert stage.log.frames == []
+    stage.take(verdict(0, 1.0))
+    assert [(f.tick.k, f.disagreements, f.restart) for f in stage.log.frames] == [
+        (0, (), False),
+        (1, (), False),
+    ]
+
+
+def test_a_frame_without_verdict_is_handed_on_in_the_end() -> None:
+    stage = Stage()
+    stage.take(tick(0), now_ns=5)
+    stage.take(tick(1), now_ns=5 + KEPT_NS)
+    assert stage.log.frames == []
+    stage.take(verdict(1, 2.0), now_ns=6 + KEPT_NS)
+    assert [(f.tick.k, len(f.verdicts)) for f in stage.log.frames] == [(0, 0), (1, 1)]
+
+
+def test_with_an_epoch_the_monitor_begins_anew() -> None:
+    stage = Stage()
+    for k, n, start in ((0, 1.0, 0), (1, 2.0, 0), (2, 1.0, 2), (3, 2.0, 2)):
+        stage.frame(k, n, start)
+    assert [f.restart for f in stage.log.frames] == [False, False, True, False]
+    assert not any(f.disagreements for f in stage.log.frames)
+
+
+def test_what_was_missed_for_good_is_said_and_nothing_is_expected_until_the_next_epoch() -> None:
+    stage = Stage()
+    stage.frame(0, 1.0)
+    stage.frame(9, 99.0)
+    stage.frame(10, 99.0)
+    stage.frame(11, 1.0, start=11)
+    assert [(f.tick.k, f.skipped, f.restart, len(f.expected.decisions)) for f in stage.log.frames] == [
+        (0, 0, False, 1),
+        (9, 8, False, 0),
+        (10, 0, False, 0),
+        (11, 0, True, 1),
+    ]
+    assert not any(f.disagreements for f in stage.log.frames)
+
+
+def test_one_that_comes_in_the_middle_expects_nothing() -> None:
+    stage = Stage()
+    stage.frame(9, 99.0)
+    assert [(f.skipped, f.restart, f.expected.decisions) for f in stage.log.frames] == [(9, False, ())]
+
+
+def test_requests_come_with_their_frame() -> None:
+    stage = Stage(("RServer",))
+    request = Request(k=0, actuator="drive", client="go", bid="command", values=(1.0,))
+    stage.take(tick(0), verdict(0, 1.0))
+    assert stage.log.frames == []
+    stage.take(request, request)
+    assert stage.log.frames[0].requests == (request,)
+    stage.take(tick(1), verdict(1, 2.0), tick(2))
+    assert stage.log.frames[1].requests == ()
+    assert "RServer/requests" in stage.observer.listens
+
+
+def test_what_is_of_other_runs_is_no_frame_and_does_not_pile_up() -> None:
+    stage = Stage()
+    for k in range(50_000):
+        stage.take(verdict(k, 1.0))
+    stage.take(tick(50_000, start=50_000, run="another"))
+    assert stage.log.frames == []
+    assert len(stage.observer._verdicts) <= 20_000
+    stage.frame(50_001, 1.0, start=50_001)
+    assert [f.tick.k for f in stage.log.frames] == [50_001]
+    assert stage.observer._verdicts == {}

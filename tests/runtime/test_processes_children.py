@@ -1,0 +1,202 @@
+"""Children of a supervisor: kept alive, given up, ended in order, and never left behind."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+import time
+from collections.abc import Callable, Iterator
+from pathlib import Path
+
+import pytest
+
+from colony.runtime.processes.children import Children, Death, Job, last_lines, told
+from colony.runtime.processes.restarts import LONGEST_NS, QUICK_DEATHS, STEADY_NS, Restarts
+
+PATIENCE_S = 10.0
+
+OBEYS = """
+import sys
+from colony.runtime.processes.ending import Ending, on_death_of_parent, on_signals
+ending = Ending()
+with on_signals(ending):
+    on_death_of_parent(ending)
+    print("here", flush=True)
+    ending.wait()
+print("closed:", ending.why, flush=True)
+"""
+
+IGNORES = """
+import signal, time
+signal.signal(signal.SIGTERM, signal.SIG_IGN)
+print("here", flush=True)
+while True: time.sleep(1)
+"""
+
+FAILS = "raise OSError('no such luck')"
+
+WRONG = """
+from colony.runtime.processes.ending import give_up
+give_up("no such robot")
+"""
+
+PARENT = """
+import sys, time
+from pathlib import Path
+from colony.runtime.processes.children import Children, Job
+children = Children()
+log = Path(sys.argv[1]) / "obeys.log"
+children.start(Job(name="obeys", module="obeys", arguments=(), log=log, wave=0, essential=True))
+print(children.pid("obeys"), flush=True)
+time.sleep(60)
+"""
+
+
+def until(condition: Callable[[], object], what: str) -> None:
+    end = time.monotonic() + PATIENCE_S
+    while not condition():
+        assert time.monotonic() < end, what
+        time.sleep(0.002)
+
+
+def lives(pid: int) -> bool:
+    """Whether there is such a process, and it is no zombie."""
+    try:
+        return Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()[0] != "Z"
+    except FileNotFoundError:
+        return False
+
+
+def job(folder: Path, module: str, wave: int = 0, name: str | None = None) -> Job:
+    log = folder / f"{name or module}.log"
+    return Job(name=name or module, module=module, arguments=(), log=log, wave=wave, essential=True)
+
+
+@pytest.fixture
+def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    for name, text in (("obeys", OBEYS), ("ignores", IGNORES), ("fails", FAILS), ("wrong", WRONG)):
+        (tmp_path / f"{name}.py").write_text(text)
+    monkeypatch.setenv("PYTHONPATH", str(tmp_path))
+    return tmp_path
+
+
+@pytest.fixture
+def children() -> Iterator[Children]:
+    made = Children()
+    yield made
+    made.stop(PATIENCE_S)
+
+
+def pid_of(children: Children, name: str) -> int:
+    pid = children.pid(name)
+    assert pid is not None
+    return pid
+
+
+def said(folder: Path, name: str) -> tuple[str, ...]:
+    return last_lines(folder / f"{name}.log")
+
+
+def test_a_first_death_is_mended_at_once_and_the_next_ones_later_and_later() -> None:
+    restarts, now = Restarts(), 0
+    pauses = []
+    while (at := restarts.died(now, now)) is not None:
+        pauses.append(at - now)
+        now = at
+    assert pauses[0] == 0
+    assert pauses == sorted(pauses)
+    assert len(pauses) == QUICK_DEATHS - 1
+    assert max(pauses) <= LONGEST_NS
+
+
+def test_who_lived_for_long_is_started_at_once_again() -> None:
+    restarts, now = Restarts(), 0
+    for _ in range(3 * QUICK_DEATHS):
+        assert restarts.died(now, now + STEADY_NS) == now + STEADY_NS
+        now += STEADY_NS
+    assert restarts.total == 3 * QUICK_DEATHS
+
+
+def test_one_that_is_killed_is_started_again(children: Children, folder: Path) -> None:
+    children.start(job(folder, "obeys", name="client"))
+    first = pid_of(children, "client")
+    until(lambda: said(folder, "client") == ("here",), "it starts")
+    os.kill(first, 9)
+    deaths: list[Death] = []
+    until(lambda: deaths.extend(children.poll()) or deaths, "the death is seen")
+    assert (deaths[0].why, deaths[0].said, deaths[0].pause_s) == ("was killed by SIGKILL", ("here",), 0.0)
+    assert pid_of(children, "client") != first
+    assert children.restarts() == 1
+    until(lambda: said(folder, "client") == ("here", "here"), "it starts again")
+
+
+def test_one_that_cannot_live_is_given_up(folder: Path) -> None:
+    now = [0]
+    children = Children(clock=lambda: now[0])
+    children.start(job(folder, "fails"))
+    deaths: list[Death] = []
+
+    def poll() -> bool:
+        now[0] += 1_000_000
+        found = children.poll()
+        deaths.extend(found)
+        now[0] += sum(int(d.pause_s * 1e9) for d in found if d.pause_s is not None)
+        return bool(deaths) and deaths[-1].pause_s is None
+
+    until(poll, "it is given up")
+    assert len(deaths) == QUICK_DEATHS
+    assert deaths[-1].why == "ended with exit code 1"
+    assert deaths[-1].said[-1] == "OSError: no such luck"
+    assert children.pid("fails") is None
+    assert children.stop(PATIENCE_S) == ()
+
+
+def test_one_that_was_started_wrongly_is_given_up_at_once(children: Children, folder: Path) -> None:
+    children.start(job(folder, "wrong"))
+    deaths: list[Death] = []
+    until(lambda: deaths.extend(children.poll()) or deaths, "the death is seen")
+    assert (deaths[0].pause_s, deaths[0].final) == (None, True)
+    assert told(deaths[0]) == "wrong: no such robot"
+
+
+def test_a_death_is_told_with_the_last_words(folder: Path) -> None:
+    death = Death(job(folder, "a"), "was killed by SIGKILL", ("x", "y"), 0.25, False)
+    expected = ["a was killed by SIGKILL; it is started again in 0.25 s"]
+    expected += [f"its last lines, from {folder}/a.log:", "  x", "  y"]
+    assert told(death).splitlines() == expected
+    assert told(death._replace(said=(), pause_s=None)) == "a was killed by SIGKILL; it is given up"
+
+
+def test_they_end_wave_by_wave(children: Children, folder: Path) -> None:
+    for name, wave in (("b", 1), ("a", 0)):
+        children.start(job(folder, "obeys", wave, name))
+    pids = [pid_of(children, name) for name in "ab"]
+    until(lambda: said(folder, "a") == said(folder, "b") == ("here",), "both start")
+    assert children.stop(PATIENCE_S) == ()
+    assert said(folder, "a") == said(folder, "b") == ("here", "closed: SIGTERM")
+    assert (folder / "a.log").stat().st_mtime_ns <= (folder / "b.log").stat().st_mtime_ns
+    assert not any(map(lives, pids))
+    assert children.poll() == ()
+
+
+def test_one_that_does_not_obey_is_killed(children: Children, folder: Path) -> None:
+    children.start(job(folder, "ignores"))
+    pid = pid_of(children, "ignores")
+    until(lambda: said(folder, "ignores") == ("here",), "it starts")
+    assert children.stop(0.01) == ("ignores",)
+    assert not lives(pid)
+
+
+def test_they_end_when_their_parent_is_killed(folder: Path) -> None:
+    parent = subprocess.Popen(
+        [sys.executable, "-c", PARENT, str(folder)], stdout=subprocess.PIPE, text=True, bufsize=1
+    )
+    assert parent.stdout is not None
+    child = int(parent.stdout.readline())
+    until(lambda: said(folder, "obeys") == ("here",), "it starts")
+    parent.kill()
+    parent.wait()
+    parent.stdout.close()
+    until(lambda: not lives(child), "the child ends")
+    assert said(folder, "obeys") == ("here", "closed: the process that started it is gone")

@@ -1,0 +1,54 @@
+"""The commands on docs/recordings.md do what is shown below them."""
+
+from __future__ import annotations
+
+import io
+import re
+import shlex
+import shutil
+import subprocess
+import sys
+from contextlib import redirect_stderr, redirect_stdout
+from pathlib import Path
+
+import pytest
+
+from colony.cli.main import main
+from colony.dsl.check.robot import RESERVED_FIELDS
+from colony.runtime.recording_schemas import CONTRACTS, FRAMES, REQUESTS, VERDICTS
+from colony.runtime.replay import RESERVED
+
+ROOT = Path(__file__).parent.parent
+PAGE = (ROOT / "docs" / "recordings.md").read_text(encoding="utf-8")
+EXAMPLES = re.findall(r"```sh\n(.*?)```\n\n```text\n(.*?)```", PAGE, re.DOTALL)
+
+
+def typed(line: str, monkeypatch: pytest.MonkeyPatch) -> str:
+    """What a command prints on standard output."""
+    words = shlex.split(line)
+    if words[0] != "colony":
+        subprocess.run(line, shell=True, check=True)
+        return ""
+    printed = io.StringIO()
+    monkeypatch.setattr(sys, "argv", words)
+    monkeypatch.setattr(sys, "path", list(sys.path))
+    with redirect_stdout(printed), redirect_stderr(io.StringIO()), pytest.raises(SystemExit):
+        main()
+    return printed.getvalue()
+
+
+def test_commands_print_what_the_page_shows(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    for folder in ("behaviors", "maps"):
+        shutil.copytree(ROOT / folder, tmp_path / folder)
+    monkeypatch.chdir(tmp_path)
+    assert len(EXAMPLES) == 3
+    for commands, shown in EXAMPLES:
+        printed = [typed(line, monkeypatch) for line in commands.splitlines()]
+        assert printed[-1] == shown
+
+
+def test_every_name_is_told_of() -> None:
+    for name in (*RESERVED, *RESERVED_FIELDS):
+        assert f"`{name}`" in PAGE or f'"{name}"' in PAGE, name
+    for topic in (FRAMES, CONTRACTS, f"{VERDICTS}ACTUATOR", f"{REQUESTS}ACTUATOR"):
+        assert f"`{topic}`" in PAGE

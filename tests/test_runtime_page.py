@@ -1,0 +1,281 @@
+"""docs/runtime.md: every command and program is run, on real processes, and its tables and numbers are the
+code's."""
+
+from __future__ import annotations
+
+import os
+import re
+import signal
+from collections.abc import Iterator
+
+import msgspec
+import pytest
+
+from colony.dsl.load import check_text
+from colony.runtime import assembly, calls, client, clock, codec, liveness
+from colony.runtime.arbitration import timing
+from colony.runtime.kit import connection, conversation
+from colony.runtime.kit.connection import Session
+from colony.runtime.kit.errors import CallRefused
+from colony.runtime.library import leader, robot
+from colony.runtime.library.ask import Ask
+from colony.runtime.live import names, waiting
+from colony.runtime.live.place import local
+from colony.runtime.servers import data_calls, rserver, variables
+from colony.verify.examples import run_examples
+from tests.examples.stage import ROOT, Machine, Process, machine, until
+from tests.runtime.certificates import Authority, free_port
+from tests.runtime_page_tables import PAGE, commands, page
+
+TEXT = PAGE.read_text(encoding="utf-8")
+FENCES = re.findall(r"^```([^\n]*)\n(.*?)^```$", TEXT, re.MULTILINE | re.DOTALL)
+SHELL = {info.split()[1]: text.splitlines() for info, text in FENCES if info.startswith("sh ")}
+FILES = {info.split()[1]: text for info, text in FENCES if not info.startswith("sh ")}
+
+
+# --- what needs no process -------------------------------------------------------------------------
+
+
+def test_there_is_no_block_that_is_not_run() -> None:
+    assert {info.split()[0] for info, _ in FENCES} == {"sh", "python", "colony"}
+    assert set(SHELL) == {
+        "processes", "servers", "programs", "gateway", "remote", "own", "turtle", "faults", "fleet",
+    }  # fmt: skip
+    assert set(FILES) == {
+        "client.py", "halves.py", "awaited.py", "shared.py", "drive.py",
+        "battery.py", "charge.py", "tired.colony", "turtle.py", "ride.py",
+    }  # fmt: skip
+
+
+def test_the_tables_are_those_of_the_code() -> None:
+    assert page() == TEXT, "`python -m tests.runtime_page_tables` writes them anew"
+
+
+def test_programs_are_as_long_as_is_said() -> None:
+    for name, least, most in (("client.py", 5, 20), ("battery.py", 12, 20)):
+        assert least <= len([line for line in FILES[name].splitlines() if line]) <= most
+
+
+def test_the_fields_of_the_command() -> None:
+    [said] = re.findall(r"An actuator commands `RServer.drive`, with the fields (.*?), or", TEXT, re.DOTALL)
+    assert {n: u.split(",")[0] for n, u in re.findall(r"`(\w+)` \(([^)]*)\)", said)} == commands()
+
+
+def test_the_behavior_is_right() -> None:
+    checked = check_text(FILES["tired.colony"])
+    assert checked.diagnostics == ()
+    assert checked.program is not None
+    assert [result.failures for result in run_examples(checked.program)] == [()]
+
+
+@pytest.mark.parametrize(
+    ("said", "is_so"),
+    [
+        ("every 50 ms", clock.IDLE_FRAME_NS == 50_000_000),
+        ("or after 5 s", clock.GATHER_NS == 5_000_000_000),
+        ("after four fifths of the frame", timing(100).deadline_ns == 80),
+        ("which servers can give for 2 s", assembly.KEPT_NS == 2_000_000_000),
+        ("After 250 ms without a word it is lost", liveness.lease(50_000_000) == 250_000_000),
+        ("at most 500 ms old", client.CHECKPOINT_NS == 500_000_000),
+        ("ends with its lease, 500 ms unless told", robot.LEASE_S == 0.5),
+        ("750 ms after its last sign of life", calls.LEASE_NS == 750_000_000 > 3 * conversation.ALIVE_NS),
+        ("two frames after the last command", rserver.WATCHDOG_FRAMES == 2),
+        ("has 2 s to come back to it", data_calls.RETURN_NS == 2_000_000_000),
+        ("no answer came in 5 s", connection.TIMEOUT_S == 5.0),
+        ("A history has 1 value unless told", variables.HISTORY_LENGTH == 10_000),
+        ("| a message | 4 MiB |", codec.LARGEST == 4 << 20),
+        ("| connections to a server | 1000 |", calls.CONNECTIONS == 1000),
+        ("| calls of one connection that wait | 256 |", waiting.CALLS_EACH == 256),
+        ("| the value of a variable, in msgpack | 1 MiB |", variables.VALUE_BYTES == 1 << 20),
+        ("| values in a history | 10000 |", variables.HISTORY_LENGTH == 10_000),
+        ("| all variables with their histories | 256 MiB |", variables.SPACE == 256 << 20),
+        ("| the name of a robot, server or user | 64 characters |", names.LONGEST == 64),
+    ],
+)
+def test_numbers_are_those_of_the_code(said: str, is_so: bool) -> None:
+    assert said in " ".join(TEXT.split())
+    assert is_so
+
+
+def test_links_lead_somewhere() -> None:
+    anchors = {
+        h.lower().replace(" ", "-").replace(",", "") for h in re.findall(r"^#+ (.*)$", TEXT, re.MULTILINE)
+    }
+    for target in re.findall(r"\]\(([^)]+)\)", TEXT):
+        file, _, anchor = target.partition("#")
+        assert (PAGE.parent / file).exists(), target
+        assert not anchor or file or anchor in anchors, target
+
+
+# --- what is run -----------------------------------------------------------------------------------
+
+
+@pytest.fixture(scope="module")
+def rome(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Machine]:
+    """A machine with the servers of the page, in a folder with its files."""
+    folder = tmp_path_factory.mktemp("page")
+    for name, text in FILES.items():
+        (folder / name).write_text(text, encoding="utf-8")
+    for name in ("behaviors", "maps", "examples"):
+        (folder / name).symlink_to(ROOT / name)
+    with machine(folder) as on:
+        [serve] = SHELL["servers"]
+        on.start(serve)
+        on.there("rome", "Clock", "RServer", "PServer", "DServer")
+        yield on
+
+
+@pytest.fixture(scope="module", autouse=True)
+def everything() -> Iterator[Process]:
+    """The run with all of its processes, on a machine of its own, while the other tests are run."""
+    [command] = SHELL["processes"]
+    with machine() as on:
+        yield on.start(command)
+
+
+def session(on: Machine) -> Session:
+    """What this process has with the robot."""
+    return Session.open("rome", environment=on.environment)
+
+
+def test_programs_come_and_go(rome: Machine) -> None:
+    run, ps, stop, release = SHELL["programs"]
+    assert rome.run(run).result() == 0
+    listed = rome.run(ps)
+    assert listed.result() == 0
+    assert re.search(r"RServer +up", listed.printed())
+    assert rome.run(stop).printed().startswith("rome: stopped")
+    assert rome.run(release).printed().startswith("rome: released")
+
+
+@pytest.mark.parametrize(
+    ("program", "printed"),
+    [
+        ("client.py", r"now at 0 mm/s\nturned by (89|90|91) degrees, heading \d+\n"),
+        ("halves.py", r"at -?\d+, -?\d+; bumpers 0; \d+ mm ahead\n"),
+        ("awaited.py", r"Greeting is hello\n"),
+        ("shared.py", r"107 103\n0\n"),
+        ("drive.py", r"locked\n"),
+    ],
+)
+def test_a_client_prints(rome: Machine, program: str, printed: str) -> None:
+    ran = rome.run(f"python {program}")
+    assert re.fullmatch(printed, ran.printed()), ran.printed()
+    assert ran.result() == 0
+
+
+def test_a_server_of_our_own(rome: Machine) -> None:
+    serve, charge, run = SHELL["own"]
+    battery = rome.start(serve)
+    rome.there("rome", "Battery")
+    with session(rome) as there:
+        assert rome.run(charge).printed() == "95.0\n"
+        running = rome.start(run)
+        base = there.connect("RServer")
+        until(lambda: base.do(robot.speed_setting()) == 150.0, "the robot drives")
+        battery.kill()
+        until(lambda: base.do(robot.speed_setting()) == 0.0, "it stands without the battery")
+        battery = rome.start(serve)
+        until(lambda: base.do(robot.speed_setting()) == 150.0, "it drives again")
+    running.finish()
+    assert battery.finish() == 0
+
+
+def test_the_example_with_more_around_it(rome: Machine) -> None:
+    shown = (ROOT / "examples" / "battery.colony").read_text(encoding="utf-8")
+    serve, run = re.findall(r"^#   (.*)$", shown, re.MULTILINE)
+
+    class Charge(msgspec.Struct):
+        rate: float
+
+    def charge(rate: float) -> Ask[float]:
+        return Ask("charge", Charge(rate), float, "command")
+
+    server = rome.start(serve)
+    rome.there("rome", "Battery")
+    running = rome.start(run)
+    with session(rome) as there:
+        base, battery = there.connect("RServer"), there.connect("Battery")
+        until(lambda: base.do(robot.speed_setting()) == 150.0, "the robot drives")
+        with pytest.raises(CallRefused, match="would harm the battery"):
+            battery.do(charge(5000.0))
+        assert 70.0 < battery.do(charge(-3000.0)) <= 80.0
+        until(lambda: base.do(robot.speed_setting()) == 0.0, "the robot rests")
+        assert battery.do(charge(3000.0)) < 25.0
+        until(lambda: base.do(robot.speed_setting()) == 150.0, "the robot drives again")
+    running.finish()
+    assert "1 contract held in every frame" in running.printed()
+    assert server.finish() == 0
+
+
+def test_a_driver_of_our_own(rome: Machine) -> None:
+    serve, ride = SHELL["turtle"]
+    turtle = rome.start(serve)
+    rome.there("turtle", "RServer")
+    assert re.fullmatch(r"(199|20\d) mm\n", (ran := rome.run(ride)).printed()), ran.printed()
+    assert turtle.finish() == 0
+
+
+def test_another_machine(rome: Machine) -> None:
+    authority, port = Authority(rome.folder), free_port()
+    authority.table({"ada": ("run",)})
+    ada = authority.user("ada")
+    (rome.folder / "login.toml").write_text(
+        f'user = "ada"\ncertificate = "{ada.certificate}"\nkey = "{ada.key}"\nauthority = "{ada.authority}"\n'
+    )
+
+    def here(command: str) -> str:
+        """The command, with this machine in the place of the page's."""
+        return command.replace("rome.lab:7447", f"localhost:{port}").replace(
+            "0.0.0.0:7447", f"127.0.0.1:{port}"
+        )
+
+    [serve] = SHELL["gateway"]
+    gateway = rome.start(here(serve))
+    gateway.says("listens")
+    ps, run = SHELL["remote"]
+    listed = rome.run(here(ps))
+    assert re.search(r"RServer +up", listed.printed()), listed.printed()
+    ran = rome.run(here(run))
+    assert ran.result() == 0, ran.printed()
+    assert "contracts held in every frame" in ran.printed()
+    gateway.finish()
+
+
+def test_whoever_is_killed_comes_back(rome: Machine) -> None:
+    [command] = SHELL["faults"]
+    run = rome.start(command)
+    rome.there("rome", leader.LEADER)
+    with session(rome) as there:
+        leading = there.connect(leader.LEADER)
+
+        def goes_on(since: int) -> bool:
+            status = leading.do(leader.run_status())
+            alive = all(c.standing == "alive" for c in status.clients)
+            return alive and status.k > since and status.commanded_by["drive"] is not None
+
+        until(lambda: goes_on(0), "it drives")
+        for victim in ("RServer", "DServer", "Clock"):
+            pid = _process(rome, victim)
+            assert pid is not None
+            os.kill(pid, signal.SIGKILL)
+            until(lambda v=victim, p=pid: _process(rome, v) not in (None, p), f"{victim} is back")
+            k = leading.do(leader.run_status()).k
+            until(lambda k=k: goes_on(k), f"the run goes on with the new {victim}")
+    run.finish()
+    assert "held in every frame" in run.printed()
+
+
+def _process(on: Machine, server: str) -> int | None:
+    """Who serves this now."""
+    return local("rome", on.environment).directory.running().get(server)
+
+
+def test_a_data_server_of_a_fleet(rome: Machine) -> None:
+    [command] = SHELL["fleet"]
+    rome.start(command).says("listens")
+
+
+def test_everything_as_processes(everything: Process) -> None:
+    assert everything.result() == 0, everything.printed()
+    assert "contracts held in every frame" in everything.printed()

@@ -1,0 +1,122 @@
+"""Runs as an observer hands them to a recording, decided by the reference interpreter, for tests."""
+
+from __future__ import annotations
+
+import io
+from collections.abc import Iterable, Sequence
+from typing import Any
+
+from colony.compile.pipeline import compile_program
+from colony.ir.frame import Frame
+from colony.ir.program import Program
+from colony.runtime.messages import Fate, Tick, Verdict
+from colony.runtime.observer import FrameLog, Sink
+from colony.runtime.recorded import RecordedFrame, RunInfo, SourceFile, places
+from colony.runtime.recording import Recording
+from colony.runtime.recording_mcap import McapRecording
+from colony.runtime.recording_mcap_reader import McapReader
+from colony.runtime.recording_reader import LinesReader
+from colony.verify.interpreter import Interpreter
+
+MS = 1_000_000
+
+
+class Kept(io.BytesIO):
+    """A file whose content outlives it, and that keeps its writes apart."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.writes: list[bytes] = []
+
+    def write(self, data: Any, /) -> int:
+        self.writes.append(bytes(data))
+        return len(data)
+
+    @property
+    def content(self) -> bytes:
+        return b"".join(self.writes)
+
+
+def logs(program: Program, trace: Sequence[Frame], restarts: Iterable[int] = ()) -> list[FrameLog]:
+    """A run in which nothing goes wrong; all memory begins anew at the frames in `restarts`."""
+    restarts, start, out = frozenset(restarts), 0, []
+    interpreter = Interpreter(program)
+    clients = {
+        a.name: [m.name for m in program.modules if m.actuator == a.name] for a in program.robot.actuators
+    }
+    for k, frame in enumerate(trace):
+        if k in restarts:
+            interpreter, start = Interpreter(program), k
+        outcome = interpreter.step(frame)
+        verdicts = {
+            d.actuator: Verdict(
+                k=k,
+                t_ns=frame.t_ns,
+                actuator=d.actuator,
+                by=d.by,
+                values=d.values,
+                fault=d.fault,
+                fates=tuple((c, _fate(c, d.by, interpreter)) for c in clients[d.actuator]),
+            )
+            for d in outcome.decisions
+        }
+        tick = Tick(k=k, t_ns=frame.t_ns, start=start)
+        out.append(
+            FrameLog(
+                tick=tick,
+                frame=frame,
+                verdicts=verdicts,
+                expected=outcome,
+                disagreements=(),
+                restart=k in restarts,
+            )
+        )
+    return out
+
+
+def _fate(client: str, by: str | None, interpreter: Interpreter) -> Fate:
+    if client == by:
+        return "won"
+    return "suppressed" if interpreter.is_active(client) else "silent"
+
+
+def run_info(program: Program, *sources: SourceFile) -> RunInfo:
+    clients = places(compile_program(program).clients)
+    root = sources[-1].place if sources else ""
+    return RunInfo(
+        robot="rome",
+        frame_ns=50 * MS,
+        seed=7,
+        version="1.2.3",
+        clients=clients,
+        program=root,
+        sources=sources,
+    )
+
+
+def written(sink: Sink, frames: Iterable[FrameLog]) -> None:
+    for log in frames:
+        sink.take(log)
+    sink.close()
+
+
+def as_mcap(program: Program, frames: Iterable[FrameLog], *sources: SourceFile) -> Kept:
+    file = Kept()
+    written(McapRecording(program, run_info(program, *sources), file), frames)
+    return file
+
+
+def as_lines(program: Program, frames: Iterable[FrameLog]) -> Kept:
+    file = Kept()
+    written(Recording(program, file), frames)
+    return file
+
+
+def read_mcap(program: Program, data: bytes) -> tuple[list[RecordedFrame], McapReader]:
+    reader = McapReader(io.BytesIO(data), "run.mcap")
+    return list(reader.frames(program)), reader
+
+
+def read_lines(program: Program, data: bytes) -> tuple[list[RecordedFrame], LinesReader]:
+    reader = LinesReader(io.BytesIO(data), "run.jsonl")
+    return list(reader.frames(program)), reader
