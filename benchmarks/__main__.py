@@ -9,7 +9,7 @@ import platform
 from pathlib import Path
 from typing import Any
 
-MODULES = ("decide", "compile_time", "front_end", "simulation")
+MODULES = ("decide", "compile_time", "front_end", "simulation", "transport", "data_server", "processes")
 PAGE = Path(__file__).parent.parent / "docs" / "benchmarks.md"
 MARK = "<!-- results -->"
 

@@ -15,8 +15,8 @@ import pytest
 
 from colony.cli.main import main
 from colony.dsl.check.robot import RESERVED_FIELDS
-from colony.runtime.recording_schemas import CONTRACTS, FRAMES, REQUESTS, VERDICTS
-from colony.runtime.replay import RESERVED
+from colony.runtime.recordings.replay import RESERVED
+from colony.runtime.recordings.schemas import CONTRACTS, FRAMES, REQUESTS, VERDICTS
 
 ROOT = Path(__file__).parent.parent
 PAGE = (ROOT / "docs" / "recordings.md").read_text(encoding="utf-8")

@@ -31,6 +31,7 @@ TEXT = PAGE.read_text(encoding="utf-8")
 FENCES = re.findall(r"^```([^\n]*)\n(.*?)^```$", TEXT, re.MULTILINE | re.DOTALL)
 SHELL = {info.split()[1]: text.splitlines() for info, text in FENCES if info.startswith("sh ")}
 FILES = {info.split()[1]: text for info, text in FENCES if not info.startswith("sh ")}
+README = re.findall(r"^```python\n(.*?)^```$", (ROOT / "README.md").read_text(encoding="utf-8"), re.M | re.S)
 
 
 # --- what needs no process -------------------------------------------------------------------------
@@ -114,7 +115,7 @@ def test_links_lead_somewhere() -> None:
 def rome(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Machine]:
     """A machine with the servers of the page, in a folder with its files."""
     folder = tmp_path_factory.mktemp("page")
-    for name, text in FILES.items():
+    for name, text in {**FILES, "readme.py": README[0]}.items():
         (folder / name).write_text(text, encoding="utf-8")
     for name in ("behaviors", "maps", "examples"):
         (folder / name).symlink_to(ROOT / name)
@@ -156,6 +157,7 @@ def test_programs_come_and_go(rome: Machine) -> None:
         ("awaited.py", r"Greeting is hello\n"),
         ("shared.py", r"107 103\n0\n"),
         ("drive.py", r"locked\n"),
+        ("readme.py", r"Position\(x=.*, y=.*, heading=.*\)\n"),
     ],
 )
 def test_a_client_prints(rome: Machine, program: str, printed: str) -> None:

@@ -19,7 +19,7 @@ from colony.cli.run_progress import PATIENCE_S
 
 if TYPE_CHECKING:
     from colony.ir.program import Program
-    from colony.runtime.recorded import RecordingReader
+    from colony.runtime.recordings.recorded import RecordingReader
     from colony.verify.audit_report import AuditReport
 
 

@@ -10,7 +10,7 @@ from colony.diagnostics import Diagnostic, Failure, error, has_errors, headline
 from colony.dsl.check.program import check_program
 from colony.dsl.files import SourceTree, load_tree
 from colony.ir.program import Program, PythonModule
-from colony.runtime.recorded import RunInfo, SourceFile
+from colony.runtime.recordings.recorded import RunInfo, SourceFile
 from colony.source import Source, Span
 
 

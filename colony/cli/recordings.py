@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from colony.compile.clients import ClientList
     from colony.ir.program import Program
     from colony.runtime.observer import Sink
-    from colony.runtime.recorded import RecordingReader
+    from colony.runtime.recordings.recorded import RecordingReader
 
 SUFFIX = ".mcap"
 """Of recordings as MCAP; all others are JSON lines."""
@@ -45,12 +45,12 @@ def recording_into(
     try:
         opened = open_alone(path)
         if not is_mcap(path):
-            from colony.runtime.recording import Recording
+            from colony.runtime.recordings.lines import Recording
 
             return Recording(program, opened)
         from colony.cli.recorded_program import program_sources
-        from colony.runtime.recorded import RunInfo, places
-        from colony.runtime.recording_mcap import McapRecording
+        from colony.runtime.recordings.mcap_writer import McapRecording
+        from colony.runtime.recordings.recorded import RunInfo, places
 
         root, sources = program_sources(file, program)
         info = RunInfo(
@@ -95,12 +95,12 @@ def read_recording(file: BinaryIO, name: str) -> RecordingReader:
     Raises:
         Failure: A002, it is no recording.
     """
-    from colony.runtime.recording_reader import MAGIC, LinesReader
+    from colony.runtime.recordings.reader import MAGIC, LinesReader
 
     head = file.read(len(MAGIC))
     file.seek(0)
     if head == MAGIC:
-        from colony.runtime.recording_mcap_reader import McapReader
+        from colony.runtime.recordings.mcap_reader import McapReader
 
         return McapReader(file, name)
     if head.removeprefix(b"\xef\xbb\xbf").lstrip()[:1] in (b"{", b""):

@@ -50,7 +50,7 @@ def command(file: str, input_: str, backend: str, output: Path | None) -> None:
         check_output(output, [file, input_])
     program = load_program(file)
     from colony.diagnostics import Failure
-    from colony.runtime.replay import outcome_line
+    from colony.runtime.recordings.replay import outcome_line
 
     lines = io.StringIO()
     name = "<stdin>" if input_ == "-" else input_
@@ -75,7 +75,7 @@ def _read(frames: BinaryIO, name: str, program: Program) -> Iterator[tuple[Frame
     from colony.cli.recordings import is_mcap, read_recording
 
     if not is_mcap(name):
-        from colony.runtime.replay import read_rows
+        from colony.runtime.recordings.replay import read_rows
 
         return ((row.frame, row.values.get("@restart") is True) for row in read_rows(frames, name, program))
 

@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 from colony.ir.frame import Frame
-from colony.runtime.replay import Row
+from colony.runtime.recordings.replay import Row
 from tests.cli.conftest import Colony
 
 BACKENDS = ["network", "clients", "python"]
@@ -134,7 +134,7 @@ def test_frames_that_cannot_be_read_to_the_end(
         yield Row(1, "", Frame(0, {}), {})
         raise OSError(5, "Input/output error")
 
-    monkeypatch.setattr("colony.runtime.replay.read_rows", broken)
+    monkeypatch.setattr("colony.runtime.recordings.replay.read_rows", broken)
     ran = colony("trace", behavior, "--input", "-")
     assert (ran.code, ran.out) == (2, "")
     assert ran.err == "<stdin>:1:1: error[F008]: cannot read the frames: Input/output error\n"

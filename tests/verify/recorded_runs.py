@@ -11,11 +11,11 @@ from colony.ir.frame import Frame
 from colony.ir.program import Program
 from colony.runtime.messages import Fate, Tick, Verdict
 from colony.runtime.observer import FrameLog, Sink
-from colony.runtime.recorded import RecordedFrame, RunInfo, SourceFile, places
-from colony.runtime.recording import Recording
-from colony.runtime.recording_mcap import McapRecording
-from colony.runtime.recording_mcap_reader import McapReader
-from colony.runtime.recording_reader import LinesReader
+from colony.runtime.recordings.lines import Recording
+from colony.runtime.recordings.mcap_reader import McapReader
+from colony.runtime.recordings.mcap_writer import McapRecording
+from colony.runtime.recordings.reader import LinesReader
+from colony.runtime.recordings.recorded import RecordedFrame, RunInfo, SourceFile, places
 from colony.verify.interpreter import Interpreter
 
 MS = 1_000_000

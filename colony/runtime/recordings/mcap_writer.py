@@ -1,4 +1,4 @@
-"""Recordings as MCAP, which Foxglove and other tools open (see recording_schemas.py for its channels).
+"""Recordings as MCAP, which Foxglove and other tools open (see schemas.py for its channels).
 
 Beside the frames such a recording has the run in its metadata and the sources of the program as attachments:
 `behavior/...` the files of the behavior, `python/...` those of modules in Python. All else can be found again
@@ -23,13 +23,13 @@ from colony.ir.types import ScalarValue
 from colony.runtime.arbitration import declared_units
 from colony.runtime.messages import Bid, Fate, Hold, Request, Verdict
 from colony.runtime.observer import FrameLog
-from colony.runtime.recorded import RunInfo
-from colony.runtime.recording import ByteFile, seconds_text, sensor_members
-from colony.runtime.recording_schemas import CONTRACTS, FRAMES, REQUESTS, VERDICTS, channel_schemas
+from colony.runtime.recordings.lines import ByteFile, seconds_text, sensor_members
+from colony.runtime.recordings.recorded import RunInfo
+from colony.runtime.recordings.schemas import CONTRACTS, FRAMES, REQUESTS, VERDICTS, channel_schemas
 
 FORMAT = "colony-recording/1"
 METADATA = "colony"
-"""The name of the metadata that tells of the run; what it must contain is in `recording_mcap_reader`."""
+"""The name of the metadata that tells of the run; what it must contain is in `mcap_reader`."""
 
 CLIENTS = "colony clients of "
 """Metadata of this name, and an actuator's, have the priority of each of its clients."""

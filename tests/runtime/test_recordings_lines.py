@@ -18,8 +18,8 @@ from colony.ir.program import Actuator, ActuatorField, Program, Sensor
 from colony.ir.types import BOOL, PLAIN, Array
 from colony.runtime.messages import Sample, Tick, Verdict
 from colony.runtime.observer import FrameLog
-from colony.runtime.recording import Recording, encoder, seconds_text
-from colony.runtime.replay import read_frames
+from colony.runtime.recordings.lines import Recording, encoder, seconds_text
+from colony.runtime.recordings.replay import read_frames
 from colony.units import nanoseconds
 from tests.runtime.runtime_programs import roam
 from tests.runtime.scripted import FAR, Log, Script, session

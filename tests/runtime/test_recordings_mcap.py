@@ -26,9 +26,9 @@ from colony.dsl.load import load_text
 from colony.ir.frame import Frame, Outcome
 from colony.runtime.messages import Request
 from colony.runtime.observer import FrameLog
-from colony.runtime.recorded import RecordedFrame, SourceFile
-from colony.runtime.recording_mcap import McapRecording
-from colony.runtime.recording_mcap_reader import McapReader
+from colony.runtime.recordings.mcap_reader import McapReader
+from colony.runtime.recordings.mcap_writer import McapRecording
+from colony.runtime.recordings.recorded import RecordedFrame, SourceFile
 from tests.verify.recorded_runs import MS, Kept, as_mcap, logs, read_mcap, run_info, written
 
 ROOT = Path(__file__).parents[2]
@@ -348,8 +348,8 @@ from dataclasses import replace
 from itertools import count
 import msgspec
 from colony.cli.outputs import open_alone
-from colony.runtime.recording_mcap import McapRecording
-from tests.runtime.test_recording_mcap import PROGRAM, SOURCES, trace
+from colony.runtime.recordings.mcap_writer import McapRecording
+from tests.runtime.test_recordings_mcap import PROGRAM, SOURCES, trace
 from tests.verify.recorded_runs import logs, run_info
 
 recording = McapRecording(PROGRAM, run_info(PROGRAM, *SOURCES), open_alone(sys.argv[1]))

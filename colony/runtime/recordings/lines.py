@@ -8,7 +8,7 @@ before this one that could not be observed. Sensors are in declared units as the
 and absent where missing; each actuator has its winner and what was sent. Where the network did not decide
 alone, the actuator also has `fault`, `fates` with the clients that were late, lost, refused or overruled,
 `@outside` with the client outside the network that commanded, or `@held_by`. Broken contracts are not
-written: they follow from the rest. `recording_mcap.py` writes more.
+written: they follow from the rest. `mcap_writer.py` writes more.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""Recordings as MCAP read back: what `recording_mcap.py` wrote, also where other tools rewrote the file."""
+"""Recordings as MCAP read back: what `mcap_writer.py` wrote, also where other tools rewrote the file."""
 
 from __future__ import annotations
 
@@ -18,10 +18,10 @@ from colony.diagnostics import Failure, error
 from colony.ir.frame import Frame
 from colony.ir.program import Actuator, Program
 from colony.runtime.messages import Tick, Verdict
-from colony.runtime.recorded import RecordedFrame, RunInfo, SourceFile
-from colony.runtime.recording_mcap import CLIENTS, FORMAT, METADATA, ContractsMessage, VerdictMessage
-from colony.runtime.recording_reader import BREAKS_OFF, command
-from colony.runtime.recording_schemas import CONTRACTS, FRAMES, VERDICTS
+from colony.runtime.recordings.mcap_writer import CLIENTS, FORMAT, METADATA, ContractsMessage, VerdictMessage
+from colony.runtime.recordings.reader import BREAKS_OFF, command
+from colony.runtime.recordings.recorded import RecordedFrame, RunInfo, SourceFile
+from colony.runtime.recordings.schemas import CONTRACTS, FRAMES, VERDICTS
 from colony.source import Source, Span
 
 LARGEST_RECORD = 256 * 1024 * 1024

@@ -1,4 +1,4 @@
-"""Recordings read back: JSON lines here, MCAP in `recording_mcap_reader.py`.
+"""Recordings read back: JSON lines here, MCAP in `mcap_reader.py`.
 
 A run may be killed while it writes: a recording that breaks off in the middle of a frame ends with the frame
 before it, and says so.
@@ -15,8 +15,8 @@ import msgspec
 from colony.diagnostics import Failure
 from colony.ir.program import Actuator, Program
 from colony.runtime.messages import Fate, Hold, Tick, Verdict
-from colony.runtime.recorded import RecordedFrame
-from colony.runtime.replay import Row, located, read_rows
+from colony.runtime.recordings.recorded import RecordedFrame
+from colony.runtime.recordings.replay import Row, located, read_rows
 
 MAGIC = b"\x89MCAP0\r\n"
 """How a recording as MCAP begins."""

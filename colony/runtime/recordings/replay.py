@@ -16,7 +16,7 @@ from colony.diagnostics import Diagnostic, Failure, error
 from colony.ir.frame import Decision, Frame, Outcome
 from colony.ir.program import Program
 from colony.ir.types import Array
-from colony.runtime.recording import seconds_text
+from colony.runtime.recordings.lines import seconds_text
 from colony.source import Source, Span
 from colony.units import nanoseconds
 
