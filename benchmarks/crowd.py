@@ -33,9 +33,7 @@ class Crowd:
         self._k = -1
 
     def start(self, now_ns: int) -> Iterator[Effect]:
-        for name in self._names:
-            ready = Ready(client=topics.client_address(ACTUATOR, name), run=self._run)
-            yield Send(topics.READY, ready)
+        yield from map(self._ready, self._names)
 
     def handle(self, message: Message, now_ns: int) -> Iterable[Effect]:
         if not isinstance(message, Tick):
@@ -45,10 +43,21 @@ class Crowd:
         if message.k <= self._k:
             return ()
         self._k = message.k
-        return [Send(topics.requests(SERVER), self._request(name, message.k)) for name in self._names]
+        return [
+            effect
+            for name in self._names
+            for effect in (
+                Send(topics.requests(SERVER), self._request(name, message.k)),
+                self._ready(name, message.k),
+            )
+        ]
 
     def close(self) -> None:
         pass
+
+    def _ready(self, name: str, k: int = -1) -> Effect:
+        client = topics.client_address(ACTUATOR, name)
+        return Send(topics.READY, Ready(client=client, run=self._run, k=k))
 
     def _request(self, name: str, k: int) -> Request:
         if name == self._commands:

@@ -18,12 +18,13 @@ def signals_that_end() -> tuple[signal.Signals, ...]:
 
 
 @contextmanager
-def interruptible() -> Iterator[Callable[[], bool]]:
+def interruptible(ending: str = "stopping after this frame") -> Iterator[Callable[[], bool]]:
     """While it lasts, the first Ctrl-C (or SIGTERM, or the end of the terminal) is noted, for the run to end
     between two moments; the next one breaks in at once. Gives the function that tells whether there was one.
+    `ending` is what is said where it takes long.
     """
     noted: list[int] = []
-    reminder = threading.Timer(PATIENCE_S, say, ("stopping after this frame; Ctrl-C again stops at once",))
+    reminder = threading.Timer(PATIENCE_S, say, (f"{ending}; Ctrl-C again stops at once",))
     reminder.daemon = True
     if threading.current_thread() is not threading.main_thread():
         yield lambda: bool(noted)

@@ -122,7 +122,7 @@ def command(
     with _failures_told(), redirect_stdout(sys.stderr):  # for what modules in Python print
         if processes or connect is not None:
             with problems_told():
-                place = place_of(robot or program.robot.name, connect, security)
+                place = place_of(program.robot.name if robot is None else robot, connect, security)
                 summary = _run_processes(program, place, options)
         else:
             summary = _run_simulated(program, options)

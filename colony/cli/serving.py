@@ -79,9 +79,14 @@ def serve_all(place: Local, settings: Settings) -> None:
 
     Raises:
         LiveError: all of them are served already.
+        Failure: the map is bad, which is said before anything is started.
         BrokenOff: one of them cannot live.
     """
-    with interruptible() as stop, place.directory.claim(SUPERVISOR):
+    from colony.nav.stickrep_reader import load_map
+
+    assert settings.map_path is not None
+    load_map(settings.map_path)
+    with interruptible("ending the servers") as stop, place.directory.claim(SUPERVISOR):
         folder = fresh_folder(place.directory.path / "served")
         jobs = [*jobs_of(place, _robot(settings), folder)]
         if settings.listen is not None:

@@ -23,6 +23,11 @@ if TYPE_CHECKING:
     from colony.runtime.kit.connection import Connection
 
 
+OF_A_BASE = frozenset({"RServer", "Clock", "Leader", "Simulator", "Supervisor"})
+"""Where one of these runs there is a base to stop, also while RServer itself is down; a "robot" with none of
+them is a data server that robots share."""
+
+
 @click.command(name="stop", short_help="stop robots at once, in an emergency")
 @click.option("--robot", metavar="NAME", help="Only this one; without it, all robots of this machine.")
 @click.option("--release", is_flag=True, help="Let the robot be moved again.")
@@ -43,7 +48,8 @@ def command(robot: str | None, release: bool, connect: str | None, security: Pat
       colony stop --robot rome --release
       colony stop --robot rome --connect tls/rome.lab:7447 --security ada.toml
     """
-    names = _robots(robot, connect)
+    with problems_told():
+        names = _robots(robot, connect)
     if release and len(names) > 1:
         raise click.UsageError(f"--release also wants --robot NAME: found {', '.join(names)}")
     failed = False
@@ -58,9 +64,11 @@ def _robots(robot: str | None, connect: str | None) -> list[str]:
         return [robot]
     if connect not in (None, HERE):
         raise click.UsageError("--connect ENDPOINT also wants --robot NAME: a gateway is that of one robot")
-    names = list(running_robots())
+    running = running_robots()
+    names = [name for name, servers in running.items() if not OF_A_BASE.isdisjoint(servers)]
     if not names:
-        raise click.ClickException("no robot runs on this machine")
+        beside = f" that has a base; found {', '.join(running)}" if running else ""
+        raise click.ClickException(f"no robot runs on this machine{beside}")
     return names
 
 

@@ -1,8 +1,11 @@
-"""The machine that runs `Code` op by op, in memory of its own."""
+"""The machine that runs `Code` op by op, in memory of its own.
+
+What computes an op is chosen once, when the machine is built; a frame is a call an op.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from importlib import import_module
 from typing import Any
 
@@ -31,7 +34,10 @@ from colony.compile.operators import FUNCTIONS
 from colony.compile.python_step import PythonStep
 from colony.diagnostics import Failure, error
 from colony.ir.frame import Frame, Record
-from colony.ir.types import Bool, Enum, ScalarValue
+from colony.ir.types import Array, Bool, Enum, ScalarValue
+
+Step = Callable[[], Any]
+"""Computes the value of one op in the present frame."""
 
 
 class Machine:
@@ -54,6 +60,8 @@ class Machine:
         self._lost: frozenset[str] = frozenset()
         self._decided: dict[str, Decided] = {}
         self._records: Records = ()
+        self._arrays = frozenset(s.name for s in code.sensors if isinstance(s.type, Array))
+        self._steps = tuple(self._step(op) for op in code.ops)
 
     def begin(
         self, frame: Frame, active: Mapping[str, bool] | None = None, lost: frozenset[str] = frozenset()
@@ -72,9 +80,9 @@ class Machine:
 
     def run(self, start: int, stop: int) -> None:
         """Compute the values of ops `start` up to, and not including, `stop`."""
-        values, ops = self.values, self.code.ops
+        values, steps = self.values, self._steps
         for i in range(start, stop):
-            values[i] = self._value(ops[i])
+            values[i] = steps[i]()
         if start == 0:
             self._call_python()
 
@@ -93,46 +101,49 @@ class Machine:
     def records(self) -> tuple[Record, ...]:
         return tuple(Record(kind, subject) for kind, subject in self._records)  # type: ignore[arg-type]
 
-    def _value(self, op: Op) -> Any:
+    def _step(self, op: Op) -> Step:
+        """What computes the value of an op, from the values before it and from what the frame brought."""
+        values = self.values
         match op:
             case Apply(operator=operator, arguments=arguments):
-                values = self.values
-                return FUNCTIONS[operator](*[values[i] for i in arguments])
+                return _applied(FUNCTIONS[operator], arguments, values)
             case SensorElement(sensor=sensor, index=index):
-                value = self._sensors[sensor]
-                return value[index] if isinstance(value, tuple) else value
+                sensors = self._sensors
+                if sensor in self._arrays:
+                    return lambda: sensors[sensor][index]
+                return lambda: sensors[sensor]
             case Literal(value=value):
-                return value
+                return lambda: value
             case OldCell(cell=cell):
-                return self.cells[cell]
+                return lambda: self.cells[cell]
             case SensorFresh(sensor=sensor):
-                return self._fresh[sensor]
+                fresh = self._fresh
+                return lambda: fresh[sensor]
             case FrameTime():
-                return self._t
+                return lambda: self._t
             case Table(elements=elements):
-                return tuple([self.values[i] for i in elements])
+                return lambda: tuple([values[i] for i in elements])
             case _:
                 return self._outside(op)
 
-    def _outside(self, op: Op) -> Any:
-        """The value of an op that depends on Python modules, on other clients, or on decisions."""
+    def _outside(self, op: Op) -> Step:
+        """The same for an op that depends on Python modules, on other clients, or on decisions."""
+        decided = self._decided
         match op:
             case PythonActive(module=module):
-                return self._answer(module)[0]
+                return lambda: self._answer(module)[0]
             case PythonField(module=module, index=index):
-                return self._answer(module)[1][index]
+                return lambda: self._answer(module)[1][index]
             case OutsideActive(module=module):
-                return bool(self._active[module])
+                return lambda: bool(self._active[module])
             case Lost(module=module):
-                return module in self._lost
+                return lambda: module in self._lost
             case Winner(actuator=actuator, module=module):
-                return self._decided[actuator].by == module
+                return lambda: decided[actuator].by == module
             case Commanded(actuator=actuator):
-                decided = self._decided[actuator]
-                return decided.by is not None and decided.fault is None
+                return lambda: decided[actuator].by is not None and decided[actuator].fault is None
             case Sent(actuator=actuator, index=index):
-                sent = self._decided[actuator].sent
-                return 0.0 if sent is None else sent[index]
+                return lambda: 0.0 if (sent := decided[actuator].sent) is None else sent[index]
             case _:
                 raise AssertionError(f"{op} depends on nothing outside")
 
@@ -158,6 +169,17 @@ class Machine:
         if module not in self._answers:
             self._call_python()
         return self._answers[module]
+
+
+def _applied(function: Callable[..., Any], arguments: tuple[int, ...], values: list[Any]) -> Step:
+    """An operator of earlier values."""
+    match arguments:
+        case (one,):
+            return lambda: function(values[one])
+        case (left, right):
+            return lambda: function(values[left], values[right])
+        case _:
+            return lambda: function(*[values[i] for i in arguments])
 
 
 def build(call: PythonCall) -> PythonStep:

@@ -30,15 +30,22 @@ from colony.runtime.messages import Fate, Hold, Request, Tick, Verdict
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Timing:
-    """Times after a tick, or after the first command, at which an arbiter stops waiting."""
+    """Times after a tick, or after the first command, at which an arbiter stops waiting.
+
+    The deadline counts from the time that the tick tells; with `from_arrival`, from when it came.
+    """
 
     deadline_ns: int
     grace_ns: int
+    from_arrival: bool = False
 
 
-def timing(frame_ns: int) -> Timing:
-    """A deadline that leaves a fifth of the frame, and a tenth of it of grace."""
-    return Timing(deadline_ns=max(1, frame_ns * 4 // 5), grace_ns=frame_ns // 10)
+def timing(frame_ns: int, *, lockstep: bool = False) -> Timing:
+    """A deadline that leaves a fifth of the frame, and a tenth of it of grace.
+
+    In lockstep the times of ticks count frames, and say nothing of when these really began.
+    """
+    return Timing(deadline_ns=max(1, frame_ns * 4 // 5), grace_ns=frame_ns // 10, from_arrival=lockstep)
 
 
 class Dispatch(NamedTuple):
@@ -82,16 +89,18 @@ class Arbiter:
         self._tick = Tick(k=-1, t_ns=0)
         self._ahead: dict[int, list[Request]] = {}
         self._remarks: list[str] = []
-        self._begin(self._tick, frozenset(), NOBODY)
+        self._begin(self._tick, frozenset(), 0, NOBODY)
 
-    def _begin(self, tick: Tick, lost: frozenset[str], others: Others) -> None:
+    def _begin(self, tick: Tick, lost: frozenset[str], now_ns: int, others: Others) -> None:
         self._tick, self._others = tick, others
         self._lost = lost.intersection(self._places.names) if lost else lost
         self._ballot = Ballot(self._places, self._lost)
         self._late: set[str] = set()
         self._refused: set[str] = set()
         self._notes, self._remarks = self._remarks, []
-        self._decide_by: int | None = tick.t_ns + self._times.deadline_ns
+        began_ns = now_ns if self._times.from_arrival else tick.t_ns
+        self._deadline_ns = began_ns + self._times.deadline_ns
+        self._decide_by = self._deadline_ns
         self._at_deadline = False
         self._sent: Dispatch | None = None
 
@@ -107,7 +116,7 @@ class Arbiter:
         if tick.k <= self._tick.k:
             return ()
         events = self._end_frame()
-        self._begin(tick, lost, others)
+        self._begin(tick, lost, now_ns, others)
         self._phase = "open"
         if self._ahead:
             for request in self._ahead.pop(tick.k, ()):
@@ -178,15 +187,15 @@ class Arbiter:
                 self.remark(f"`{client}` commanded after the deadline")
             return
         self._ballot.take(request)
-        if request.bid == "command" and self._phase == "open" and self._decide_by is not None:
+        if request.bid == "command" and self._phase == "open":
             self._decide_by = min(self._decide_by, now_ns + self._times.grace_ns)
 
     def _advance(self, now_ns: int) -> tuple[Event, ...]:
         dispatch: Dispatch | None = None
         if self._phase == "open":
             choice = self._ballot.choose(self._others)
-            if choice.settled or (self._decide_by is not None and now_ns >= self._decide_by):
-                self._at_deadline = now_ns >= self._tick.t_ns + self._times.deadline_ns
+            if choice.settled or now_ns >= self._decide_by:
+                self._at_deadline = now_ns >= self._deadline_ns
                 dispatch = self._dispatch(choice)
         if self._phase == "dispatched" and self._ballot.complete:
             verdict = self._verdict()

@@ -65,14 +65,14 @@ class ClientNode:
                 yield from self._assembler.take(message)
                 if self._assembler.start != self._epoch:
                     self._begin()
-                yield from self._go_on()
+                yield from self._go_on(now_ns)
                 if self._assembler.lost and message.run == self._membership.run:
                     yield from self._recover(now_ns)
             case ServerFrame():
                 self._assembler.take(message)
-                yield from self._go_on()
+                yield from self._go_on(now_ns)
             case Checkpoint():
-                yield from self._recalled(message)
+                yield from self._recalled(message, now_ns)
             case _:
                 return
 
@@ -84,12 +84,13 @@ class ClientNode:
         """The epoch that it is in, and the last frame that its memory has seen."""
         return self._assembler.start, self._assembler.next - 1
 
-    def _go_on(self) -> Iterator[Effect]:
+    def _go_on(self, now_ns: int) -> Iterator[Effect]:
         for assembled in self._assembler.complete():
             request = self.part.step(assembled)
             if assembled.current:
                 self._caught_up = True
                 yield Send(self._requests, request)
+                yield from self._membership.requested(request.k, now_ns)
                 yield from self._save(assembled)
 
     # --- memory ----------------------------------------------------------------------------------------
@@ -113,7 +114,7 @@ class ClientNode:
         else:
             yield self._membership.begin_anew(self._assembler.start)
 
-    def _recalled(self, saved: Checkpoint) -> Iterator[Effect]:
+    def _recalled(self, saved: Checkpoint, now_ns: int) -> Iterator[Effect]:
         if self._caught_up or self._recalling_since is None or self._nothing_to_recall:
             return  # it was asked for twice
         self._nothing_to_recall = True
@@ -121,4 +122,4 @@ class ClientNode:
         newer = saved.start == assembler.start and assembler.next <= saved.k <= assembler.latest
         if newer and self.part.recall(saved.memory):
             yield from self._assembler.resume(saved.k + 1)
-            yield from self._go_on()
+            yield from self._go_on(now_ns)

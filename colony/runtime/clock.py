@@ -32,7 +32,6 @@ from colony.runtime.messages import (
     Malformed,
     Message,
     Ready,
-    Request,
     Restart,
     Send,
     ServerFrame,
@@ -107,7 +106,6 @@ class Clock:
             topics.ANSWERS,
             topics.announcements(DSERVER.name),
             *(topics.frames(server) for server in servers),
-            *(topics.requests(server) for server in servers),
             *self._desk.listens,
         )
 
@@ -121,14 +119,12 @@ class Clock:
 
     def handle(self, message: Message, now_ns: int) -> Iterator[Effect]:
         match message:
-            case Request():
-                client = topics.client_address(message.actuator, message.client)
-                self._roll.requested(client, now_ns, on_time=message.k == self._tick.k)
             case ServerFrame():
                 self._heard(message.server, message.k, message.since, now_ns)
             case Announcement():
                 self._heard(topics.activity(DSERVER.name, message.module), message.k, 0, now_ns)
             case Verdict():
+                self._roll.judged(message)
                 if message.k == self._tick.k:
                     self._decided.add(message.actuator)
             case Fetch():
@@ -138,6 +134,8 @@ class Clock:
             case Ready():
                 if self._deployed is not None and message.run == self._deployed.run:
                     self._roll.ready(message.client)
+                    if message.k >= 0:
+                        self._roll.heard(message.client, now_ns)
             case Restart():
                 begun = self._begun_run == self._run != ""
                 if begun and message.client in self._roll and message.start == self._tick.start:

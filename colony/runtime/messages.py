@@ -14,7 +14,7 @@ One frame k of a robot, by its messages (thesis section 4.3: clients ask servers
 
 What clients of a network need besides, to come and go:
 
-    client   -> Clock            Ready            it listens, and can begin
+    client   -> Clock            Ready            it listens, and can begin; and later, that it lives
     client   -> DServer          Checkpoint(k)    its memory after frame k; and Recall, to have it back
     client   -> Clock            Restart          it cannot go on: begin anew from the initial memory, all
 
@@ -158,10 +158,15 @@ class Verdict(_Message, frozen=True, kw_only=True):
 
 
 class Ready(_Message, frozen=True, kw_only=True):
-    """A client of the network, by address, tells the Clock that it listens, and for which run."""
+    """A client of the network, by address, tells the Clock that it listens, and for which run.
+
+    It says so again from time to time, as a sign of life: `k` is the frame for which it has just sent its
+    request, -1 where it did not.
+    """
 
     client: str
     run: str = ""
+    k: int = -1
 
 
 class Restart(_Message, frozen=True, kw_only=True):

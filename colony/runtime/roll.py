@@ -5,8 +5,10 @@ from __future__ import annotations
 from collections.abc import Iterable
 from dataclasses import dataclass
 
+from colony.runtime import topics
 from colony.runtime.library.clock import ClientWho
 from colony.runtime.liveness import Liveness
+from colony.runtime.messages import Verdict
 
 
 @dataclass(frozen=False, slots=True)
@@ -19,7 +21,8 @@ class _Member:
 class Roll:
     """Mutable: all of it.
 
-    `clients` (by address) send a request a frame; `others` only have to be ready for a run to begin.
+    `clients` (by address) send a request a frame, and say that they do; `others` only have to be ready for a
+    run to begin.
     """
 
     def __init__(
@@ -51,13 +54,17 @@ class Roll:
             else:
                 self._liveness.gone(client)
 
-    def requested(self, client: str, now_ns: int, *, on_time: bool) -> None:
-        """A request came; of a stranger it is ignored."""
-        member = self._clients.get(client)
-        if member is not None:
-            member.on_time += on_time
-            member.late += not on_time
-            self._liveness.heard(client, now_ns)
+    def heard(self, client: str, now_ns: int) -> None:
+        """One sends requests, and so lives; of a stranger it is ignored."""
+        self._liveness.heard(client, now_ns)
+
+    def judged(self, verdict: Verdict) -> None:
+        """Count whose request was there in time, and whose was not."""
+        for name, fate in verdict.fates:
+            member = self._clients.get(topics.client_address(verdict.actuator, name))
+            if member is not None:
+                member.on_time += fate not in ("late", "lost")
+                member.late += fate == "late"
 
     def slept(self, asleep_ns: int) -> None:
         """See `Liveness.slept`."""

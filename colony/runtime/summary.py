@@ -4,10 +4,11 @@ from __future__ import annotations
 
 from collections import Counter
 from dataclasses import asdict, dataclass
+from typing import assert_never
 
 from colony.ir.frame import RecordKind
 from colony.ir.program import Program
-from colony.runtime.messages import Fate
+from colony.runtime.messages import Fate, Hold
 from colony.runtime.observer import FrameLog
 
 
@@ -58,6 +59,17 @@ class TroubleSummary:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class InterventionSummary:
+    """The network did not decide over `actuator` in `frames` frames: the client `by` outside it commanded, or
+    `hold` was on."""
+
+    actuator: str
+    by: str | None
+    hold: Hold | None
+    frames: int
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class Travel:
     """How a body went: times that it began to touch something, and millimeters of path."""
 
@@ -69,7 +81,8 @@ class Travel:
 class RunSummary:
     """All of one run. `mean_speed_mm_s` is over its whole duration, `contracts` how many were watched.
 
-    Of a real robot nobody knows how it went: `bumps` and the two after it are None.
+    `restarts` is how often all memory began anew, `skipped` how many frames were missed for good. Of a real
+    robot nobody knows how it went: `bumps` and the two after it are None.
     """
 
     robot: str
@@ -85,6 +98,9 @@ class RunSummary:
     breaches: tuple[BreachSummary, ...]
     records: tuple[RecordSummary, ...]
     troubles: tuple[TroubleSummary, ...]
+    interventions: tuple[InterventionSummary, ...]
+    restarts: int
+    skipped: int
     disagreements: tuple[str, ...]
 
     def as_json(self) -> dict[str, object]:
@@ -110,14 +126,21 @@ class Tally:
         self._drove: dict[str, Counter[str | None]] = {a: Counter() for a in places}
         self._records: Counter[tuple[RecordKind, str]] = Counter()
         self._troubles: Counter[tuple[str, Fate]] = Counter()
+        self._interventions: Counter[tuple[str, str | None, Hold | None]] = Counter()
         self._breaches: dict[str, BreachSummary] = {}
         self._disagreements: list[str] = []
         self.frames = 0
+        self._restarts = 0
+        self._skipped = 0
 
     def take(self, log: FrameLog) -> None:
         self.frames += 1
+        self._restarts += log.restart
+        self._skipped += log.skipped
         for name, verdict in log.verdicts.items():
             self._drove[name][verdict.by] += 1
+            if verdict.outside is not None or verdict.hold is not None:
+                self._interventions[name, verdict.outside, verdict.hold] += 1
             for client, fate in verdict.fates:
                 if fate in _TROUBLES:
                     self._troubles[client, fate] += 1
@@ -161,6 +184,12 @@ class Tally:
                 TroubleSummary(client=client, fate=fate, frames=n)
                 for (client, fate), n in self._troubles.items()
             ),
+            interventions=tuple(
+                InterventionSummary(actuator=actuator, by=by, hold=hold, frames=n)
+                for (actuator, by, hold), n in self._interventions.items()
+            ),
+            restarts=self._restarts,
+            skipped=self._skipped,
             disagreements=tuple(self._disagreements),
         )
 
@@ -206,15 +235,35 @@ def render(summary: RunSummary) -> str:
         )
     lines += [f"  {r.subject}: {r.kind} in {_times(r.frames, 'frame')}" for r in summary.records]
     lines += [f"  client {t.client}: {t.fate} in {_times(t.frames, 'frame')}" for t in summary.troubles]
+    lines += [f"  {i.actuator}: {_told(i)} in {_times(i.frames, 'frame')}" for i in summary.interventions]
+    if summary.restarts:
+        lines.append(f"  all memory began anew {_times(summary.restarts, 'time')}")
+    if summary.skipped:
+        lines.append(f"  {_times(summary.skipped, 'frame')} could not be observed")
     lines += [
         f"  contract {b.contract}: BROKEN in {_times(b.frames, 'frame')}, "
         f"first at {b.first_s:g} s, last at {b.last_s:g} s"
         for b in summary.breaches
     ]
-    if summary.contracts and not summary.breaches:
+    if summary.contracts and summary.frames and not summary.breaches:
         lines.append(f"  {_times(summary.contracts, 'contract')} held in every frame")
     lines += [f"  INTERNAL: {text}" for text in summary.disagreements]
     return "\n".join(lines)
+
+
+def _told(intervention: InterventionSummary) -> str:
+    match intervention.hold:
+        case None:
+            what = f"{intervention.by} commanded from outside the network"
+        case "stopped":
+            what = "the EMERGENCY STOP was on (`colony stop --release` ends it)"
+        case "locked" if intervention.by is not None:
+            what = f"{intervention.by} commanded, who has the lock,"
+        case "locked":
+            what = "somebody outside the network had the lock"
+        case _ as never:
+            assert_never(never)
+    return what
 
 
 def _times(n: int, what: str) -> str:

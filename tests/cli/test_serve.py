@@ -126,6 +126,22 @@ def test_one_server_at_a_time(machine: Machine, colony: Colony) -> None:
             assert one.wait() == 0
 
 
+def test_stop_passes_over_a_data_server_that_robots_share(machine: Machine, colony: Colony) -> None:
+    fleet = machine.start("serve", "DServer", "--robot", "fleet")
+    until(lambda: fleet.ended() or "listens at" in fleet.err, "DServer listens")
+    alone = colony("stop")
+    assert (alone.code, alone.out) == (2, "")
+    assert "no robot runs on this machine that has a base; found fleet" in alone.err
+    base = machine.start("serve", "RServer", "--robot", ROBOT)
+    until(lambda: base.ended() or "listens at" in base.err, "RServer listens")
+    both = colony("stop")
+    assert (both.code, both.out.partition(" by ")[0], both.err) == (0, f"{ROBOT}: stopped", "")
+    assert colony("stop", "--robot", "fleet").code == 1
+    for one in (fleet, base):
+        one.tell(signal.SIGINT)
+        assert one.wait() == 0
+
+
 BAD_OPTIONS: list[tuple[tuple[str, ...], str]] = [
     (("serve", "all", "--robot", "r"), "all also wants --map MAP"),
     (("serve", "Gateway", "--robot", "r"), "Gateway also wants --listen"),
@@ -133,6 +149,8 @@ BAD_OPTIONS: list[tuple[tuple[str, ...], str]] = [
     (("serve", "RServer", "--robot", "r", "--listen", "tls/x:1"), "--listen and --security go together"),
     (("serve", "XServer", "--robot", "r"), "'XServer' is not one of"),
     (("serve", "RServer", "--robot", "a/b"), "`a/b` cannot be the name of a robot"),
+    (("serve", "all", "--robot", "r", "--map", "nowhere"), "nowhere:1:1: error[M001]: cannot read the map"),
+    (("run", WANDER, "--robot", "", "--connect"), "`` cannot be the name of a robot"),
     (("stop",), "no robot runs on this machine"),
     (("stop", "--robot", "r"), "no robot `r` on this machine"),
     (("ps", "--connect", "tls/x:1"), "also wants --robot NAME"),

@@ -49,8 +49,8 @@ class Running:
     def __init__(self, host: Host) -> None:
         self.host = host
         self.failures: list[BaseException] = []
-        self._thread = threading.Thread(target=self._run)
-        self._thread.start()
+        self.thread = threading.Thread(target=self._run)
+        self.thread.start()
 
     def _run(self) -> None:
         try:
@@ -61,8 +61,8 @@ class Running:
     def end(self) -> None:
         """Stop it, and raise what made it fail."""
         self.host.stop()
-        self._thread.join(PATIENCE_S)
-        assert not self._thread.is_alive(), "the host did not stop"
+        self.thread.join(PATIENCE_S)
+        assert not self.thread.is_alive(), "the host did not stop"
         self.host.close()
         if self.failures:
             raise self.failures[0]

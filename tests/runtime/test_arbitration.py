@@ -8,7 +8,7 @@ import pytest
 
 from colony.ir.program import Actuator, ActuatorField
 from colony.ir.types import BOOL
-from colony.runtime.arbitration import AHEAD, LONGEST_NOTE, MOST_NOTES, Arbiter, Dispatch, Timing
+from colony.runtime.arbitration import AHEAD, LONGEST_NOTE, MOST_NOTES, Arbiter, Dispatch, Timing, timing
 from colony.runtime.ballot import Ballot, Others, Outside, Places, malformed
 from colony.runtime.fields import SPEED
 from colony.runtime.messages import Request, Tick, Verdict
@@ -84,6 +84,22 @@ def test_frames(bids: str, lost: str, winner: str | None, fates: str) -> None:
         assert verdict.by == winner
         assert [f.replace(" ", "-") for _, f in verdict.fates] == fates.split()
         assert not verdict.violation
+
+
+@pytest.mark.parametrize("told_ns", [-10_000 * MS, 0, 10_000 * MS])
+def test_in_lockstep_the_deadline_counts_from_when_the_tick_came(told_ns: int) -> None:
+    one = Arbiter(DRIVE, PLACES, timing(50 * MS, lockstep=True))
+    came_ns = 20_000 * MS
+    assert one.open(Tick(k=0, t_ns=came_ns + told_ns), frozenset(), came_ns) == ()
+    assert one.wake_at == came_ns + 40 * MS
+    assert one.wake(came_ns + 40 * MS - 1) == ()
+    dispatch, *_ = one.wake(came_ns + 40 * MS)
+    assert isinstance(dispatch, Dispatch)
+    assert dispatch.by is None
+    assert one.receive(request("cruise", "command"), came_ns + 41 * MS) == ()
+    (verdict,) = one.open(Tick(k=1, t_ns=came_ns + told_ns + 50 * MS), frozenset(), came_ns + 45 * MS)
+    assert isinstance(verdict, Verdict)
+    assert dict(verdict.fates) == dict.fromkeys(PLACES, "late")
 
 
 @pytest.mark.parametrize("order", list(itertools.permutations(PLACES)))

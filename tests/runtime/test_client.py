@@ -115,6 +115,17 @@ def test_a_tick_of_another_run_makes_it_say_that_it_is_ready() -> None:
     assert not only(Ready, take(node, tick(3, start=3), now_ns=10 * READY_AGAIN_NS))
 
 
+def test_with_its_requests_it_tells_the_clock_that_it_lives_but_not_more_often_than_needed() -> None:
+    node = back_off()
+    list(node.start(0))
+    told = [m for m in run(node, range(10)) if isinstance(m, Ready)]
+    assert told == [Ready(client=ADDRESS, run="run", k=k) for k in range(10)]
+    quick = [m for k in range(10, 20) for m in take(node, tick(k), base(k), now_ns=9 * FRAME + k * 10 * MS)]
+    assert [m.k for m in quick if isinstance(m, Ready)] == [10, 14, 18]
+    assert [m.k for m in only(Request, quick)] == [*range(10, 20)]  # type: ignore[union-attr]
+    assert not only(Ready, take(node, tick(20), tick(21), base(20), now_ns=20 * FRAME)), "it is behind"
+
+
 # --- epochs ----------------------------------------------------------------------------------------
 
 

@@ -25,11 +25,11 @@ from colony.runtime.messages import (
     Announcement,
     Call,
     Effect,
+    Fate,
     Fetch,
     Message,
     Ready,
     Reply,
-    Request,
     Restart,
     Send,
     ServerFrame,
@@ -230,15 +230,20 @@ def test_what_a_server_did_not_answer_before_it_was_started_anew_is_void_at_once
     assert stage.ticks[5].down == ()
 
 
-def test_clients_are_heard_by_their_requests() -> None:
+def test_clients_live_as_long_as_they_say_that_they_send_requests() -> None:
     stage = Stage(deployed())
     stage.ready()
     stage.until(100 * MS)
     for k in range(3, 13):
-        stage.take(Request(k=k - 1, actuator="drive", client="avoid", bid="silent"))
+        stage.take(Ready(client="drive/avoid", run="run", k=k - 1))
+        stage.ready(clients=("drive/cruise",))  # that it listens is no request
+        stage.take(Ready(client="drive/back_off", run="another run", k=k - 1))
         stage.until(k * 50 * MS)
     assert stage.ticks[4].lost == ()
     assert stage.ticks[-1].lost == ("drive/back_off", "drive/cruise")
+    stage.take(Ready(client="drive/cruise", run="run", k=stage.ticks[-1].k))
+    stage.until(stage.now_ns + 50 * MS)
+    assert stage.ticks[-1].lost == ("drive/back_off",)
 
 
 # --- runs --------------------------------------------------------------------------------------------
@@ -373,8 +378,8 @@ def test_of_another_epoch_or_from_a_stranger_it_is_ignored(start: int) -> None:
 # --- lockstep ----------------------------------------------------------------------------------------
 
 
-def verdict(k: int) -> Verdict:
-    return Verdict(k=k, t_ns=0, actuator="drive", by=None, values=(0.0, 0.0), fates=())
+def verdict(k: int, *fates: tuple[str, Fate]) -> Verdict:
+    return Verdict(k=k, t_ns=0, actuator="drive", by=None, values=(0.0, 0.0), fates=fates)
 
 
 def test_in_lockstep_a_frame_follows_as_soon_as_the_one_before_is_decided() -> None:
@@ -412,8 +417,9 @@ def test_who_takes_part() -> None:
     stage.ready()
     stage.until(100 * MS, answering=("RServer",))
     tick = stage.ticks[-1]
-    for k in (tick.k, tick.k - 1):
-        stage.take(Request(k=k, actuator="drive", client="avoid", bid="silent"))
+    stage.take(Ready(client=CLIENTS[1], run="run", k=tick.k))
+    stage.take(verdict(tick.k - 1, ("back_off", "lost"), ("avoid", "late"), ("u/1", "won")))
+    stage.take(verdict(tick.k, ("back_off", "lost"), ("avoid", "won"), ("u/1", "overridden")))
     stage.take(Restart(client=CLIENTS[0], start=tick.start))
     stage.until(300 * MS, answering=("RServer",))
     after = leader.who()

@@ -281,3 +281,20 @@ def test_a_closed_connection_says_so(environment: Mapping[str, str]) -> None:
         connection.close()
         with pytest.raises(ConnectionLost, match="the connection to Battery was closed"):
             connection.do(level())
+
+
+def test_what_cannot_be_asked_is_told_at_once(battery: Connection) -> None:
+    with pytest.raises(
+        TypeError, match=r"cannot ask <function level at .*>: call it; expected what a function"
+    ):
+        battery.do(level)  # type: ignore[arg-type]
+    with pytest.raises(TypeError, match="cannot ask 'level'; expected"):
+        battery.send("level")  # type: ignore[arg-type]
+
+
+def test_how_a_connection_cannot_be_opened(environment: Mapping[str, str]) -> None:
+    with battery_thread(environment), Session.open(ROBOT, environment=environment) as session:
+        with pytest.raises(TypeError, match="priority of a connection is 'high'; expected a whole number"):
+            session.connect(BATTERY, priority="high")  # type: ignore[arg-type]
+        with pytest.raises(TypeError, match="name of a connection is 7; expected text"):
+            session.connect(BATTERY, name=7)  # type: ignore[arg-type]

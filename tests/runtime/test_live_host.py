@@ -7,7 +7,7 @@ import signal
 import subprocess
 import sys
 import threading
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from pathlib import Path
 
 import msgspec
@@ -35,8 +35,10 @@ from colony.runtime.messages import (
     Send,
     ServerFrame,
     Tick,
+    Wake,
     WakeAt,
 )
+from colony.runtime.processes.children import ONE_THREAD
 from tests.runtime.live_stage import ROBOT, Recorder, hosted, place, run_directory, running, until
 
 SERVER = "RServer"
@@ -64,11 +66,11 @@ class _Outside:
     """Somebody who sends bytes and hears replies."""
 
     def __init__(self, network: Network) -> None:
-        self._network = network
+        self.network = network
         self.heard: list[object] = []
 
     def put(self, key: str, data: bytes) -> None:
-        with publish(self._network.session, f"colony/{ROBOT}/{key}") as publisher:
+        with publish(self.network.session, f"colony/{ROBOT}/{key}") as publisher:
             until(lambda: publisher.matching_status.matching, f"nobody listens to {key}")  # type: ignore[attr-defined]
             publisher.put(data)
 
@@ -79,7 +81,7 @@ class _Outside:
         import zenoh
 
         handler = zenoh.handlers.Callback(self._take, indirect=False)
-        self._network.session.declare_subscriber(keys.listening(ROBOT, topic), handler)
+        self.network.session.declare_subscriber(keys.listening(ROBOT, topic), handler)
 
     def _take(self, sample: object) -> None:
         self.heard.append(codec.decode(sample.payload.to_bytes()))  # type: ignore[attr-defined]
@@ -215,14 +217,15 @@ def test_one_process_serves_under_a_name(environment: Mapping[str, str]) -> None
     Host.open(place(environment), [Recorder("Other"), Recorder("Second")], serves=True).close()
 
 
+@pytest.mark.parametrize("direct", [False, True])
 def test_a_node_that_fails_ends_the_host_and_all_are_closed(
-    environment: Mapping[str, str], outside: _Outside
+    environment: Mapping[str, str], outside: _Outside, direct: bool
 ) -> None:
     def fail(message: Message, now_ns: int) -> Iterable[Effect]:
         raise ArithmeticError("on purpose")
 
     nodes = [Recorder(SERVER, topics.TICKS, on=fail), Recorder("other")]
-    with Host.open(place(environment), nodes, serves=True) as host:
+    with Host.open(place(environment), nodes, serves=True, direct=direct) as host:
         ran = threading.Thread(target=_expect_failure, args=(host,))
         ran.start()
         outside.put(topics.TICKS, codec.encode(Tick(k=0, t_ns=0)))
@@ -264,6 +267,115 @@ def test_the_robots_time_is_the_same_in_all_processes(environment: Mapping[str, 
         _Outside(network).put(topics.TICKS, codec.encode(Tick(k=0, t_ns=0)))
         until(lambda: all(node.got for node in nodes), "both heard it")
     assert abs(nodes[0].times[0] - nodes[1].times[0]) < 10_000_000_000
+
+
+class _Threads(Recorder):
+    """Notes in which threads it handles what."""
+
+    def __init__(self, *listens: str, on: Callable[[Message, int], Iterable[Effect]]) -> None:
+        super().__init__(SERVER, *listens, on=on)
+        self.threads: list[int] = []
+
+    def handle(self, message: Message, now_ns: int) -> Iterable[Effect]:
+        self.threads.append(threading.get_ident())
+        return super().handle(message, now_ns)
+
+
+def test_a_direct_host_handles_frames_where_they_come_in_and_calls_and_wakes_in_its_own_thread(
+    environment: Mapping[str, str], outside: _Outside
+) -> None:
+    def wake(message: Message, now_ns: int) -> Iterable[Effect]:
+        if isinstance(message, Tick):
+            yield WakeAt(now_ns + 1_000_000)
+
+    node = _Threads(CALLS, topics.TICKS, on=wake)
+    with Host.open(place(environment), [node], serves=True, direct=True) as host, running(host) as run:
+        until(lambda: SERVER in outside.network.alive(), "it is there")
+        outside.put(topics.TICKS, codec.encode(Tick(k=0, t_ns=0)))
+        until(lambda: len(node.got) == 2, "the tick and the wake")
+        outside.call(_call("u/a", 1))
+        until(lambda: len(node.got) == 3, "the call")
+        own = run.thread.ident
+    assert [type(message) for message in node.got] == [Tick, Wake, Call]
+    assert [thread == own for thread in node.threads] == [False, True, True]
+
+
+def test_a_direct_host_loses_nothing_and_keeps_the_order_while_calls_come_between(
+    environment: Mapping[str, str], outside: _Outside
+) -> None:
+    many = 300
+    node = Recorder(SERVER, CALLS, topics.TICKS)
+    second = Recorder("Second", topics.TICKS)
+    with Host.open(place(environment), [node, second], serves=True, direct=True) as host, running(host):
+        until(lambda: SERVER in outside.network.alive(), "it is there")
+        for k in range(many):
+            outside.put(topics.TICKS, codec.encode(Tick(k=k, t_ns=0)))
+            if k % 3 == 0:
+                outside.call(_call("u/a", 1 + k))
+        until(lambda: len(node.got) == many + many // 3, "all are handled")
+    assert [message.k for message in second.got if isinstance(message, Tick)] == [*range(many)]
+    assert [message.k for message in node.got if isinstance(message, Tick)] == [*range(many)]
+
+
+def test_nodes_of_a_direct_host_hear_each_other(environment: Mapping[str, str], outside: _Outside) -> None:
+    def pass_on(message: Message, now_ns: int) -> Iterable[Effect]:
+        assert isinstance(message, Tick)
+        yield Send(topics.frames(topics.CLOCK), message)
+
+    nodes = [
+        Recorder(SERVER, topics.TICKS, on=pass_on),
+        Recorder("listener", topics.frames(topics.CLOCK)),
+    ]
+    with Host.open(place(environment), nodes, serves=True, direct=True) as host, running(host):
+        until(lambda: SERVER in outside.network.alive(), "it is there")
+        for k in range(100):
+            outside.put(topics.TICKS, codec.encode(Tick(k=k, t_ns=0)))
+        until(lambda: len(nodes[1].got) == 100, "all were passed on")
+    assert nodes[1].got == nodes[0].got
+
+
+LARGE = """
+import os, signal, sys
+from colony.runtime import topics
+from colony.runtime.live.host import Host
+from colony.runtime.live.place import local
+from colony.runtime.messages import Checkpoint, Send
+from tests.runtime.live_stage import Recorder
+
+def save(message, now_ns):
+    saved = Checkpoint(client="c", k=message.k, start=0, memory=bytes(3_000_000))
+    yield Send(topics.checkpoints("DServer"), saved)
+
+with Host.open(local("rome", os.environ), [Recorder("drive/c", topics.TICKS, on=save)], direct=True) as host:
+    signal.signal(signal.SIGTERM, lambda *_: host.stop())
+    host.run()
+"""
+
+
+def test_with_one_thread_for_the_network_a_large_checkpoint_gets_through(
+    environment: Mapping[str, str],
+) -> None:
+    server = Recorder("DServer", topics.checkpoints("DServer"))
+    alone = {"ZENOH_RUNTIME": ONE_THREAD, "PYTHONPATH": str(Path(__file__).parents[2])}
+    process = subprocess.Popen([sys.executable, "-c", LARGE], env={**os.environ, **environment, **alone})
+    try:
+        with (
+            hosted(environment, [server]) as host,
+            Network.open(place(environment), listens=("Clock",)) as clock,
+        ):
+            until(lambda: "drive/c" in clock.alive(), "it is there for the Clock")
+            until(lambda: "drive/c" in host.network.alive(), "it is there for DServer")
+            went: list[str] = []
+            host.network.watch(lambda address, present: went.append(address))
+            for k in range(5):
+                _Outside(clock).put(topics.TICKS, codec.encode(Tick(k=k, t_ns=0)))
+            until(lambda: len(server.got) == 5, "all came")
+            assert went == [], "its link was given up"
+            process.send_signal(signal.SIGTERM)
+            assert process.wait(20) == 0
+    finally:
+        process.kill()
+        process.wait()
 
 
 FROZEN = """

@@ -85,6 +85,12 @@ def test_a_socket_with_too_long_a_path_is_refused(tmp_path: Path) -> None:
         robot.socket("RServerX")
 
 
+@pytest.mark.parametrize("sign", "#?")
+def test_a_folder_that_no_endpoint_can_have_is_refused(tmp_path: Path, sign: str) -> None:
+    with pytest.raises(RunDirectoryError, match=rf"for the `\{sign}` in it: set COLONY_RUN_DIR"):
+        RunDirectory(tmp_path / f"a b{sign}").robot("rome").socket("RServer")
+
+
 def test_a_server_is_claimed_by_one_process_at_a_time(tmp_path: Path) -> None:
     robot = _robot(tmp_path)
     with robot.claim("RServer") as claim, robot.claim("DServer"):
@@ -158,3 +164,13 @@ def test_place_of_a_robot_of_this_machine() -> None:
         assert place(environment).robot == "rome"
         with pytest.raises(RunDirectoryError):
             place(environment | {"COLONY_RUN_DIR": "x" * 200}).directory.socket("RServer")
+
+
+def test_robots_are_not_looked_for_where_others_could_have_put_them(tmp_path: Path) -> None:
+    assert RunDirectory(tmp_path / "none").robots() == ()
+    (tmp_path / "file").write_text("")
+    with pytest.raises(RunDirectoryError, match="is no folder"):
+        RunDirectory(tmp_path / "file").robots()
+    (tmp_path / "open").mkdir(mode=0o755)
+    with pytest.raises(RunDirectoryError, match="open to others"):
+        RunDirectory(tmp_path / "open").robots()

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import msgspec
 import pytest
 
 from colony.runtime.fields import RSERVER
@@ -45,6 +46,18 @@ def test_parameters_are_passed_by_name_and_what_is_not_declared_is_0(
     stage = Stage(run="r1", deployment=deployed(places=places))
     stage.frame(bid("cruise", 5.0, 7.0), *silent("cruise"))
     assert stage.base.told == [(0, *sent)]
+
+
+def test_in_lockstep_a_frame_is_waited_for_from_when_its_tick_came() -> None:
+    stage = Stage(run="r1", deployment=msgspec.structs.replace(deployed(), lockstep=True))
+    came_ns = 1000 * FRAME  # far later than the time that the tick tells
+    stage.wait(came_ns)
+    stage.give(Tick(k=0, t_ns=0, run="r1"))
+    stage.give(bid("back_off", bid="silent"))
+    stage.wait(came_ns + FRAME // 2)
+    assert stage.base.told == []
+    stage.wait(came_ns + FRAME)
+    assert stage.base.told == [(came_ns + FRAME * 4 // 5, 0.0, 0.0)]
 
 
 def test_it_stops_the_base_when_it_starts_and_when_it_ends() -> None:

@@ -10,7 +10,7 @@ import pytest
 from colony.ir.expression import Binary, BinaryOperation, SensorValue, StateValue
 from colony.ir.program import Chain, Module, Program, State, Use, Wire
 from colony.ir.types import BOOL
-from colony.runtime.messages import Malformed, Message, Request, Sample, ServerFrame, Tick
+from colony.runtime.messages import Malformed, Message, Ready, Request, Sample, ServerFrame, Tick
 from colony.runtime.virtual import Link
 from colony.verify.interpreter import Interpreter
 from tests.runtime.runtime_programs import drive, go, less, nearest, roam
@@ -22,9 +22,8 @@ def cut_off(address: str, from_ns: int) -> Link:
     """Nothing that this node sends arrives from then on."""
 
     def link(sender: str, receiver: str, message: Message) -> int | None:
-        if sender != address or not isinstance(message, Request) or message.k * 50 * MS < from_ns:
-            return 0
-        return None
+        cut = sender == address and isinstance(message, (Request, Ready)) and message.k * 50 * MS >= from_ns
+        return None if cut else 0
 
     return link
 

@@ -5,11 +5,14 @@ from __future__ import annotations
 import json
 from dataclasses import replace
 
+from msgspec import structs
+
 from colony.compile.pipeline import compile_program
 from colony.ir.expression import SensorValue
 from colony.ir.program import Command, Limit, Module, Program, Use, Wire
 from colony.ir.types import BOOL
-from colony.runtime.messages import Message, Request, Sample
+from colony.runtime.messages import Hold, Message, Request, Sample
+from colony.runtime.observer import FrameLog
 from colony.runtime.summary import RunSummary, Tally, Travel, render
 from colony.runtime.team import places_of
 from colony.runtime.virtual import Link, perfect
@@ -108,3 +111,42 @@ def test_no_frames() -> None:
     tally = Tally(roam(), {"drive": ("cruise",)})
     summary = tally.summary(seed=0, duration_s=0.0, interrupted=True, travel=Travel(bumps=0, distance_mm=0.0))
     assert "0 frames, seed 0, interrupted" in render(summary)
+    assert "held in every frame" not in render(summary)
+
+
+def test_what_kept_the_network_from_deciding() -> None:
+    program = awake()
+    tally = Tally(program, {"drive": ("cruise",)})
+
+    class Marked:
+        def take(self, log: FrameLog) -> None:
+            marks: dict[int, tuple[str | None, Hold | None]] = {
+                0: ("joystick", None),
+                1: ("joystick", None),
+                2: (None, "stopped"),
+                3: (None, "locked"),
+                4: ("inspector", "locked"),
+            }
+            outside, hold = marks.get(log.tick.k, (None, None))
+            verdict = structs.replace(log.verdicts["drive"], outside=outside, hold=hold)
+            skipped, restart = {5: (3, False), 6: (0, True)}.get(log.tick.k, (0, False))
+            tally.take(replace(log, verdicts={"drive": verdict}, skipped=skipped, restart=restart))
+
+        def close(self) -> None:
+            tally.close()
+
+    session(program, Script(), Marked()).run(1 * S)
+    summary = tally.summary(seed=0, duration_s=1.0, interrupted=False, travel=None)
+    assert [(i.by, i.hold, i.frames) for i in summary.interventions] == [
+        ("joystick", None, 2),
+        (None, "stopped", 1),
+        (None, "locked", 1),
+        ("inspector", "locked", 1),
+    ]
+    told = render(summary)
+    assert "drive: joystick commanded from outside the network in 2 frames" in told
+    assert "drive: the EMERGENCY STOP was on (`colony stop --release` ends it) in 1 frame" in told
+    assert "drive: somebody outside the network had the lock in 1 frame" in told
+    assert "all memory began anew 1 time\n  3 frames could not be observed" in told
+    assert "drive: inspector commanded, who has the lock, in 1 frame" in told
+    assert summary.sound

@@ -275,7 +275,16 @@ def connect(
 
 
 def waiting_time(ask: Ask[Any], asked_s: float | None, usual_s: float) -> float:
-    """For how long to wait for an answer: as asked, else as usual, or longer where the call needs it."""
+    """For how long to wait for an answer: as asked, else as usual, or longer where the call needs it.
+
+    Raises:
+        TypeError: this is nothing that can be asked.
+    """
+    if not isinstance(ask, Ask):
+        hint = ": call it" if callable(ask) else ""
+        raise TypeError(
+            f"cannot ask {ask!r}{hint}; expected what a function of a library gives, robot.go(200)"
+        )
     if asked_s is not None:
         return asked_s
     return usual_s if ask.wait_s is None else max(usual_s, ask.wait_s)

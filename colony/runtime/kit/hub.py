@@ -22,6 +22,7 @@ from colony.runtime.live.errors import NotReached
 from colony.runtime.live.gateway import GATEWAY, Admitted, whoami
 from colony.runtime.live.network import Network
 from colony.runtime.live.place import Credentials, Local, Place, Remote, local
+from colony.runtime.live.run_directory import RobotDirectory, RunDirectory
 from colony.runtime.live.security import check_credentials, rights
 from colony.runtime.messages import Notice, Right
 
@@ -101,7 +102,17 @@ class Hub:
         notify: Callable[[Notice], None],
         rights: tuple[Right, ...] | None = None,
     ) -> Wire:
-        """A conversation with a server, not opened yet; give it to `release` in the end."""
+        """A conversation with a server, not opened yet; give it to `release` in the end.
+
+        Raises:
+            TypeError: the name or the priority could not be sent.
+        """
+        if not isinstance(name, str):
+            raise TypeError(f"the name of a connection is {name!r}; expected text")
+        if not isinstance(priority, int):
+            raise TypeError(
+                f"the priority of a connection is {priority!r}; expected a whole number, such as 50"
+            )
         wire = Wire(
             self.network,
             server,
@@ -212,11 +223,17 @@ def _expect_folder(place: Local) -> None:
     directory = place.directory
     if directory.path.is_dir():
         return
-    robots = ", ".join(p.name for p in directory.path.parent.glob("*") if p.is_dir()) or "none"
+    robots = ", ".join(_running_beside(directory)) or "none"
     raise ServerNotFound(
         f"no robot `{directory.robot}` on this machine: {directory.path} is not there "
         f"(robots found: {robots}); start it with `colony serve`"
     )
+
+
+def _running_beside(directory: RobotDirectory) -> tuple[str, ...]:
+    """The robots of this user on this machine of which something runs."""
+    folder = RunDirectory(directory.path.parent)
+    return tuple(name for name in folder.robots() if RobotDirectory(folder.path / name, name).running())
 
 
 def _where(place: Place) -> str:

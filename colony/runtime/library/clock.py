@@ -19,8 +19,8 @@ class ServerWho(msgspec.Struct, frozen=True, kw_only=True):
 class ClientWho(msgspec.Struct, frozen=True, kw_only=True):
     """A client of the run, by address. `ready`: it has said that it listens, in this run.
 
-    `on_time` counts its requests that came before the next tick, `late` those that came after it; both as
-    seen by the Clock, which does not command anything. The server that decides knows what it was late for.
+    `on_time` counts the frames that were decided with its request, `late` those that were decided without it
+    although it lived; both as the verdicts say, as far as the Clock heard them.
     """
 
     client: str

@@ -4,9 +4,13 @@
         signal.signal(signal.SIGTERM, lambda *_: host.stop())
         host.run()
 
-The threads of the network only put bytes into the inbox. One thread, that of `run`, does all else: it takes
+The threads of the network put bytes into the inbox. One thread, that of `run`, does all else: it takes
 messages in their order (see `waiting.py`), reads them, gives them to the nodes, lets these settle, and sends
 what they want sent.
+
+For nodes that never keep anyone waiting there is a shorter way: in a `direct` host the thread that receives
+a message of a frame hands it to the nodes itself, if nothing else waits or is being handled, and spares two
+switches between threads. Calls always wait in the inbox, where the urgent ones overtake the others.
 """
 
 from __future__ import annotations
@@ -14,6 +18,7 @@ from __future__ import annotations
 import heapq
 from collections.abc import Callable, Iterable, Sequence
 from contextlib import ExitStack
+from threading import Lock
 from types import TracebackType
 
 import zenoh
@@ -27,10 +32,25 @@ from colony.runtime.live.outbox import Outbox, Report
 from colony.runtime.live.place import Local, Place
 from colony.runtime.live.robot_time import learned_time
 from colony.runtime.live.waiting import Waiting, WaitingRoom
-from colony.runtime.messages import Effect, Malformed, Message, Node, Problem, Reply, Send, Settling, Wake
+from colony.runtime.messages import (
+    Checkpoint,
+    Effect,
+    Malformed,
+    Message,
+    Node,
+    Notice,
+    Problem,
+    Reply,
+    Send,
+    Settling,
+    Wake,
+)
 
 BATCH = 64
 """How many messages are handled, at most, before nodes settle and their effects leave."""
+
+NEVER_NS = 1 << 63
+"""A time that does not come."""
 
 
 class Host:
@@ -42,6 +62,7 @@ class Host:
         nodes: Sequence[Node],
         *,
         time: Callable[[], int],
+        direct: bool = False,
         report: Report = lambda problem: None,
     ) -> None:
         """For a network that is open already and stays so; `Host.open` opens one of its own.
@@ -49,7 +70,10 @@ class Host:
         Args:
             nodes: all have different addresses.
             time: the robot's, in nanoseconds.
-            report: told of what went wrong and is survived, from the thread of `run`.
+            direct: the thread that receives a message of a frame may hand it to the nodes. Only for those
+                that take no time to speak of over any message, as nothing is received meanwhile; nodes that
+                have to settle do without.
+            report: told of what went wrong and is survived, from a thread that handles messages.
         """
         self._nodes = tuple(nodes)
         self._network = network
@@ -62,9 +86,14 @@ class Host:
             for topic in dict.fromkeys(node.listens):
                 self._listeners.setdefault(topic, []).append(node)
         self._settling = tuple(node for node in nodes if isinstance(node, Settling))
+        self._direct = direct and not self._settling
+        self._handling = Lock()
         self._wakes: list[tuple[int, int, Node]] = []
+        self._sleeps_until = NEVER_NS
+        self._later: list[_Due] = []
         self._count = 0
         self._stopping = False
+        self._failure: BaseException | None = None
         self._holds = ExitStack()
 
     @classmethod
@@ -75,6 +104,7 @@ class Host:
         *,
         serves: bool = False,
         time: Callable[[], int] | None = None,
+        direct: bool = False,
         report: Report = lambda problem: None,
     ) -> Host:
         """Join the robot's processes with these nodes; they begin in `run`.
@@ -92,7 +122,7 @@ class Host:
             network = holds.enter_context(Network.open(place, listens=listens))
             if time is None:
                 time = local_time(place) if isinstance(place, Local) else learned_time(network)
-            host = cls(network, nodes, time=time, report=report)
+            host = cls(network, nodes, time=time, direct=direct, report=report)
             host.and_close(holds.pop_all())
             return host
 
@@ -105,13 +135,19 @@ class Host:
         """Run the nodes until `stop`, or until one fails; in the end all are closed, whatever happens."""
         try:
             with ExitStack() as declared:
-                self._listen(declared)
-                self._begin()
+                with self._handling:
+                    self._listen(declared)
+                    self._begin()
                 self._announce(declared)
                 while not self._stopping:
                     self._turn()
+                with self._handling:
+                    self._send_later()
         finally:
+            self._handling.acquire()  # for good: from now on nobody hands the nodes anything
             _close_all(self._nodes)
+        if self._failure is not None:
+            raise self._failure
 
     def stop(self) -> None:
         """End `run` soon; from any thread, or from a signal handler."""
@@ -146,6 +182,17 @@ class Host:
 
     def _turn(self) -> None:
         """Handle what is due and what waits; sleep where there is nothing."""
+        with self._handling:
+            self._send_later()
+            handled = self._handle_batch()
+            if self._inbox.gave_up:
+                self._refuse_given_up()
+            self._sleeps_until = self._wakes[0][0] if self._wakes else NEVER_NS
+        if not handled:
+            self._inbox.sleep(self._until_wake_s())
+
+    def _handle_batch(self) -> bool:
+        """Whether there was anything to handle."""
         effects: list[_Due] = []
         handled = self._wake(effects)
         for _ in range(BATCH if self._settling else 1):
@@ -158,10 +205,7 @@ class Host:
             for settling in self._settling:
                 settling.settle()
             self._carry_out(effects)
-        else:
-            self._inbox.sleep(self._until_wake_s())
-        if self._inbox.gave_up:
-            self._refuse_given_up()
+        return handled
 
     def _wake(self, effects: list[_Due]) -> bool:
         """Wake who is due; whether somebody was."""
@@ -173,7 +217,8 @@ class Host:
         return woken
 
     def _until_wake_s(self) -> float | None:
-        return max(0.0, (self._wakes[0][0] - self._time()) / 1e9) if self._wakes else None
+        until = self._sleeps_until
+        return None if until == NEVER_NS else max(0.0, (until - self._time()) / 1e9)
 
     def _deliver(self, topic: str, message: Message, effects: list[_Due]) -> None:
         now = self._time()
@@ -189,6 +234,11 @@ class Host:
                 self._count += 1
                 heapq.heappush(self._wakes, (effect.t_ns, self._count, node))
 
+    def _send_later(self) -> None:
+        """Send what another thread handled and could not send."""
+        later, self._later = self._later, []
+        self._carry_out(later)
+
     def _refuse_given_up(self) -> None:
         for topic, connection, number in self._inbox.given_up():
             server = topic.partition("/")[0]
@@ -197,6 +247,33 @@ class Host:
             self._outbox.send(topics.replies(server, connection), reply, self._time())
 
     # --- the threads of the network ------------------------------------------------------------------
+
+    def _at_once(self, topic: str, data: bytes) -> bool:
+        """Handle a message of a frame in this thread, and what waits because of it; False if it must wait."""
+        if not self._handling.acquire(blocking=False):
+            return False  # somebody is handling, perhaps this very thread: a node hears another of its host
+        try:
+            if self._stopping or not self._inbox.claim():
+                return False
+            waiting: Waiting | None = Waiting(topic, data)
+            while waiting is not None:
+                effects: list[_Due] = []
+                self._deliver(waiting.topic, _read(waiting), effects)
+                large = [due for due in effects if _may_be_large(due[1])]
+                if large:
+                    self._later += large
+                    effects = [due for due in effects if due not in large]
+                self._carry_out(effects)
+                waiting = self._inbox.pop()
+            if self._later or (self._wakes and self._wakes[0][0] < self._sleeps_until):
+                self._sleeps_until = self._wakes[0][0] if self._wakes else NEVER_NS
+                self._inbox.rouse()
+        except BaseException as failure:
+            self._failure = failure
+            self.stop()
+        finally:
+            self._handling.release()
+        return True
 
     def _listen(self, declared: ExitStack) -> None:
         session, robot = self._network.session, self._network.robot
@@ -213,14 +290,16 @@ class Host:
             declared.callback(self._network.session.liveliness().declare_token(key).undeclare)
 
     def _takes_frame(self, topic: str) -> Callable[[zenoh.Sample], None]:
-        frame = self._inbox.frame
+        frame, direct = self._inbox.frame, self._direct
 
         def take(sample: zenoh.Sample) -> None:
             payload = sample.payload
             if len(payload) > LARGEST:
                 frame(topic, _too_large(topic, None, len(payload)))
-            else:
-                frame(topic, payload.to_bytes())
+                return
+            data = payload.to_bytes()
+            if not (direct and self._at_once(topic, data)):
+                frame(topic, data)
 
         return take
 
@@ -249,6 +328,12 @@ class Host:
 
 _Due = tuple[Node, Effect]
 """An effect, and whose it is."""
+
+
+def _may_be_large(effect: Effect) -> bool:
+    """Whether this is to be sent by the thread of `run`: it may be larger than the room that a link has at
+    once, and must not be dropped. A thread of the network that waited for room would wait for itself."""
+    return isinstance(effect, Send) and isinstance(effect.message, (Checkpoint, Reply, Notice))
 
 
 def _read(waiting: Waiting) -> Message:

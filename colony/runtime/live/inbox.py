@@ -49,6 +49,17 @@ class Inbox:
             self._asleep = waiting is None
             return waiting
 
+    def claim(self) -> bool:
+        """For one that would handle a message without putting it here first: whether nothing waits.
+
+        Nobody is woken then by what comes, until a `pop` gives nothing.
+        """
+        with self._lock:
+            if not self._room.empty:
+                return False
+            self._asleep = False
+            return True
+
     @property
     def gave_up(self) -> bool:
         """Whether calls were given up of which the callers are to be told."""

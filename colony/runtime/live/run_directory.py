@@ -27,6 +27,9 @@ from colony.runtime.live.names import check_name
 LONGEST_SOCKET = 107
 """Bytes of the path of a unix socket (`sun_path` without its end)."""
 
+NOT_IN_ENDPOINTS = "#?"
+"""What ends the address in an endpoint of zenoh, and so cannot be in the path of a socket."""
+
 CLAIM_TRIES = 10
 CLAIM_PAUSE_S = 0.01
 
@@ -60,9 +63,14 @@ class RunDirectory:
             raise RunDirectoryError(str(problem)) from None
 
     def robots(self) -> tuple[str, ...]:
-        """The robots that have a folder, whether or not one of their servers runs."""
-        if not self.path.is_dir():
+        """The robots that have a folder, whether or not one of their servers runs.
+
+        Raises:
+            RunDirectoryError: the folder of all is somebody else's, or open to others.
+        """
+        if not os.path.lexists(self.path):
             return ()
+        _check_private(self.path)
         return tuple(sorted(p.name for p in self.path.iterdir() if p.is_dir()))
 
 
@@ -86,12 +94,17 @@ class RobotDirectory:
         """The path of a server's socket.
 
         Raises:
-            RunDirectoryError: it is too long, or no server can have this name.
+            RunDirectoryError: it is too long, zenoh could not read it, or no server can have this name.
         """
         try:
             path = self.path / f"{check_name('server', server)}.sock"
         except ValueError as problem:
             raise RunDirectoryError(str(problem)) from None
+        if odd := [sign for sign in NOT_IN_ENDPOINTS if sign in str(path)]:
+            raise RunDirectoryError(
+                f"{path} cannot be the path of a socket, for the `{odd[0]}` in it: "
+                "set COLONY_RUN_DIR to a folder without"
+            )
         size = len(os.fsencode(path))
         if size > LONGEST_SOCKET:
             raise RunDirectoryError(
@@ -126,7 +139,10 @@ class RobotDirectory:
         if not _locks(descriptor):
             holder = os.read(descriptor, 32).decode("ascii", "replace").strip() or "unknown"
             os.close(descriptor)
-            raise AlreadyRunning(f"{server} of {self.robot} runs already, as process {holder}")
+            raise AlreadyRunning(
+                f"{server} of {self.robot} runs already, as process {holder}: "
+                "end that one first, or give another --robot"
+            )
         os.ftruncate(descriptor, 0)
         os.write(descriptor, f"{os.getpid()}\n".encode())
         return Claim(descriptor)
@@ -185,6 +201,15 @@ class _Base(msgspec.Struct, frozen=True, kw_only=True):
 def _make_private(folder: Path) -> None:
     try:
         folder.mkdir(mode=0o700, parents=True, exist_ok=True)
+    except OSError as problem:
+        raise RunDirectoryError(
+            f"{folder}: {problem.strerror}: set COLONY_RUN_DIR to a folder of yours"
+        ) from None
+    _check_private(folder)
+
+
+def _check_private(folder: Path) -> None:
+    try:
         found = folder.lstat()
     except OSError as problem:
         raise RunDirectoryError(

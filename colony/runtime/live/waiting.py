@@ -151,6 +151,11 @@ class WaitingRoom:
         return entry.waiting
 
     @property
+    def empty(self) -> bool:
+        """Whether nothing waits."""
+        return not (self._frames or self._calls or self._stops)
+
+    @property
     def gave_up(self) -> bool:
         """Whether calls were given up of which the callers are to be told."""
         return bool(self._given_up)

@@ -19,7 +19,7 @@ from colony.runtime.live.place import Local, Place
 from colony.runtime.processes.compiled import NotOurs
 from colony.runtime.processes.devices import Devices
 from colony.runtime.processes.ending import Ending, give_up, on_death_of_parent, on_signals, say
-from colony.runtime.processes.parts import nodes_of, serves
+from colony.runtime.processes.parts import at_once, nodes_of, serves
 from colony.runtime.processes.spec import GatewayPart, Part, Spec, place_of, read_spec
 from colony.runtime.store import StoreError
 
@@ -62,7 +62,7 @@ def _host(part: Part, place: Place, devices: Devices | None, holds: ExitStack) -
         nodes = nodes_of(part, place, devices, holds)
     except (Failure, StoreError, NotOurs, OSError) as problem:
         raise CannotBegin(str(problem)) from None
-    return Host.open(place, nodes, serves=serves(part), report=say)
+    return Host.open(place, nodes, serves=serves(part), direct=at_once(part, nodes), report=say)
 
 
 def main(devices: Devices | None = None) -> None:

@@ -184,17 +184,21 @@ def _private(path: str, flags: int) -> int:
     return os.open(path, flags, 0o600)
 
 
-ONE_THREAD_EACH = (
-    "(" + ", ".join(f"{part}: (worker_threads: 1)" for part in ("app", "net", "acc", "tx", "rx")) + ")"
+ONE_THREAD = (
+    "(app: (worker_threads: 1), "
+    + ", ".join(f"{part}: (handover: app)" for part in ("net", "acc", "tx", "rx"))
+    + ")"
 )
-"""How zenoh is to spread over threads, as `ZENOH_RUNTIME` says it: a process that hands everything to one
-thread of Python gains nothing from more, and each costs switches (measured: a tenth of a frame's time)."""
+"""How zenoh is to spread over threads, as `ZENOH_RUNTIME` says it: not at all. A process that hands all to
+one thread of Python gains nothing from more, and each costs switches (measured, with direct hosts: a third of
+a frame's time). That thread must not wait for room at a link, which it would have to make itself: see
+`live/host.py`."""
 
 
 def _environment() -> dict[str, str]:
     """The same as here, and where this package is found also if it is not installed."""
     root = str(Path(colony.__file__).parent.parent)
-    environment = {"ZENOH_RUNTIME": ONE_THREAD_EACH, **os.environ}
+    environment = {"ZENOH_RUNTIME": ONE_THREAD, **os.environ}
     if root not in site.getsitepackages():
         before = environment.get("PYTHONPATH")
         environment["PYTHONPATH"] = root if not before else os.pathsep.join((root, before))

@@ -34,6 +34,22 @@ def serves(part: NodePart) -> bool:
     return not isinstance(part, (ClientPart, AnnouncerPart))
 
 
+def at_once(part: NodePart, nodes: tuple[Node, ...]) -> bool:
+    """Whether the part's nodes handle any message of a frame in no time to speak of: without images, disks,
+    and code in Python that somebody wrote for a module."""
+    match part:
+        case ClockPart() | RServerPart() | PServerPart():
+            return True
+        case ClientPart():
+            from colony.runtime.client import ClientNode
+
+            return all(isinstance(node, ClientNode) and node.part.portable for node in nodes)
+        case CServerPart() | DServerPart() | AnnouncerPart():
+            return False
+        case _:
+            assert_never(part)
+
+
 def nodes_of(part: NodePart, place: Place, devices: Devices | None, holds: ExitStack) -> tuple[Node, ...]:
     """The nodes that a part consists of; what they hold besides is closed with `holds`.
 

@@ -47,6 +47,7 @@ class BaseActuator:
     allowed: Range
     places: Mapping[int, str]
     published: bool = True
+    lockstep: bool = False
 
     @property
     def name(self) -> str:
@@ -81,6 +82,7 @@ def base_actuator(deployed: Deployment | None, limits: BaseLimits) -> BaseActuat
         allowed=_range(commanded, limits),
         places=dict(zip(commanded.priorities, commanded.places, strict=True)),
         published=bool(found),
+        lockstep=deployed.lockstep,
     )
 
 

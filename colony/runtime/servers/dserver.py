@@ -192,7 +192,8 @@ class DServer:
             return
         self._run = deployed.run
         self._checkpoints.begin(deployed.run)
-        self._desk = CommandDesk(commanded_by(deployed, self.address), timing(deployed.frame_ns), self._set)
+        times = timing(deployed.frame_ns, lockstep=deployed.lockstep)
+        self._desk = CommandDesk(commanded_by(deployed, self.address), times, self._set)
         self._relay.deploy(deployed.announced)
 
     def _load(self, semaphores: Semaphores, answers: Answers, watches: Watches) -> bool:

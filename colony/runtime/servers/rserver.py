@@ -269,9 +269,9 @@ class RServer:
         self._base = base
         self._watchdog_ns = self._watchdog_given or WATCHDOG_FRAMES * base.frame_ns
         self._pilot.allowed, self._pilot.places = base.allowed, base.places
-        self._desk = CommandDesk(
-            (base.commanded,), timing(base.frame_ns), self._perform, told=self._told, publish=base.published
-        )
+        times = timing(base.frame_ns, lockstep=base.lockstep)
+        told, publish = self._told, base.published
+        self._desk = CommandDesk((base.commanded,), times, self._perform, told=told, publish=publish)
 
     def _change(self, deployed: Deployment | None, now_ns: int) -> None:
         self._outbox.extend(self._desk.finish(now_ns))
