@@ -1,4 +1,4 @@
-"""The behaviors that come with the project, as processes: what was on time is what the interpreter decides."""
+"""The behaviors that come with the project, as processes: what is on time is as the interpreter decides."""
 
 from __future__ import annotations
 
