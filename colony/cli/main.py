@@ -11,6 +11,7 @@ import sys
 from contextlib import suppress
 from importlib import import_module
 from io import StringIO, TextIOWrapper
+from typing import TextIO
 
 import click
 
@@ -88,10 +89,18 @@ def _prepare_streams() -> None:
         sys.stdout.reconfigure(errors="backslashreplace")
 
 
-def _give_up_output() -> None:
+def _give_up_output(stream: TextIO | None = None) -> None:
     """What is still waiting to be written would fail again when the process ends."""
     with suppress(OSError, ValueError):
-        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        os.dup2(os.open(os.devnull, os.O_WRONLY), (stream or sys.stdout).fileno())
+
+
+def _settle_errors() -> None:
+    """Messages that nobody can hear must not change the exit code, as a failing flush at the end would."""
+    try:
+        sys.stderr.flush()
+    except (OSError, ValueError):
+        _give_up_output(sys.stderr)
 
 
 def _say(text: str) -> None:
@@ -147,7 +156,9 @@ def _run() -> int:
 def main() -> None:
     """The console script."""
     _prepare_streams()
-    sys.exit(_run())
+    code = _run()
+    _settle_errors()
+    sys.exit(code)
 
 
 if __name__ == "__main__":

@@ -84,7 +84,8 @@ def test_misuse_that_nobody_hears_is_still_exit_code_2(behavior: Path, redirecti
         pytest.skip("no /dev/full")
     for arguments in ("check nowhere", "check --nope", "map nowhere", f"trace {behavior} --input nowhere"):
         command = f"{sys.executable} -m colony.cli.main {arguments} {redirection}"
-        done = subprocess.run(["bash", "-c", command])
+        environment = {name: value for name, value in os.environ.items() if name != "PYTHONUNBUFFERED"}
+        done = subprocess.run(["bash", "-c", command], env=environment)
         assert done.returncode == 2, arguments
 
 
