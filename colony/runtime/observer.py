@@ -11,6 +11,7 @@ from typing import NamedTuple, Protocol, TypeVar
 from colony.ir.frame import Frame, Outcome
 from colony.runtime import topics
 from colony.runtime.assembly import KEPT_NS, Assembled, FrameAssembler
+from colony.runtime.closing import close_all
 from colony.runtime.messages import Effect, Fate, Message, Request, ServerFrame, Tick, Verdict
 from colony.runtime.monitor import Monitor
 
@@ -134,7 +135,7 @@ class Observer:
             while self._waiting:
                 self._release()
         finally:
-            _close_all(self._sinks)
+            close_all(self._sinks)
 
     def _collect(self, now_ns: int) -> None:
         for assembled in self._assembler.complete():
@@ -201,15 +202,3 @@ def _taken(of: dict[int, dict[K, V]], k: int) -> dict[K, V]:
     for old in [at for at in of if at < k]:
         del of[old]
     return found
-
-
-def _close_all(sinks: tuple[Sink, ...]) -> None:
-    """Close each sink even where closing another fails; the first failure is raised in the end."""
-    failures: list[BaseException] = []
-    for sink in sinks:
-        try:
-            sink.close()
-        except BaseException as failure:
-            failures.append(failure)
-    if failures:
-        raise failures[0]

@@ -19,6 +19,7 @@ from colony.runtime.arbitration import timing
 from colony.runtime.assembly import frames_kept
 from colony.runtime.bindings import bind
 from colony.runtime.clock import Clock
+from colony.runtime.closing import close_all
 from colony.runtime.deployment import commanded_by, deployment
 from colony.runtime.drivers import Drivers
 from colony.runtime.fields import DSERVER, PSERVER, RSERVER, RUNTIME
@@ -142,11 +143,4 @@ class Session:
         if self._closed:
             return
         self._closed = True
-        failures: list[BaseException] = []
-        for node in self._nodes.values():  # RServer is the first
-            try:
-                node.close()
-            except BaseException as failure:
-                failures.append(failure)
-        if failures:
-            raise failures[0]
+        close_all(self._nodes.values())  # RServer is the first

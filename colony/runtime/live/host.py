@@ -16,7 +16,7 @@ switches between threads. Calls always wait in the inbox, where the urgent ones 
 from __future__ import annotations
 
 import heapq
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Sequence
 from contextlib import ExitStack
 from threading import Lock
 from types import TracebackType
@@ -24,6 +24,7 @@ from types import TracebackType
 import zenoh
 
 from colony.runtime import codec, topics
+from colony.runtime.closing import close_all
 from colony.runtime.codec import LARGEST, NotAMessage
 from colony.runtime.live import keys
 from colony.runtime.live.inbox import Inbox
@@ -145,7 +146,7 @@ class Host:
                     self._send_later()
         finally:
             self._handling.acquire()  # for good: from now on nobody hands the nodes anything
-            _close_all(self._nodes)
+            close_all(self._nodes)
         if self._failure is not None:
             raise self._failure
 
@@ -347,15 +348,3 @@ def _read(waiting: Waiting) -> Message:
 
 def _too_large(topic: str, connection: str | None, size: int) -> Malformed:
     return Malformed(topic=topic, connection=connection, reason=f"{size} bytes; expected at most {LARGEST}")
-
-
-def _close_all(nodes: Iterable[Node]) -> None:
-    """Close each node even where closing another fails; the first failure is raised in the end."""
-    failures: list[BaseException] = []
-    for node in nodes:
-        try:
-            node.close()
-        except BaseException as failure:
-            failures.append(failure)
-    if failures:
-        raise failures[0]
