@@ -36,6 +36,7 @@ ALLOWED: dict[str, set[str]] = {
 THIRD_PARTY: dict[str, set[str]] = {
     "lark": {"dsl"},
     "hypothesis": {"verify"},
+    "z3": {"verify"},
     "numba": {"sim"},
     "matplotlib": {"view"},
     "click": {"cli"},

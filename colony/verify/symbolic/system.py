@@ -1,0 +1,179 @@
+"""One frame of a program as formulas: the transition system that proofs, lints and `colony diff` work on.
+
+All formulas are over constants of three kinds: the *inputs* of the frame (free within `assumptions`), the
+*cells* of memory as they were before the frame, and *auxiliary* constants that `definitions` tie to the rest.
+A trace is unrolled by renaming them frame by frame (`unrolling.py`).
+
+Time is a real number of nanoseconds. Numbers are extended reals: rounding and overflow are left out, NaN and
+the infinities are not. `Exactness` tells what of this a formula depends on.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from enum import Enum, auto, unique
+from typing import TypeAlias
+
+import z3
+
+from colony.ir.program import Program
+from colony.ir.types import ScalarValue
+from colony.source import NOWHERE, Span
+
+
+@dataclass(frozen=True, slots=True)
+class Number:
+    """An extended real. Where `nan`, it is NaN; else where `infinite`, infinite with the sign of `value`
+    (which is not 0 then); else `value`. `nan` and `infinite` are the constant false wherever that is known.
+    """
+
+    value: z3.ArithRef
+    nan: z3.BoolRef
+    infinite: z3.BoolRef
+
+
+Scalar: TypeAlias = Number | z3.BoolRef
+"""The value of a scalar expression: quantities and enumerators are numbers."""
+
+Term: TypeAlias = Scalar | tuple[Scalar, ...]
+"""The value of any expression; an array is a tuple."""
+
+
+@unique
+class Inexact(Enum):
+    """Why a formula is not bit for bit what the program computes."""
+
+    ROUNDING = auto()  # reals in place of floats: the sum, product or quotient could round, or overflow
+    ABSTRACTED = auto()  # sin, cos, atan2, sqrt, a product of variables: only bounds and signs are known
+    PYTHON = auto()  # a module in Python: it may answer anything
+
+
+@dataclass(frozen=True, slots=True)
+class Reason:
+    """`kind`, where in the program, and what is inexact there, in words."""
+
+    kind: Inexact
+    span: Span
+    text: str
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Cell:
+    """Memory: `old` is the constant that it is before the frame, `next` the formula for what it is after it.
+
+    `initial` is a value of z3; `name` is unique, and tells people whose memory it is.
+    """
+
+    name: str
+    old: z3.ExprRef
+    next: z3.ExprRef
+    initial: z3.ExprRef
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class SensorInput:
+    """What a sensor gives in the frame: `present` says whether its server gave a good value.
+
+    `elements` are its values in base units (one for a scalar), within the range; where it is not present
+    they mean nothing.
+    """
+
+    present: z3.BoolRef
+    elements: tuple[Scalar, ...]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class PythonInput:
+    """What a module in Python answers: whether it commands, and the fields (free, may be any number)."""
+
+    answers: z3.BoolRef
+    fields: tuple[Scalar, ...]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ModuleTerms:
+    """A module in the frame. `applicable` and `command` mean something only where not `silent`.
+
+    `active` is `applicable and not silent`. `reads` are the sensors that it cannot do
+    without, directly or through derived values.
+    """
+
+    silent: z3.BoolRef
+    applicable: z3.BoolRef
+    active: z3.BoolRef
+    command: tuple[Scalar, ...]
+    reads: frozenset[str]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class NodeTerms:
+    """One suppressor or inhibitor of the source: `wire` and `path` (operand indices down its chains) name it.
+
+    `dominates` is `dominant`, or that it was within the time constant.
+    """
+
+    wire: str
+    path: tuple[int, ...]
+    relation: str  # "suppresses" or "inhibits"
+    window_ns: int
+    dominant: z3.BoolRef
+    inferior: z3.BoolRef
+    dominates: z3.BoolRef
+    span: Span = field(default=NOWHERE)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ActuatorTerms:
+    """What is sent. `wins` gives for each module of the actuator's wiring when it is the winner.
+
+    `commanded`: its command was sent (not so where it was not finite). `sent` are the fields after limits and
+    clamping, in base units; for `idle hold` they mean something only where `commanded`.
+    """
+
+    wins: Mapping[str, z3.BoolRef]
+    commanded: z3.BoolRef
+    sent: tuple[Scalar, ...]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Claim:
+    """A contract in the frame: where it `speaks` (nothing that it reads is missing), `holds` must be true."""
+
+    name: str
+    speaks: z3.BoolRef
+    holds: z3.BoolRef
+    inexact: tuple[Reason, ...] = ()  # of everything that it depends on, over all frames
+    span: Span = field(default=NOWHERE)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class System:
+    """A program as a transition system.
+
+    `now` is the time of the frame and an input; `begun` is a cell, false before the first frame, and
+    `last` the cell with the time of the last frame. `assumptions` (sensors in range, time rising, what bounds
+    abstracted functions) and `definitions` hold in every frame.
+    """
+
+    program: Program
+    now: z3.ArithRef
+    begun: z3.BoolRef
+    last: z3.ArithRef
+    sensors: Mapping[str, SensorInput]
+    python: Mapping[str, PythonInput]
+    cells: tuple[Cell, ...]
+    assumptions: tuple[z3.BoolRef, ...]
+    definitions: tuple[z3.BoolRef, ...]
+    derived: Mapping[str, tuple[z3.BoolRef, Term]]  # lets at file level: whether missing, and the value
+    states: Mapping[str, Scalar]  # file level `name` and `module.name`: old values
+    locals: Mapping[str, Term]  # lets of modules, by full name
+    modules: Mapping[str, ModuleTerms]
+    active: Mapping[str, z3.BoolRef]  # modules and wires
+    nodes: tuple[NodeTerms, ...]
+    actuators: Mapping[str, ActuatorTerms]
+    claims: tuple[Claim, ...]
+
+
+ModelValue = ScalarValue | None
+"""A value taken from a model of z3; None where the sensor is missing."""
