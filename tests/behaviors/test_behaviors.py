@@ -36,6 +36,7 @@ def test_there_are_behaviors_and_maps() -> None:
         "rome",
         "wander",
         "hallway",
+        "navigator",
         "allen",
         "herbert",
         "teleop",
@@ -186,6 +187,12 @@ def test_hallway_turns_to_the_goal_and_stops_at_its_distance(run: Run) -> None:
     report = run(ROOT / "behaviors" / "hallway.colony", ROOT / "maps" / "loop.stickrep", 20, *arguments)
     assert seconds_by(report, "check_goal") > 4.0  # half a turn, at 30 degrees a second
     assert 3_000.0 < report["distance_mm"] < 3_400.0
+
+
+def test_the_navigator_stands_until_it_has_a_goal(run: Run) -> None:
+    behavior, building = ROOT / "behaviors" / "navigator.colony", ROOT / "maps" / "loop.stickrep"
+    assert run(behavior, building, 3)["distance_mm"] == 0.0
+    assert run(behavior, building, 20, "--set", "GoalHeading=90")["distance_mm"] > 3_000.0
 
 
 def test_the_operator_drives_while_the_stick_is_held(run: Run) -> None:
