@@ -1,0 +1,170 @@
+"""And-inverter graphs: every Boolean function that a proof speaks of, equal ones as far as possible one node.
+
+A *literal* is `2 * node`, or `2 * node + 1` for its negation. Node 0 is constantly false; the others are
+inputs and conjunctions of two literals. Nodes stand after what they are made of. A conjunction that is made
+anew is looked up first, by its two operands and after a few rules of Boolean algebra:
+
+    a, true = a      a, false = false      a, a = a      a, not a = false
+    a, (a, b) = (a, b)                     not a, (a, b) = false
+    a, not (not a, b) = a                  a, not (a, b) = a, not b
+
+so that two formulas which were written in the same way, or nearly, are one literal. That is how most of a
+compilation is proved ("by structure"); the rest is left to a solver.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+
+FALSE = 0
+TRUE = 1
+
+_INPUT = -1
+
+
+@dataclass(frozen=True, slots=True)
+class Activity:
+    """Whether a module puts a command on its output: its predicate, free."""
+
+    module: str
+
+
+@dataclass(frozen=True, slots=True)
+class History:
+    """Whether `operand` (a literal) held in an earlier frame less than `window_ns` ago: free."""
+
+    operand: int
+    window_ns: int
+
+
+@dataclass(frozen=True, slots=True)
+class Opaque:
+    """Any other condition, told apart by its text: free."""
+
+    text: str
+
+
+Input = Activity | History | Opaque
+
+
+class Circuit:
+    """A growing graph. Mutable; a literal keeps its meaning."""
+
+    def __init__(self) -> None:
+        self.left: list[int] = [_INPUT]
+        self.right: list[int] = [_INPUT]
+        self.inputs: dict[Input, int] = {}
+        self._conjunctions: dict[tuple[int, int], int] = {}
+        self._wide: dict[tuple[int, ...], int] = {}
+        self._partners: dict[int, list[int]] = {}  # of each literal, those with which it has a conjunction
+
+    def __len__(self) -> int:
+        """How many nodes there are."""
+        return len(self.left)
+
+    def input(self, of: Input) -> int:
+        """The literal of a free input, one for equal ones."""
+        literal = self.inputs.get(of)
+        if literal is None:
+            literal = self.inputs[of] = self._add(_INPUT, _INPUT)
+        return literal
+
+    def both(self, a: int, b: int) -> int:
+        """The conjunction of two literals."""
+        if a > b:
+            a, b = b, a
+        if a <= TRUE:
+            return b if a else FALSE
+        if a == b:
+            return a
+        if a ^ b == 1:
+            return FALSE
+        known = self._conjunctions.get((a, b))
+        if known is None:
+            known = self._conjunctions[a, b] = self._simpler(a, b)
+        return known
+
+    def either(self, a: int, b: int) -> int:
+        """The disjunction of two literals."""
+        return self.both(a ^ 1, b ^ 1) ^ 1
+
+    def all(self, literals: Iterable[int]) -> int:
+        """The conjunction of literals, in that association whose parts are there already, if there is one.
+
+        The same literals give the same conjunction, whatever came to be there in between.
+        """
+        left = set(literals)
+        waiting = sorted(left)
+        key = tuple(waiting)
+        known = self._wide.get(key)
+        if known is not None:
+            return known
+        while waiting:
+            one = waiting.pop()
+            if one not in left:
+                continue
+            other = self._partner(one, left)
+            if other is not None:
+                left -= {one, other}
+                joined = self.both(one, other)
+                if joined not in left:
+                    left.add(joined)
+                    waiting.append(joined)
+        result = TRUE
+        for literal in sorted(left):
+            result = self.both(result, literal)
+        self._wide[key] = result
+        return result
+
+    def any(self, literals: Iterable[int]) -> int:
+        """The disjunction of literals; see `all`."""
+        return self.all([literal ^ 1 for literal in literals]) ^ 1
+
+    def same(self, a: int, b: int) -> int:
+        """Whether two literals are equal."""
+        return self.either(self.both(a, b), self.both(a ^ 1, b ^ 1))
+
+    def choice(self, condition: int, yes: int, no: int) -> int:
+        """One literal where the condition holds, else another."""
+        return self.either(self.both(condition, yes), self.both(condition ^ 1, no))
+
+    def is_input(self, node: int) -> bool:
+        return self.left[node] == _INPUT
+
+    def _partner(self, one: int, among: set[int]) -> int | None:
+        """A literal among these whose conjunction with `one` is there already; the latest of them."""
+        partners = self._partners.get(one, ())
+        if len(partners) <= len(among):
+            return max((other for other in partners if other in among), default=None)
+        known = self._conjunctions
+        return max(
+            (o for o in among if ((one, o) if one < o else (o, one)) in known and o != one), default=None
+        )
+
+    def _simpler(self, a: int, b: int) -> int:
+        """The rules with an operand that is a conjunction itself."""
+        for one, other in ((a, b), (b, a)):
+            left, right = self.left[other >> 1], self.right[other >> 1]
+            if left == _INPUT:
+                continue
+            if other & 1:
+                if one ^ 1 in (left, right):
+                    return one
+                if one == left:
+                    return self.both(one, right ^ 1)
+                if one == right:
+                    return self.both(one, left ^ 1)
+            elif one in (left, right):
+                return other
+            elif one ^ 1 in (left, right):
+                return FALSE
+        return self._add(a, b)
+
+    def _add(self, left: int, right: int) -> int:
+        self.left.append(left)
+        self.right.append(right)
+        if left != _INPUT:
+            self._partners.setdefault(left, []).append(right)
+            self._partners.setdefault(right, []).append(left)
+        return 2 * (len(self.left) - 1)

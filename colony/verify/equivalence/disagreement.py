@@ -1,0 +1,101 @@
+"""From a solution of z3 to a frame that a person can read."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from itertools import pairwise
+
+from colony.verify.equivalence.circuit import Activity, Circuit, History
+from colony.verify.equivalence.results import Frame, Recent
+from colony.verify.equivalence.solver import Clause
+from colony.verify.equivalence.source import Source
+
+Values = Callable[[int], bool]
+"""The value of a literal."""
+
+
+def evaluated(circuit: Circuit, inputs: frozenset[int]) -> Values:
+    """The values of all literals where these inputs are true and all others false."""
+    values = bytearray(len(circuit))
+    for node in range(1, len(circuit)):
+        if circuit.is_input(node):
+            values[node] = node in inputs
+        else:
+            left, right = circuit.left[node], circuit.right[node]
+            values[node] = (values[left >> 1] ^ (left & 1)) & (values[right >> 1] ^ (right & 1))
+    return lambda literal: bool(values[literal >> 1] ^ (literal & 1))
+
+
+def least(circuit: Circuit, inputs: frozenset[int], wanted: Callable[[Values], bool]) -> frozenset[int]:
+    """As few of the inputs as can be with `wanted` still true: none of them can be left out."""
+    kept = sorted(inputs)
+    size = len(kept)
+    while size:
+        for start in reversed(range(0, len(kept), size)):
+            fewer = kept[:start] + kept[start + size :]
+            if wanted(evaluated(circuit, frozenset(fewer))):
+                kept = fewer
+        size //= 2
+    return frozenset(kept)
+
+
+def nested_histories(circuit: Circuit) -> Iterator[Clause]:
+    """What was active within a time was so within any longer one: for frames that can be."""
+    by_operand: dict[int, list[tuple[int, int]]] = {}
+    for of, literal in circuit.inputs.items():
+        if isinstance(of, History):
+            by_operand.setdefault(of.operand, []).append((of.window_ns, literal))
+    for several in by_operand.values():
+        several.sort()
+        for (_, shorter), (_, longer) in pairwise(several):
+            yield (shorter ^ 1, longer)
+
+
+def holds(clauses: list[Clause], values: Values) -> bool:
+    """Whether all clauses are true."""
+    return all(any(values(literal) for literal in clause) for clause in clauses)
+
+
+def frame_of(circuit: Circuit, inputs: frozenset[int], source: Source) -> Frame:
+    """The inputs that are true, by the names of the program."""
+    active = [
+        of.module
+        for of, literal in circuit.inputs.items()
+        if isinstance(of, Activity) and literal >> 1 in inputs
+    ]
+    ended: dict[int, list[int]] = {}
+    running: dict[int, list[int]] = {}
+    for of, literal in circuit.inputs.items():
+        if isinstance(of, History):
+            of_kind = running if literal >> 1 in inputs else ended
+            of_kind.setdefault(of.operand, []).append(of.window_ns)
+    names = _Names(source)
+    recent = [
+        Recent(name=names.of(operand), least_ns=max(ended.get(operand, [0])), less_ns=min(windows))
+        for operand, windows in running.items()
+    ]
+    return Frame(active=tuple(active), recent=tuple(recent))
+
+
+class _Names:
+    """What the activities of a network are called."""
+
+    def __init__(self, source: Source) -> None:
+        self._source = source
+        self._by_node = {node: name for name, node in reversed(list(source.names.items()))}
+        self._node = {literal: at for at, literal in reversed(list(enumerate(source.active)))}
+        self._node |= {source.active[at]: at for at in self._by_node}
+
+    def of(self, literal: int) -> str:
+        at = self._node.get(literal)
+        return "a condition of the compiled clients" if at is None else self._text(at, 3)
+
+    def _text(self, at: int, depth: int) -> str:
+        name = self._by_node.get(at)
+        node = self._source.nodes[at]
+        if name is not None or isinstance(node, str):
+            return str(name or node)
+        if depth == 0:
+            return "..."
+        relation = "suppresses" if node.suppresses else "inhibits"
+        return f"({self._text(node.dominant, depth - 1)} {relation} {self._text(node.inferior, depth - 1)})"

@@ -1,0 +1,266 @@
+"""That an emitted form (lowered code, generated Python) does what the proved client list does.
+
+In such a form nothing says "module m is active" any more: predicates are computed. So the formulas are over
+what the form computes with: comparisons, sensors, memory, each an opaque condition. When a module is active
+is read from the same form of the same program with one contract more a module, `MODULE is active`. The client
+list with these activities in place must then give the winners that the form gives.
+
+Time constants are memory in such forms: the end of the time in which something dominates, set anew in every
+frame in which it is active. Comparing the time with that is the history of the condition under which it is
+set.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+
+from colony.compile.clients import ClientList
+from colony.ir.expression import IsActive
+from colony.ir.program import Contract, Program
+from colony.ir.types import BOOL
+from colony.verify.equivalence.circuit import FALSE, Circuit
+from colony.verify.equivalence.disagreement import Values, evaluated, holds, least
+from colony.verify.equivalence.matching import Matching
+from colony.verify.equivalence.results import (
+    Counterexample,
+    Frame,
+    Proved,
+    Recent,
+    Undecided,
+    WrongWinner,
+)
+from colony.verify.equivalence.solver import NEAR, Clause, Refuted, Satisfied, Solver, differ
+from colony.verify.equivalence.table import ClientFormulas, encode_list
+
+_ACTIVE = "active: "
+
+NEAREST = 50
+"""How much of what a module's activity is made of is looked at to tell formulas apart."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Timer:
+    """Memory that is a history: `history` is true less than `window_ns` after a frame with `operand`."""
+
+    cell: str
+    operand: int
+    window_ns: int
+    history: int
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Winner:
+    """When a module wins: by priority, and by its exclusive guard where the form has one."""
+
+    module: str
+    by_priority: int
+    by_exclusive: int | None = None
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Form:
+    """What an emitted form does, over one circuit; `activity` says when each module is active."""
+
+    name: str
+    circuit: Circuit
+    winners: Mapping[str, tuple[Winner, ...]]
+    timers: tuple[Timer, ...]
+    activity: Mapping[str, int]
+
+
+Alike = Mapping[str, str | None]
+"""Cells whose timer is provably that of another cell, or (None) never runs."""
+
+
+def with_activities(program: Program) -> Program:
+    """The program with a contract a module, behind its own, that is true where the module is active."""
+    more = tuple(
+        Contract(name=f"{_ACTIVE}{module.name}", expression=IsActive(type=BOOL, name=module.name))
+        for module in program.modules
+    )
+    return replace(program, contracts=(*program.contracts, *more))
+
+
+def module_of(contract: str) -> str | None:
+    """The module whose activity a contract of `with_activities` tells."""
+    return contract.removeprefix(_ACTIVE) if contract.startswith(_ACTIVE) else None
+
+
+def prove_form(
+    read: Callable[[Alike], Form], clients: ClientList, timeout_ms: int
+) -> Proved | Counterexample | Undecided:
+    """Prove that the form has the winners of the client list.
+
+    Most often the form has the very formulas of the list; only where it has not, equal ones are looked for.
+    """
+    modules = [client.module for one in clients.actuators for client in one.clients]
+    settled = _settled(read, modules, timeout_ms)
+    claims = _claims(settled, clients, near=())
+    if any(claim.found != claim.expected for claim in claims):
+        claims = _claims(settled, clients, near=NEAR[:2])
+    solver = settled.solver
+    wrong = [c for c in claims if c.found != c.expected and not solver.refutes(differ(c.found, c.expected))]
+    for actuator in dict.fromkeys(claim.actuator for claim in wrong):
+        answer = _judged(settled, clients, actuator, [c for c in wrong if c.actuator == actuator])
+        if answer is not None:
+            return answer
+    structure = sum(claim.found == claim.expected and not claim.solved for claim in claims)
+    return Proved(
+        forms=(settled.form.name,),
+        by_structure=structure,
+        by_solver=len(claims) - structure,
+        questions=solver.asked,
+    )
+
+
+@dataclass(frozen=True, slots=True)
+class _Settled:
+    """A form with one history for all timers of provably the same condition and window."""
+
+    form: Form
+    solver: Solver
+    order: Sequence[int]
+
+    def matching(self, near: Sequence[int]) -> Matching:
+        rare = [timer.history for timer in self.form.timers]
+        matching = Matching(self.form.circuit, self.solver, self.order, rare, near)
+        for timer in self.form.timers:
+            matching.remember(timer.operand, timer.window_ns, timer.history)
+        return matching
+
+
+def _settled(read: Callable[[Alike], Form], modules: Sequence[str], timeout_ms: int) -> _Settled:
+    """Read the form until no more timers are found to be alike."""
+    alike: dict[str, str | None] = {}
+    while True:
+        form = read(alike)
+        settled = _Settled(form, Solver(form.circuit, timeout_ms), _decisive(form, modules))
+        matching = settled.matching(near=())
+        found: dict[str, str | None] = {}
+        for window_ns in dict.fromkeys(timer.window_ns for timer in form.timers):
+            timers = [timer for timer in form.timers if timer.window_ns == window_ns]
+            first = matching.first_alike([timer.operand for timer in timers])
+            found |= {
+                t.cell: None if i is None else timers[i].cell for t, i in zip(timers, first, strict=True)
+            }
+        if found == alike or all(cell == same for cell, same in found.items()):
+            return settled
+        alike = found
+
+
+def _decisive(form: Form, modules: Sequence[str]) -> list[int]:
+    """The conditions that modules are active by, in the order of the modules."""
+    circuit = form.circuit
+    histories = {timer.history >> 1 for timer in form.timers}
+    found: dict[int, int] = {}
+    for module in modules:
+        active = form.activity.get(module, FALSE)
+        work, seen = [active], 0
+        while work and seen < NEAREST:
+            literal, seen = work.pop(), seen + 1
+            node = literal >> 1
+            if not node or node in found or node in histories:
+                continue
+            if circuit.is_input(node):
+                found[node] = literal if literal == active else 2 * node
+            else:
+                work += (circuit.left[node], circuit.right[node])
+    return list(found.values())
+
+
+@dataclass(frozen=True, slots=True)
+class _Claim:
+    """Two formulas that must be equal; `solved`: z3 had to match parts of what is expected."""
+
+    actuator: str
+    expected: int
+    found: int
+    solved: bool
+
+
+def _claims(settled: _Settled, clients: ClientList, near: Sequence[int]) -> list[_Claim]:
+    """When each module wins by the list, and by the form."""
+    matching, form = settled.matching(near), settled.form
+    listed = dict(encode_list(clients, form.circuit, matching, form.activity).actuators)
+    return [
+        claim
+        for actuator in dict.fromkeys((*form.winners, *listed))
+        for claim in _of_actuator(
+            matching, actuator, listed.get(actuator, ()), form.winners.get(actuator, ())
+        )
+    ]
+
+
+def _of_actuator(
+    matching: Matching, actuator: str, clients: Sequence[ClientFormulas], winners: Sequence[Winner]
+) -> Iterator[_Claim]:
+    """The claims of one actuator, from the highest client down.
+
+    "No guard above holds" is matched with what the form has for that, one client after the other: so each
+    step is a small one.
+    """
+    circuit = matching.circuit
+    by_module = {winner.module: winner for winner in winners}
+    for module in by_module.keys() - {client.module for client in clients}:
+        yield _Claim(actuator, FALSE, by_module[module].by_priority, solved=False)
+    above, merged = FALSE, matching.merged
+    for client in clients:
+        winner = by_module.get(client.module, Winner(module=client.module, by_priority=FALSE))
+        solved = client.solved or matching.merged > merged
+        yield _Claim(actuator, circuit.both(client.guard, above ^ 1), winner.by_priority, solved)
+        if winner.by_exclusive is not None:
+            yield _Claim(actuator, client.exclusive, winner.by_exclusive, client.solved)
+        above = matching.find(circuit.either(above, client.guard))
+
+
+def _judged(
+    settled: _Settled, clients: ClientList, actuator: str, wrong: Sequence[_Claim]
+) -> Counterexample | Undecided | None:
+    """A frame in which one of the claims on an actuator is false, if there is one."""
+    form, solver = settled.form, settled.solver
+    circuit = form.circuit
+    clauses: list[Clause] = [tuple(circuit.same(c.expected, c.found) ^ 1 for c in wrong)]
+    answer = solver.decide(clauses)
+    match answer:
+        case Refuted():
+            return None
+        case Satisfied(inputs=inputs):
+            few = least(circuit, inputs, lambda values: holds(clauses, values))
+            listed = dict(encode_list(clients, circuit, settled.matching(()), form.activity).actuators)
+            return _shown(form, actuator, listed.get(actuator, ()), few)
+        case _:
+            return Undecided(form=form.name, subject=actuator, timeout_ms=solver.timeout_ms)
+
+
+def _shown(
+    form: Form, actuator: str, clients: Sequence[ClientFormulas], inputs: frozenset[int]
+) -> WrongWinner:
+    values = evaluated(form.circuit, inputs)
+    winners = form.winners.get(actuator, ())
+    exclusive = [w.module for w in winners if w.by_exclusive is not None and values(w.by_exclusive)]
+    return WrongWinner(
+        form=form.name,
+        actuator=actuator,
+        frame=_frame(form, values),
+        network=next((c.module for c in clients if values(c.guard)), None),
+        by_priority=next((w.module for w in winners if values(w.by_priority)), None),
+        by_exclusive=tuple(exclusive) if any(w.by_exclusive is not None for w in winners) else None,
+    )
+
+
+def _frame(form: Form, values: Values) -> Frame:
+    """The modules that are active, and those whose being so lately still counts."""
+    by_activity = {active: module for module, active in form.activity.items()}
+    running = {timer.history: timer for timer in form.timers if values(timer.history)}
+    return Frame(
+        active=tuple(module for module, active in form.activity.items() if values(active)),
+        recent=tuple(
+            Recent(
+                name=by_activity.get(timer.operand, f"what sets `{timer.cell}`"),
+                least_ns=0,
+                less_ns=timer.window_ns,
+            )
+            for timer in running.values()
+        ),
+    )

@@ -1,0 +1,119 @@
+"""What lowered code (`colony.compile.code`), which the executor runs, makes of guards."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from colony.compile.clients import ClientList
+from colony.compile.code import ActuatorCode, Apply, Code, FrameTime, Literal, OldCell, Table
+from colony.compile.lower import lower
+from colony.compile.operators import Operator
+from colony.ir.program import Program
+from colony.verify.equivalence.circuit import FALSE, TRUE, Circuit, Opaque
+from colony.verify.equivalence.forms import Alike, Form, Timer, Winner, module_of, with_activities
+
+LOWERED = "lowered code"
+
+
+def read_lowered(program: Program, clients: ClientList, code: Code, alike: Alike) -> Form:
+    """The winners by code, which is that of all clients of the program."""
+    circuit = Circuit()
+    values = _Values(circuit, {})
+    literals = values.literals(code, alike)
+    asked = lower(with_activities(program), clients)
+    answers = values.literals(asked, alike)
+    activity = {
+        module: circuit.either(answers[contract.present] ^ 1, answers[contract.value])
+        for contract in asked.contracts
+        if (module := module_of(contract.name)) is not None
+    }
+    return Form(
+        name=LOWERED,
+        circuit=circuit,
+        winners={a.actuator.name: _winners(a, circuit, literals) for a in code.actuators},
+        timers=tuple(_timers(code, circuit, literals, alike)),
+        activity=activity,
+    )
+
+
+def _winners(actuator: ActuatorCode, circuit: Circuit, literals: Sequence[int]) -> tuple[Winner, ...]:
+    """As the executor decides: the first client whose guard is true, or the one whose exclusive guard is."""
+    winners, above = [], FALSE
+    for client in actuator.clients:
+        guard = literals[client.guard]
+        first = circuit.both(guard, above ^ 1)
+        winners.append(
+            Winner(module=client.module, by_priority=first, by_exclusive=literals[client.exclusive])
+        )
+        above = circuit.either(above, guard)
+    return tuple(winners)
+
+
+def _timers(code: Code, circuit: Circuit, literals: Sequence[int], alike: Alike) -> list[Timer]:
+    """Cells that hold the end of a time constant: at first 0, and a window from now under a condition."""
+    found = []
+    for cell in code.cells:
+        value = code.ops[cell.value]
+        if not isinstance(value, Apply) or value.operator is not Operator.TIME_ADD or cell.initial != 0:
+            continue
+        now, window = (code.ops[i] for i in value.arguments)
+        if isinstance(now, FrameTime) and isinstance(window, Literal) and isinstance(window.value, int):
+            history = _history(circuit, cell.name, alike)
+            timer = Timer(
+                cell=cell.name, operand=literals[cell.condition], window_ns=window.value, history=history
+            )
+            found.append(timer)
+    return found
+
+
+def _history(circuit: Circuit, cell: str, alike: Alike) -> int:
+    """Whether the time is before the one that the cell holds."""
+    same = alike.get(cell, cell)
+    return FALSE if same is None else circuit.input(Opaque(f"time is before {same}"))
+
+
+class _Values:
+    """Ops as formulas. Equal opaque ones are one input, in whatever code they stand. Mutable."""
+
+    def __init__(self, circuit: Circuit, numbers: dict[object, int]) -> None:
+        self._circuit = circuit
+        self._numbers = numbers  # of each op, by its content
+
+    def literals(self, code: Code, alike: Alike) -> Sequence[int]:
+        """For each op, when it is true; of those that are no bools, an opaque input."""
+        identities: list[int] = []
+        literals: list[int] = []
+        for op in code.ops:
+            key: object = op
+            match op:
+                case Apply(operator=operator, arguments=arguments):
+                    key = (operator, tuple(identities[i] for i in arguments))
+                case Table(elements=elements):
+                    key = tuple(identities[i] for i in elements)
+                case OldCell(cell=cell):
+                    key = ("cell", code.cells[cell].name)
+                case Literal(value=value):
+                    key = (type(value).__name__, repr(value))
+                case _:
+                    pass
+            identities.append(self._numbers.setdefault(key, len(self._numbers)))
+            literals.append(self._literal(code, len(identities) - 1, identities[-1], literals, alike))
+        return literals
+
+    def _literal(self, code: Code, at: int, identity: int, literals: Sequence[int], alike: Alike) -> int:
+        circuit, op = self._circuit, code.ops[at]
+        match op:
+            case Literal(value=bool() as value):
+                return TRUE if value else FALSE
+            case Apply(operator=Operator.NOT, arguments=(one,)):
+                return literals[one] ^ 1
+            case Apply(operator=Operator.AND, arguments=several):
+                return circuit.all([literals[i] for i in several])
+            case Apply(operator=Operator.OR, arguments=several):
+                return circuit.any([literals[i] for i in several])
+            case Apply(operator=Operator.TIME_LESS, arguments=(now, end)) if isinstance(
+                code.ops[now], FrameTime
+            ) and isinstance(cell := code.ops[end], OldCell):
+                return _history(circuit, code.cells[cell.cell].name, alike)
+            case _:
+                return circuit.input(Opaque(f"value {identity}"))

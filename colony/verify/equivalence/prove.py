@@ -1,0 +1,365 @@
+"""The proof that what was compiled does what the program's network says.
+
+For free predicates and transfer functions, and any history: in every frame, for every actuator, the module
+that the network (`source.py`) lets through is the first client whose guard holds, and the only one whose
+exclusive guard holds; so no two exclusive guards hold. Priorities are n, ..., 2, 1; what contracts ask of
+wires and modules is their activity in the network; and each form that was emitted from the clients does as
+they do.
+"""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from functools import partial
+
+from colony.collector import collector_at_rest
+from colony.compile.clients import ClientList
+from colony.compile.code import Code
+from colony.compile.pipeline import Compiled
+from colony.ir.program import Program
+from colony.verify.equivalence.circuit import FALSE, Activity, Circuit
+from colony.verify.equivalence.disagreement import (
+    Values,
+    evaluated,
+    frame_of,
+    holds,
+    least,
+    nested_histories,
+)
+from colony.verify.equivalence.forms import prove_form
+from colony.verify.equivalence.json_text import Unreadable, read_json
+from colony.verify.equivalence.lowered import read_lowered
+from colony.verify.equivalence.matching import Matching
+from colony.verify.equivalence.priorities import Induction, first_by_structure, gates_of
+from colony.verify.equivalence.python_text import PYTHON, read_python
+from colony.verify.equivalence.results import (
+    Counterexample,
+    Malformed,
+    Proved,
+    Result,
+    Undecided,
+    WrongActivity,
+    WrongWinner,
+)
+from colony.verify.equivalence.solver import Clause, Refuted, Satisfied, Solver, differ
+from colony.verify.equivalence.source import NEVER, Joint, Root, Source, encode_source
+from colony.verify.equivalence.table import ClientFormulas, encode_list
+
+TIMEOUT_MS = 60_000
+"""How long z3 may think about one question."""
+
+CLIENTS = "clients"
+JSON = "JSON"
+
+
+def prove(
+    program: Program,
+    compiled: Compiled,
+    *,
+    json: str | None = None,
+    code: Code | None = None,
+    python: str | None = None,
+    timeout_ms: int = TIMEOUT_MS,
+) -> Result:
+    """Prove that the compiled clients are the program's network, or find a frame in which they are not.
+
+    And that what was made of them is, too: `json` and `python` are the texts that are emitted, `code` is what
+    the executor of all clients runs. z3 may think `timeout_ms` about one question; with 0 it is not asked.
+    """
+    clients = compiled.clients
+    results: list[Callable[[], Result]] = [lambda: prove_clients(program, clients, timeout_ms=timeout_ms)]
+    if json is not None:
+        results.append(lambda: _prove_json(clients, json))
+    if code is not None:
+        reading = partial(read_lowered, program, clients, code)
+        results.append(lambda: prove_form(reading, clients, timeout_ms))
+    if python is not None:
+        results.append(lambda: prove_python(program, clients, python, timeout_ms=timeout_ms))
+    return _all_of(results)
+
+
+def _all_of(results: Iterable[Callable[[], Result]]) -> Result:
+    """What was proved together, or the first result that is no proof."""
+    whole: Proved | None = None
+    for result in results:
+        one = result()
+        if not isinstance(one, Proved):
+            return one
+        whole = one if whole is None else whole.and_of(one)
+    assert whole is not None, "there is always something to prove"
+    return whole
+
+
+def prove_json(program: Program, json: str, *, form: str = JSON, timeout_ms: int = TIMEOUT_MS) -> Result:
+    """Prove that a text in the form `colony-clients/1` is the program's network, whoever wrote it."""
+    try:
+        clients = read_json(json)
+    except Unreadable as problem:
+        return Malformed(form=form, subject="text", found=problem.found, expected=problem.expected)
+    return prove_clients(program, clients, form=form, timeout_ms=timeout_ms)
+
+
+def _prove_json(clients: ClientList, json: str) -> Result:
+    """Prove that a text says what the clients are: one obligation a client and thing observed."""
+    try:
+        read = read_json(json)
+    except Unreadable as problem:
+        return Malformed(form=JSON, subject="text", found=problem.found, expected=problem.expected)
+    if read.guards != clients.guards or read.observed != clients.observed:
+        return Malformed(form=JSON, subject="nodes", found="other guards", expected="those of the clients")
+    if read.actuators != clients.actuators:
+        return Malformed(form=JSON, subject="actuators", found="other clients", expected="those compiled")
+    obligations = len(read.observed) + sum(len(one.clients) for one in read.actuators)
+    return Proved(forms=(JSON,), by_structure=obligations, by_solver=0, questions=0)
+
+
+def prove_python(
+    program: Program,
+    clients: ClientList,
+    python: str,
+    *,
+    form: str = PYTHON,
+    timeout_ms: int = TIMEOUT_MS,
+) -> Result:
+    """Prove that generated Python has the winners of the clients, which are those of the program."""
+    try:
+        with collector_at_rest():
+            found = prove_form(partial(read_python, program, clients, python, form), clients, timeout_ms)
+    except Unreadable as problem:
+        return Malformed(form=form, subject="text", found=problem.found, expected=problem.expected)
+    return found
+
+
+def prove_clients(
+    program: Program, clients: ClientList, *, form: str = CLIENTS, timeout_ms: int = TIMEOUT_MS
+) -> Result:
+    """The same of any list of clients, called `form` in what is found."""
+    with collector_at_rest():
+        malformed = _malformed(clients, form)
+        return malformed or _Proof(program, clients, form, timeout_ms).result()
+
+
+def _malformed(clients: ClientList, form: str) -> Malformed | None:
+    """A list that is no list of clients: priorities are not n, ..., 1, or something is there twice."""
+    for one in clients.actuators:
+        expected = tuple(range(len(one.clients), 0, -1))
+        found = tuple(client.priority for client in one.clients)
+        if found != expected:
+            return Malformed(
+                form=form,
+                subject=one.actuator,
+                found=f"the priorities {_listed(found)}",
+                expected=_listed(expected),
+            )
+    twice = _twice([one.actuator for one in clients.actuators])
+    if twice is not None:
+        return Malformed(form=form, subject=twice, found="the actuator twice", expected="it once")
+    for one in clients.actuators:
+        twice = _twice([client.module for client in one.clients])
+        if twice is not None:
+            found_twice = f"the client {twice} twice"
+            return Malformed(form=form, subject=one.actuator, found=found_twice, expected="it once")
+    return None
+
+
+def _twice(names: Sequence[str]) -> str | None:
+    return next((name for name, times in Counter(names).items() if times > 1), None)
+
+
+def _listed(numbers: Sequence[int]) -> str:
+    return ", ".join(map(str, numbers))
+
+
+@dataclass(slots=True)
+class _Count:
+    """Obligations met so far. Mutable."""
+
+    structure: int = 0
+    solver: int = 0
+
+    def add(self, by_structure: bool) -> None:
+        if by_structure:
+            self.structure += 1
+        else:
+            self.solver += 1
+
+
+def _network(program: Program, order: Sequence[str], timeout_ms: int) -> tuple[Circuit, Source]:
+    """The network, with one history for all time constants whose dominant inputs are provably the same.
+
+    Where some are found to be, more may be, since formulas grow alike: so it is looked again.
+    """
+    alike: dict[int, int] = {}
+    while True:
+        circuit = Circuit()
+        source = encode_source(program, circuit, alike)
+        joints = [
+            at for at, node in enumerate(source.nodes) if isinstance(node, Joint) and node.window_ns > 0
+        ]
+        if not joints:
+            return circuit, source
+        matching = Matching(circuit, Solver(circuit, timeout_ms), _active(circuit, order))
+        first = matching.first_alike([source.dominant(at) for at in joints])
+        found = {at: NEVER if i is None else joints[i] for at, i in zip(joints, first, strict=True)}
+        if found == alike or all(at == same for at, same in found.items()):
+            return circuit, source
+        alike = found
+
+
+def _active(circuit: Circuit, modules: Sequence[str]) -> list[int]:
+    known = (circuit.inputs.get(Activity(module)) for module in modules)
+    return [literal for literal in known if literal is not None]
+
+
+class _Proof:
+    """One program and one list of clients. Mutable: its circuit grows."""
+
+    def __init__(self, program: Program, clients: ClientList, form: str, timeout_ms: int) -> None:
+        self.form = form
+        order = [client.module for one in clients.actuators for client in one.clients]
+        self.circuit, self.source = _network(program, order, timeout_ms)
+        self.gates = {
+            actuator: gates_of(self.source, root, self.circuit)
+            for actuator, root in self.source.roots.items()
+        }
+        self.solver = Solver(self.circuit, timeout_ms)
+        matching = Matching(self.circuit, self.solver, _active(self.circuit, order))
+        self.formulas = encode_list(clients, self.circuit, matching)
+        self.count = _Count()
+
+    def result(self) -> Result:
+        listed = dict(self.formulas.actuators)
+        for actuator in dict.fromkeys((*self.source.roots, *listed)):
+            found = self._actuator(actuator, listed.get(actuator, ()))
+            if found is not None:
+                return found
+        for name, literal in self.formulas.observed:
+            found = self._observed(name, literal)
+            if found is not None:
+                return found
+        return Proved(
+            forms=(self.form,),
+            by_structure=self.count.structure,
+            by_solver=self.count.solver,
+            questions=self.solver.asked,
+        )
+
+    # --- actuators -------------------------------------------------------------------------------
+
+    def _actuator(
+        self, actuator: str, clients: tuple[ClientFormulas, ...]
+    ) -> Counterexample | Undecided | None:
+        root = self.source.roots.get(actuator)
+        wins = root.wins if root is not None else {}
+        judge = _Judge(self, actuator, clients, wins)
+        listed = {client.module for client in clients}
+        wrong = [win for module, win in wins.items() if module not in listed]
+        for client in clients:
+            win = wins.get(client.module, FALSE)
+            self.count.add(client.exclusive == win and not client.solved)
+            if client.exclusive != win and not self.solver.refutes(differ(client.exclusive, win)):
+                wrong.append(self.circuit.same(client.exclusive, win) ^ 1)
+        found = judge.found(wrong)
+        if found is not None:
+            return found
+        same = tuple(_settled(client, wins.get(client.module, FALSE)) for client in clients)
+        return self._order(actuator, root, judge, same)
+
+    def _order(
+        self, actuator: str, root: Root | None, judge: _Judge, clients: tuple[ClientFormulas, ...]
+    ) -> Counterexample | Undecided | None:
+        """The first guard that holds, now that exclusive guards are known to be those of the network."""
+        structure = first_by_structure(clients, judge.wins, self.circuit)
+        for client in clients:
+            self.count.add(structure and not client.solved)
+        if structure:
+            return None
+        if root is not None:
+            steps = Induction(self.source, root, self.gates[actuator], clients, self.solver)
+            if steps.shown():
+                return None
+        return judge.found(list(judge.disorder(clients)))
+
+    # --- what contracts ask ----------------------------------------------------------------------
+
+    def _observed(self, name: str, literal: int) -> Counterexample | Undecided | None:
+        if name not in self.source.names:
+            expected = "a wire or module of the program"
+            return Malformed(form=self.form, subject="observed", found=f"`{name}`", expected=expected)
+        active = self.source.activity(name)
+        self.count.add(active == literal)
+        clauses = [*differ(active, literal), *nested_histories(self.circuit)]
+        if active == literal or self.solver.refutes(clauses[:2]):
+            return None
+        answer = self.solver.decide(clauses)
+        match answer:
+            case Refuted():
+                return None
+            case Satisfied(inputs=inputs):
+                few = least(self.circuit, inputs, lambda values: holds(clauses, values))
+                network = evaluated(self.circuit, few)(active)
+                frame = frame_of(self.circuit, few, self.source)
+                return WrongActivity(
+                    form=self.form, name=name, frame=frame, network=network, found=not network
+                )
+            case _:
+                return Undecided(form=self.form, subject=name, timeout_ms=self.solver.timeout_ms)
+
+
+def _settled(client: ClientFormulas, win: int) -> ClientFormulas:
+    """The client with what is now known of its exclusive guard."""
+    guard = win if client.guard == client.exclusive else client.guard
+    solved = client.solved or client.exclusive != win
+    return replace(client, guard=guard, exclusive=win, solved=solved)
+
+
+@dataclass(frozen=True, slots=True)
+class _Judge:
+    """Who wins one actuator, in the network and among the clients."""
+
+    proof: _Proof
+    actuator: str
+    clients: tuple[ClientFormulas, ...]
+    wins: Mapping[str, int]
+
+    def found(self, wrong: list[int]) -> Counterexample | Undecided | None:
+        """A frame in which one of these literals is true, if there is one."""
+        proof = self.proof
+        wrong = [literal for literal in wrong if literal != FALSE]
+        if not wrong:
+            return None
+        clauses: list[Clause] = [tuple(wrong)]
+        if proof.solver.refutes(clauses):
+            return None
+        clauses += nested_histories(proof.circuit)
+        answer = proof.solver.decide(clauses)
+        match answer:
+            case Refuted():
+                return None
+            case Satisfied(inputs=inputs):
+                few = least(proof.circuit, inputs, lambda values: holds(clauses, values))
+                return self._shown(few)
+            case _:
+                return Undecided(form=proof.form, subject=self.actuator, timeout_ms=proof.solver.timeout_ms)
+
+    def disorder(self, clients: tuple[ClientFormulas, ...]) -> list[int]:
+        """For each client: it is the first whose guard holds and does not win, or the other way round."""
+        circuit, above, wrong = self.proof.circuit, FALSE, []
+        for client in clients:
+            first = circuit.both(client.guard, above ^ 1)
+            wrong.append(circuit.same(first, self.wins.get(client.module, FALSE)) ^ 1)
+            above = circuit.either(above, client.guard)
+        return wrong
+
+    def _shown(self, inputs: frozenset[int]) -> WrongWinner:
+        values: Values = evaluated(self.proof.circuit, inputs)
+        return WrongWinner(
+            form=self.proof.form,
+            actuator=self.actuator,
+            frame=frame_of(self.proof.circuit, inputs, self.proof.source),
+            network=next((module for module, win in self.wins.items() if values(win)), None),
+            by_priority=next((c.module for c in self.clients if values(c.guard)), None),
+            by_exclusive=tuple(c.module for c in self.clients if values(c.exclusive)),
+        )

@@ -1,0 +1,330 @@
+"""What generated Python makes of guards, read from the text that is emitted.
+
+The text is parsed and run symbolically, statement by statement, with a formula for "this is reached". Every
+expression has a number, equal ones the same (names stand for what they were last given); of those, `and`,
+`or`, `not`, conditional expressions and constants are taken apart, and any other is an opaque condition. What
+a module's winning is made of is when `ACTUATOR_by = 'MODULE'` is reached.
+"""
+
+from __future__ import annotations
+
+import ast
+from collections.abc import Collection, Mapping, Sequence
+from dataclasses import dataclass, field
+
+from colony.compile.backends.python import generate
+from colony.compile.clients import ClientList
+from colony.ir.program import Program
+from colony.verify.equivalence.circuit import FALSE, TRUE, Circuit, Opaque
+from colony.verify.equivalence.forms import Alike, Form, Timer, Winner, module_of, with_activities
+from colony.verify.equivalence.json_text import Unreadable
+
+PYTHON = "generated Python"
+
+Key = tuple[object, ...]
+"""An expression by its kind and the numbers of what it is made of."""
+
+
+def read_python(program: Program, clients: ClientList, text: str, name: str, alike: Alike) -> Form:
+    """The winners by a text; `name` is what the form is called.
+
+    Raises:
+        Unreadable: it is not of the form that is generated.
+    """
+    circuit = Circuit()
+    numbers: dict[Key, int] = {}
+    run = _run(text, circuit, numbers, alike)
+    asked = _run(generate(with_activities(program), clients), circuit, numbers, alike)
+    broken = {module: asked.broken.get(name, FALSE) for name, module in _asked(program)}
+    return Form(
+        name=name,
+        circuit=circuit,
+        winners={
+            actuator: tuple(
+                Winner(module=module, by_priority=reached)
+                for module, reached in run.winners.get(by, {}).items()
+            )
+            for actuator, by in run.decided_by.items()
+        },
+        timers=tuple(run.timers()),
+        activity={module: reached ^ 1 for module, reached in broken.items()},
+    )
+
+
+def _asked(program: Program) -> list[tuple[str, str]]:
+    names = [contract.name for contract in with_activities(program).contracts]
+    return [(name, module) for name in names if (module := module_of(name)) is not None]
+
+
+def _run(text: str, circuit: Circuit, numbers: dict[Key, int], alike: Alike) -> _Run:
+    try:
+        tree = ast.parse(text)
+    except (SyntaxError, ValueError, RecursionError) as problem:
+        raise Unreadable(f"{type(problem).__name__}: {problem}", "Python") from None
+    classes = [node for node in tree.body if isinstance(node, ast.ClassDef) and node.name == "Program"]
+    functions = {n.name: n for n in classes[0].body if isinstance(n, ast.FunctionDef)} if classes else {}
+    if len(classes) != 1 or not {"__init__", "step"} <= functions.keys():
+        raise Unreadable("no class `Program` with `__init__` and `step`", "one")
+    initial = {
+        target.attr: statement.value.value
+        for statement in functions["__init__"].body
+        if isinstance(statement, ast.Assign) and isinstance(statement.value, ast.Constant)
+        for target in statement.targets
+        if isinstance(target, ast.Attribute)
+    }
+    run = _Run(circuit, numbers, alike, initial, _deciding(functions["step"]))
+    if run.block(functions["step"].body, TRUE) != FALSE:
+        raise Unreadable("a `step` that may end without a result", "a `return` at its end")
+    return run
+
+
+def _deciding(step: ast.FunctionDef) -> Mapping[str, str]:
+    """For each actuator the name that says who commands it, as its decision is made of it."""
+    found: dict[str, str] = {}
+    for node in ast.walk(step):
+        match node:
+            case ast.Call(
+                func=ast.Name(id="settle"), args=[ast.Constant(value=str() as actuator), ast.Name(id=by), *_]
+            ):
+                pass
+            case ast.Assign(
+                value=ast.Tuple(elts=[ast.Constant(value=str() as actuator), ast.Name(id=by), _, _])
+            ):
+                pass
+            case _:
+                continue
+        if found.setdefault(actuator, by) != by:
+            raise Unreadable(f"decisions on {actuator} by {found[actuator]} and by {by}", "one of them")
+    return found
+
+
+@dataclass(slots=True)
+class _Run:
+    """A text being run. Mutable: what names stand for, and what was reached."""
+
+    circuit: Circuit
+    numbers: dict[Key, int]
+    alike: Alike
+    initial: Mapping[str, object]
+    decided_by: Mapping[str, str]
+    names: dict[str, int] = field(default_factory=dict)
+    winners: dict[str, dict[str, int]] = field(default_factory=dict)
+    updates: dict[str, list[tuple[int, int]]] = field(default_factory=dict)
+    broken: dict[str, int] = field(default_factory=dict)
+    _keys: dict[int, Key] = field(default_factory=dict)
+    _truths: dict[int, int] = field(default_factory=dict)
+    _before: dict[str, int | None] = field(default_factory=dict)  # what names stood for outside the block
+    _loops: int = 0
+
+    @property
+    def deciders(self) -> Collection[str]:
+        """The names that say who commands."""
+        return self.decided_by.values()
+
+    # --- statements ------------------------------------------------------------------------------
+
+    def block(self, statements: Sequence[ast.stmt], reached: int) -> int:
+        """Run statements that are reached under a condition; the condition under which their end is."""
+        for at, statement in enumerate(statements):
+            match statement:
+                case ast.Assign(targets=[target], value=value):
+                    self._assign(target, value, reached, statements[at:])
+                case ast.AugAssign(value=ast.Tuple(elts=[ast.Constant(value=str() as name)])):
+                    self.broken[name] = self.circuit.either(self.broken.get(name, FALSE), reached)
+                case ast.If(test=test, body=body, orelse=orelse):
+                    reached = self._branch(self._number(test), body, orelse, reached)
+                case ast.While(test=ast.Constant(value=True), body=body, orelse=[]):
+                    self._loop(body, reached)
+                case ast.Break() | ast.Return():
+                    return FALSE
+                case ast.Expr(value=ast.Constant()):
+                    pass
+                case _:
+                    line = f"line {statement.lineno}: {type(statement).__name__}"
+                    raise Unreadable(line, "assignments, `if`, `while True`, `break` and `return`")
+        return reached
+
+    def _branch(self, test: int, body: Sequence[ast.stmt], orelse: Sequence[ast.stmt], reached: int) -> int:
+        condition = self._truth(test)
+        straight, otherwise = self.circuit.both(reached, condition), self.circuit.both(reached, condition ^ 1)
+        end, then = self._apart(body, straight)
+        other_end, other = self._apart(orelse, otherwise)
+        if end == FALSE or other_end == FALSE:
+            for name, number in (other if end == FALSE else then).items():
+                self._name(name, number)
+            return self.circuit.either(end, other_end)
+        for name in dict.fromkeys((*then, *other)):
+            outside = self.names.get(name)
+            before = self._numbered(("undefined", name)) if outside is None else outside
+            parts = (then.get(name, before), other.get(name, before))
+            self._name(name, self._numbered(("IfExp", test, *parts)))
+        if end == straight and other_end == otherwise:
+            return reached
+        return self.circuit.either(end, other_end)
+
+    def _loop(self, body: Sequence[ast.stmt], reached: int) -> None:
+        """Once through: whatever is reached ends with a `break`."""
+        end, changed = self._apart(body, reached)
+        if end != FALSE:
+            raise Unreadable("a loop over clients that may not end", "a `break` behind every client")
+        self._loops += 1
+        for name in (*changed, *self.decided_by.values()):
+            self._name(name, self._numbered(("after loop", self._loops, name)))
+
+    def _apart(self, statements: Sequence[ast.stmt], reached: int) -> tuple[int, Mapping[str, int]]:
+        """Run statements, and take back what they named: whether their end is reached, and those names."""
+        outer, self._before = self._before, {}
+        end = self.block(statements, reached)
+        changed = {name: self.names[name] for name in self._before}
+        for name, number in self._before.items():
+            if number is None:
+                del self.names[name]
+            else:
+                self.names[name] = number
+        self._before = outer
+        return end, changed
+
+    def _name(self, name: str, number: int) -> None:
+        self._before.setdefault(name, self.names.get(name))
+        self.names[name] = number
+
+    def _assign(self, target: ast.expr, value: ast.expr, reached: int, rest: Sequence[ast.stmt]) -> None:
+        number = self._number(value)
+        match target:
+            case ast.Name(id=name):
+                self._name(name, number)
+                if name in self.deciders:
+                    self._won(name, value, reached, rest)
+            case ast.Tuple(elts=elements):
+                for i, element in enumerate(elements):
+                    if isinstance(element, ast.Name):
+                        self._name(element.id, self._numbered(("item", number, i)))
+            case ast.Attribute(value=ast.Name(id="self"), attr=attribute):
+                self.updates.setdefault(attribute, []).append((reached, number))
+            case _:
+                raise Unreadable(f"line {target.lineno}: {ast.unparse(target)} = ...", "a name or attribute")
+
+    def _won(self, by: str, value: ast.expr, reached: int, rest: Sequence[ast.stmt]) -> None:
+        """Who commands is settled at once: straight on there is a `break`, and nobody else until then."""
+        match value:
+            case ast.Constant(value=None):
+                return
+            case ast.Constant(value=str() as module):
+                pass
+            case _:
+                raise Unreadable(f"line {value.lineno}: {by} = {ast.unparse(value)}", "the name of a module")
+        straight = all(isinstance(s, ast.Assign) for s in rest[:-1]) and isinstance(rest[-1], ast.Break)
+        others = [s for s in rest[1:-1] if isinstance(s, ast.Assign) and _names(s.targets[0], by)]
+        if not straight or others:
+            raise Unreadable(f"line {value.lineno}: {by} = {module!r}", "a `break` right behind it")
+        of = self.winners.setdefault(by, {})
+        of[module] = self.circuit.either(of.get(module, FALSE), reached)
+
+    # --- expressions -----------------------------------------------------------------------------
+
+    def _number(self, node: ast.expr) -> int:
+        """The number of an expression, as of now."""
+        match node:
+            case ast.Name(id=name):
+                known = self.names.get(name)
+                return self._numbered(("name", name)) if known is None else known
+            case ast.Attribute(value=ast.Name(id="self"), attr=attribute):
+                return self._numbered(("cell", attribute, len(self.updates.get(attribute, ()))))
+            case ast.Constant(value=value):
+                return self._numbered(("constant", type(value).__name__, repr(value)))
+            case ast.BoolOp(op=op, values=values):
+                return self._numbered((type(op).__name__, *(self._number(v) for v in values)))
+            case ast.UnaryOp(op=ast.Not(), operand=operand):
+                return self._numbered(("Not", self._number(operand)))
+            case ast.IfExp(test=test, body=body, orelse=orelse):
+                parts = (self._number(part) for part in (test, body, orelse))
+                return self._numbered(("IfExp", *parts))
+            case _:
+                return self._numbered((type(node).__name__, *self._parts(node)))
+
+    def _parts(self, node: ast.AST) -> list[object]:
+        parts: list[object] = []
+        for _, value in ast.iter_fields(node):
+            several = value if isinstance(value, list) else [value]
+            for one in several:
+                match one:
+                    case ast.expr():
+                        parts.append(self._number(one))
+                    case ast.AST():
+                        parts.append((type(one).__name__, *self._parts(one)))
+                    case _:
+                        parts.append(repr(one))
+            parts.append(len(several))
+        return parts
+
+    def _numbered(self, key: Key) -> int:
+        number = self.numbers.setdefault(key, len(self.numbers))
+        if number not in self._keys:
+            self._keys[number] = key
+            if key[0] in ("And", "Or", "Not", "IfExp"):
+                self._truth(number)  # now, so that long chains of names are no deep recursion later
+        return number
+
+    def _truth(self, number: int) -> int:
+        """When an expression counts as true."""
+        known = self._truths.get(number)
+        if known is None:
+            known = self._truths[number] = self._formula(number, self._keys[number])
+        return known
+
+    def _formula(self, number: int, key: Key) -> int:
+        circuit = self.circuit
+        match key:
+            case ("constant", "bool", value):
+                return TRUE if value == "True" else FALSE
+            case ("And", *parts):
+                return circuit.all([self._truth(_int(part)) for part in parts])
+            case ("Or", *parts):
+                return circuit.any([self._truth(_int(part)) for part in parts])
+            case ("Not", int(one)):
+                return self._truth(one) ^ 1
+            case ("IfExp", int(test), int(yes), int(no)):
+                return circuit.choice(self._truth(test), self._truth(yes), self._truth(no))
+            case ("Compare", int(now), _, ("Lt",), _, int(end), _) if now == self.names.get("t"):
+                cell = self._keys[end]
+                if cell[0] == "cell" and cell[2] == 0:
+                    return self._history(str(cell[1]))
+            case _:
+                pass
+        return circuit.input(Opaque(f"expression {number}"))
+
+    def _history(self, cell: str) -> int:
+        same = self.alike.get(cell, cell)
+        return FALSE if same is None else self.circuit.input(Opaque(f"t < self.{same}"))
+
+    def timers(self) -> list[Timer]:
+        """Attributes that hold the end of a time constant: 0 at first, a window from now where reached."""
+        found = []
+        for cell, updates in self.updates.items():
+            (reached, number), *more = updates
+            initial = self.initial.get(cell)
+            if more or type(initial) is not int or initial != 0:
+                continue
+            window_ns = self._window(self._keys[number])
+            if window_ns is not None:
+                history = self._history(cell)
+                found.append(Timer(cell=cell, operand=reached, window_ns=window_ns, history=history))
+        return found
+
+    def _window(self, key: Key) -> int | None:
+        """The n of an expression `t + n`."""
+        match key:
+            case ("BinOp", int(now), _, ("Add",), _, int(window), _) if now == self.names.get("t"):
+                kind, *value = self._keys[window]
+                return int(str(value[1])) if kind == "constant" and value[0] == "int" else None
+            case _:
+                return None
+
+
+def _int(part: object) -> int:
+    assert isinstance(part, int)
+    return part
+
+
+def _names(target: ast.expr, name: str) -> bool:
+    return any(isinstance(node, ast.Name) and node.id == name for node in ast.walk(target))

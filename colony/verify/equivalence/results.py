@@ -1,0 +1,162 @@
+"""What a proof of equivalence comes to."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Proved:
+    """All of `obligations` hold: `by_structure` of them since both sides came to be the same formula by rules
+    of Boolean algebra alone, `by_solver` with the help of z3, which was asked `questions` times.
+
+    `forms` says of what: the clients, and what was emitted from them.
+    """
+
+    forms: tuple[str, ...]
+    by_structure: int
+    by_solver: int
+    questions: int
+
+    @property
+    def obligations(self) -> int:
+        return self.by_structure + self.by_solver
+
+    def and_of(self, other: Proved) -> Proved:
+        """Both proofs as one."""
+        return Proved(
+            forms=self.forms + other.forms,
+            by_structure=self.by_structure + other.by_structure,
+            by_solver=self.by_solver + other.by_solver,
+            questions=self.questions + other.questions,
+        )
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Frame:
+    """A frame: the modules that are active now, and what was so recently that a time constant tells.
+
+    All else is not active, and was not.
+    """
+
+    active: tuple[str, ...]
+    recent: tuple[Recent, ...] = ()
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Recent:
+    """`name` was last active less than `less_ns` ago, and not less than `least_ns`, both time constants."""
+
+    name: str
+    least_ns: int
+    less_ns: int
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class WrongWinner:
+    """A frame in which another module commands `actuator` than the network says, or one where none should.
+
+    `by_priority` is the first client whose guard holds, `by_exclusive` are all whose exclusive guard holds
+    (None: the form has none).
+    """
+
+    form: str
+    actuator: str
+    frame: Frame
+    network: str | None
+    by_priority: str | None
+    by_exclusive: tuple[str, ...] | None
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class WrongActivity:
+    """A frame in which what contracts ask about `name` is answered wrongly."""
+
+    form: str
+    name: str
+    frame: Frame
+    network: bool
+    found: bool
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Malformed:
+    """The form cannot be what the program compiles to, whatever the frame: `found`, where `expected` was."""
+
+    form: str
+    subject: str
+    found: str
+    expected: str
+
+
+Counterexample = WrongWinner | WrongActivity | Malformed
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Undecided:
+    """z3 gave up on what `subject` of `form` does: it was neither proved nor refuted."""
+
+    form: str
+    subject: str
+    timeout_ms: int
+
+
+Result = Proved | Counterexample | Undecided
+
+
+# --- in words ------------------------------------------------------------------------------------
+
+
+def frame_text(frame: Frame) -> str:
+    """A frame in words, as what follows "with"."""
+    active = f"{_listed(frame.active)} active" if frame.active else "no module active"
+    recent = [f"{_ago(one)}" for one in frame.recent]
+    return f"{active}, and {_listed(recent)}" if recent else active
+
+
+def _ago(recent: Recent) -> str:
+    before = f"less than {_duration(recent.less_ns)} ago"
+    if recent.least_ns:
+        return f"{recent.name} {_duration(recent.least_ns)} ago or more, but {before}"
+    return f"{recent.name} {before}"
+
+
+def counterexample_text(found: Counterexample) -> str:
+    """What is wrong, in one sentence."""
+    match found:
+        case WrongWinner():
+            says = f"the network lets {found.network or 'nobody'} through"
+            does = f"by priority {found.by_priority or 'nobody'} commands"
+            if found.by_exclusive is not None:
+                does += f", by exclusive guard {_listed(found.by_exclusive) or 'nobody'}"
+            return f"{found.form}: {found.actuator}: with {frame_text(found.frame)}, {says}; {does}"
+        case WrongActivity():
+            says = f"is {'' if found.network else 'not '}active in the network"
+            does = f"{'' if found.found else 'not '}active in what was compiled"
+            return f"{found.form}: with {frame_text(found.frame)}, `{found.name}` {says}, and {does}"
+        case Malformed():
+            return f"{found.form}: {found.subject}: found {found.found}, expected {found.expected}"
+
+
+def undecided_text(found: Undecided) -> str:
+    """What was not settled, in one sentence."""
+    seconds = f"{found.timeout_ms / 1000:g} s"
+    return f"{found.form}: {found.subject}: z3 found neither a proof nor a counterexample within {seconds}"
+
+
+def proved_text(found: Proved) -> str:
+    """What was proved, in one line."""
+    how = f"{found.by_structure} by structure, {found.by_solver} by z3"
+    same = _listed((*found.forms, "network"))
+    return f"proved: {same} are the same ({found.obligations} obligations: {how})"
+
+
+def _listed(words: tuple[str, ...] | list[str]) -> str:
+    return " and ".join(filter(None, (", ".join(words[:-1]), *words[-1:])))
+
+
+def _duration(nanoseconds: int) -> str:
+    for unit, size in (("s", 1_000_000_000), ("ms", 1_000_000)):
+        if nanoseconds >= size and nanoseconds % (size // 10) == 0:
+            return f"{nanoseconds / size:g} {unit}"
+    return f"{nanoseconds} ns"

@@ -1,0 +1,220 @@
+"""Questions to z3: can these clauses over a circuit all be true?
+
+What a clause depends on may be large, and mostly has nothing to do with it. So the first question is asked of
+the nearest nodes only, with all others taken for free, which is enough to show that there is no way; only if
+there seems to be one, the question is asked again of more of them, and in the end of all.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from enum import Enum, unique
+from heapq import heapify, heappop, heappush
+from itertools import chain
+
+import z3
+
+from colony.verify.equivalence.circuit import FALSE, Circuit
+
+Clause = tuple[int, ...]
+"""Literals of which one must be true."""
+
+NEAR = (20, 200, 2_000)
+"""How many conjunctions to look at before all are looked at."""
+
+TOGETHER = 100
+"""How many small questions are asked at once."""
+
+
+@unique
+class Unsettled(Enum):
+    """There may be a way: not looked far enough, or the solver gave up."""
+
+    TOO_NEAR = "too near"
+    GAVE_UP = "gave up"
+
+
+@dataclass(frozen=True, slots=True)
+class Refuted:
+    """There is no way."""
+
+
+@dataclass(frozen=True, slots=True)
+class Satisfied:
+    """There is one: the inputs that are true in it, of those that matter. All others may be false."""
+
+    inputs: frozenset[int]
+
+
+Answer = Refuted | Satisfied | Unsettled
+
+
+class Solver:
+    """z3 for one circuit. Mutable: it counts its questions."""
+
+    def __init__(self, circuit: Circuit, timeout_ms: int) -> None:
+        self.circuit = circuit
+        self.timeout_ms = timeout_ms
+        self.asked = 0
+
+    def refutes(self, clauses: Sequence[Clause], near: Sequence[int] = NEAR) -> bool:
+        """Whether what is near is enough to show that the clauses cannot all be true."""
+        return obvious(clauses) or any(isinstance(self._ask(clauses, limit), Refuted) for limit in near)
+
+    def refutes_each(self, questions: Iterable[Sequence[Clause]]) -> bool:
+        """Whether each of several questions is refuted by what is near, many asked at once."""
+        waiting = [clauses for clauses in questions if not obvious(clauses)]
+        for start in range(0, len(waiting), TOGETHER):
+            together = waiting[start : start + TOGETHER]
+            if not self._none_of(together) and not all(self.refutes(clauses) for clauses in together):
+                return False
+        return True
+
+    def decide(self, clauses: Sequence[Clause]) -> Answer:
+        """Whether the clauses can all be true, looking as far as needed."""
+        if obvious(clauses):
+            return Refuted()
+        for limit in NEAR:
+            answer = self._ask(clauses, limit)
+            if answer is not Unsettled.TOO_NEAR:
+                return answer
+        return self._ask(clauses, len(self.circuit))
+
+    def _ask(self, clauses: Sequence[Clause], limit: int) -> Answer:
+        if self.timeout_ms <= 0:
+            return Unsettled.GAVE_UP
+        self.asked += 1
+        cone = _cone(self.circuit, clauses, limit)
+        cnf = _Cnf(self.circuit, cone.inner, cone.leaves)
+        for clause in clauses:
+            cnf.add(clause)
+        complete = all(self.circuit.is_input(node) for node in cone.leaves)
+        result, model = cnf.solve(self.timeout_ms, wanted=complete)
+        if result == z3.unsat:
+            return Refuted()
+        if result != z3.sat:
+            return Unsettled.GAVE_UP
+        if not complete:
+            return Unsettled.TOO_NEAR
+        return Satisfied(frozenset(node for node in cone.leaves if cnf.number[node] in model))
+
+    def _none_of(self, questions: Sequence[Sequence[Clause]]) -> bool:
+        """Whether it is shown at once that none of the questions has a way."""
+        if self.timeout_ms <= 0:
+            return False
+        self.asked += 1
+        cones = [_cone(self.circuit, clauses, NEAR[0]) for clauses in questions]
+        inner = dict.fromkeys(chain.from_iterable(cone.inner for cone in cones))
+        leaves = dict.fromkeys(chain.from_iterable(cone.leaves for cone in cones))
+        cnf = _Cnf(self.circuit, list(inner), [node for node in leaves if node not in inner])
+        cnf.add_one_of(questions)
+        return bool(cnf.solve(self.timeout_ms, wanted=False)[0] == z3.unsat)
+
+
+def differ(a: int, b: int) -> tuple[Clause, Clause]:
+    """Clauses that say: two literals are not equal."""
+    return ((a, b), (a ^ 1, b ^ 1))
+
+
+def obvious(clauses: Sequence[Clause]) -> bool:
+    """Whether the clauses of one literal alone leave no literal of some clause."""
+    units = {clause[0] for clause in clauses if len(clause) == 1}
+    return any(all(i == FALSE or i ^ 1 in units for i in clause) for clause in clauses)
+
+
+class _Cnf:
+    """Conjunctive normal form in the text that z3 reads. Mutable: it grows."""
+
+    def __init__(self, circuit: Circuit, inner: Sequence[int], leaves: Sequence[int]) -> None:
+        self.number = {node: i for i, node in enumerate((0, *inner, *leaves), start=1)}
+        self._variables = len(self.number)
+        self._lines = ["-1 0"]
+        self._clauses = 1 + 3 * len(inner)
+        for node in inner:
+            this = self.number[node]
+            left, right = self._signed(circuit.left[node]), self._signed(circuit.right[node])
+            self._lines.append(f"-{this} {left} 0\n-{this} {right} 0\n{this} {-left} {-right} 0")
+
+    def _signed(self, literal: int) -> int:
+        number = self.number[literal >> 1]
+        return -number if literal & 1 else number
+
+    def add(self, clause: Clause, unless: str = "") -> None:
+        """One more clause, which need not hold where `unless` does."""
+        self._lines.append(f"{unless} {' '.join(str(self._signed(i)) for i in clause)} 0")
+        self._clauses += 1
+
+    def add_one_of(self, questions: Sequence[Sequence[Clause]]) -> None:
+        """All clauses of one of the questions, whichever."""
+        choices = range(self._variables + 1, self._variables + len(questions) + 1)
+        self._variables += len(questions)
+        for choice, clauses in zip(choices, questions, strict=True):
+            for clause in clauses:
+                self.add(clause, unless=f"-{choice}")
+        self._lines.append(f"{' '.join(map(str, choices))} 0")
+        self._clauses += 1
+
+    def solve(self, timeout_ms: int, wanted: bool) -> tuple[z3.CheckSatResult, frozenset[int]]:
+        """What z3 says, and, if `wanted`, the variables that are true in its model."""
+        solver = z3.SolverFor("QF_FD")
+        solver.set("timeout", timeout_ms)
+        solver.from_string(f"p cnf {self._variables} {self._clauses}\n" + "\n".join(self._lines) + "\n")
+        result = solver.check()
+        if result != z3.sat or not wanted:
+            return result, frozenset()
+        model = solver.model()
+        true = (decl.name() for decl in model.decls() if z3.is_true(model[decl]))
+        return result, frozenset(int(name.removeprefix("k!")) for name in true)
+
+
+# --- what to look at -----------------------------------------------------------------------------
+
+
+@dataclass(frozen=True, slots=True)
+class _Cone:
+    """Conjunctions, and nodes that they are made of and that are taken for free, inputs among them."""
+
+    inner: list[int]
+    leaves: list[int]
+
+
+def _cone(circuit: Circuit, clauses: Sequence[Clause], limit: int) -> _Cone:
+    """Conjunctions that the clauses' literals are made of, so many at most.
+
+    First what one literal alone is made of: where two formulas are compared, what both are made of is mostly
+    better left as it is. And first, if few are wanted, what is nearest, else what is behind the fewest
+    negations, so that conjunctions are compared whose parts are only joined in another order.
+    """
+    nearest = limit <= NEAR[0]
+    sides = {literal >> 1: 1 << i for i, literal in enumerate(chain.from_iterable(clauses))}
+    sides.pop(0, None)
+    heap = [(_shared(side), 0, -node) for node, side in sides.items()]
+    heapify(heap)
+    cone, done = _Cone([], []), set[int]()
+    while heap:
+        shared, far, negative = heappop(heap)
+        node = -negative
+        if node in done:
+            continue
+        if not shared and _shared(sides[node]):
+            heappush(heap, (True, far, negative))
+            continue
+        done.add(node)
+        if circuit.is_input(node) or len(cone.inner) >= limit:
+            cone.leaves.append(node)
+            continue
+        cone.inner.append(node)
+        for literal in (circuit.left[node], circuit.right[node]):
+            part = literal >> 1
+            before = sides.get(part, 0)
+            if part not in done:
+                sides[part] = before | sides[node]
+                if not before:
+                    heappush(heap, (_shared(sides[part]), far + (1 if nearest else literal & 1), -part))
+    return cone
+
+
+def _shared(sides: int) -> bool:
+    """Whether more than one bit is set."""
+    return sides & (sides - 1) != 0

@@ -1,0 +1,186 @@
+"""The network as it is written, in Boolean formulas: what everything compiled is held against.
+
+This is part of what a proof trusts, so it stays close to the language reference and shares nothing with the
+compiler. For every module and wire there is a formula for "puts a command on its output":
+
+    active(A suppresses[T] B) = active(A) or active(B) and not dominates
+    active(A inhibits[T] B)   = active(B) and not dominates
+    dominates                 = active(A) now, or in an earlier frame less than T ago
+
+and, from the wiring that drives an actuator down to the modules, one for "what it puts there gets through":
+
+    through(wiring of the actuator) = true
+    through(A) = through(A suppresses B)                         (of an inhibitor's dominant side, nothing)
+    through(B) = through(A suppresses B) and not dominates       (the same of an inhibitor)
+
+or, for what is used in several places, through one of them. A module wins where it is active and through. In
+every frame those that are both active and through form one path from the actuator to one module, since of the
+two inputs of a node that is on it exactly one is next; so no two modules win.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from types import MappingProxyType
+from typing import assert_never
+
+from colony.ir.program import Chain, Program, Use, Wiring
+from colony.verify.equivalence.circuit import FALSE, TRUE, Activity, Circuit, History
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Joint:
+    """A suppressor or inhibitor: references to its inputs, which stand before it."""
+
+    suppresses: bool
+    dominant: int
+    inferior: int
+    window_ns: int
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Root:
+    """An actuator: the node that drives it, and of what is below that, when each node gets through to it, and
+    when each module wins.
+    """
+
+    node: int
+    through: Mapping[int, int]
+    wins: Mapping[str, int]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Source:
+    """Nodes (a string is a module), whether each is active and dominates, the names of wires, the actuators.
+
+    `dominates` is of the dominant input of a joint.
+    """
+
+    nodes: tuple[str | Joint, ...]
+    active: tuple[int, ...]
+    dominates: tuple[int, ...]
+    names: Mapping[str, int]
+    roots: Mapping[str, Root]
+
+    def dominant(self, at: int) -> int:
+        """When the dominant input of a joint is active."""
+        return self.active[_joint(self.nodes[at]).dominant]
+
+    def activity(self, name: str) -> int:
+        """When a module or wire is active."""
+        return self.active[self.names[name]]
+
+
+NEVER = -1
+"""In place of a joint: its dominant input is never active, so it has no history."""
+
+
+def encode_source(
+    program: Program, circuit: Circuit, alike: Mapping[int, int] = MappingProxyType({})
+) -> Source:
+    """The formulas of all wires of a program.
+
+    Each time constant has a history of its own, as far as dominant inputs are not the same formula; `alike`
+    tells of joints whose dominant input was proved to be equal to that of another joint, or `NEVER` active:
+    those share its history, or have none.
+    """
+    wired = _Wired(program)
+    active: list[int] = []
+    dominates: list[int] = []
+    for at, node in enumerate(wired.nodes):
+        if isinstance(node, str):
+            active.append(circuit.input(Activity(node)))
+            dominates.append(FALSE)
+            continue
+        dominant, inferior = active[node.dominant], active[node.inferior]
+        same = alike.get(at, at)
+        remembered = FALSE if same == NEVER else active[_joint(wired.nodes[same]).dominant]
+        dominating = _recently(circuit, dominant, remembered, node.window_ns)
+        passing = circuit.both(inferior, dominating ^ 1)
+        active.append(circuit.either(dominant, passing) if node.suppresses else passing)
+        dominates.append(dominating)
+    roots = {
+        actuator: _root(wired.nodes, root, active, dominates, circuit)
+        for actuator, root in wired.driving.items()
+    }
+    return Source(
+        nodes=tuple(wired.nodes),
+        active=tuple(active),
+        dominates=tuple(dominates),
+        names=wired.names,
+        roots=roots,
+    )
+
+
+def _joint(node: str | Joint) -> Joint:
+    assert isinstance(node, Joint), "only joints have time constants"
+    return node
+
+
+def _recently(circuit: Circuit, now: int, remembered: int, window_ns: int) -> int:
+    """Whether a condition holds `now`, or held less than the window ago, in which it was as `remembered`.
+
+    What never holds, or always, has no history.
+    """
+    if window_ns <= 0 or remembered in (FALSE, TRUE):
+        return now
+    return circuit.either(now, circuit.input(History(remembered, window_ns)))
+
+
+def _root(
+    nodes: list[str | Joint], root: int, active: list[int], dominates: list[int], circuit: Circuit
+) -> Root:
+    through = {root: TRUE}
+    wins: dict[str, int] = {}
+    for at in range(root, -1, -1):  # a node stands behind all that it uses, so its uses are all known
+        node = nodes[at]
+        if at not in through:
+            continue
+        if isinstance(node, str):
+            wins[node] = circuit.both(through[at], active[at])
+            continue
+        if node.suppresses:
+            through[node.dominant] = circuit.either(through.get(node.dominant, FALSE), through[at])
+        passing = circuit.both(through[at], dominates[at] ^ 1)
+        through[node.inferior] = circuit.either(through.get(node.inferior, FALSE), passing)
+    return Root(node=root, through=through, wins=wins)
+
+
+class _Wired:
+    """The wires as one table of nodes. Only parentheses nest, so wiring may recurse; chains are flat."""
+
+    def __init__(self, program: Program) -> None:
+        self.nodes: list[str | Joint] = [module.name for module in program.modules]
+        self.names = {module.name: at for at, module in enumerate(program.modules)}
+        self.driving: dict[str, int] = {}
+        for wire in program.wires:
+            node = self._wiring(wire.wiring)
+            if wire.actuator is None:
+                self.names[wire.name] = node
+            else:
+                self.driving[wire.actuator] = node
+
+    def _wiring(self, wiring: Wiring) -> int:
+        match wiring:
+            case Use(name=name):
+                return self.names[name]
+            case Chain():
+                return self._chain(wiring)
+            case _:
+                assert_never(wiring)
+
+    def _chain(self, chain: Chain) -> int:
+        """`a op[w0] b op[w1] c` is `a op[w0] (b op[w1] c)`."""
+        operands = [self._wiring(operand) for operand in chain.operands]
+        below = operands[-1]
+        for dominant, window_ns in reversed(list(zip(operands, chain.windows_ns, strict=False))):
+            joint = Joint(
+                suppresses=chain.relation == "suppresses",
+                dominant=dominant,
+                inferior=below,
+                window_ns=window_ns,
+            )
+            self.nodes.append(joint)
+            below = len(self.nodes) - 1
+        return below

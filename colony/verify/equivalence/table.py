@@ -1,0 +1,96 @@
+"""A client list in Boolean formulas, its guards matched with those of the network as far as they are the
+same.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import assert_never
+
+from colony.compile.clients import ClientList
+from colony.compile.guards import Always, And, Guard, ModuleActive, Never, Not, Or, Recently, operands
+from colony.verify.equivalence.circuit import FALSE, TRUE, Activity, Circuit
+from colony.verify.equivalence.matching import Matching
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ClientFormulas:
+    """A client: when its guard and its exclusive guard hold.
+
+    `solved`: z3 had to find parts of them equal to formulas of the network.
+    """
+
+    module: str
+    priority: int
+    guard: int
+    exclusive: int
+    solved: bool = False
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ListFormulas:
+    """The clients of each actuator, in the order of the list, and when what is observed is active."""
+
+    actuators: tuple[tuple[str, tuple[ClientFormulas, ...]], ...]
+    observed: tuple[tuple[str, int], ...]
+
+
+def encode_list(
+    clients: ClientList, circuit: Circuit, matching: Matching, activity: Mapping[str, int] | None = None
+) -> ListFormulas:
+    """The formulas of all guards; `activity` says when modules are active, where that is not free."""
+    guards = _Guards(circuit, matching, activity)
+    values: list[int] = []
+    solved: list[bool] = []
+    for guard in clients.guards:
+        before = matching.merged
+        values.append(guards.formula(guard, values))
+        solved.append(matching.merged > before or any(solved[at] for at in operands(guard)))
+    return ListFormulas(
+        actuators=tuple(
+            (
+                one.actuator,
+                tuple(
+                    ClientFormulas(
+                        module=c.module,
+                        priority=c.priority,
+                        guard=values[c.guard],
+                        exclusive=values[c.exclusive],
+                        solved=solved[c.guard] or solved[c.exclusive],
+                    )
+                    for c in one.clients
+                ),
+            )
+            for one in clients.actuators
+        ),
+        observed=tuple((name, values[at]) for name, at in clients.observed),
+    )
+
+
+@dataclass(frozen=True, slots=True)
+class _Guards:
+    circuit: Circuit
+    matching: Matching
+    activity: Mapping[str, int] | None
+
+    def formula(self, guard: Guard, values: list[int]) -> int:
+        match guard:
+            case Always():
+                return TRUE
+            case Never():
+                return FALSE
+            case ModuleActive(module=module):
+                return (
+                    self.circuit.input(Activity(module)) if self.activity is None else self.activity[module]
+                )
+            case Not(operand=operand):
+                return values[operand] ^ 1
+            case And(operands=parts):
+                return self.matching.find(self.circuit.all([values[at] for at in parts]))
+            case Or(operands=parts):
+                return self.matching.find(self.circuit.any([values[at] for at in parts]))
+            case Recently(operand=operand, window_ns=window_ns):
+                return self.matching.recently(values[operand], window_ns)
+            case _:
+                assert_never(guard)

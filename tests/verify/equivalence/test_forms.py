@@ -1,0 +1,234 @@
+"""What is emitted from the clients: that it is proved, and that changes to it are found."""
+
+from __future__ import annotations
+
+import json
+import re
+from collections.abc import Callable
+from dataclasses import replace
+from functools import cache
+from pathlib import Path
+
+import pytest
+
+from colony.compile.backends.python import generate
+from colony.compile.code import Apply, Code, Literal
+from colony.compile.json_format import clients_to_json, to_json
+from colony.compile.lower import lower
+from colony.compile.operators import Operator
+from colony.compile.pipeline import Compiled, compile_program
+from colony.dsl.load import load_file
+from colony.verify.equivalence.prove import prove, prove_json, prove_python
+from colony.verify.equivalence.results import Malformed, Proved, Result, WrongWinner
+from colony.verify.strategies import run_of_seed
+
+ROOT = Path(__file__).parents[3]
+BEHAVIORS = sorted((ROOT / "behaviors").glob("*.colony"))
+
+
+@cache
+def compiled(name: str) -> Compiled:
+    return compile_program(load_file(str(ROOT / "behaviors" / f"{name}.colony")))
+
+
+def emitted(of: Compiled) -> Result:
+    text, code = generate(of.program, of.clients), lower(of.program, of.clients)
+    return prove(of.program, of, json=to_json(of), code=code, python=text)
+
+
+@pytest.mark.parametrize("path", BEHAVIORS, ids=lambda path: path.stem)
+def test_all_forms_of_shipped_behaviors_are_proved(path: Path) -> None:
+    result = emitted(compiled(path.stem))
+    assert isinstance(result, Proved)
+    assert result.forms == ("clients", "JSON", "lowered code", "generated Python")
+
+
+@pytest.mark.parametrize("seed", range(60))
+@pytest.mark.parametrize("network", [True, False], ids=["network", "whole"])
+def test_all_forms_of_drawn_programs_are_proved(seed: int, network: bool) -> None:
+    program, _ = run_of_seed(seed, network=network)
+    assert isinstance(emitted(compile_program(program)), Proved), seed
+
+
+# --- generated Python --------------------------------------------------------------------------------
+
+
+def changed_text(change: Callable[[str], str]) -> Result:
+    of = compiled("allen")
+    text = generate(of.program, of.clients)
+    changed = change(text)
+    assert changed != text
+    return prove_python(of.program, of.clients, changed)
+
+
+@pytest.mark.parametrize(
+    ("what", "instead"),
+    [
+        (" and v360:  # runaway", ":  # runaway"),
+        ("if travel_active and v332:", "if v332:"),
+        ("if collide_active and sensing:", "if sensing and not collide_active:"),
+        ("t < self.guard_10_until", "t <= self.guard_10_until"),
+        ("self.guard_10_until = t + 300_000_000", "self.guard_10_until = t + 300_000_001"),
+        (
+            "if travel_active:\n            self.guard_10",
+            "if travel_active and v332:\n            self.guard_10",
+        ),
+        ("self.guard_10_until = 0", "self.guard_10_until = 1"),
+        ("drive_by = 'travel'", "drive_by = 'wander'"),
+        ("v332 = v331 and sensing", "v332 = v331 or sensing"),
+        ("v332 = v331 and sensing", "v332 = v331"),
+    ],
+)
+def test_a_change_in_generated_python_is_found(what: str, instead: str) -> None:
+    found = changed_text(lambda text: text.replace(what, instead))
+    assert isinstance(found, WrongWinner)
+    assert found.form == "generated Python"
+    assert found.network != found.by_priority
+
+
+def test_a_change_that_changes_no_winner_is_proved() -> None:
+    """Who comes after `travel` is only asked where `travel` is not active, or inhibited like themselves."""
+    what, instead = "v359 = not (travel_active or", "v359 = not (collide_active or"
+    assert isinstance(changed_text(lambda text: text.replace(what, instead)), Proved)
+
+
+def test_clients_in_another_order_are_found() -> None:
+    def reordered(text: str) -> str:
+        clients = re.compile(r"( {12}if .*?  # (?:collide|travel), .*?break\n)", re.DOTALL)
+        first, second = clients.findall(text)[:2]
+        return text.replace(first, "").replace(second, second + first)
+
+    found = changed_text(reordered)
+    assert isinstance(found, WrongWinner)
+
+
+@pytest.mark.parametrize(
+    ("what", "instead", "found"),
+    [
+        ("class Program:", "class Programme:", "no class `Program`"),
+        (
+            "                drive_turn = 0.0\n                break",
+            "                drive_turn = 0.0",
+            "collide",
+        ),
+        ("drive_by = 'travel'", "drive_by = str('travel')", "drive_by = str('travel')"),
+        ("        return (drive,)", "        yield (drive,)", "Expr"),
+        ("while True:", "while records:", "While"),
+        ("def step", "def step(", "SyntaxError"),
+    ],
+)
+def test_python_of_another_shape_is_refused(what: str, instead: str, found: str) -> None:
+    result = changed_text(lambda text: text.replace(what, instead))
+    assert isinstance(result, Malformed)
+    assert found in result.found
+
+
+# --- JSON ----------------------------------------------------------------------------------------
+
+
+def changed_json(change: Callable[[dict[str, list[dict[str, object]]]], None]) -> Result:
+    of = compiled("allen")
+    document = json.loads(to_json(of))
+    change(document)
+    emitted_text = json.dumps(document)
+    assert not isinstance(prove(of.program, of, json=emitted_text), Proved)
+    return prove_json(of.program, emitted_text)
+
+
+def a_node(document: dict[str, list[dict[str, object]]], op: str) -> dict[str, object]:
+    return next(node for node in document["nodes"] if node["op"] == op)
+
+
+def test_json_of_its_own_is_held_against_the_network() -> None:
+    of = compiled("allen")
+    assert isinstance(prove_json(of.program, to_json(of)), Proved)
+    unsimplified = clients_to_json(of.traversal)
+    assert unsimplified != to_json(of)
+    assert isinstance(prove_json(of.program, unsimplified), Proved), "other guards, but the same winners"
+
+
+def test_a_dropped_condition_in_json_is_found() -> None:
+    found = changed_json(lambda d: a_node(d, "and").update(op="or"))
+    assert isinstance(found, WrongWinner)
+
+
+def test_another_time_constant_in_json_is_found() -> None:
+    found = changed_json(lambda d: a_node(d, "recently").update(window_ns=1))
+    assert isinstance(found, WrongWinner)
+    assert found.frame.recent
+
+
+def test_a_client_left_out_of_json_is_found() -> None:
+    def without_the_lowest(document: dict[str, object]) -> None:
+        clients = document["actuators"]["drive"]["clients"]  # type: ignore[index]
+        clients.pop()
+        for client in clients:
+            client["priority"] -= 1
+
+    assert isinstance(changed_json(without_the_lowest), WrongWinner)  # type: ignore[arg-type]
+
+
+@pytest.mark.parametrize("text", ["", "[]", "{}", '{"nodes": [{"op": "not", "of": 0}]}', '{"nodes": 3}'])
+def test_what_is_no_client_list_is_refused(text: str) -> None:
+    assert isinstance(prove_json(compiled("allen").program, text), Malformed)
+
+
+# --- lowered code --------------------------------------------------------------------------------
+
+
+def changed_code(change: Callable[[Code], Code]) -> Result:
+    of = compiled("allen")
+    return prove(of.program, of, code=change(lower(of.program, of.clients)))
+
+
+def with_clients(change: Callable[[int, int], tuple[int, int]]) -> Callable[[Code], Code]:
+    """`change` guard and exclusive guard of every client."""
+
+    def over(code: Code) -> Code:
+        [actuator] = code.actuators
+        clients = []
+        for client in actuator.clients:
+            guard, exclusive = change(client.guard, client.exclusive)
+            clients.append(replace(client, guard=guard, exclusive=exclusive))
+        return replace(code, actuators=(replace(actuator, clients=tuple(clients)),))
+
+    return over
+
+
+def test_lowered_guards_of_other_clients_are_found() -> None:
+    found = changed_code(with_clients(lambda guard, exclusive: (guard - 1, exclusive)))
+    assert isinstance(found, WrongWinner)
+    assert found.form == "lowered code"
+
+
+def test_a_window_of_lowered_code_is_found() -> None:
+    def longer(code: Code) -> Code:
+        ops = [Literal(op.value + 1) if op == Literal(600_000_000) else op for op in code.ops]
+        return replace(code, ops=tuple(ops))
+
+    assert isinstance(changed_code(longer), WrongWinner)
+
+
+def test_an_operator_of_lowered_code_is_found() -> None:
+    def other(code: Code) -> Code:
+        guards = {client.guard for actuator in code.actuators for client in actuator.clients}
+        ops = [
+            Apply(Operator.OR, op.arguments)
+            if at in guards and isinstance(op, Apply) and op.operator is Operator.AND
+            else op
+            for at, op in enumerate(code.ops)
+        ]
+        return replace(code, ops=tuple(ops))
+
+    assert isinstance(changed_code(other), WrongWinner)
+
+
+def test_memory_of_lowered_code_that_moves_otherwise_is_found() -> None:
+    def frozen(code: Code) -> Code:
+        cells = [
+            replace(c, condition=code.actuators[0].clients[0].guard) if c.name.startswith("guard") else c
+            for c in code.cells
+        ]
+        return replace(code, cells=tuple(cells))
+
+    assert isinstance(changed_code(frozen), WrongWinner)

@@ -1,0 +1,66 @@
+from __future__ import annotations
+
+from colony.verify.equivalence.results import (
+    Frame,
+    Malformed,
+    Proved,
+    Recent,
+    Undecided,
+    WrongActivity,
+    WrongWinner,
+    counterexample_text,
+    proved_text,
+    undecided_text,
+)
+
+FRAME = Frame(
+    active=("a", "b", "c"),
+    recent=(
+        Recent(name="d", least_ns=0, less_ns=1_500_000_000),
+        Recent(name="e", least_ns=100_000_000, less_ns=100_000_001),
+    ),
+)
+
+
+def test_a_wrong_winner_in_words() -> None:
+    wrong = WrongWinner(
+        form="JSON", actuator="drive", frame=FRAME, network="a", by_priority=None, by_exclusive=("b", "c")
+    )
+    assert counterexample_text(wrong) == (
+        "JSON: drive: with a, b and c active, and d less than 1.5 s ago and e 100 ms ago or more, but less "
+        "than 100000001 ns ago, the network lets a through; by priority nobody commands, by exclusive guard "
+        "b and c"
+    )
+
+
+def test_a_form_without_exclusive_guards_says_nothing_of_them() -> None:
+    wrong = WrongWinner(
+        form="generated Python",
+        actuator="drive",
+        frame=Frame(active=()),
+        network=None,
+        by_priority="a",
+        by_exclusive=None,
+    )
+    assert counterexample_text(wrong) == (
+        "generated Python: drive: with no module active, the network lets nobody through; "
+        "by priority a commands"
+    )
+
+
+def test_the_others_in_words() -> None:
+    activity = WrongActivity(form="JSON", name="w", frame=Frame(active=("a",)), network=False, found=True)
+    expected = "JSON: with a active, `w` is not active in the network, and active in what was compiled"
+    assert counterexample_text(activity) == expected
+    malformed = Malformed(form="JSON", subject="drive", found="this", expected="that")
+    assert counterexample_text(malformed) == "JSON: drive: found this, expected that"
+    undecided = Undecided(form="JSON", subject="drive", timeout_ms=1_500)
+    expected = "JSON: drive: z3 found neither a proof nor a counterexample within 1.5 s"
+    assert undecided_text(undecided) == expected
+
+
+def test_what_was_proved_in_words() -> None:
+    one = Proved(forms=("clients",), by_structure=3, by_solver=1, questions=2)
+    other = Proved(forms=("JSON",), by_structure=2, by_solver=0, questions=0)
+    expected = "proved: clients, JSON and network are the same (6 obligations: 5 by structure, 1 by z3)"
+    assert proved_text(one.and_of(other)) == expected
