@@ -1,11 +1,12 @@
 """One frame of a program as formulas: the transition system that proofs, lints and `colony diff` work on.
 
 All formulas are over constants of three kinds: the *inputs* of the frame (free within `assumptions`), the
-*cells* of memory as they were before the frame, and *auxiliary* constants that `definitions` tie to the rest.
-A trace is unrolled by renaming them frame by frame (`unrolling.py`).
+*cells* of memory as they were before the frame, and *auxiliary* constants that `definitions` and
+`assumptions` tie to the rest. A trace is unrolled by renaming them frame by frame (`unrolling.py`).
 
-Time is a real number of nanoseconds. Numbers are extended reals: rounding and overflow are left out, NaN and
-the infinities are not. `Exactness` tells what of this a formula depends on.
+Time is a whole number (z3's Int) of nanoseconds since the first frame, which is at 0. Numbers are extended
+reals: rounding and overflow are left out, NaN and the infinities are not, nor is the sign of zero. `Reason`
+tells what of this a formula depends on.
 """
 
 from __future__ import annotations
@@ -13,6 +14,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from enum import Enum, auto, unique
+from fractions import Fraction
 from typing import TypeAlias
 
 import z3
@@ -20,17 +22,47 @@ import z3
 from colony.ir.program import Program
 from colony.ir.types import ScalarValue
 from colony.source import NOWHERE, Span
+from colony.verify.symbolic.graph import Graph
+
+
+@dataclass(frozen=True, slots=True)
+class Bounds:
+    """What is known of a number that is not NaN: both ends in, None for no end.
+
+    An end also rules out the infinity beyond it. `whole`: it is an integer, or infinite.
+    """
+
+    low: Fraction | None = None
+    high: Fraction | None = None
+    whole: bool = False
+
+
+UNBOUNDED = Bounds()
+
+Case: TypeAlias = tuple[float, z3.BoolRef]
+"""A float that a number may be, and when it is that."""
 
 
 @dataclass(frozen=True, slots=True)
 class Number:
     """An extended real. Where `nan`, it is NaN; else where `infinite`, infinite with the sign of `value`
     (which is not 0 then); else `value`. `nan` and `infinite` are the constant false wherever that is known.
+
+    The rest is known besides: `bounds`; `whole`, the same value as a term of sort Int, where it is whole;
+    `cases`, where it can be only a few floats (one: a constant), of which exactly one applies, and the one
+    that is 0 may be -0.0 as well if `loose_zero`; `nanoseconds`, of a time; `branches`, the numbers of which
+    it is one, where it was made by a choice.
     """
 
     value: z3.ArithRef
     nan: z3.BoolRef
     infinite: z3.BoolRef
+    bounds: Bounds = UNBOUNDED
+    whole: z3.ArithRef | None = None
+    cases: tuple[Case, ...] = ()
+    loose_zero: bool = False
+    nanoseconds: z3.ArithRef | None = None
+    branches: tuple[Number, ...] = ()
 
 
 Scalar: TypeAlias = Number | z3.BoolRef
@@ -58,6 +90,19 @@ class Reason:
     text: str
 
 
+@dataclass(frozen=True, slots=True)
+class Blamed:
+    """An inexact term, why, and the bounds that the program's float is within.
+
+    `unlike`: it stands for floats that may differ, as the program computes it in several ways.
+    """
+
+    term: z3.ExprRef
+    reason: Reason
+    bounds: Bounds = UNBOUNDED
+    unlike: bool = False
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Cell:
     """Memory: `old` is the constant that it is before the frame, `next` the formula for what it is after it.
@@ -69,6 +114,35 @@ class Cell:
     old: z3.ExprRef
     next: z3.ExprRef
     initial: z3.ExprRef
+
+
+@unique
+class Operation(Enum):
+    """What an auxiliary constant stands for, of its operands; partial ones mean nothing elsewhere."""
+
+    PRODUCT = auto()
+    QUOTIENT = auto()
+    MODULO = auto()
+    SQRT = auto()
+    SIN = auto()
+    COS = auto()
+    ATAN2 = auto()
+    FLOOR = auto()
+    ROUND = auto()
+    OVERFLOW = auto()
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Auxiliary:
+    """The constant that stands for the value of `operation` of `operands`; what is known of it is assumed.
+
+    FLOOR and ROUND are of sort Int and exact. OVERFLOW is a truth: whether the program's float is infinite
+    though the operand is not; false of reals. Others are abstracted (PRODUCT, QUOTIENT: unless `precise`).
+    """
+
+    constant: z3.ArithRef | z3.BoolRef
+    operation: Operation
+    operands: tuple[Number, ...]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -147,13 +221,36 @@ class Claim:
     span: Span = field(default=NOWHERE)
 
 
+@unique
+class FactKind(Enum):
+    """Among which formulas of a system a fact stands."""
+
+    ASSUMPTION = auto()
+    DEFINITION = auto()
+    INVARIANT = auto()
+
+
+@dataclass(frozen=True, slots=True)
+class Fact:
+    """A formula that says what the values of `about` are. `of_reals`: rounded floats need not meet it."""
+
+    kind: FactKind
+    about: z3.ExprRef
+    formula: z3.BoolRef
+    of_reals: bool = False
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
 class System:
     """A program as a transition system.
 
-    `now` is the time of the frame and an input; `begun` is a cell, false before the first frame, and
-    `last` the cell with the time of the last frame. `assumptions` (sensors in range, time rising, what bounds
-    abstracted functions) and `definitions` hold in every frame.
+    `now` is the time of the frame and an input, 0 in the first; `begun` is a cell, false before the first
+    frame, and `last` the cell with the time of the last frame. `assumptions` (sensors in range, time rising,
+    what bounds abstracted functions) and `definitions` (`constant == term`) hold in every frame. `invariants`
+    are true of the cells before every frame that a run can reach, and are preserved: they may be assumed in
+    an induction. `facts` gives, by the id of a constant, those of the three that say what it is; a
+    formula without it needs none of them. `inexact` gives, by id, the terms that are not bit for bit. `graph`
+    remembers the terms met, and is what makes looking for cones quick.
     """
 
     program: Program
@@ -165,6 +262,11 @@ class System:
     cells: tuple[Cell, ...]
     assumptions: tuple[z3.BoolRef, ...]
     definitions: tuple[z3.BoolRef, ...]
+    invariants: tuple[z3.BoolRef, ...]
+    auxiliaries: tuple[Auxiliary, ...]  # each before those that are computed from it
+    facts: Mapping[int, tuple[Fact, ...]]
+    inexact: Mapping[int, Blamed]
+    graph: Graph = field(compare=False, repr=False)
     derived: Mapping[str, tuple[z3.BoolRef, Term]]  # lets at file level: whether missing, and the value
     states: Mapping[str, Scalar]  # file level `name` and `module.name`: old values
     locals: Mapping[str, Term]  # lets of modules, by full name
@@ -173,6 +275,7 @@ class System:
     nodes: tuple[NodeTerms, ...]
     actuators: Mapping[str, ActuatorTerms]
     claims: tuple[Claim, ...]
+    prefix: str = ""  # of the names of cells and auxiliary constants
 
 
 ModelValue = ScalarValue | None

@@ -1,0 +1,429 @@
+"""Arithmetic that needs new constants or rounds: sums, products, quotients, remainders, whole numbers.
+
+What is not linear is a constant of its own, of which only signs and bounds are assumed; every such assumption
+can be met whatever the operands are, and is about operands that are finite.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass, replace
+from fractions import Fraction
+from typing import cast
+
+import z3
+
+from colony.ir.expression import Function
+from colony.source import Span
+from colony.verify.interpreter_functions import divide, modulo, of_one
+from colony.verify.symbolic import bounding
+from colony.verify.symbolic.builder import Builder
+from colony.verify.symbolic.cases import ANY_ZERO, by_cases, by_folding, constant, whole_of
+from colony.verify.symbolic.logic import (
+    FALSE,
+    all_of,
+    any_of,
+    both,
+    either,
+    implied,
+    is_false,
+    negation,
+    pick,
+    real,
+)
+from colony.verify.symbolic.numbers import (
+    added,
+    compared,
+    equal_signs,
+    finite,
+    greatest,
+    is_exact_whole,
+    least,
+    negated,
+    negative_value,
+    of_whole,
+    positive_value,
+    scaled,
+    select_number,
+)
+from colony.verify.symbolic.system import UNBOUNDED, Bounds, Inexact, Number, Operation, Reason
+
+FEW_WHOLES = 40
+"""Up to so many, whole numbers are told apart by comparisons; more are a constant of sort Int."""
+
+ZERO = constant(0.0)
+
+
+@dataclass(frozen=True, slots=True)
+class Arithmetic:
+    """Operations at one place of the program, which is what their reasons name."""
+
+    builder: Builder
+    span: Span
+
+    # --- sums ------------------------------------------------------------------------------------
+
+    def add(self, x: Number, y: Number) -> Number:
+        """`x + y`."""
+        result = added(x, y)
+        if result.cases or result is x or result is y or is_exact_whole(result.bounds):
+            return result
+        return self._rounds(result, "a sum", grows=not (_is_small(x) or _is_small(y)))
+
+    def subtract(self, x: Number, y: Number) -> Number:
+        """`x - y`."""
+        if x.cases and y.cases:
+            known = by_folding(lambda v, w: v - w, (x, y))
+            if known is not None:
+                return known
+        return self.add(x, negated(y))
+
+    def _rounds(self, x: Number, what: str, grows: bool = True) -> Number:
+        """A number that the program rounds; `grows`: it may be beyond all floats though no operand is."""
+        return self._blamed(x, Inexact.ROUNDING, f"{what}: reals in place of floats", grows)
+
+    def _abstracted(self, x: Number, text: str, grows: bool = False) -> Number:
+        return self._blamed(x, Inexact.ABSTRACTED, text, grows)
+
+    def _blamed(self, x: Number, kind: Inexact, text: str, grows: bool) -> Number:
+        self.builder.blame(replace(x, bounds=bounding.of_floats(x.bounds)), Reason(kind, self.span, text))
+        x = replace(x, bounds=bounding.rounded(x.bounds))
+        if not grows or bounding.within_floats(x.bounds):
+            return x
+        beyond = self.builder.overflow(replace(x, nan=FALSE, infinite=FALSE), self.span)
+        return replace(x, infinite=either(x.infinite, beyond))
+
+    # --- products --------------------------------------------------------------------------------
+
+    def multiply(self, x: Number, y: Number) -> Number:
+        """`x * y`."""
+        known = by_folding(lambda v, w: v * w, (x, y))
+        if known is not None:
+            return known
+        few, other = (x, y) if x.cases and (not y.cases or len(x.cases) <= len(y.cases)) else (y, x)
+        if few.cases:
+            return self._per_case(few, lambda v: self._times(other, v))
+        return self._product(x, y)
+
+    def _per_case(self, few: Number, of: Callable[[float], Number]) -> Number:
+        *first, (last, _) = few.cases
+        result = of(last)
+        for v, condition in reversed(first):
+            result = select_number(condition, of(v), result)
+        return result
+
+    def _times(self, x: Number, factor: float) -> Number:
+        """`x` times a constant."""
+        if math.isnan(factor):
+            return constant(math.nan)
+        if factor == 0:
+            return select_number(finite(x), ANY_ZERO, constant(math.nan))
+        if math.isinf(factor):
+            sign = scaled(x, Fraction(1 if factor > 0 else -1))
+            zero = both(negation(x.infinite), cast(z3.BoolRef, x.value == real(0)))
+            return Number(sign.value, either(x.nan, zero), finite_or_infinite(x), UNBOUNDED)
+        if factor == 1:
+            return x
+        result = scaled(x, Fraction(factor))
+        if factor == -1 or is_exact_whole(result.bounds):
+            return result
+        return self._rounds(result, "a product", grows=abs(factor) > 1)
+
+    def _product(self, x: Number, y: Number) -> Number:
+        if x.value.get_id() > y.value.get_id():
+            x, y = y, x
+        nan = any_of((x.nan, y.nan, _infinite_times_zero(x, y), _infinite_times_zero(y, x)))
+        infinite = either(x.infinite, y.infinite)
+        bounds = bounding.product(x.bounds, y.bounds)
+        if self.builder.precise:
+            return self._rounds(Number(x.value * y.value, nan, infinite, bounds), "a product")
+        term, new = self.builder.auxiliary(Operation.PRODUCT, (x, y), z3.RealSort())
+        if new:
+            self._assume(term, bounding.of_product(term, x, y, bounds))
+        text = "a product of two values that vary: only its sign and bounds are known"
+        return self._abstracted(Number(term, nan, infinite, bounds), text, grows=True)
+
+    def _assume(self, term: z3.ArithRef, known: Iterable[bounding.Known]) -> None:
+        for formula, of_reals in known:
+            self.builder.assume(term, formula, of_reals)
+
+    # --- quotients -------------------------------------------------------------------------------
+
+    def divide(self, x: Number, y: Number) -> Number:
+        """`x / y`."""
+        known = by_folding(divide, (x, y))
+        if known is not None:
+            return known
+        if y.cases:
+            return self._per_case(y, lambda v: self._over(x, v, y.loose_zero))
+        return self._quotient(x, y)
+
+    def _over(self, x: Number, divisor: float, loose_zero: bool) -> Number:
+        """`x` divided by a constant, of which a zero may have either sign."""
+        if math.isnan(divisor):
+            return constant(math.nan)
+        if divisor == 0 and loose_zero:
+            return self._quotient(x, ANY_ZERO)
+        if math.isinf(divisor):
+            return select_number(finite(x), ANY_ZERO, constant(math.nan))
+        if divisor == 0:
+            sign = scaled(x, Fraction(int(math.copysign(1.0, divisor))))
+            zero = both(negation(x.infinite), cast(z3.BoolRef, x.value == real(0)))
+            return Number(sign.value, either(x.nan, zero), negation(x.nan), UNBOUNDED)
+        if divisor == 1:
+            return x
+        result = scaled(x, 1 / Fraction(divisor))
+        return result if divisor == -1 else self._rounds(result, "a quotient", grows=abs(divisor) < 1)
+
+    def _quotient(self, x: Number, y: Number) -> Number:
+        by_zero = both(negation(y.infinite), compared(y, ZERO, "=="))
+        none = both(negation(x.infinite), compared(x, ZERO, "=="))
+        nan = any_of((x.nan, y.nan, both(by_zero, none), both(x.infinite, y.infinite)))
+        infinite = either(by_zero, x.infinite)
+        term, new = self.builder.auxiliary(Operation.QUOTIENT, (x, y), z3.RealSort())
+        bounds = bounding.quotient(x.bounds, y.bounds)
+        if new:
+            precise = self.builder.precise
+            self._assume(term, bounding.of_quotient(term, x, y, by_zero, nan, bounds, precise))
+        result = Number(term, nan, infinite, bounds)
+        if self.builder.precise and is_false(by_zero):
+            return self._rounds(result, "a quotient")
+        return self._abstracted(
+            result, "a quotient of two values that vary: only its sign and bounds are known", grows=True
+        )
+
+    # --- remainders ------------------------------------------------------------------------------
+
+    def modulo(self, x: Number, y: Number) -> Number:
+        """`mod(x, y)`."""
+        known = by_folding(modulo, (x, y))
+        if known is not None:
+            return known
+        if y.cases:
+            return self._per_case(y, lambda v: self._modulo_constant(x, v))
+        term, new = self.builder.auxiliary(Operation.MODULO, (x, y), z3.RealSort())
+        by_zero = both(negation(y.infinite), compared(y, ZERO, "=="))
+        nan = any_of((x.nan, y.nan, x.infinite, by_zero))
+        # mod(x, inf) is x, or inf where the signs differ
+        away = both(cast(z3.BoolRef, x.value != real(0)), negation(equal_signs(x, y)))
+        infinite = both(y.infinite, away)
+        if new:
+            self._assume(term, bounding.of_modulo(term, x, y, nan))
+        bounds = bounding.modulo(y.bounds)
+        return self._abstracted(Number(term, nan, infinite, bounds), "`mod` by a value that varies")
+
+    def _modulo_constant(self, x: Number, divisor: float) -> Number:
+        if math.isnan(divisor) or divisor == 0:
+            return constant(math.nan)
+        nan = either(x.nan, x.infinite)
+        if math.isinf(divisor):
+            away = negative_value(x) if divisor > 0 else positive_value(x)
+            inside = select_number(away, constant(divisor), replace(x, infinite=FALSE))
+            return _or_nan(nan, inside)
+        exact = Fraction(divisor)
+        there = replace(x, nan=FALSE, infinite=FALSE, cases=())
+        times = self.floor_of(scaled(there, 1 / exact))
+        remainder = added(there, scaled_or_cases(negated(times), exact))
+        ends = (min(exact, Fraction(0)), max(exact, Fraction(0)))
+        high = ends[1] - 1 if x.bounds.whole and exact.denominator == 1 and exact > 0 else ends[1]
+        bounds = Bounds(ends[0], high, x.bounds.whole and exact.denominator == 1)
+        if remainder.cases:
+            return _or_nan(nan, remainder)
+        result = replace(remainder, nan=nan, bounds=bounds)
+        same_side = x.bounds.low is not None and x.bounds.low >= 0 and divisor > 0
+        return result if same_side or is_exact_whole(bounds) else self._rounds(result, "`mod`", grows=False)
+
+    def angle_difference(self, a: Number, b: Number) -> Number:
+        """How far `a` is from `b`, in degrees: above -180, up to 180."""
+        turned = self.modulo(self.subtract(a, b), constant(360.0))
+        if turned.cases:
+            known = by_folding(lambda d: d - 360.0 if d > 180.0 else d, (turned,))
+            assert known is not None
+            return known
+        wrapped = self.add(turned, constant(-360.0))
+        result = select_number(compared(constant(180.0), turned, "<"), wrapped, turned)
+        return replace(result, bounds=Bounds(Fraction(-180), Fraction(180), result.bounds.whole))
+
+    # --- whole numbers ---------------------------------------------------------------------------
+
+    def floor(self, x: Number) -> Number:
+        return self._whole(x, Function.FLOOR, self.floor_of)
+
+    def ceil(self, x: Number) -> Number:
+        return self._whole(x, Function.CEIL, lambda v: negated(self.floor_of(negated(v))))
+
+    def round(self, x: Number) -> Number:
+        """The nearest whole number, halves to even."""
+        return self._whole(x, Function.ROUND, self.round_of)
+
+    def _whole(self, x: Number, function: Function, of: Callable[[Number], Number]) -> Number:
+        """NaN and infinities stay."""
+        known = by_folding(lambda v: of_one(function, v), (x,))
+        if known is not None:
+            return known
+        if x.bounds.whole:
+            return x
+        rounded = of(replace(x, nan=FALSE, infinite=FALSE))
+        if is_false(x.infinite):
+            return _or_nan(x.nan, rounded)
+        value = pick(x.infinite, x.value, rounded.value)
+        return Number(value, x.nan, x.infinite, replace(rounded.bounds, whole=False))
+
+    def floor_of(self, x: Number) -> Number:
+        """The floor of a finite number; few are told apart by comparisons, which is quicker to solve."""
+        if x.bounds.whole:
+            return x
+        low, high = bounding.floors(x.bounds)
+        if low is not None and high is not None and high - low < FEW_WHOLES:
+            return self._steps(x, low, high, lambda n: cast(z3.BoolRef, x.value >= integer_value(n)))
+        term, new = self.builder.auxiliary(Operation.FLOOR, (x,), z3.IntSort())
+        if new:
+            self.builder.define(term, cast(z3.BoolRef, z3.ToReal(term) <= x.value))
+            self.builder.define(term, cast(z3.BoolRef, x.value < z3.ToReal(term) + 1))
+        return of_whole(term, _whole_bounds(low, high))
+
+    def round_of(self, x: Number) -> Number:
+        """The nearest whole number to a finite one, halves to even."""
+        if x.bounds.whole:
+            return x
+        low, high = bounding.rounds(x.bounds)
+        if low is not None and high is not None and high - low < FEW_WHOLES:
+            return self._steps(x, low, high, lambda n: _reaches(x.value, n))
+        term, new = self.builder.auxiliary(Operation.ROUND, (x,), z3.IntSort())
+        if new:
+            half, near = real(Fraction(1, 2)), z3.ToReal(term)
+            even = cast(z3.BoolRef, term % 2 == 0)
+            self.builder.define(term, cast(z3.BoolRef, near - half <= x.value))
+            self.builder.define(term, cast(z3.BoolRef, x.value <= near + half))
+            tie = either(cast(z3.BoolRef, x.value == near - half), cast(z3.BoolRef, x.value == near + half))
+            self.builder.define(term, implied(tie, even))
+        return of_whole(term, _whole_bounds(low, high))
+
+    def _steps(self, x: Number, low: int, high: int, reaches: Callable[[int], z3.BoolRef]) -> Number:
+        """The greatest n of low .. high that `x` reaches, by cases."""
+        steps = [reaches(n) for n in range(low + 1, high + 1)]
+        cases = []
+        for i in range(high - low + 1):
+            above = negation(steps[i]) if i < len(steps) else None
+            under = steps[i - 1] if i > 0 else None
+            cases.append((float(low + i), all_of(c for c in (above, under) if c is not None)))
+        return by_cases(cases, loose_zero=True)
+
+    # --- functions of one number -----------------------------------------------------------------
+
+    def absolute(self, x: Number) -> Number:
+        """`abs(x)`, exactly."""
+        known = by_folding(abs, (x,))
+        if known is not None:
+            return known
+        result = select_number(negative_value(x), negated(x), x)
+        low, high = x.bounds.low, x.bounds.high
+        top = None if low is None or high is None else max(abs(low), abs(high))
+        bottom = max(low or Fraction(0), -(high if high is not None else Fraction(0)), Fraction(0))
+        return replace(result, bounds=Bounds(bottom, top, x.bounds.whole))
+
+    def sign(self, x: Number) -> Number:
+        """-1, 0 or 1; NaN of NaN."""
+        known = by_folding(lambda v: of_one(Function.SIGN, v), (x,))
+        if known is not None:
+            return known
+        there = negation(x.nan)
+        up, down = both(there, positive_value(x)), both(there, negative_value(x))
+        zero = all_of((there, negation(up), negation(down)))
+        return by_cases(((math.nan, x.nan), (1.0, up), (-1.0, down), (0.0, zero)))
+
+    def square_root(self, x: Number) -> Number:
+        """`sqrt(x)`; NaN below 0."""
+        known = by_folding(lambda v: of_one(Function.SQRT, v), (x,))
+        if known is not None:
+            return known
+        nan = either(x.nan, negative_value(x))
+        term, new = self.builder.auxiliary(Operation.SQRT, (x,), z3.RealSort())
+        if new:
+            self._assume(term, bounding.of_square_root(term, x, nan))
+        bounds = bounding.square_root(x.bounds)
+        return self._abstracted(Number(term, nan, x.infinite, bounds), "`sqrt`: only bounds are known")
+
+    def sine(self, x: Number, function: Function) -> Number:
+        """`sin(x)` or `cos(x)`; NaN of an infinity."""
+        known = by_folding(lambda v: of_one(function, v), (x,))
+        if known is not None:
+            return known
+        operation = Operation.SIN if function is Function.SIN else Operation.COS
+        term, new = self.builder.auxiliary(operation, (x,), z3.RealSort())
+        if new:
+            self.builder.assume(term, all_of((cast(z3.BoolRef, term >= -1), cast(z3.BoolRef, term <= 1))))
+        bounds = Bounds(Fraction(-1), Fraction(1))
+        text = f"`{function.value}`: only bounds are known"
+        return self._abstracted(Number(term, either(x.nan, x.infinite), FALSE, bounds), text)
+
+    def arc_tangent(self, y: Number, x: Number) -> Number:
+        """`atan2(y, x)` in degrees."""
+        known = by_folding(lambda v, w: math.degrees(math.atan2(v, w)), (y, x))
+        if known is not None:
+            return known
+        term, new = self.builder.auxiliary(Operation.ATAN2, (y, x), z3.RealSort())
+        nan = either(y.nan, x.nan)
+        if new:
+            for formula in bounding.of_arc_tangent(term, y, x):
+                self.builder.assume(term, implied(negation(nan), formula))
+        bounds = bounding.arc_tangent(y, x)
+        text = "`atan2`: only bounds are known"
+        return self._abstracted(Number(term, nan, FALSE, bounds), text)
+
+    def clamp(self, x: Number, low: Number, high: Number) -> Number:
+        """`min(max(x, low), high)`."""
+        return least((greatest((x, low)), high))
+
+
+# --- parts ---------------------------------------------------------------------------------------
+
+
+def _is_small(x: Number) -> bool:
+    """Whether a finite float plus `x` is never beyond all floats."""
+    low, high = x.bounds.low, x.bounds.high
+    return low is not None and high is not None and max(-low, high) < _SMALL
+
+
+_SMALL = 2**960
+
+
+def _infinite_times_zero(x: Number, y: Number) -> z3.BoolRef:
+    if is_false(x.infinite):
+        return FALSE
+    return all_of((x.infinite, negation(y.infinite), cast(z3.BoolRef, y.value == real(0))))
+
+
+def finite_or_infinite(x: Number) -> z3.BoolRef:
+    """Not NaN."""
+    return negation(x.nan)
+
+
+def _or_nan(nan: z3.BoolRef, x: Number) -> Number:
+    """`x`, or NaN."""
+    if is_false(nan):
+        return x
+    return select_number(nan, constant(math.nan), x) if x.cases else replace(x, nan=either(nan, x.nan))
+
+
+def scaled_or_cases(x: Number, factor: Fraction) -> Number:
+    """`x` times a real; case by case in exact reals, which are not floats any more."""
+    whole = whole_of(x)
+    if whole is None:
+        return scaled(x, factor)
+    return scaled(replace(x, whole=whole if factor.denominator == 1 else None, cases=()), factor)
+
+
+def integer_value(n: int) -> z3.ArithRef:
+    return real(n)
+
+
+def _reaches(x: z3.ArithRef, n: int) -> z3.BoolRef:
+    """Whether a real rounds to `n` or more, halves to even."""
+    half = real(Fraction(2 * n - 1, 2))
+    return cast(z3.BoolRef, x >= half if n % 2 == 0 else x > half)
+
+
+def _whole_bounds(low: int | None, high: int | None) -> Bounds:
+    return Bounds(None if low is None else Fraction(low), None if high is None else Fraction(high), True)

@@ -1,0 +1,271 @@
+"""What is known of operations that are not linear: intervals, signs, and linear bounds.
+
+Every formula is true of the real result, whatever the operands are within their bounds; so it can be assumed,
+and never leaves a frame without a model. It is also true of the float that the program computes, unless it is
+said to be of reals only: rounding is monotone, so it leaves no interval that ends in floats.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from fractions import Fraction
+from typing import cast
+
+import z3
+
+from colony.verify.symbolic.logic import all_of, any_of, both, either, implied, is_false, negation, real
+from colony.verify.symbolic.numbers import always_finite, finite, negative_value, positive_value
+from colony.verify.symbolic.system import UNBOUNDED, Bounds, Number
+
+Known = tuple[z3.BoolRef, bool]
+"""A formula, and whether it is of reals only."""
+
+_FLOATS = Fraction(2**1023)
+
+
+def within_floats(x: Bounds) -> bool:
+    """Whether no number within is beyond all floats."""
+    return x.low is not None and x.high is not None and x.low >= -_FLOATS and x.high <= _FLOATS
+
+
+def of_floats(x: Bounds) -> Bounds:
+    """Of what a number within `x` is rounded to; no end where that may be an infinity."""
+    low = None if x.low is None or x.low < -_FLOATS else _nearest(x.low)
+    high = None if x.high is None or x.high > _FLOATS else _nearest(x.high)
+    return Bounds(low, high, x.whole)
+
+
+def _nearest(x: Fraction) -> Fraction:
+    return Fraction(float(min(max(x, -_FLOATS), _FLOATS)))
+
+
+def rounded(x: Bounds) -> Bounds:
+    """Of a number within `x`, and of what it is rounded to."""
+    floats = of_floats(x)
+    low = None if floats.low is None or x.low is None else min(x.low, floats.low)
+    high = None if floats.high is None or x.high is None else max(x.high, floats.high)
+    return Bounds(low, high, x.whole)
+
+
+def product(x: Bounds, y: Bounds) -> Bounds:
+    """Of a product."""
+    if None in (x.low, x.high, y.low, y.high):
+        positive = _at_least_zero(x) and _at_least_zero(y)
+        return Bounds(Fraction(0) if positive else None, None)
+    ends = [a * b for a in _ends(x) for b in _ends(y)]
+    return Bounds(min(ends), max(ends))
+
+
+def _at_least_zero(x: Bounds) -> bool:
+    return x.low is not None and x.low >= 0
+
+
+def _ends(x: Bounds) -> tuple[Fraction, Fraction]:
+    assert x.low is not None
+    assert x.high is not None
+    return x.low, x.high
+
+
+def quotient(x: Bounds, y: Bounds) -> Bounds:
+    """Of a quotient by finite numbers; nothing where they may be 0."""
+    if y.low is not None and y.low > 0:
+        inverse = Bounds(Fraction(0) if y.high is None else 1 / y.high, 1 / y.low)
+    elif y.high is not None and y.high < 0:
+        inverse = Bounds(1 / y.high, Fraction(0) if y.low is None else 1 / y.low)
+    else:
+        return UNBOUNDED
+    return product(x, inverse)
+
+
+def modulo(y: Bounds) -> Bounds:
+    """Of a remainder by `y`: between 0 and it."""
+    low = None if y.low is None else min(y.low, Fraction(0))
+    high = None if y.high is None else max(y.high, Fraction(0))
+    return Bounds(low, high)
+
+
+def square_root(x: Bounds) -> Bounds:
+    """Of a square root, roughly."""
+    high = None if x.high is None else _root_above(x.high)
+    return Bounds(Fraction(0), high)
+
+
+def _root_above(x: Fraction) -> Fraction:
+    """A float that is at least the root, rounded as it may be."""
+    return Fraction(math.nextafter(math.sqrt(float(max(x, Fraction(0)))), math.inf)) if x < 10**300 else x
+
+
+def arc_tangent(y: Number, x: Number) -> Bounds:
+    """Of `atan2(y, x)`; the sign of `y` bounds it, but -0.0 may count as below 0."""
+    half = 90 if x.bounds.low is not None and x.bounds.low > 0 else 180
+    low = 0 if y.bounds.low is not None and y.bounds.low > 0 else -half
+    high = 0 if y.bounds.high is not None and y.bounds.high < 0 else half
+    return Bounds(Fraction(low), Fraction(high))
+
+
+def floors(x: Bounds) -> tuple[int | None, int | None]:
+    """Of the floor."""
+    return (
+        None if x.low is None else math.floor(x.low),
+        None if x.high is None else math.floor(x.high),
+    )
+
+
+def rounds(x: Bounds) -> tuple[int | None, int | None]:
+    """Of the nearest whole number, halves to even."""
+    return None if x.low is None else round(x.low), None if x.high is None else round(x.high)
+
+
+# --- what may be assumed -------------------------------------------------------------------------
+
+
+def between(term: z3.ArithRef, bounds: Bounds) -> Iterator[z3.BoolRef]:
+    """That a term is within bounds."""
+    if bounds.low is not None:
+        yield cast(z3.BoolRef, term >= real(bounds.low))
+    if bounds.high is not None:
+        yield cast(z3.BoolRef, term <= real(bounds.high))
+
+
+def within(x: Number, bounds: Bounds) -> z3.BoolRef:
+    """`x`, where it is finite, is within `bounds`."""
+    inside = all_of(between(x.value, bounds))
+    return inside if always_finite(x) else implied(finite(x), inside)
+
+
+def _zero(x: Number) -> z3.BoolRef:
+    return negation(either(positive_value(x), negative_value(x)))
+
+
+def _sign_rules(p: z3.ArithRef, x: Number, y: Number) -> Iterator[z3.BoolRef]:
+    """The sign of a product or quotient; that of small ones may round to 0."""
+    like = either(both(positive_value(x), positive_value(y)), both(negative_value(x), negative_value(y)))
+    unlike = either(both(positive_value(x), negative_value(y)), both(negative_value(x), positive_value(y)))
+    yield implied(like, cast(z3.BoolRef, p >= 0))
+    yield implied(unlike, cast(z3.BoolRef, p <= 0))
+
+
+def of_product(p: z3.ArithRef, x: Number, y: Number, bounds: Bounds) -> Iterator[Known]:
+    """The sign of a product, 0 times anything, and linear bounds."""
+    both_finite = both(finite(x), finite(y))
+    known = [*_sign_rules(p, x, y), implied(either(_zero(x), _zero(y)), cast(z3.BoolRef, p == 0))]
+    for formula in (*known, *between(p, rounded(bounds))):
+        yield implied(both_finite, formula), False
+    for formula in _envelope(p, x, y):
+        yield implied(both_finite, formula), True
+    if not (always_finite(x) and always_finite(y)):
+        for formula in _infinite_sign(p, x, y):
+            yield formula, False
+
+
+def _infinite_sign(p: z3.ArithRef, x: Number, y: Number) -> Iterator[z3.BoolRef]:
+    """A result that is infinite has the sign of its operands."""
+    infinite = either(x.infinite, y.infinite)
+    like = either(both(positive_value(x), positive_value(y)), both(negative_value(x), negative_value(y)))
+    unlike = either(both(positive_value(x), negative_value(y)), both(negative_value(x), positive_value(y)))
+    yield implied(both(infinite, like), cast(z3.BoolRef, p > 0))
+    yield implied(both(infinite, unlike), cast(z3.BoolRef, p < 0))
+
+
+def _envelope(p: z3.ArithRef, x: Number, y: Number) -> Iterator[z3.BoolRef]:
+    """McCormick's linear bounds of a product, from each pair of ends."""
+    v, w, a, b = x.value, y.value, x.bounds, y.bounds
+    for s, t, below in (
+        (a.low, b.low, True),
+        (a.high, b.high, True),
+        (a.low, b.high, False),
+        (a.high, b.low, False),
+    ):
+        if s is not None and t is not None:
+            plane = real(s) * w + real(t) * v - real(s * t)
+            yield cast(z3.BoolRef, p >= plane if below else p <= plane)
+
+
+def of_quotient(
+    q: z3.ArithRef, x: Number, y: Number, by_zero: z3.BoolRef, nan: z3.BoolRef, bounds: Bounds, precise: bool
+) -> Iterator[Known]:
+    """The sign of a quotient and its bounds; by zero it is infinite with either sign."""
+    usual = all_of((finite(x), finite(y), negation(by_zero)))
+    known = [*_sign_rules(q, x, y), implied(_zero(x), cast(z3.BoolRef, q == 0))]
+    for formula in (*known, *between(q, rounded(bounds))):
+        yield implied(usual, formula), False
+    for formula in _linear_quotient(q, x, y):
+        yield implied(usual, formula), True
+    if precise:
+        yield implied(usual, cast(z3.BoolRef, q * y.value == x.value)), True
+    yield implied(both(by_zero, negation(nan)), cast(z3.BoolRef, q != 0)), False
+    if not is_false(x.infinite):
+        divided = both(x.infinite, negation(either(by_zero, y.infinite)))
+        for formula in _infinite_sign(q, x, y):
+            yield implied(divided, formula), False
+    if not is_false(y.infinite):
+        yield implied(both(finite(x), y.infinite), cast(z3.BoolRef, q == 0)), False
+
+
+def _linear_quotient(q: z3.ArithRef, x: Number, y: Number) -> Iterator[z3.BoolRef]:
+    """Where the divisor is above 0, the quotient is between the dividend over each of its ends."""
+    low, high = y.bounds.low, y.bounds.high
+    if low is None or low <= 0:
+        return
+    up, down = positive_value(x), negative_value(x)
+    nearest = x.value * real(1 / low)
+    yield implied(up, cast(z3.BoolRef, q <= nearest))
+    yield implied(down, cast(z3.BoolRef, q >= nearest))
+    if high is not None:
+        farthest = x.value * real(1 / high)
+        yield implied(up, cast(z3.BoolRef, q >= farthest))
+        yield implied(down, cast(z3.BoolRef, q <= farthest))
+
+
+def of_modulo(r: z3.ArithRef, x: Number, y: Number, nan: z3.BoolRef) -> Iterator[Known]:
+    """A remainder is between 0 and the divisor; by an infinity it is the dividend, or that infinity."""
+    there = negation(nan)
+    usual = both(there, negation(y.infinite))
+    yield implied(both(usual, positive_value(y)), all_of(map(_bool, (r >= 0, r <= y.value)))), False
+    yield implied(both(usual, negative_value(y)), all_of(map(_bool, (r <= 0, r >= y.value)))), False
+    if not is_false(y.infinite):
+        away = either(both(positive_value(x), negative_value(y)), both(negative_value(x), positive_value(y)))
+        beside = both(there, y.infinite)
+        yield implied(both(beside, away), choose_sign(r, y)), False
+        yield implied(both(beside, negation(away)), _bool(r == x.value)), False
+
+
+def choose_sign(r: z3.ArithRef, y: Number) -> z3.BoolRef:
+    """`r` has the sign of `y`."""
+    return any_of((both(positive_value(y), _bool(r > 0)), both(negative_value(y), _bool(r < 0))))
+
+
+def _bool(formula: object) -> z3.BoolRef:
+    return cast(z3.BoolRef, formula)
+
+
+def of_square_root(r: z3.ArithRef, x: Number, nan: z3.BoolRef) -> Iterator[Known]:
+    """A root is at least 0, and between 1 and its square."""
+    there = negation(nan)
+    yield implied(there, _bool(r >= 0)), False
+    yield implied(both(there, _bool(x.value > 0)), _bool(r > 0)), False
+    plain = both(there, negation(x.infinite))
+    yield implied(both(plain, _bool(x.value <= 1)), all_of(map(_bool, (r >= x.value, r <= 1)))), False
+    yield implied(both(plain, _bool(x.value >= 1)), all_of(map(_bool, (r <= x.value, r >= 1)))), False
+    high = square_root(x.bounds).high
+    if high is not None:
+        yield implied(plain, _bool(r <= real(high))), False
+
+
+def of_arc_tangent(r: z3.ArithRef, y: Number, x: Number) -> Iterator[z3.BoolRef]:
+    """The quadrant of an angle, and the half of it; the sign of zero is not known."""
+    yield all_of(map(_bool, (r >= -180, r <= 180)))
+    yield implied(positive_value(y), _bool(r >= 0))
+    yield implied(negative_value(y), _bool(r <= 0))
+    steep = z3.Or(r == 90, r == -90)
+    flat = z3.Or(r == 0, r == 180, r == -180)
+    yield implied(both(_zero(y), positive_value(x)), _bool(r == 0))
+    yield implied(both(_zero(y), negative_value(x)), _bool(z3.Or(r == 180, r == -180)))
+    yield implied(both(_zero(y), _zero(x)), flat)
+    yield implied(both(negation(_zero(y)), _zero(x)), steep)
+    yield implied(positive_value(x), all_of(map(_bool, (r >= -90, r <= 90))))
+    yield implied(negative_value(x), any_of(map(_bool, (r >= 90, r <= -90))))
+    if always_finite(x) and always_finite(y):
+        shallow = all_of(map(_bool, (x.value > 0, y.value <= x.value, -x.value <= y.value)))
+        yield implied(shallow, all_of(map(_bool, (r >= -45, r <= 45))))

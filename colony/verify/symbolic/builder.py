@@ -1,0 +1,165 @@
+"""What grows while a program is encoded: constants, what is known of them, memory, and reasons."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field, replace
+from typing import Any, TypeVar, cast
+
+import z3
+
+from colony.source import Span
+from colony.verify.symbolic.logic import is_false, is_true, negation
+from colony.verify.symbolic.system import (
+    UNBOUNDED,
+    Auxiliary,
+    Blamed,
+    Bounds,
+    Cell,
+    Fact,
+    FactKind,
+    Inexact,
+    Number,
+    Operation,
+    Reason,
+    Scalar,
+)
+
+Made = TypeVar("Made")
+
+
+@dataclass(frozen=True, slots=True)
+class Shape:
+    """What a number in memory may be, found by going round until nothing is added."""
+
+    nan: bool
+    infinite: bool
+    bounds: Bounds
+
+
+@dataclass(frozen=False, slots=True, kw_only=True)
+class Builder:
+    """Mutable: collects the parts of a `System`. Terms are kept alive, so that their ids stay theirs."""
+
+    prefix: str
+    precise: bool
+    shapes: Mapping[str, Shape]  # of memory, by name, as far as known
+    facts: list[Fact] = field(default_factory=list)
+    auxiliaries: list[Auxiliary] = field(default_factory=list)
+    cells: list[Cell] = field(default_factory=list)
+    inexact: dict[int, Blamed] = field(default_factory=dict)
+    kept: list[z3.ExprRef] = field(default_factory=list)
+    held: dict[str, tuple[Number, Number, Number]] = field(default_factory=dict)  # at first, before, after
+    _made: dict[tuple[Any, ...], Any] = field(default_factory=dict)
+    _names: dict[str, int] = field(default_factory=dict)
+    _opened: dict[str, int] = field(default_factory=dict)  # cells by name, of which the next is not known yet
+
+    def name(self, hint: str) -> str:
+        """A name that no other constant of this program has."""
+        count = self._names[hint] = self._names.get(hint, 0) + 1
+        return f"{self.prefix}{hint}" if count == 1 else f"{self.prefix}{hint}#{count}"
+
+    def once(self, key: tuple[Any, ...], make: Callable[[], Made]) -> Made:
+        """What `make` made when `key` came first."""
+        if key not in self._made:
+            self._made[key] = make()
+        return cast(Made, self._made[key])
+
+    def keep(self, *terms: z3.ExprRef) -> tuple[int, ...]:
+        """The ids of terms, which now are no others'."""
+        self.kept.extend(terms)
+        return tuple(x.get_id() for x in terms)
+
+    def key(self, *scalars: Scalar) -> tuple[int, ...]:
+        """What tells scalars apart: the ids of their terms."""
+        return tuple(i for x in scalars for i in self._key(x))
+
+    def _key(self, x: Scalar) -> tuple[int, ...]:
+        return self.keep(x.value, x.nan, x.infinite) if isinstance(x, Number) else self.keep(x)
+
+    # --- facts -----------------------------------------------------------------------------------
+
+    def assume(self, about: z3.ExprRef, formula: z3.BoolRef, of_reals: bool = False) -> None:
+        self._add(Fact(FactKind.ASSUMPTION, about, formula, of_reals))
+
+    def define(self, about: z3.ExprRef, formula: z3.BoolRef) -> None:
+        self._add(Fact(FactKind.DEFINITION, about, formula))
+
+    def invariant(self, about: z3.ExprRef, formula: z3.BoolRef) -> None:
+        self._add(Fact(FactKind.INVARIANT, about, formula))
+
+    def _add(self, fact: Fact) -> None:
+        if not is_true(fact.formula):
+            self.facts.append(fact)
+
+    def auxiliary(
+        self, operation: Operation, operands: tuple[Number, ...], sort: z3.SortRef
+    ) -> tuple[z3.ArithRef, bool]:
+        """The constant for this operation of these operands, and whether it is new."""
+        key = (operation, self.key(*operands))
+        new = key not in self._made
+
+        def make() -> z3.ArithRef:
+            term = cast(z3.ArithRef, z3.Const(self.name(operation.name.lower()), sort))
+            self.auxiliaries.append(Auxiliary(constant=term, operation=operation, operands=operands))
+            return term
+
+        return self.once(key, make), new
+
+    def overflow(self, x: Number, span: Span) -> z3.BoolRef:
+        """Whether the program's float is infinite where the real `x` is not: never, of reals."""
+        constant, new = self.auxiliary(Operation.OVERFLOW, (x,), z3.BoolSort())
+        beyond = cast(z3.BoolRef, constant)
+        if new:
+            self.assume(beyond, negation(beyond), of_reals=True)
+            self.blame_term(beyond, Reason(Inexact.ROUNDING, span, "a number beyond all floats is infinite"))
+        return beyond
+
+    def named(self, x: Scalar, hint: str) -> Scalar:
+        """`x` with a constant in place of its value where that is a larger term."""
+        if not isinstance(x, Number) or x.cases or x.value.num_args() == 0:
+            return x
+        if x.whole is not None:
+            if x.whole.num_args() == 0:
+                return x
+            whole = self._defined(x.whole, hint)
+            return replace(x, whole=whole, value=z3.ToReal(whole))
+        return replace(x, value=self._defined(x.value, hint))
+
+    def _defined(self, term: z3.ArithRef, hint: str) -> z3.ArithRef:
+        def make() -> z3.ArithRef:
+            name = cast(z3.ArithRef, z3.Const(self.name(hint), term.sort()))
+            self.define(name, cast(z3.BoolRef, name == term))
+            return name
+
+        return self.once(("defined", *self.keep(term)), make)
+
+    # --- reasons ---------------------------------------------------------------------------------
+
+    def blame(self, x: Number, reason: Reason) -> None:
+        """The value of `x` is inexact; its bounds are those of the program's float (an infinity has none)."""
+        term = x.value if x.whole is None else x.whole
+        self.blame_term(term, reason, x.bounds if is_false(x.infinite) else UNBOUNDED)
+
+    def blame_term(self, term: z3.ExprRef, reason: Reason, bounds: Bounds = UNBOUNDED) -> None:
+        """The same of any term but a constant value."""
+        if term.num_args() == 0 and term.decl().kind() != z3.Z3_OP_UNINTERPRETED:
+            return
+        key = term.get_id()
+        known = self.inexact.setdefault(key, Blamed(term, reason, bounds))
+        if known.reason.text != reason.text or known.bounds != bounds:
+            self.inexact[key] = replace(known, unlike=True)
+
+    # --- memory ----------------------------------------------------------------------------------
+
+    def open_cell(self, name: str, sort: z3.SortRef, initial: z3.ExprRef) -> z3.ExprRef:
+        """The old value of new memory; to be closed."""
+        old = z3.Const(name, sort)
+        self._opened[name] = len(self.cells)
+        self.cells.append(Cell(name=name, old=old, next=old, initial=initial))
+        return old
+
+    def close_cell(self, name: str, following: z3.ExprRef) -> None:
+        """Say what memory holds after the frame."""
+        index = self._opened.pop(name)
+        self.cells[index] = replace(self.cells[index], next=following)

@@ -1,0 +1,143 @@
+"""Numbers that can be only a few floats: what is computed of them is computed by functions of floats.
+
+A constant is one such; others come from enumerators, whole numbers, and choices among constants. Functions of
+them are the interpreter's own, bit for bit.
+"""
+
+from __future__ import annotations
+
+import math
+import sys
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import replace
+from fractions import Fraction
+from functools import reduce
+from itertools import product
+from typing import TypeVar
+
+import z3
+
+from colony.verify.symbolic.logic import FALSE, TRUE, all_of, any_of, integer, is_false, pick, real
+from colony.verify.symbolic.system import UNBOUNDED, Bounds, Case, Number
+
+Result = TypeVar("Result", float, bool)
+
+MOST_CASES = 64
+"""Of how many floats a number is known to be one, at most."""
+
+GREATEST = Fraction(sys.float_info.max)
+
+
+def constant(x: float) -> Number:
+    """The float `x`."""
+    cases = ((x, TRUE),)
+    if math.isnan(x):
+        return Number(real(0), TRUE, FALSE, cases=cases)
+    if math.isinf(x):
+        bounds = Bounds(GREATEST, None) if x > 0 else Bounds(None, -GREATEST)
+        return Number(real(1 if x > 0 else -1), FALSE, TRUE, bounds, cases=cases)
+    exact = Fraction(x)
+    whole = integer(exact.numerator) if exact.denominator == 1 else None
+    return Number(real(exact), FALSE, FALSE, Bounds(exact, exact, whole is not None), whole, cases)
+
+
+def constant_of(x: Number) -> float | None:
+    """The float that `x` is, where it is a constant."""
+    return x.cases[0][0] if len(x.cases) == 1 else None
+
+
+ANY_ZERO = Number(real(0), FALSE, FALSE, Bounds(Fraction(0), Fraction(0), True), integer(0))
+"""0.0 or -0.0."""
+
+
+def by_cases(cases: Iterable[Case], loose_zero: bool = False) -> Number:
+    """The number that is each float where its condition holds; exactly one of the conditions does.
+
+    `loose_zero`: the one that is 0 may be -0.0 as well.
+    """
+    merged: dict[tuple[float, float] | None, list[z3.BoolRef]] = {}
+    for x, condition in cases:
+        if not is_false(condition):
+            x = 0.0 if loose_zero and x == 0 else x
+            key = None if math.isnan(x) else (x, math.copysign(1.0, x))
+            merged.setdefault(key, []).append(condition)
+    if len(merged) == 1:
+        x = _float_of(next(iter(merged)))
+        return ANY_ZERO if loose_zero and x == 0 else constant(x)
+    kept = tuple((_float_of(key), any_of(conditions)) for key, conditions in merged.items())
+    finite = [(x, condition) for x, condition in kept if not math.isnan(x)]
+    value: z3.ArithRef = constant(finite[-1][0]).value if finite else real(0)
+    for x, condition in reversed(finite[:-1]):
+        value = pick(condition, constant(x).value, value)
+    return replace(with_cases(value, kept), loose_zero=loose_zero)
+
+
+def with_cases(value: z3.ArithRef, cases: tuple[Case, ...]) -> Number:
+    """The number `value` of which the cases are known."""
+    nan = any_of(c for x, c in cases if math.isnan(x))
+    infinite = any_of(c for x, c in cases if math.isinf(x))
+    known = [constant(x).bounds for x, _ in cases if not math.isnan(x)]
+    if not known:
+        return Number(value, nan, infinite, UNBOUNDED, None, cases)
+    whole = all(x.is_integer() for x, _ in cases if math.isfinite(x))
+    bounds = replace(reduce(hull, known), whole=whole)
+    return Number(value, nan, infinite, bounds, None, cases)
+
+
+def _float_of(key: tuple[float, float] | None) -> float:
+    return math.nan if key is None else key[0]
+
+
+def whole_of(x: Number) -> z3.ArithRef | None:
+    """`x` as a term of sort Int, where it is whole; of an infinity, its sign."""
+    if x.whole is not None or not x.cases:
+        return x.whole
+    signs = [(v if math.isfinite(v) else math.copysign(1.0, v), c) for v, c in x.cases if not math.isnan(v)]
+    if not all(v.is_integer() for v, _ in signs):
+        return None
+    term: z3.ArithRef = integer(int(signs[-1][0]) if signs else 0)
+    for v, condition in reversed(signs[:-1]):
+        term = pick(condition, integer(int(v)), term)
+    return term
+
+
+# --- functions of floats -------------------------------------------------------------------------
+
+
+def folded(of: Callable[..., Result], operands: Sequence[Number]) -> list[tuple[Result, z3.BoolRef]]:
+    """What a function gives in each combination of cases; empty where there are too many.
+
+    The function must not tell the zeros apart.
+    """
+    return [(of(*values), condition) for values, condition in _combinations(operands)]
+
+
+def by_folding(of: Callable[..., float], operands: Sequence[Number]) -> Number | None:
+    """A function of numbers, each of which can be only a few floats, bit for bit; None of others."""
+    cases: list[Case] = []
+    loose = [x.loose_zero for x in operands]
+    loose_zero = False
+    for values, condition in _combinations(operands):
+        either = [(v, -v) if v == 0 and free else (v,) for v, free in zip(values, loose, strict=True)]
+        results = [of(*row) for row in product(*either)]
+        first = results[0]
+        if not all(x == first or (math.isnan(x) and math.isnan(first)) for x in results):
+            return None
+        loose_zero |= first == 0 and len({math.copysign(1.0, x) for x in results}) > 1
+        cases.append((first, condition))
+    return by_cases(cases, loose_zero) if cases else None
+
+
+def _combinations(operands: Sequence[Number]) -> list[tuple[tuple[float, ...], z3.BoolRef]]:
+    """All combinations of cases, and when each applies; none where they are too many."""
+    if not 0 < math.prod(len(x.cases) for x in operands) <= MOST_CASES:
+        return []
+    rows = product(*(x.cases for x in operands))
+    return [(tuple(v for v, _ in row), all_of(condition for _, condition in row)) for row in rows]
+
+
+def hull(x: Bounds, y: Bounds) -> Bounds:
+    """What is known of a number that is one or the other."""
+    low = None if x.low is None or y.low is None else min(x.low, y.low)
+    high = None if x.high is None or y.high is None else max(x.high, y.high)
+    return Bounds(low, high, x.whole and y.whole)

@@ -1,0 +1,84 @@
+"""What a formula depends on, transitively: through definitions, and through memory to the frames before."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+
+import z3
+
+from colony.verify.symbolic.system import Cell, Number, Scalar, System
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Cone:
+    """The part of a system that some terms depend on, in the system's order.
+
+    `constants` are all constants of a frame but the cells: inputs and auxiliary ones. `visited` are the ids
+    of all terms met.
+    """
+
+    system: System
+    cells: tuple[Cell, ...]
+    definitions: tuple[z3.BoolRef, ...]
+    assumptions: tuple[z3.BoolRef, ...]
+    invariants: tuple[z3.BoolRef, ...]
+    constants: tuple[z3.ExprRef, ...]
+    visited: frozenset[int]
+
+
+def cone(system: System, terms: Iterable[z3.ExprRef]) -> Cone:
+    """The cone of influence of `terms`: the least part of `system` that they depend on."""
+    graph = system.graph
+    cells = {c.old.get_id(): c for c in system.cells}
+    met: set[int] = set()
+    facts: set[int] = set()
+    constants: list[z3.ExprRef] = []
+    waiting = graph.add(terms)
+    while waiting:
+        key = waiting.pop()
+        if key in met:
+            continue
+        met.add(key)
+        waiting.extend(graph.operands(key))
+        constant = graph.constant(key)
+        if constant is None:
+            continue
+        if key in cells:
+            waiting.extend(graph.add([cells[key].next]))
+        else:
+            constants.append(constant)
+        about = graph.add(fact.formula for fact in system.facts.get(key, ()))
+        facts.update(about)
+        waiting.extend(about)
+    return Cone(
+        system=system,
+        cells=tuple(c for key, c in cells.items() if key in met),
+        definitions=_among(system.definitions, facts),
+        assumptions=_among(system.assumptions, facts),
+        invariants=_among(system.invariants, facts),
+        constants=tuple(sorted(constants, key=lambda c: str(c.decl().name()))),
+        visited=frozenset(met),
+    )
+
+
+def whole_cone(system: System) -> Cone:
+    """All of a system as a cone, inputs on which nothing depends among it."""
+    everything: list[z3.ExprRef] = [system.now, *(c.old for c in system.cells)]
+    everything += [*system.assumptions, *system.definitions]
+    for sensor in system.sensors.values():
+        everything += [sensor.present, *_parts(sensor.elements)]
+    for answer in system.python.values():
+        everything += [answer.answers, *_parts(answer.fields)]
+    return cone(system, everything)
+
+
+def _parts(scalars: Iterable[Scalar]) -> list[z3.ExprRef]:
+    parts: list[z3.ExprRef] = []
+    for x in scalars:
+        parts += (x.value, x.nan, x.infinite) if isinstance(x, Number) else (x,)
+    return parts
+
+
+def _among(formulas: tuple[z3.BoolRef, ...], wanted: set[int]) -> tuple[z3.BoolRef, ...]:
+    return tuple(x for x in formulas if x.get_id() in wanted)

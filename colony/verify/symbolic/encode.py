@@ -1,0 +1,101 @@
+"""A program as a transition system: one frame, in the order in which the language computes it."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from types import MappingProxyType
+
+from colony.ir.program import Contract, Program
+from colony.verify.symbolic.builder import Builder, Shape
+from colony.verify.symbolic.expressions import Expressions
+from colony.verify.symbolic.graph import Graph
+from colony.verify.symbolic.inputs import begin, sense
+from colony.verify.symbolic.logic import negation
+from colony.verify.symbolic.modules import Declarations
+from colony.verify.symbolic.moment import Moment, missing
+from colony.verify.symbolic.network import Network
+from colony.verify.symbolic.reasons import reasons_of
+from colony.verify.symbolic.sending import limits, send
+from colony.verify.symbolic.shapes import settled
+from colony.verify.symbolic.system import Claim, Fact, FactKind, System
+
+
+def encode(
+    program: Program,
+    prefix: str = "",
+    precise: bool = False,
+    python_names: Mapping[str, str] = MappingProxyType({}),
+) -> System:
+    """The meaning of one frame of `program`.
+
+    The names of cells and auxiliary constants begin with `prefix`; those of time and sensors do not, so that
+    two programs share them. The answers of a module in Python are named by `python_names` where it is there,
+    else by prefix and module. `precise` states products and quotients of what varies as such, which z3 often
+    cannot decide, in place of their signs and bounds.
+    """
+
+    def attempt(shapes: Mapping[str, Shape]) -> tuple[Builder, System]:
+        builder = Builder(prefix=prefix, precise=precise, shapes=dict(shapes))
+        return builder, _encode(program, builder, python_names)
+
+    return with_reasons(settled(attempt))
+
+
+def _encode(program: Program, builder: Builder, python_names: Mapping[str, str]) -> System:
+    moment = begin(builder)
+    sensors = sense(program, builder, moment)
+    declarations = Declarations(program, builder, moment)
+    declarations.states()
+    declarations.derived()
+    modules, python = declarations.modules(python_names)
+    nodes = Network(program, builder, moment).wires()
+    bounds = limits(program, builder, moment)
+    actuators = {a.name: send(a, modules, bounds, builder, moment) for a in program.robot.actuators}
+    claims = tuple(_claim(c, builder, moment) for c in program.contracts)
+    return System(
+        program=program,
+        prefix=builder.prefix,
+        now=moment.now,
+        begun=moment.begun,
+        last=moment.last,
+        sensors=sensors,
+        python=python,
+        cells=tuple(builder.cells),
+        assumptions=tuple(f.formula for f in builder.facts if f.kind is FactKind.ASSUMPTION),
+        definitions=tuple(f.formula for f in builder.facts if f.kind is FactKind.DEFINITION),
+        invariants=tuple(f.formula for f in builder.facts if f.kind is FactKind.INVARIANT),
+        auxiliaries=tuple(builder.auxiliaries),
+        facts=by_constant(builder.facts),
+        inexact=builder.inexact,
+        graph=Graph(),
+        derived=moment.derived,
+        states=moment.states,
+        locals={name: value for name, (_, value) in moment.locals.items()},
+        modules=modules,
+        active=moment.active,
+        nodes=nodes,
+        actuators=actuators,
+        claims=claims,
+    )
+
+
+def _claim(contract: Contract, builder: Builder, moment: Moment) -> Claim:
+    speaks = negation(missing(contract.expression, moment))
+    asked = Expressions(builder=builder, moment=moment, moves=speaks, hint=f"contract {contract.name}")
+    holds = asked.boolean(contract.expression)
+    return Claim(name=contract.name, speaks=speaks, holds=holds, span=contract.span)
+
+
+def by_constant(facts: Sequence[Fact]) -> dict[int, tuple[Fact, ...]]:
+    """Facts by the id of what they are about."""
+    found: dict[int, list[Fact]] = {}
+    for fact in facts:
+        found.setdefault(fact.about.get_id(), []).append(fact)
+    return {key: tuple(some) for key, some in found.items()}
+
+
+def with_reasons(system: System) -> System:
+    """`system`, with what each claim depends on that is inexact."""
+    claims = (replace(c, inexact=reasons_of(system, c.speaks, c.holds)) for c in system.claims)
+    return replace(system, claims=tuple(claims))

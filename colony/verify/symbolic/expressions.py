@@ -1,0 +1,265 @@
+"""The value of an expression in a frame as terms; its memory moves on where it is evaluated.
+
+Evaluation is strict, as the interpreter's: every operand is evaluated wherever its expression is.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from typing import cast
+
+import z3
+
+from colony.ir import expression as ir
+from colony.ir.types import Array, ScalarValue, element_type
+from colony.verify.symbolic.arithmetic import Arithmetic
+from colony.verify.symbolic.builder import Builder
+from colony.verify.symbolic.cases import by_cases, constant, whole_of
+from colony.verify.symbolic.functions import binary, boolean, function, index_of, number, reduction, unary
+from colony.verify.symbolic.logic import FALSE, TRUE, any_of, both, is_false, negation, truth
+from colony.verify.symbolic.memory import recall
+from colony.verify.symbolic.moment import Moment, missing, needed_for
+from colony.verify.symbolic.numbers import compared, finite, select
+from colony.verify.symbolic.seconds import seconds
+from colony.verify.symbolic.system import Number, Scalar, Term
+
+Loop = tuple[tuple[str, int], ...]
+"""The variables of the enclosing reductions and their values, outermost first."""
+
+
+@dataclass(frozen=True, slots=True)
+class Positions:
+    """What an index means: whether it is finite, and for each element of the array whether it is that."""
+
+    there: z3.BoolRef
+    at: tuple[z3.BoolRef, ...]
+
+
+def _positions(there: z3.BoolRef, at: Sequence[z3.BoolRef]) -> Positions:
+    return Positions(there, tuple(both(there, here) for here in at))
+
+
+def lifted(value: ScalarValue) -> Scalar:
+    """A constant of the language."""
+    return truth(value) if isinstance(value, bool) else constant(value)
+
+
+def each(of: Callable[..., Scalar], *operands: Term) -> Term:
+    """`of` the operands, element by element where one is an array; a scalar stands for all elements."""
+    sizes = [len(x) for x in operands if isinstance(x, tuple)]
+    if not sizes:
+        return of(*operands)
+    return tuple(of(*(x[i] if isinstance(x, tuple) else x for x in operands)) for i in range(sizes[0]))
+
+
+def scalar(value: Term) -> Scalar:
+    assert not isinstance(value, tuple)
+    return value
+
+
+def elements(value: Term) -> tuple[Scalar, ...]:
+    assert isinstance(value, tuple)
+    return value
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Expressions:
+    """Evaluates expressions of one owner, wherever `moves`: `own` are its lets, there while it runs.
+
+    `hint` names the owner, for what memory is called.
+    """
+
+    builder: Builder
+    moment: Moment
+    moves: z3.BoolRef
+    hint: str
+    own: frozenset[str] = frozenset()
+    loop: Loop = ()
+
+    def scalar(self, e: ir.Expression) -> Scalar:
+        return scalar(self.value(e))
+
+    def number(self, e: ir.Expression) -> Number:
+        return number(self.scalar(e))
+
+    def boolean(self, e: ir.Expression) -> z3.BoolRef:
+        return boolean(self.scalar(e))
+
+    def value(self, e: ir.Expression) -> Term:
+        """The value of `e`, for which nothing is missing where it matters."""
+        arithmetic = Arithmetic(self.builder, e.span)
+        match e:
+            case ir.UnaryOperation(operator=operator, operand=operand):
+                return each(lambda x: unary(operator, x), self.value(operand))
+            case ir.BinaryOperation(operator=operator_, left=left, right=right):
+                return each(
+                    lambda x, y: binary(operator_, x, y, arithmetic), self.value(left), self.value(right)
+                )
+            case ir.Conditional(condition=condition, yes=yes, no=no):
+                chosen = self.boolean(condition)
+                return each(lambda x, y: select(chosen, x, y), self.value(yes), self.value(no))
+            case ir.Within(operand=operand, low=low, high=high):
+                return each(_within, self.value(operand), self.value(low), self.value(high))
+            case ir.Element() | ir.Slice() | ir.Window():
+                return self._part(e)
+            case ir.ValueOr():
+                return self._value_or(e)
+            case ir.Call():
+                return self._call(e, arithmetic)
+            case ir.Reduce():
+                return self._reduce(e, arithmetic)
+            case ir.MemoryCall():
+                return self._memory(e)
+            case _:
+                return self._leaf(e)
+
+    def _leaf(self, e: ir.Expression) -> Term:
+        moment = self.moment
+        match e:
+            case ir.Constant(value=value):
+                return tuple(map(lifted, value)) if isinstance(value, tuple) else lifted(value)
+            case ir.SensorValue(name=name):
+                return moment.sensors[name]
+            case ir.DerivedValue(name=name):
+                return moment.derived[name][1]
+            case ir.LocalValue(name=name):
+                return moment.locals[name][1]
+            case ir.StateValue(name=name):
+                return moment.states[name]
+            case ir.LoopIndex(name=name):
+                return constant(float([k for variable, k in self.loop if variable == name][-1]))
+            case ir.Now():
+                return seconds(moment.now, self.builder, e.span)
+            case ir.Fresh(name=name, derived=derived):
+                return negation(moment.derived[name][0]) if derived else moment.present[name]
+            case ir.SentField(actuator=actuator, field_index=i):
+                return moment.sent[actuator, i][1]
+            case ir.WonBy(actuator=actuator, module=module):
+                return moment.wins[actuator].get(module, FALSE)
+            case ir.IsCommanded(actuator=actuator):
+                return moment.commanded[actuator]
+            case ir.IsIdle(actuator=actuator):
+                return negation(moment.commanded[actuator])
+            case ir.IsActive(name=name):
+                return moment.active[name]
+            case _:
+                raise AssertionError(f"{type(e).__name__} has operands")
+
+    def _memory(self, e: ir.MemoryCall) -> Term:
+        types = [element_type(a.type) for a in e.arguments]
+
+        def one(*x: Scalar) -> Scalar:
+            return recall(e, x, types, self.builder, self.moment, self.moves, self.hint)
+
+        return each(one, *(self.value(a) for a in e.arguments))
+
+    def _value_or(self, e: ir.ValueOr) -> Term:
+        absent = missing(e.expression, self.moment, self.own)
+        inner = replace(self, moves=needed_for(self.moves, e.expression, self.moment, self.own))
+        first, second = _filled(inner.value(e.expression), e), _filled(self.value(e.other), e)
+        return each(lambda x, y: select(absent, y, x), first, second)
+
+    # --- parts of arrays -------------------------------------------------------------------------
+
+    def _part(self, e: ir.Element | ir.Slice | ir.Window) -> Term:
+        array = elements(self.value(e.array))
+        match e:
+            case ir.Slice(indices=indices):
+                return tuple(array[i] for i in indices)
+            case ir.Element(index=index):
+                return _element(array, self._positions(index, len(array)), 0)
+            case ir.Window(center=center, reach=reach):
+                positions = self._positions(center, len(array))
+                return tuple(_element(array, positions, j) for j in range(-reach, reach + 1))
+
+    def _positions(self, index: ir.Expression, size: int) -> Positions:
+        """Which element of an array an index means."""
+        x = self.number(index)
+        builder = self.builder
+        return builder.once(("positions", builder.key(x), size), lambda: self._found(x, index, size))
+
+    def _found(self, x: Number, index: ir.Expression, size: int) -> Positions:
+        there = finite(x)
+        if not x.cases:
+            x = Arithmetic(self.builder, index.span).round_of(replace(x, nan=FALSE, infinite=FALSE))
+        if x.cases:
+            means = [
+                [c for v, c in x.cases if math.isfinite(v) and round(v) % size == k] for k in range(size)
+            ]
+            return _positions(there, [any_of(conditions) for conditions in means])
+        whole, low, high = whole_of(x), x.bounds.low, x.bounds.high
+        assert whole is not None
+        if low is None or high is None or high - low > 4 * size:
+            return _positions(there, [cast(z3.BoolRef, whole % size == k) for k in range(size)])
+        span = range(math.ceil(low), math.floor(high) + 1)
+        equal = {n: cast(z3.BoolRef, whole == n) for n in span}
+        return _positions(there, [any_of(equal[n] for n in span if n % size == k) for k in range(size)])
+
+    # --- functions -------------------------------------------------------------------------------
+
+    def _call(self, e: ir.Call, arithmetic: Arithmetic) -> Term:
+        if e.function in ir.INDEX_FUNCTIONS:
+            return self._index_function(e.function, e.arguments[0])
+        values = [self.value(a) for a in e.arguments]
+        if e.function in ir.REDUCTIONS:
+            flat = [x for v in values for x in (v if isinstance(v, tuple) else (v,))]
+            return function(e.function, flat, arithmetic)
+        return each(lambda *x: function(e.function, x, arithmetic), *values)
+
+    def _index_function(self, of: ir.Function, e: ir.Expression) -> Number:
+        """The index of the least or greatest; of a slice or window, its index in the whole array."""
+        match e:
+            case ir.Slice(indices=indices):
+                values, names = elements(self.value(e)), [constant(float(i)) for i in indices]
+            case ir.Window(array=array, center=center, reach=reach):
+                values, size = elements(self.value(e)), _size(array)
+                positions = self._positions(center, size)
+                names = [_index_at(positions, j) for j in range(-reach, reach + 1)]
+            case _:
+                values = elements(self.value(e))
+                names = [constant(float(i)) for i in range(len(values))]
+        return index_of(of, [number(x) for x in values], names)
+
+    def _reduce(self, e: ir.Reduce, arithmetic: Arithmetic) -> Scalar:
+        taken = []
+        for k in range(e.low, e.high + 1):
+            inner = replace(self, loop=(*self.loop, (e.variable, k)))
+            body = inner.scalar(e.body)
+            taken.append((body, TRUE if e.condition is None else inner.boolean(e.condition)))
+        return reduction(e.function, taken, arithmetic)
+
+
+def _within(x: Scalar, low: Scalar, high: Scalar) -> z3.BoolRef:
+    return both(compared(number(low), number(x), "<="), compared(number(x), number(high), "<="))
+
+
+def _filled(value: Term, e: ir.Expression) -> Term:
+    """`value`, repeated where `e` is an array and the value a scalar."""
+    if isinstance(e.type, Array) and not isinstance(value, tuple):
+        return (value,) * e.type.size
+    return value
+
+
+def _size(e: ir.Expression) -> int:
+    assert isinstance(e.type, Array)
+    return e.type.size
+
+
+def _element(array: Sequence[Scalar], positions: Positions, offset: int) -> Scalar:
+    """The element `offset` after the position; NaN or false where there is none."""
+    none: Scalar = constant(math.nan) if isinstance(array[0], Number) else FALSE
+    result: Scalar | None = None
+    for k, here in enumerate(positions.at):
+        if not is_false(here):
+            value = array[(k + offset) % len(array)]
+            result = value if result is None else select(here, value, result)
+    return none if result is None else select(positions.there, result, none)
+
+
+def _index_at(positions: Positions, offset: int) -> Number:
+    """The index `offset` after the position; NaN where there is none."""
+    size = len(positions.at)
+    cases = [(float((k + offset) % size), here) for k, here in enumerate(positions.at)]
+    return by_cases([*cases, (math.nan, negation(positions.there))])

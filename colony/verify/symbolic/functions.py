@@ -1,0 +1,196 @@
+"""The pure functions of the language on terms, as the language reference defines them."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from typing import assert_never
+
+import z3
+
+from colony.ir.expression import Binary, Function, Unary
+from colony.verify.symbolic.arithmetic import Arithmetic
+from colony.verify.symbolic.cases import by_cases, constant
+from colony.verify.symbolic.logic import (
+    FALSE,
+    TRUE,
+    all_of,
+    any_of,
+    both,
+    either,
+    equivalent,
+    implied,
+    is_false,
+    negation,
+)
+from colony.verify.symbolic.numbers import compared, equal, greatest, least, negated, select_number
+from colony.verify.symbolic.system import Number, Scalar
+
+Taken = tuple[Scalar, z3.BoolRef]
+"""A value that a reduction may take, and whether it does."""
+
+
+def number(x: Scalar) -> Number:
+    assert isinstance(x, Number)
+    return x
+
+
+def boolean(x: Scalar) -> z3.BoolRef:
+    assert not isinstance(x, Number)
+    return x
+
+
+def unary(operator: Unary, x: Scalar) -> Scalar:
+    """`-x`, `not x`."""
+    match operator:
+        case Unary.NEGATE:
+            return negated(number(x))
+        case Unary.NOT:
+            return negation(boolean(x))
+        case _:
+            assert_never(operator)
+
+
+def binary(operator: Binary, x: Scalar, y: Scalar, arithmetic: Arithmetic) -> Scalar:
+    """`x operator y`."""
+    match operator:
+        case Binary.ADD:
+            return arithmetic.add(number(x), number(y))
+        case Binary.SUBTRACT:
+            return arithmetic.subtract(number(x), number(y))
+        case Binary.MULTIPLY:
+            return arithmetic.multiply(number(x), number(y))
+        case Binary.DIVIDE:
+            return arithmetic.divide(number(x), number(y))
+        case _:
+            return relation(operator, x, y)
+
+
+def relation(operator: Binary, x: Scalar, y: Scalar) -> z3.BoolRef:
+    """An operator that gives a truth."""
+    match operator:
+        case Binary.LESS:
+            return compared(number(x), number(y), "<")
+        case Binary.LESS_EQUAL:
+            return compared(number(x), number(y), "<=")
+        case Binary.GREATER:
+            return compared(number(y), number(x), "<")
+        case Binary.GREATER_EQUAL:
+            return compared(number(y), number(x), "<=")
+        case Binary.EQUAL:
+            return _equal(x, y)
+        case Binary.NOT_EQUAL:
+            return negation(_equal(x, y))
+        case Binary.AND:
+            return both(boolean(x), boolean(y))
+        case Binary.OR:
+            return either(boolean(x), boolean(y))
+        case Binary.IMPLIES:
+            return implied(boolean(x), boolean(y))
+        case _:
+            raise AssertionError(f"`{operator.value}` gives no truth")
+
+
+def _equal(x: Scalar, y: Scalar) -> z3.BoolRef:
+    return equal(x, y) if isinstance(x, Number) else equivalent(x, boolean(y))
+
+
+def function(of: Function, x: Sequence[Scalar], arithmetic: Arithmetic) -> Scalar:
+    """A function of the values `x`: all that are reduced, or the arguments in order."""
+    match of:
+        case Function.CLAMP:
+            return arithmetic.clamp(number(x[0]), number(x[1]), number(x[2]))
+        case Function.MOD:
+            return arithmetic.modulo(number(x[0]), number(x[1]))
+        case Function.ATAN2:
+            return arithmetic.arc_tangent(number(x[0]), number(x[1]))
+        case Function.ANGLE_DIFFERENCE:
+            return arithmetic.angle_difference(number(x[0]), number(x[1]))
+        case Function.ABS | Function.SIGN | Function.SQRT | Function.FLOOR | Function.CEIL:
+            return _of_one(of, number(x[0]), arithmetic)
+        case Function.ROUND | Function.SIN | Function.COS:
+            return _of_one(of, number(x[0]), arithmetic)
+        case Function.INDEX_OF_MIN | Function.INDEX_OF_MAX:
+            return index_of(of, [number(v) for v in x], [constant(float(i)) for i in range(len(x))])
+        case _:
+            return reduction(of, [(v, TRUE) for v in x], arithmetic)
+
+
+def _of_one(of: Function, x: Number, arithmetic: Arithmetic) -> Number:
+    match of:
+        case Function.ABS:
+            return arithmetic.absolute(x)
+        case Function.SIGN:
+            return arithmetic.sign(x)
+        case Function.SQRT:
+            return arithmetic.square_root(x)
+        case Function.FLOOR:
+            return arithmetic.floor(x)
+        case Function.CEIL:
+            return arithmetic.ceil(x)
+        case Function.ROUND:
+            return arithmetic.round(x)
+        case _:
+            return arithmetic.sine(x, of)
+
+
+# --- reductions ----------------------------------------------------------------------------------
+
+
+def reduction(of: Function, taken: Sequence[Taken], arithmetic: Arithmetic) -> Scalar:
+    """A function of those values that are taken."""
+    there = [(x, taken_) for x, taken_ in taken if not is_false(taken_)]
+    match of:
+        case Function.ANY:
+            return any_of(both(boolean(x), c) for x, c in there)
+        case Function.ALL:
+            return all_of(implied(c, boolean(x)) for x, c in there)
+        case Function.COUNT:
+            return count([both(boolean(x), c) for x, c in there], arithmetic)
+        case Function.SUM:
+            return _total([(number(x), c) for x, c in there], arithmetic)
+        case Function.MEAN:
+            numbers = [(number(x), c) for x, c in there]
+            return arithmetic.divide(_total(numbers, arithmetic), count([c for _, c in there], arithmetic))
+        case Function.MIN | Function.MAX:
+            return _best(of, [(number(x), c) for x, c in there])
+        case _:
+            raise AssertionError(f"{of.value} reduces nothing")
+
+
+def count(truths: Sequence[z3.BoolRef], arithmetic: Arithmetic) -> Number:
+    """How many are true, by cases as long as they are few."""
+    total = constant(0.0)
+    for b in truths:
+        total = arithmetic.add(total, by_cases(((1.0, b), (0.0, negation(b)))))
+    return total
+
+
+def _total(taken: Sequence[tuple[Number, z3.BoolRef]], arithmetic: Arithmetic) -> Number:
+    """The sum from the left; 0 of nothing."""
+    total = constant(0.0)
+    for i, (x, condition) in enumerate(taken):
+        added = x if i == 0 else arithmetic.add(total, x)
+        total = select_number(condition, added, total)
+    return total
+
+
+def _best(of: Function, taken: Sequence[tuple[Number, z3.BoolRef]]) -> Number:
+    """The least or greatest; NaN if any is NaN, or there is none."""
+    choose = least if of is Function.MIN else greatest
+    best, some = constant(math.nan), FALSE
+    for x, condition in taken:
+        met = choose((best, x)) if not is_false(some) else x
+        met = select_number(some, met, x)
+        best, some = select_number(condition, met, best), either(some, condition)
+    return best
+
+
+def index_of(of: Function, values: Sequence[Number], indices: Sequence[Number]) -> Number:
+    """The index that belongs to the first of the least or greatest; NaN loses to any number."""
+    best, index = values[0], indices[0]
+    for x, i in zip(values[1:], indices[1:], strict=True):
+        beats = compared(x, best, "<") if of is Function.INDEX_OF_MIN else compared(best, x, "<")
+        better = either(beats, both(best.nan, negation(x.nan)))
+        best, index = select_number(better, x, best), select_number(better, i, index)
+    return index

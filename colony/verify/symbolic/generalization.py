@@ -1,0 +1,177 @@
+"""A system in which whatever is inexact may be anything near: what is proved of it holds bit for bit.
+
+A float that the program rounds is a real within known bounds, but which one the reals do not tell. So each
+inexact term becomes a constant of its own, free within bounds that rounding does not leave (it is monotone);
+equal terms become the same one, since the program computes them alike. Facts that only reals meet are left
+out, and a number may overflow where it may be beyond all floats. All runs of the program, in floats, are runs
+of what comes out; so is much else, and a counterexample in it means nothing.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from dataclasses import replace
+from typing import cast
+
+import z3
+
+from colony.verify.symbolic.bounding import between
+from colony.verify.symbolic.encode import by_constant, with_reasons
+from colony.verify.symbolic.graph import Graph
+from colony.verify.symbolic.logic import implied, real
+from colony.verify.symbolic.substitution import Substitution
+from colony.verify.symbolic.system import (
+    ActuatorTerms,
+    Auxiliary,
+    Blamed,
+    Cell,
+    Fact,
+    FactKind,
+    Inexact,
+    ModuleTerms,
+    NodeTerms,
+    Number,
+    Operation,
+    Scalar,
+    System,
+    Term,
+)
+
+BEYOND = 2**1023
+"""Only what is at least this large can be rounded to an infinity."""
+
+
+def generalized(system: System) -> System:
+    """`system`, made so general that its claims, where they are valid, hold bit for bit in floats.
+
+    Their `inexact` holds only what could not be generalized, and modules in Python, which may answer
+    anything in either. To be used for proofs alone.
+    """
+    generalization = _Generalization(system)
+    changed = generalization.system()
+    return with_reasons(changed)
+
+
+class _Generalization:
+    """`term` replaces the largest inexact terms in one."""
+
+    def __init__(self, system: System) -> None:
+        self.before = system
+        self.terms = [b for b in system.inexact.values() if _can_be_free(b)]
+        self.free = [z3.Const(f"{system.prefix}rounded#{i}", b.term.sort()) for i, b in enumerate(self.terms)]
+        self.term = Substitution([b.term for b in self.terms], self.free)
+
+    def system(self) -> System:
+        before = self.before
+        facts = [*self._facts(), *self._bounds(), *self._overflows()]
+        return replace(
+            before,
+            cells=tuple(self._cell(c) for c in before.cells),
+            assumptions=tuple(f.formula for f in facts if f.kind is FactKind.ASSUMPTION),
+            definitions=tuple(f.formula for f in facts if f.kind is FactKind.DEFINITION),
+            invariants=tuple(f.formula for f in facts if f.kind is FactKind.INVARIANT),
+            auxiliaries=tuple(self._auxiliary(a) for a in before.auxiliaries),
+            facts=by_constant(facts),
+            inexact=self._left(),
+            graph=Graph(),
+            derived={n: (self.term(m), self.value(v)) for n, (m, v) in before.derived.items()},
+            locals={n: self.value(v) for n, v in before.locals.items()},
+            modules={n: self._module(m) for n, m in before.modules.items()},
+            active={n: self.term(x) for n, x in before.active.items()},
+            nodes=tuple(self._node(n) for n in before.nodes),
+            actuators={n: self._actuator(a) for n, a in before.actuators.items()},
+            claims=tuple(
+                replace(c, speaks=self.term(c.speaks), holds=self.term(c.holds)) for c in before.claims
+            ),
+        )
+
+    # --- terms -----------------------------------------------------------------------------------
+
+    def scalar(self, x: Scalar) -> Scalar:
+        if not isinstance(x, Number):
+            return self.term(x)
+        return replace(
+            x,
+            value=self.term(x.value),
+            nan=self.term(x.nan),
+            infinite=self.term(x.infinite),
+            whole=None if x.whole is None else self.term(x.whole),
+            cases=tuple((v, self.term(c)) for v, c in x.cases),
+            nanoseconds=None if x.nanoseconds is None else self.term(x.nanoseconds),
+            branches=(),
+        )
+
+    def scalars(self, x: Sequence[Scalar]) -> tuple[Scalar, ...]:
+        return tuple(self.scalar(v) for v in x)
+
+    def value(self, x: Term) -> Term:
+        return self.scalars(x) if isinstance(x, tuple) else self.scalar(x)
+
+    def _cell(self, cell: Cell) -> Cell:
+        return replace(cell, next=self.term(cell.next))
+
+    def _module(self, module: ModuleTerms) -> ModuleTerms:
+        return replace(
+            module,
+            silent=self.term(module.silent),
+            applicable=self.term(module.applicable),
+            active=self.term(module.active),
+            command=self.scalars(module.command),
+        )
+
+    def _node(self, node: NodeTerms) -> NodeTerms:
+        return replace(
+            node,
+            dominant=self.term(node.dominant),
+            inferior=self.term(node.inferior),
+            dominates=self.term(node.dominates),
+        )
+
+    def _actuator(self, actuator: ActuatorTerms) -> ActuatorTerms:
+        return replace(
+            actuator,
+            wins={m: self.term(w) for m, w in actuator.wins.items()},
+            commanded=self.term(actuator.commanded),
+            sent=self.scalars(actuator.sent),
+        )
+
+    def _auxiliary(self, auxiliary: Auxiliary) -> Auxiliary:
+        operands = (cast(Number, self.scalar(x)) for x in auxiliary.operands)
+        return replace(auxiliary, operands=tuple(operands))
+
+    # --- facts -----------------------------------------------------------------------------------
+
+    def _facts(self) -> Iterable[Fact]:
+        """What floats meet, too."""
+        for facts in self.before.facts.values():
+            for fact in facts:
+                if not fact.of_reals:
+                    yield replace(fact, formula=self.term(fact.formula))
+
+    def _bounds(self) -> Iterable[Fact]:
+        for blamed, free in zip(self.terms, self.free, strict=True):
+            if z3.is_arith(free):
+                for formula in between(cast(z3.ArithRef, free), blamed.bounds):
+                    yield Fact(FactKind.ASSUMPTION, free, formula)
+
+    def _overflows(self) -> Iterable[Fact]:
+        for auxiliary in self.before.auxiliaries:
+            if auxiliary.operation is Operation.OVERFLOW:
+                value = self.term(auxiliary.operands[0].value)
+                beyond = z3.Or(value >= real(BEYOND), value <= real(-BEYOND))
+                formula = implied(cast(z3.BoolRef, auxiliary.constant), beyond)
+                yield Fact(FactKind.ASSUMPTION, auxiliary.constant, formula)
+
+    def _left(self) -> dict[int, Blamed]:
+        """What is still inexact."""
+        return {
+            key: blamed
+            for key, blamed in self.before.inexact.items()
+            if blamed.unlike or blamed.reason.kind is Inexact.PYTHON
+        }
+
+
+def _can_be_free(blamed: Blamed) -> bool:
+    """Whether a term stands for one float, and is no constant already."""
+    kind = blamed.reason.kind
+    return kind is not Inexact.PYTHON and not blamed.unlike and blamed.term.num_args() > 0

@@ -1,0 +1,41 @@
+"""The terms of a system as a graph of ids, which is much quicker to walk than terms of z3."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+
+import z3
+
+
+class Graph:
+    """Mutable: remembers what each term is made of as it is first met, and keeps terms alive."""
+
+    def __init__(self) -> None:
+        self._operands: dict[int, tuple[int, ...]] = {}
+        self._constants: dict[int, z3.ExprRef] = {}
+        self._kept: list[z3.ExprRef] = []
+
+    def add(self, terms: Iterable[z3.ExprRef]) -> list[int]:
+        """The ids of terms, all of whose parts are known from now on."""
+        roots = list(terms)
+        waiting = list(roots)
+        while waiting:
+            term = waiting.pop()
+            key = term.get_id()
+            if key in self._operands:
+                continue
+            self._kept.append(term)
+            operands = term.children()
+            self._operands[key] = tuple(x.get_id() for x in operands)
+            waiting.extend(operands)
+            if not operands and term.decl().kind() == z3.Z3_OP_UNINTERPRETED:
+                self._constants[key] = term
+        return [term.get_id() for term in roots]
+
+    def operands(self, key: int) -> tuple[int, ...]:
+        """The ids of what the term with this id is made of."""
+        return self._operands[key]
+
+    def constant(self, key: int) -> z3.ExprRef | None:
+        """The term with this id, if it is a constant that is not interpreted."""
+        return self._constants.get(key)

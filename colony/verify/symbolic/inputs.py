@@ -1,0 +1,143 @@
+"""The inputs of a frame: time, sensors, and what modules in Python answer."""
+
+from __future__ import annotations
+
+from fractions import Fraction
+from typing import assert_never, cast
+
+import z3
+
+from colony.ir.program import Actuator, Program, PythonModule, Sensor
+from colony.ir.types import Array, Bool, Enum, Quantity, element_type
+from colony.ir.types import Scalar as ScalarType
+from colony.verify.interpreter_boundary import default_of
+from colony.verify.symbolic.bounding import within
+from colony.verify.symbolic.builder import Builder
+from colony.verify.symbolic.expressions import lifted
+from colony.verify.symbolic.logic import FALSE, TRUE, any_of, choice, implied, integer, negation
+from colony.verify.symbolic.memory import enumerator
+from colony.verify.symbolic.moment import Moment
+from colony.verify.symbolic.numbers import select
+from colony.verify.symbolic.system import (
+    UNBOUNDED,
+    Bounds,
+    Inexact,
+    Number,
+    PythonInput,
+    Reason,
+    Scalar,
+    SensorInput,
+)
+
+
+def begin(builder: Builder) -> Moment:
+    """Time: 0 in the first frame, and later in each than in the one before it."""
+    now = z3.Int("now")
+    begun_name, last_name = builder.name("begun"), builder.name("last")
+    begun = cast(z3.BoolRef, builder.open_cell(begun_name, z3.BoolSort(), FALSE))
+    last = cast(z3.ArithRef, builder.open_cell(last_name, z3.IntSort(), integer(0)))
+    builder.close_cell(begun_name, TRUE)
+    builder.close_cell(last_name, now)
+    builder.assume(now, choice(begun, cast(z3.BoolRef, now > last), cast(z3.BoolRef, now == 0)))
+    builder.invariant(last, cast(z3.BoolRef, last >= 0))
+    builder.invariant(last, z3.Or(begun, last == 0))
+    return Moment(now=now, begun=begun, last=last)
+
+
+# --- sensors -------------------------------------------------------------------------------------
+
+
+def sense(program: Program, builder: Builder, moment: Moment) -> dict[str, SensorInput]:
+    """Every sensor: in range and of its type where it is present, else its default or missing."""
+    inputs = {}
+    for sensor in program.robot.sensors:
+        present = z3.Bool(f"{sensor.name}?")
+        inputs[sensor.name] = given = SensorInput(present=present, elements=_elements(sensor, builder))
+        default = default_of(sensor)
+        moment.present[sensor.name] = present
+        moment.missing[sensor.name] = negation(present) if default is None else FALSE
+        standing = given.elements
+        if default is not None:
+            defaults = default if isinstance(default, tuple) else (default,)
+            standing = tuple(
+                select(present, x, lifted(d)) for x, d in zip(given.elements, defaults, strict=True)
+            )
+        moment.sensors[sensor.name] = standing if isinstance(sensor.type, Array) else standing[0]
+    return inputs
+
+
+def _elements(sensor: Sensor, builder: Builder) -> tuple[Scalar, ...]:
+    of = element_type(sensor.type)
+    size = sensor.type.size if isinstance(sensor.type, Array) else 0
+    names = [f"{sensor.name}[{i}]" for i in range(size)] if size else [sensor.name]
+    return tuple(_reading(name, of, sensor.low, sensor.high, builder) for name in names)
+
+
+def _reading(name: str, of: ScalarType, low: float | None, high: float | None, builder: Builder) -> Scalar:
+    """A value of a type, never NaN; infinite where no range forbids it."""
+    match of:
+        case Bool():
+            return z3.Bool(name)
+        case Enum():
+            return _member(name, of, builder)
+        case Quantity():
+            value = z3.Real(name)
+            bounds = Bounds(None if low is None else Fraction(low), None if high is None else Fraction(high))
+            if low is not None and high is not None:
+                number = Number(value, FALSE, FALSE, bounds)
+                builder.assume(value, within(number, bounds))
+                return number
+            infinite = z3.Bool(f"{name}.infinite")
+            number = Number(value, FALSE, infinite, bounds)
+            builder.assume(value, within(number, bounds))
+            builder.assume(value, implied(infinite, _beyond(value, low, high)))
+            return number
+        case _:
+            assert_never(of)
+
+
+def _beyond(value: z3.ArithRef, low: float | None, high: float | None) -> z3.BoolRef:
+    """The signs that an infinite reading may have: no range ends on that side."""
+    up = (cast(z3.BoolRef, value == 1),) if high is None else ()
+    down = (cast(z3.BoolRef, value == -1),) if low is None else ()
+    return any_of((*up, *down))
+
+
+def _member(name: str, of: Enum, builder: Builder) -> Number:
+    value = z3.Real(name)
+    member = enumerator(value, of)
+    builder.assume(value, any_of(condition for _, condition in member.cases))
+    return member
+
+
+# --- modules in Python ---------------------------------------------------------------------------
+
+
+def python_answers(
+    module: PythonModule, actuator: Actuator | None, base: str, builder: Builder
+) -> PythonInput:
+    """Anything that may come from `step`: nothing, or fields of their types, any numbers, NaN too."""
+    answers = z3.Bool(f"{base}.answers")
+    fields = actuator.fields if actuator else ()
+    made = tuple(_answer(f"{base}.{f.name}", f.type, builder) for f in fields)
+    text = f"`{module.name}` is written in Python: it may answer anything"
+    reason = Reason(Inexact.PYTHON, module.span, text)
+    builder.blame_term(answers, reason)
+    for x in made:
+        for term in (x.value, x.nan, x.infinite) if isinstance(x, Number) else (x,):
+            builder.blame_term(term, reason)
+    return PythonInput(answers=answers, fields=made)
+
+
+def _answer(name: str, of: ScalarType, builder: Builder) -> Scalar:
+    match of:
+        case Bool():
+            return z3.Bool(name)
+        case Enum():
+            return _member(name, of, builder)
+        case Quantity():
+            value, nan, infinite = z3.Real(name), z3.Bool(f"{name}.nan"), z3.Bool(f"{name}.infinite")
+            builder.assume(value, implied(infinite, z3.Or(value == 1, value == -1)))
+            return Number(value, nan, infinite, UNBOUNDED)
+        case _:
+            assert_never(of)

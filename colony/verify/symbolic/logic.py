@@ -1,0 +1,160 @@
+"""Formulas that stay small: each connective is folded where an operand is known, or stands there twice."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from fractions import Fraction
+from functools import lru_cache
+from typing import TypeVar, cast
+
+import z3
+
+Sorted = TypeVar("Sorted", bound=z3.ExprRef)
+
+TRUE: z3.BoolRef = z3.BoolVal(True)
+FALSE: z3.BoolRef = z3.BoolVal(False)
+
+# Terms are made by the thousand. z3's own functions look at every operand's class and sort first; here the
+# sorts are right by type, so these go straight to its C interface, in the main context.
+_MAIN = z3.main_ctx()
+_CONTEXT = _MAIN.ref()
+
+
+def _truth_of(ast: z3.Ast) -> z3.BoolRef:
+    return z3.BoolRef(ast, _MAIN)
+
+
+def _array(terms: Sequence[z3.ExprRef]) -> object:
+    return (z3.Ast * len(terms))(*(x.as_ast() for x in terms))
+
+
+def is_true(x: z3.BoolRef) -> bool:
+    """Whether `x` is `TRUE`, which is all that these functions make of what is known."""
+    return x is TRUE
+
+
+def is_false(x: z3.BoolRef) -> bool:
+    return x is FALSE
+
+
+def is_negation(x: z3.BoolRef) -> bool:
+    """Whether `x` is a `not`."""
+    return bool(z3.Z3_get_decl_kind(_CONTEXT, z3.Z3_get_app_decl(_CONTEXT, x.as_ast())) == z3.Z3_OP_NOT)
+
+
+def same(x: z3.ExprRef, y: z3.ExprRef) -> bool:
+    """Whether these are the very same term: z3 makes equal terms once."""
+    return x is y or bool(x.get_id() == y.get_id())
+
+
+def truth(x: bool) -> z3.BoolRef:
+    return TRUE if x else FALSE
+
+
+def negation(x: z3.BoolRef) -> z3.BoolRef:
+    if is_true(x):
+        return FALSE
+    if is_false(x):
+        return TRUE
+    return cast(z3.BoolRef, x.arg(0) if is_negation(x) else _truth_of(z3.Z3_mk_not(_CONTEXT, x.as_ast())))
+
+
+def all_of(formulas: Iterable[z3.BoolRef]) -> z3.BoolRef:
+    kept = _kept(formulas, neutral=TRUE, absorbing=FALSE)
+    if kept is None:
+        return FALSE
+    if len(kept) < 2:
+        return kept[0] if kept else TRUE
+    return _truth_of(z3.Z3_mk_and(_CONTEXT, len(kept), _array(kept)))
+
+
+def any_of(formulas: Iterable[z3.BoolRef]) -> z3.BoolRef:
+    kept = _kept(formulas, neutral=FALSE, absorbing=TRUE)
+    if kept is None:
+        return TRUE
+    if len(kept) < 2:
+        return kept[0] if kept else FALSE
+    return _truth_of(z3.Z3_mk_or(_CONTEXT, len(kept), _array(kept)))
+
+
+def _kept(
+    formulas: Iterable[z3.BoolRef], neutral: z3.BoolRef, absorbing: z3.BoolRef
+) -> list[z3.BoolRef] | None:
+    """The formulas that matter, each once; None where one, or one and its negation, decides."""
+    kept: dict[int, z3.BoolRef] = {}
+    for x in formulas:
+        if x is absorbing:
+            return None
+        if x is not neutral:
+            kept[x.get_id()] = x
+    if len(kept) > 1 and any(is_negation(x) and x.arg(0).get_id() in kept for x in kept.values()):
+        return None
+    return list(kept.values())
+
+
+def both(x: z3.BoolRef, y: z3.BoolRef) -> z3.BoolRef:
+    return all_of((x, y))
+
+
+def either(x: z3.BoolRef, y: z3.BoolRef) -> z3.BoolRef:
+    return any_of((x, y))
+
+
+def implied(x: z3.BoolRef, y: z3.BoolRef) -> z3.BoolRef:
+    """`x implies y`."""
+    return any_of((negation(x), y))
+
+
+def equivalent(x: z3.BoolRef, y: z3.BoolRef) -> z3.BoolRef:
+    if same(x, y):
+        return TRUE
+    for one, other in ((x, y), (y, x)):
+        if is_true(one):
+            return other
+        if is_false(one):
+            return negation(other)
+    return cast(z3.BoolRef, x == y)
+
+
+def choice(condition: z3.BoolRef, yes: z3.BoolRef, no: z3.BoolRef) -> z3.BoolRef:
+    """`if condition then yes else no` of truths."""
+    if is_true(condition) or same(yes, no):
+        return yes
+    if is_false(condition):
+        return no
+    if is_true(yes):
+        return either(condition, no)
+    if is_false(yes):
+        return both(negation(condition), no)
+    if is_true(no):
+        return either(negation(condition), yes)
+    if is_false(no):
+        return both(condition, yes)
+    return _ite(condition, yes, no)
+
+
+def pick(condition: z3.BoolRef, yes: Sorted, no: Sorted) -> Sorted:
+    """`if condition then yes else no` of terms of one sort."""
+    if is_true(condition) or same(yes, no):
+        return yes
+    if is_false(condition):
+        return no
+    return _ite(condition, yes, no)
+
+
+def _ite(condition: z3.BoolRef, yes: Sorted, no: Sorted) -> Sorted:
+    """The same, without looking whether it can be less."""
+    ast = z3.Z3_mk_ite(_CONTEXT, condition.as_ast(), yes.as_ast(), no.as_ast())
+    return cast(Sorted, z3.BoolRef(ast, _MAIN) if isinstance(yes, z3.BoolRef) else z3.ArithRef(ast, _MAIN))
+
+
+@lru_cache(maxsize=4096)
+def real(x: Fraction | int) -> z3.RatNumRef:
+    """The numeral of sort Real."""
+    return z3.RealVal(str(x))
+
+
+@lru_cache(maxsize=4096)
+def integer(x: int) -> z3.IntNumRef:
+    """The numeral of sort Int."""
+    return z3.IntVal(x)

@@ -1,0 +1,313 @@
+"""The memory functions of the language: cells, and what is read from them.
+
+Each call moves on where its owner is evaluated (`moves`). Cells that begin alike and are told the same terms
+are the same forever: they are made once, so that a contract may speak of the memory of a module or node.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from typing import assert_never, cast
+
+import z3
+
+from colony.ir import expression as ir
+from colony.ir.types import Bool, Enum, Quantity, ScalarValue
+from colony.ir.types import Scalar as ScalarType
+from colony.verify.symbolic.bounding import within
+from colony.verify.symbolic.builder import Builder, Shape
+from colony.verify.symbolic.cases import constant, constant_of, whole_of, with_cases
+from colony.verify.symbolic.logic import (
+    FALSE,
+    all_of,
+    any_of,
+    both,
+    choice,
+    either,
+    implied,
+    integer,
+    is_false,
+    is_true,
+    negation,
+    pick,
+    truth,
+)
+from colony.verify.symbolic.moment import Moment
+from colony.verify.symbolic.numbers import equal, select
+from colony.verify.symbolic.seconds import seconds
+from colony.verify.symbolic.system import Number, Scalar
+
+
+def recall(
+    e: ir.MemoryCall,
+    x: Sequence[Scalar],
+    types: Sequence[ScalarType],
+    builder: Builder,
+    moment: Moment,
+    moves: z3.BoolRef,
+    hint: str,
+) -> Scalar:
+    """The value of a memory function of scalars now; its cells move on where `moves`."""
+    memory = Memory(builder, moment, moves, f"{hint}.{e.function.value}")
+    match e.function:
+        case ir.Memory.PREVIOUS:
+            return memory.previous(x[0], types[0], x[1])
+        case ir.Memory.CHANGED:
+            return both(memory.evaluated(), negation(equal(x[0], memory.last(x[0], types[0]))))
+        case ir.Memory.RISING:
+            return both(_truth(x[0]), negation(_truth(memory.last(x[0], types[0]))))
+        case ir.Memory.FALLING:
+            return both(negation(_truth(x[0])), _truth(memory.last(x[0], types[0])))
+        case ir.Memory.HELD:
+            return memory.held(_truth(x[0]), e.duration_ns)
+        case ir.Memory.ELAPSED:
+            return seconds(memory.elapsed_ns(_truth(x[0])), builder, e.span)
+        case ir.Memory.LATCH:
+            return memory.latch(_truth(x[0]), _truth(x[1]))
+        case ir.Memory.CAPTURED:
+            return memory.captured(x[0], types[0], x[1], types[1])
+        case ir.Memory.EVERY:
+            return memory.every(e.duration_ns)
+        case _:
+            assert_never(e.function)
+
+
+def _truth(x: Scalar) -> z3.BoolRef:
+    assert not isinstance(x, Number)
+    return x
+
+
+class Memory:
+    """Cells that move on where `moves`, in every frame in which that is true."""
+
+    def __init__(self, builder: Builder, moment: Moment, moves: z3.BoolRef, hint: str) -> None:
+        self.builder = builder
+        self.moment = moment
+        self.moves = moves
+        self.hint = hint
+
+    def evaluated(self) -> z3.BoolRef:
+        """Whether there was a frame before this one in which memory moved on."""
+        if is_true(self.moves):
+            return self.moment.begun
+        key = ("evaluated", *self.builder.keep(self.moves))
+        return self.builder.once(key, lambda: self._ever("evaluated", self.moves))
+
+    def _ever(self, what: str, event: z3.BoolRef) -> z3.BoolRef:
+        """Whether `event` was true in a frame before this one."""
+        ever, close = self._flag(what)
+        close(either(ever, event))
+        self.builder.invariant(ever, implied(ever, self.moment.begun))
+        return ever
+
+    def _flag(self, what: str) -> tuple[z3.BoolRef, Callable[[z3.BoolRef], None]]:
+        """A new cell, false at first, and what says what it is after the frame."""
+        name = self.builder.name(f"{self.hint}.{what}")
+        old = cast(z3.BoolRef, self.builder.open_cell(name, z3.BoolSort(), FALSE))
+        return old, lambda x: self.builder.close_cell(name, x)
+
+    # --- values ----------------------------------------------------------------------------------
+
+    def last(self, x: Scalar, of: ScalarType, initial: ScalarValue | None = None) -> Scalar:
+        """`x` at the last frame in which memory moved on; `initial` (or whatever) before the first."""
+        start = initial if initial is not None else False if isinstance(of, Bool) else _any_of(of)
+        key = ("last", repr(start), *self.builder.keep(self.moves), *self.builder.key(x))
+
+        def make() -> Scalar:
+            old, set_next = remembered(self.builder, f"{self.hint}.last", of, start)
+            set_next(select(self.moves, x, old))
+            return old
+
+        return self.builder.once(key, make)
+
+    def previous(self, x: Scalar, of: ScalarType, initial: Scalar) -> Scalar:
+        """`x` at the last frame in which memory moved on, at first `initial`."""
+        start = _known(initial)
+        if start is not None:
+            return self.last(x, of, start)
+        return select(self.evaluated(), self.last(x, of), initial)
+
+    def captured(self, x: Scalar, of: ScalarType, key: Scalar, key_type: ScalarType) -> Scalar:
+        """`x` as it was at the first frame with the present key."""
+        known = _known(key)
+        if known is not None:
+            stands = truth(known == known)  # a NaN is never the same key
+        else:
+            stands = equal(self.last(key, key_type), key)
+        kept = both(self.evaluated(), stands)
+        if is_false(kept):
+            return x
+        of_terms = (*self.builder.keep(self.moves, kept), *self.builder.key(x))
+
+        def make() -> Scalar:
+            old, set_next = remembered(self.builder, f"{self.hint}.value", of, _any_of(of))
+            value = select(kept, old, x)
+            set_next(select(self.moves, value, old))
+            return value
+
+        return self.builder.once(("captured", *of_terms), make)
+
+    def latch(self, set_: z3.BoolRef, reset: z3.BoolRef) -> z3.BoolRef:
+        """`v = (v or set) and not reset`, seen at once."""
+
+        def make() -> z3.BoolRef:
+            old, close = self._flag("set")
+            latched = both(either(old, set_), negation(reset))
+            close(choice(self.moves, latched, old))
+            return latched
+
+        return self.builder.once(("latch", *self.builder.keep(self.moves, set_, reset)), make)
+
+    # --- times -----------------------------------------------------------------------------------
+
+    def held(self, b: z3.BoolRef, duration_ns: int) -> z3.BoolRef:
+        """`b`, or that it was true less than `duration_ns` ago."""
+        if duration_ns <= 0:
+            return b
+        ever, time = self._time_of(both(self.moves, b))
+        recent = cast(z3.BoolRef, self.moment.now - time < integer(duration_ns))
+        return either(b, both(ever, recent))
+
+    def _time_of(self, event: z3.BoolRef) -> tuple[z3.BoolRef, z3.ArithRef]:
+        """Whether `event` was true in a frame before this one, and when last."""
+
+        def make() -> tuple[z3.BoolRef, z3.ArithRef]:
+            return self._ever("ever", event), self._time("time", event)
+
+        return self.builder.once(("time of", *self.builder.keep(event)), make)
+
+    def _time(self, what: str, event: z3.BoolRef) -> z3.ArithRef:
+        """The time of the last frame with `event`, 0 before the first."""
+        time, close = self._open_time(what)
+        close(pick(event, self.moment.now, time))
+        return time
+
+    def _open_time(self, what: str) -> tuple[z3.ArithRef, Callable[[z3.ArithRef], None]]:
+        name = self.builder.name(f"{self.hint}.{what}")
+        time = cast(z3.ArithRef, self.builder.open_cell(name, z3.IntSort(), integer(0)))
+        self.builder.invariant(time, z3.And(time >= 0, time <= self.moment.last))
+        return time, lambda x: self.builder.close_cell(name, x)
+
+    def elapsed_ns(self, b: z3.BoolRef) -> z3.ArithRef:
+        """The time since `b` became true, 0 while it is false."""
+        on = _truth(self.last(b, Bool(), False))
+        became = all_of((self.moves, b, negation(on)))
+        key = ("since", *self.builder.keep(became))
+        since = self.builder.once(key, lambda: self._time("since", became))
+        return pick(both(b, on), self.moment.now - since, cast(z3.ArithRef, integer(0)))
+
+    def every(self, duration_ns: int) -> z3.BoolRef:
+        """At first, and then when `duration_ns` have passed since it was last true."""
+
+        def make() -> z3.BoolRef:
+            time, close = self._open_time("time")
+            passed = cast(z3.BoolRef, self.moment.now >= time + integer(duration_ns))
+            due = either(negation(self.evaluated()), passed)
+            close(pick(both(self.moves, due), self.moment.now, time))
+            return due
+
+        return self.builder.once(("every", duration_ns, *self.builder.keep(self.moves)), make)
+
+
+# --- cells of any type ---------------------------------------------------------------------------
+
+
+def remembered(
+    builder: Builder, hint: str, of: ScalarType, initial: ScalarValue
+) -> tuple[Scalar, Callable[[Scalar], None]]:
+    """A scalar in memory as it was before the frame, and what says what it is afterwards."""
+    name = builder.name(hint)
+    if isinstance(of, Bool):
+        old = builder.open_cell(name, z3.BoolSort(), truth(bool(initial)))
+        return cast(z3.BoolRef, old), lambda x: builder.close_cell(name, _truth(x))
+    assert not isinstance(initial, bool)
+    start = constant(initial)
+    if isinstance(of, Enum):
+        return _enumerator(builder, name, of, start)
+    return _number(builder, name, start)
+
+
+def _enumerator(
+    builder: Builder, name: str, of: Enum, start: Number
+) -> tuple[Scalar, Callable[[Scalar], None]]:
+    old = cast(z3.ArithRef, builder.open_cell(name, z3.RealSort(), start.value))
+    value = enumerator(old, of)
+    builder.invariant(old, any_of(c for _, c in value.cases))
+    return value, lambda x: builder.close_cell(name, cast(Number, x).value)
+
+
+def enumerator(term: z3.ArithRef, of: Enum) -> Number:
+    """A term that is one of the members."""
+    values = sorted({v for _, v in of.members})
+    if len(values) == 1:
+        return constant(values[0])
+    return with_cases(term, tuple((v, cast(z3.BoolRef, term == constant(v).value)) for v in values))
+
+
+def _number(builder: Builder, name: str, start: Number) -> tuple[Scalar, Callable[[Scalar], None]]:
+    """A number; what its shape rules out needs no cell."""
+    shape = builder.shapes.get(name, shape_of(start))
+    nan = infinite = FALSE
+    if shape.nan:
+        nan = cast(z3.BoolRef, builder.open_cell(f"{name}.nan", z3.BoolSort(), start.nan))
+    if shape.infinite:
+        infinite = cast(z3.BoolRef, builder.open_cell(f"{name}.infinite", z3.BoolSort(), start.infinite))
+    if shape.bounds.whole:
+        whole = cast(z3.ArithRef, builder.open_cell(name, z3.IntSort(), _whole(start)))
+        old = Number(z3.ToReal(whole), nan, infinite, shape.bounds, whole)
+        term: z3.ArithRef = whole
+    else:
+        term = cast(z3.ArithRef, builder.open_cell(name, z3.RealSort(), start.value))
+        old = Number(term, nan, infinite, shape.bounds)
+    builder.invariant(term, within(old, shape.bounds))
+    if shape.infinite:
+        builder.invariant(infinite, implied(both(infinite, negation(nan)), _signed(old)))
+
+    def close(x: Scalar) -> None:
+        assert isinstance(x, Number)
+        builder.held[name] = (start, old, x)
+        if shape.nan:
+            builder.close_cell(f"{name}.nan", x.nan)
+        if shape.infinite:
+            builder.close_cell(f"{name}.infinite", x.infinite)
+        builder.close_cell(name, _whole(x) if shape.bounds.whole and x.bounds.whole else x.value)
+
+    return old, close
+
+
+def _signed(x: Number) -> z3.BoolRef:
+    """The sign that an infinite number may have."""
+    up = FALSE if x.bounds.high is not None else cast(z3.BoolRef, x.value > 0)
+    down = FALSE if x.bounds.low is not None else cast(z3.BoolRef, x.value < 0)
+    return either(up, down)
+
+
+def _whole(x: Number) -> z3.ArithRef:
+    term = whole_of(x)
+    assert term is not None, f"{x} is not whole"
+    return term
+
+
+def shape_of(x: Number) -> Shape:
+    """What a number may be."""
+    return Shape(not is_false(x.nan), not is_false(x.infinite), x.bounds)
+
+
+def _known(x: Scalar) -> ScalarValue | None:
+    """The constant that a scalar is."""
+    if isinstance(x, Number):
+        return constant_of(x)
+    return True if is_true(x) else False if is_false(x) else None
+
+
+def _any_of(of: ScalarType) -> ScalarValue:
+    """A value of a type, for memory that is not read before it is written."""
+    match of:
+        case Bool():
+            return False
+        case Enum(members=members):
+            return members[0][1]
+        case Quantity():
+            return 0.0
+        case _:
+            assert_never(of)

@@ -1,0 +1,158 @@
+"""Derived values and modules: when they are missing or silent, what they hold, and how memory moves on."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from typing import assert_never, cast
+
+import z3
+
+from colony.ir import program as ir
+from colony.ir.expression import Expression
+from colony.ir.types import Scalar as ScalarType
+from colony.ir.types import ScalarValue
+from colony.verify.symbolic.builder import Builder
+from colony.verify.symbolic.cases import constant
+from colony.verify.symbolic.expressions import Expressions
+from colony.verify.symbolic.inputs import python_answers
+from colony.verify.symbolic.logic import FALSE, all_of, any_of, both, negation
+from colony.verify.symbolic.memory import remembered
+from colony.verify.symbolic.moment import Moment, missing, needs
+from colony.verify.symbolic.numbers import select
+from colony.verify.symbolic.system import ModuleTerms, Number, PythonInput, Scalar, Term
+
+
+class Declarations:
+    """Encodes what a program declares, in the order of a frame. Mutable: fills the moment."""
+
+    def __init__(self, program: ir.Program, builder: Builder, moment: Moment) -> None:
+        self.program = program
+        self.builder = builder
+        self.moment = moment
+        self._set_next: dict[str, Callable[[Scalar], None]] = {}
+
+    def expressions(self, moves: z3.BoolRef, hint: str, own: frozenset[str] = frozenset()) -> Expressions:
+        return Expressions(builder=self.builder, moment=self.moment, moves=moves, hint=hint, own=own)
+
+    # --- states ----------------------------------------------------------------------------------
+
+    def states(self) -> None:
+        """The old values of all states and machines."""
+        for derived in self.program.derived:
+            match derived:
+                case ir.State(name=name, type=type_, initial=initial):
+                    self._state(name, type_, initial)
+                case ir.Machine(name=name, type=phases, start=start):
+                    self._state(name, phases, start)
+                case ir.Let():
+                    pass
+                case _:
+                    assert_never(derived)
+        for module in self.program.modules:
+            for state in module.states if isinstance(module, ir.Module) else ():
+                self._state(state.name, state.type, state.initial)
+
+    def _state(self, name: str, of: ScalarType, initial: ScalarValue) -> None:
+        self.moment.states[name], self._set_next[name] = remembered(self.builder, name, of, initial)
+
+    def _unchanged(self, name: str) -> None:
+        self._set_next[name](self.moment.states[name])
+
+    # --- derived values --------------------------------------------------------------------------
+
+    def derived(self) -> None:
+        for derived in self.program.derived:
+            match derived:
+                case ir.Let(name=name, expression=expression):
+                    absent = missing(expression, self.moment)
+                    value = self.expressions(negation(absent), name).value(expression)
+                    self.moment.derived[name] = (absent, self._named(value, name))
+                    self.moment.needs[name] = needs(expression, self.moment)
+                case ir.State(name=name, next=None):
+                    self._unchanged(name)
+                case ir.State(name=name, next=following):
+                    assert following is not None
+                    there = negation(missing(following, self.moment))
+                    value = self.expressions(there, name).scalar(following)
+                    self._set_next[name](select(there, value, self.moment.states[name]))
+                case ir.Machine():
+                    self._machine(derived)
+                case _:
+                    assert_never(derived)
+
+    def _named(self, value: Term, name: str) -> Term:
+        if isinstance(value, tuple):
+            return tuple(self.builder.named(x, f"{name}[{i}]") for i, x in enumerate(value))
+        return self.builder.named(value, name)
+
+    def _machine(self, machine: ir.Machine) -> None:
+        """The first transition from the present phase of which the condition is true."""
+        phase = cast(Number, self.moment.states[machine.name])
+        result, untaken = phase, negation(FALSE)
+        for transition in machine.transitions:
+            there = negation(missing(transition.condition, self.moment))
+            holds = self.expressions(there, machine.name).boolean(transition.condition)
+            here = any_of(c for v, c in phase.cases if v in transition.sources)
+            taken = all_of((untaken, there, holds, here))
+            untaken = both(untaken, negation(taken))
+            result = cast(Number, select(taken, constant(transition.target), result))
+        self._set_next[machine.name](result)
+
+    # --- modules ---------------------------------------------------------------------------------
+
+    def modules(self, names: Mapping[str, str]) -> tuple[dict[str, ModuleTerms], dict[str, PythonInput]]:
+        """Every module; `names` are the first part of the names of Python answers, where not the own."""
+        found: dict[str, ModuleTerms] = {}
+        python: dict[str, PythonInput] = {}
+        actuators = {a.name: a for a in self.program.robot.actuators}
+        for module in self.program.modules:
+            match module:
+                case ir.Module():
+                    terms = self._module(module)
+                case ir.PythonModule():
+                    actuator = actuators[module.actuator] if module.actuator else None
+                    base = names.get(module.name, f"{self.builder.prefix}{module.name}")
+                    given = python[module.name] = python_answers(module, actuator, base, self.builder)
+                    terms = self._python_module(module, given)
+                case _:
+                    assert_never(module)
+            found[module.name] = terms
+            self.moment.active[module.name] = terms.active
+        return found, python
+
+    def _module(self, module: ir.Module) -> ModuleTerms:
+        """Unless it is silent everything in it is evaluated, whether or not its predicate holds."""
+        fields = module.command.fields if module.command else ()
+        following = [s.next for s in module.states if s.next is not None]
+        everything: list[Expression] = [let.expression for let in module.lets]
+        everything += [module.when, *fields, *following]
+        own = frozenset(let.name for let in module.lets)
+        silent = any_of(missing(e, self.moment, own) for e in everything)
+        runs = self.expressions(negation(silent), module.name, own)
+        read = frozenset[str]()
+        for let in module.lets:
+            self.moment.needs[let.name] = needs(let.expression, self.moment)
+            self.moment.locals[let.name] = (silent, self._named(runs.value(let.expression), let.name))
+        applicable = runs.boolean(module.when)
+        command = tuple(runs.scalar(e) for e in fields)
+        for state in module.states:
+            if state.next is None:
+                self._unchanged(state.name)
+            else:
+                old = self.moment.states[state.name]
+                self._set_next[state.name](select(silent, old, runs.scalar(state.next)))
+        for e in everything:
+            read |= needs(e, self.moment)
+        active = both(applicable, negation(silent))
+        return ModuleTerms(silent=silent, applicable=applicable, active=active, command=command, reads=read)
+
+    def _python_module(self, module: ir.PythonModule, given: PythonInput) -> ModuleTerms:
+        silent = any_of(missing(r.expression, self.moment) for r in module.reads)
+        read = frozenset[str]().union(*(needs(r.expression, self.moment) for r in module.reads))
+        return ModuleTerms(
+            silent=silent,
+            applicable=given.answers,
+            active=both(given.answers, negation(silent)),
+            command=given.fields,
+            reads=read,
+        )

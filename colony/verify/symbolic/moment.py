@@ -1,0 +1,72 @@
+"""All that expressions of a frame may read, as terms; filled in the order in which a frame is computed."""
+
+from __future__ import annotations
+
+from collections.abc import Set
+from dataclasses import dataclass, field
+
+import z3
+
+from colony.ir import expression as ir
+from colony.verify.symbolic.logic import FALSE, any_of, both, negation
+from colony.verify.symbolic.system import Scalar, Term
+
+
+@dataclass(frozen=False, slots=True, kw_only=True)
+class Moment:
+    """Mutable. What is missing somewhere has a value too, which means nothing there."""
+
+    now: z3.ArithRef
+    begun: z3.BoolRef
+    last: z3.ArithRef
+    sensors: dict[str, Term] = field(default_factory=dict)
+    present: dict[str, z3.BoolRef] = field(default_factory=dict)  # of sensors: there themselves
+    missing: dict[str, z3.BoolRef] = field(default_factory=dict)  # sensors with neither value nor default
+    derived: dict[str, tuple[z3.BoolRef, Term]] = field(default_factory=dict)  # missing, value
+    states: dict[str, Scalar] = field(default_factory=dict)
+    locals: dict[str, tuple[z3.BoolRef, Term]] = field(default_factory=dict)  # missing, value
+    active: dict[str, z3.BoolRef] = field(default_factory=dict)
+    wins: dict[str, dict[str, z3.BoolRef]] = field(default_factory=dict)  # by actuator and module
+    commanded: dict[str, z3.BoolRef] = field(default_factory=dict)
+    sent: dict[tuple[str, int], tuple[z3.BoolRef, Scalar]] = field(default_factory=dict)  # missing, value
+    needs: dict[str, frozenset[str]] = field(default_factory=dict)  # sensors, by derived value or local
+
+
+def missing(e: ir.Expression, moment: Moment, own: Set[str] = frozenset()) -> z3.BoolRef:
+    """Where something that `e` needs is missing; `own` are lets that count as there."""
+    match e:
+        case ir.SensorValue(name=name):
+            return moment.missing[name]
+        case ir.DerivedValue(name=name):
+            return moment.derived[name][0]
+        case ir.LocalValue(name=name):
+            return FALSE if name in own else moment.locals[name][0]
+        case ir.SentField(actuator=actuator, field_index=i):
+            return moment.sent[actuator, i][0]
+        case ir.ValueOr(other=other):
+            return missing(other, moment, own)
+        case _:
+            return any_of(missing(child, moment, own) for child in ir.children(e))
+
+
+def needs(e: ir.Expression, moment: Moment) -> frozenset[str]:
+    """The sensors that `e` cannot do without, directly or through derived values."""
+    match e:
+        case ir.SensorValue(name=name):
+            can_be_missing = not _never(moment.missing[name])
+            return frozenset({name}) if can_be_missing else frozenset()
+        case ir.DerivedValue(name=name) | ir.LocalValue(name=name):
+            return moment.needs.get(name, frozenset())
+        case ir.ValueOr(other=other):
+            return needs(other, moment)
+        case _:
+            return frozenset[str]().union(*(needs(child, moment) for child in ir.children(e)))
+
+
+def _never(x: z3.BoolRef) -> bool:
+    return bool(x.get_id() == FALSE.get_id())
+
+
+def needed_for(condition: z3.BoolRef, e: ir.Expression, moment: Moment, own: Set[str]) -> z3.BoolRef:
+    """Where `e` is evaluated in what is evaluated where `condition`: nothing that it needs is missing."""
+    return both(condition, negation(missing(e, moment, own)))

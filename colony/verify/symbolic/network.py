@@ -1,0 +1,107 @@
+"""The network: which module's output gets through to each wire and actuator (language reference, Network)."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import assert_never
+
+import z3
+
+from colony.ir import program as ir
+from colony.verify.symbolic.builder import Builder
+from colony.verify.symbolic.logic import TRUE, any_of, both, either, negation
+from colony.verify.symbolic.memory import Memory
+from colony.verify.symbolic.moment import Moment
+from colony.verify.symbolic.system import NodeTerms
+
+
+@dataclass(frozen=True, slots=True)
+class Output:
+    """What may be on a wire: for each module whose output can get there when it does, and when any does."""
+
+    by: Mapping[str, z3.BoolRef]
+    active: z3.BoolRef
+
+
+class Network:
+    """Encodes the wires, in an order in which each stands after what it is made of. Mutable."""
+
+    def __init__(self, program: ir.Program, builder: Builder, moment: Moment) -> None:
+        self.program = program
+        self.builder = builder
+        self.moment = moment
+        self.nodes: list[NodeTerms] = []
+        self._outputs = {m.name: _of_module(m.name, moment.active[m.name]) for m in program.modules}
+
+    def wires(self) -> tuple[NodeTerms, ...]:
+        """All wires, into the moment; gives the nodes, inner ones first."""
+        for actuator in self.program.robot.actuators:
+            self.moment.wins[actuator.name] = {}
+        for wire in self.program.wires:
+            output = self._wiring(wire.wiring, wire.name, ())
+            if wire.actuator is None:
+                self._outputs[wire.name] = output
+                self.moment.active[wire.name] = output.active
+            else:
+                self.moment.wins[wire.actuator] = dict(output.by)
+        return tuple(self.nodes)
+
+    def _wiring(self, wiring: ir.Wiring, wire: str, path: tuple[int, ...]) -> Output:
+        match wiring:
+            case ir.Use(name=name):
+                return self._outputs[name]
+            case ir.Chain():
+                operands = [self._wiring(o, wire, (*path, i)) for i, o in enumerate(wiring.operands)]
+                return self._chain(wiring, operands, wire, path)
+            case _:
+                assert_never(wiring)
+
+    def _chain(self, chain: ir.Chain, operands: list[Output], wire: str, path: tuple[int, ...]) -> Output:
+        """Each operand but the last dominates what follows it."""
+        count = len(operands) - 1
+        dominates = [
+            self._dominates(operands[i].active, chain.windows_ns[i], f"{wire}.{chain.relation}")
+            for i in range(count)
+        ]
+        rest = operands[count].active  # what is on the output of the operands from i + 1 on
+        for i in reversed(range(count)):
+            dominant = operands[i].active
+            self.nodes.append(
+                NodeTerms(
+                    wire=wire,
+                    path=(*path, i),
+                    relation=chain.relation,
+                    window_ns=chain.windows_ns[i],
+                    dominant=dominant,
+                    inferior=rest,
+                    dominates=dominates[i],
+                    span=chain.span,
+                )
+            )
+            rest = both(rest, negation(dominates[i]))
+            if chain.relation == "suppresses":
+                rest = either(dominant, rest)
+        return Output(_through(chain, operands, dominates), rest)
+
+    def _dominates(self, active: z3.BoolRef, window_ns: int, hint: str) -> z3.BoolRef:
+        """Whether the dominant side is active, or was less than the time constant ago."""
+        return Memory(self.builder, self.moment, TRUE, hint).held(active, window_ns)
+
+
+def _through(chain: ir.Chain, operands: list[Output], dominates: list[z3.BoolRef]) -> dict[str, z3.BoolRef]:
+    """Which module's output gets through a chain: that of the first operand that is not dominated."""
+    found: dict[str, list[z3.BoolRef]] = {}
+    clear = TRUE  # nothing before this operand dominates
+    for i, operand in enumerate(operands):
+        last = i == len(operands) - 1
+        if chain.relation == "suppresses" or last:
+            for module, on in operand.by.items():
+                found.setdefault(module, []).append(both(clear, on))
+        if not last:
+            clear = both(clear, negation(dominates[i]))
+    return {module: any_of(ways) for module, ways in found.items()}
+
+
+def _of_module(name: str, active: z3.BoolRef) -> Output:
+    return Output({name: active}, active)

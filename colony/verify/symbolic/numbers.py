@@ -1,0 +1,328 @@
+"""Extended reals: what can be said of them without new constants.
+
+Comparisons, choices, sums, least and greatest: linear arithmetic with NaN and the infinities beside it.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+from fractions import Fraction
+from functools import reduce
+from typing import cast
+
+import z3
+
+from colony.verify.symbolic.cases import (
+    MOST_CASES,
+    by_cases,
+    by_folding,
+    constant,
+    constant_of,
+    folded,
+    hull,
+    whole_of,
+)
+from colony.verify.symbolic.logic import (
+    FALSE,
+    TRUE,
+    all_of,
+    any_of,
+    both,
+    choice,
+    either,
+    integer,
+    is_false,
+    is_true,
+    negation,
+    pick,
+    real,
+    same,
+)
+from colony.verify.symbolic.system import UNBOUNDED, Bounds, Number, Scalar
+from colony.verify.symbolic.thresholds import against_constants
+
+EXACT_WHOLE = Fraction(2**53)
+"""All integers up to this are floats: sums of them do not round."""
+
+
+def of_whole(term: z3.ArithRef, bounds: Bounds = UNBOUNDED) -> Number:
+    """A term of sort Int as a number."""
+    return Number(z3.ToReal(term), FALSE, FALSE, replace(bounds, whole=True), term)
+
+
+def finite(x: Number) -> z3.BoolRef:
+    """Where `x` is neither NaN nor infinite."""
+    return negation(either(x.nan, x.infinite))
+
+
+def always_finite(x: Number) -> bool:
+    return is_false(x.nan) and is_false(x.infinite)
+
+
+# --- bounds --------------------------------------------------------------------------------------
+
+
+def hull_of(x: Number, y: Number) -> Bounds:
+    """The same of numbers, where NaN says nothing."""
+    if is_true(x.nan):
+        return y.bounds
+    if is_true(y.nan):
+        return x.bounds
+    return hull(x.bounds, y.bounds)
+
+
+def bounds_apart(x: Number, old: Number) -> Bounds | None:
+    """The bounds of what `x` is where it is not just `old`; None if it always is."""
+    if same(x.value, old.value):
+        return None
+    parts = [bounds_apart(branch, old) for branch in x.branches]
+    if all(part is not None for part in parts):
+        return x.bounds
+    known = [part for part in parts if part is not None]
+    return reduce(hull, known) if known else None
+
+
+def is_exact_whole(bounds: Bounds) -> bool:
+    """Whether all numbers within are integers that are floats."""
+    if not bounds.whole or bounds.low is None or bounds.high is None:
+        return False
+    return bounds.low >= -EXACT_WHOLE and bounds.high <= EXACT_WHOLE
+
+
+# --- comparisons ---------------------------------------------------------------------------------
+
+
+def compared(x: Number, y: Number, relation: str) -> z3.BoolRef:
+    """`x relation y` for `<`, `<=`, `==`: false where one is NaN."""
+    rows = folded(_RELATIONS[relation], (x, y))
+    if rows:
+        return any_of(condition for holds, condition in rows if holds)
+    there = negation(either(x.nan, y.nan))
+    known = against_constants(x, y, relation)
+    if known is None:
+        known = _known(x, y, relation)
+    if known is not None:
+        return both(there, known)
+    core = _finite_comparison(x, y, relation)
+    for one, other, swapped in ((y, x, True), (x, y, False)):
+        if not is_false(one.infinite):
+            core = choice(one.infinite, _infinite_comparison(one, other, relation, swapped), core)
+    return both(there, core)
+
+
+_RELATIONS: dict[str, Callable[[float, float], bool]] = {
+    "<": lambda x, y: x < y,
+    "<=": lambda x, y: x <= y,
+    "==": lambda x, y: x == y,
+}
+
+
+def _known(x: Number, y: Number, relation: str) -> z3.BoolRef | None:
+    """What the bounds decide of numbers that are not NaN."""
+    a, b = x.bounds, y.bounds
+    below = a.high is not None and b.low is not None and a.high < b.low
+    above = a.low is not None and b.high is not None and a.low > b.high
+    match relation:
+        case "==":
+            return FALSE if below or above else None
+        case "<":
+            never = a.low is not None and b.high is not None and a.low >= b.high
+            return TRUE if below else FALSE if never else None
+        case _:
+            always = a.high is not None and b.low is not None and a.high <= b.low
+            return TRUE if always else FALSE if above else None
+
+
+def _finite_comparison(x: Number, y: Number, relation: str) -> z3.BoolRef:
+    few, other = (x, y) if len(x.cases) > 1 else (y, x)
+    if relation == "==" and len(few.cases) > 1:
+        finite_cases = ((v, c) for v, c in few.cases if math.isfinite(v))
+        return any_of(both(c, other.value == constant(v).value) for v, c in finite_cases)
+    a, b = whole_of(x), whole_of(y)
+    left, right = (x.value, y.value) if a is None or b is None else (a, b)
+    match relation:
+        case "==":
+            return cast(z3.BoolRef, left == right)
+        case "<":
+            return cast(z3.BoolRef, left < right)
+        case _:
+            return cast(z3.BoolRef, left <= right)
+
+
+def _infinite_comparison(one: Number, other: Number, relation: str, swapped: bool) -> z3.BoolRef:
+    """`one relation other` (`other relation one` if swapped) where `one` is infinite."""
+    up, down = positive_value(one), negative_value(one)
+    other_up, other_down = (
+        both(other.infinite, positive_value(other)),
+        both(other.infinite, negative_value(other)),
+    )
+    match relation:
+        case "==":
+            return either(both(up, other_up), both(down, other_down))
+        case "<":
+            return both(up, negation(other_up)) if swapped else both(down, negation(other_down))
+        case _:
+            return either(up, other_down) if swapped else either(down, other_up)
+
+
+def positive_value(x: Number) -> z3.BoolRef:
+    """Whether `value` is above 0."""
+    return _against_zero(x, ">")
+
+
+def negative_value(x: Number) -> z3.BoolRef:
+    """Whether `value` is below 0."""
+    return _against_zero(x, "<")
+
+
+def _against_zero(x: Number, relation: str) -> z3.BoolRef:
+    if x.cases:
+        return any_of(c for v, c in x.cases if (v > 0 if relation == ">" else v < 0))
+    known = _known(x, constant(0.0), "<") if relation == "<" else _known(constant(0.0), x, "<")
+    if known is not None:
+        return known
+    return cast(z3.BoolRef, x.value > 0 if relation == ">" else x.value < 0)
+
+
+def equal(x: Scalar, y: Scalar) -> z3.BoolRef:
+    """Equality as floats have it: NaN equals nothing."""
+    if isinstance(x, Number) and isinstance(y, Number):
+        return compared(x, y, "==")
+    assert not isinstance(x, Number)
+    assert not isinstance(y, Number)
+    return choice(x, y, negation(y))
+
+
+# --- choice --------------------------------------------------------------------------------------
+
+
+def select(condition: z3.BoolRef, yes: Scalar, no: Scalar) -> Scalar:
+    """`yes` where `condition`, else `no`."""
+    if isinstance(yes, Number):
+        assert isinstance(no, Number)
+        return select_number(condition, yes, no)
+    assert not isinstance(no, Number)
+    return choice(condition, yes, no)
+
+
+def select_number(condition: z3.BoolRef, yes: Number, no: Number) -> Number:
+    """The same of numbers."""
+    if is_true(condition):
+        return yes
+    if is_false(condition):
+        return no
+    otherwise = negation(condition)
+    if yes.cases and no.cases and len(yes.cases) + len(no.cases) <= MOST_CASES:
+        rows = [
+            *((v, both(condition, c)) for v, c in yes.cases),
+            *((v, both(otherwise, c)) for v, c in no.cases),
+        ]
+        return by_cases(rows, loose_zero=yes.loose_zero or no.loose_zero)
+    a, b = whole_of(yes), whole_of(no)
+    nan, infinite = choice(condition, yes.nan, no.nan), choice(condition, yes.infinite, no.infinite)
+    bounds = hull_of(yes, no)
+    if a is not None and b is not None:
+        whole = pick(condition, a, b)
+        return Number(z3.ToReal(whole), nan, infinite, bounds, whole, branches=(yes, no))
+    value = pick(condition, yes.value, no.value)
+    return Number(value, nan, infinite, replace(bounds, whole=False), branches=(yes, no))
+
+
+# --- sums ----------------------------------------------------------------------------------------
+
+
+def negated(x: Number) -> Number:
+    """`-x`, exactly."""
+    known = by_folding(lambda v: -v, (x,))
+    if known is not None:
+        return known
+    low, high = x.bounds.low, x.bounds.high
+    bounds = Bounds(None if high is None else -high, None if low is None else -low, x.bounds.whole)
+    if x.whole is not None:
+        return Number(z3.ToReal(-x.whole), x.nan, x.infinite, bounds, -x.whole)
+    return Number(-x.value, x.nan, x.infinite, bounds)
+
+
+def added(x: Number, y: Number) -> Number:
+    """`x + y` over the reals."""
+    known = by_folding(lambda v, w: v + w, (x, y))
+    if known is not None:
+        return known
+    if constant_of(y) == 0:
+        return x
+    if constant_of(x) == 0:
+        return y
+    bounds = _sum_bounds(x.bounds, y.bounds)
+    nan, infinite = either(x.nan, y.nan), either(x.infinite, y.infinite)
+    if not is_false(infinite):
+        opposite = negation(equal_signs(x, y))
+        nan = either(nan, all_of((x.infinite, y.infinite, opposite)))
+    a, b = whole_of(x), whole_of(y)
+    if a is not None and b is not None:
+        whole = pick(x.infinite, a, pick(y.infinite, b, a + b))
+        return Number(z3.ToReal(whole), nan, infinite, bounds, whole)
+    value = pick(x.infinite, x.value, pick(y.infinite, y.value, x.value + y.value))
+    return Number(value, nan, infinite, replace(bounds, whole=False))
+
+
+def _sum_bounds(x: Bounds, y: Bounds) -> Bounds:
+    low = None if x.low is None or y.low is None else x.low + y.low
+    high = None if x.high is None or y.high is None else x.high + y.high
+    return Bounds(low, high, x.whole and y.whole)
+
+
+def equal_signs(x: Number, y: Number) -> z3.BoolRef:
+    """Whether two values that are not 0 have the same sign."""
+    return choice(positive_value(x), positive_value(y), negation(positive_value(y)))
+
+
+def scaled(x: Number, factor: Fraction) -> Number:
+    """`x` times a real that is not 0, over the reals."""
+    ends = [None if end is None else end * factor for end in (x.bounds.low, x.bounds.high)]
+    low, high = ends if factor > 0 else ends[::-1]
+    times = whole_of(x) if factor.denominator == 1 else None
+    whole = None if times is None else times * integer(factor.numerator)
+    bounds = Bounds(low, high, whole is not None)
+    value = z3.ToReal(whole) if whole is not None else x.value * real(factor)
+    return Number(value, x.nan, x.infinite, bounds, whole)
+
+
+# --- least and greatest --------------------------------------------------------------------------
+
+
+def least(numbers: Sequence[Number]) -> Number:
+    """The first of the least; NaN if any is NaN, or there is none."""
+    return _best(numbers, lambda one, best: compared(one, best, "<"), lower=True)
+
+
+def greatest(numbers: Sequence[Number]) -> Number:
+    """The first of the greatest; NaN if any is NaN, or there is none."""
+    return _best(numbers, lambda one, best: compared(best, one, "<"), lower=False)
+
+
+def _best(numbers: Sequence[Number], better: Callable[[Number, Number], z3.BoolRef], lower: bool) -> Number:
+    if not numbers:
+        return constant(math.nan)
+    nan = any_of(x.nan for x in numbers)
+    best = numbers[0]
+    for x in numbers[1:]:
+        bounds = _best_bounds(best, x, lower)
+        best = select_number(better(x, best), x, best)
+        if not best.cases:
+            ended = bounds.low is not None and bounds.high is not None
+            best = replace(best, bounds=bounds, infinite=FALSE if ended else best.infinite)
+    if best.cases:
+        return best if is_false(nan) else select_number(nan, constant(math.nan), best)
+    return replace(best, nan=nan)
+
+
+def _best_bounds(x: Number, y: Number, lower: bool) -> Bounds:
+    """The bounds of the lesser (greater) of two, where neither is NaN."""
+    whole = x.bounds.whole and y.bounds.whole
+    lows = [b for b in (x.bounds.low, y.bounds.low) if b is not None]
+    highs = [b for b in (x.bounds.high, y.bounds.high) if b is not None]
+    if lower:
+        return Bounds(min(lows) if len(lows) == 2 else None, min(highs, default=None), whole)
+    return Bounds(max(lows, default=None), max(highs) if len(highs) == 2 else None, whole)

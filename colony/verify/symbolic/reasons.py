@@ -1,0 +1,18 @@
+"""Why a formula is not bit for bit what the program computes: everything inexact in its cone."""
+
+from __future__ import annotations
+
+import z3
+
+from colony.verify.symbolic.cones import cone
+from colony.verify.symbolic.system import Reason, System
+
+
+def reasons_of(system: System, *terms: z3.ExprRef) -> tuple[Reason, ...]:
+    """All that `terms` depend on, over all frames, that is not exact; each reason once.
+
+    Comparisons, choices, least and greatest, negation, constants, and whatever is only copied are exact.
+    """
+    met = cone(system, terms).visited
+    found = {blamed.reason: None for key, blamed in system.inexact.items() if key in met}
+    return tuple(found)

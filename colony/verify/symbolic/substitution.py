@@ -1,0 +1,40 @@
+"""Many terms with the same parts replaced."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import TypeVar, cast
+
+import z3
+
+Sorted = TypeVar("Sorted", bound=z3.ExprRef)
+
+_MAIN = z3.main_ctx()
+
+
+class Substitution:
+    """Puts `after[i]` in place of `before[i]`, the largest first. Mutable: remembers what it has replaced.
+
+    `z3.substitute` looks at every pair at every call, which is most of the time where there are thousands of
+    terms; this hands z3 the same two arrays each time.
+    """
+
+    def __init__(self, before: Sequence[z3.ExprRef], after: Sequence[z3.ExprRef]) -> None:
+        assert all(x.sort() == y.sort() for x, y in zip(before, after, strict=True))
+        self._count = len(before)
+        self._kept = (*before, *after)
+        self._before = (z3.Ast * self._count)(*(x.as_ast() for x in before))
+        self._after = (z3.Ast * self._count)(*(x.as_ast() for x in after))
+        self._done: dict[int, tuple[z3.ExprRef, z3.ExprRef]] = {}
+
+    def __call__(self, term: Sorted) -> Sorted:
+        key = term.get_id()
+        if key not in self._done:
+            self._done[key] = (term, self._replaced(term))
+        return cast(Sorted, self._done[key][1])
+
+    def _replaced(self, term: z3.ExprRef) -> z3.ExprRef:
+        ast = z3.Z3_substitute(_MAIN.ref(), term.as_ast(), self._count, self._before, self._after)
+        if ast.value == term.as_ast().value:
+            return term
+        return z3.BoolRef(ast, _MAIN) if isinstance(term, z3.BoolRef) else z3.ArithRef(ast, _MAIN)

@@ -1,0 +1,204 @@
+"""What a system is made of: names, memory that is shared, bounds of memory, invariants, reasons."""
+
+from __future__ import annotations
+
+from fractions import Fraction
+from pathlib import Path
+
+import pytest
+import z3
+
+from colony.dsl.load import load_file
+from colony.verify.strategies import run_of_seed
+from colony.verify.symbolic.cones import whole_cone
+from colony.verify.symbolic.encode import encode
+from colony.verify.symbolic.system import Bounds, Inexact, Number, System
+from colony.verify.symbolic.unrolling import Unrolling
+from tests.verify.symbolic.programs import broken, claim_of, program
+
+BEHAVIORS = Path(__file__).parents[3] / "behaviors"
+
+TWO = """
+module m { when held(p, 1 s)  do drive(v = 100 mm/s) }
+module c from python "tests.verify.scripted_modules:Scripted" { reads x  commands drive }
+network { drive = m suppresses[2 s] c }
+"""
+
+
+def names(system: System) -> list[str]:
+    return [c.name for c in system.cells]
+
+
+def number(system: System, name: str) -> Number:
+    value = system.states[name]
+    assert isinstance(value, Number)
+    return value
+
+
+# --- names ---------------------------------------------------------------------------------------
+
+
+def test_two_programs_share_sensors_and_time_and_nothing_else() -> None:
+    one, other = (encode(program(TWO), prefix=prefix) for prefix in ("old.", "new."))
+    constants = [{str(c) for c in whole_cone(s).constants} | set(names(s)) for s in (one, other)]
+    shared = {"now", "p?", "p", "x?", "x"}
+    assert constants[0] & constants[1] <= shared | {"q?", "a?", "a", "a.infinite", "q", "s?", *_elements()}
+    assert shared - {"x"} <= constants[0] & constants[1]
+
+
+def _elements() -> set[str]:
+    return {f"s[{i}]" for i in range(5)}
+
+
+def test_answers_of_python_can_be_shared() -> None:
+    one, other = (encode(program(TWO), prefix=p, python_names={"c": "answer of c"}) for p in ("old.", "new."))
+    assert one.python["c"].answers.eq(other.python["c"].answers)
+    assert str(one.python["c"].answers) == "answer of c.answers"
+
+
+# --- memory --------------------------------------------------------------------------------------
+
+
+def test_a_contract_shares_the_memory_of_a_time_constant() -> None:
+    text = "module m { when p  do drive(v = 1 mm/s) }  module n { when true  do drive(v = 2 mm/s) }"
+    text += " network { drive = m suppresses[2 s] n }"
+    alone = encode(program(text))
+    both = encode(program(text + " contract c: held(m is active, 1 s)"))
+    assert len(both.cells) == len(alone.cells)
+    contract = "contract quiet: held(m is active, 2 s) and not (m is active) implies drive is idle"
+    assert broken(encode(program(text + contract)), "quiet").check() == z3.unsat
+
+
+def test_memory_that_moves_on_in_other_frames_is_not_shared() -> None:
+    text = "let one = held(p, 1 s)  let other = held(p, 1 s) and x > 3 mm"
+    assert sum("ever" in name for name in names(encode(program(text)))) == 2
+
+
+def test_rising_falling_and_previous_remember_the_same() -> None:
+    text = "let v = rising(p) or falling(p) or previous(p, false) or changed(p)"
+    assert sum("last" in name and name != "last" for name in names(encode(program(text)))) == 1
+
+
+def test_calls_that_end_alike_are_one_memory() -> None:
+    system = encode(program("let v = count(every(100 ms) for k in 0 .. 4)"))
+    assert sum("every" in name for name in names(system)) == 1
+
+
+# --- bounds of memory ----------------------------------------------------------------------------
+
+
+def test_what_is_clamped_before_it_is_kept_stays_within() -> None:
+    system = encode(program("state v : mm = 10 mm  next v = clamp(0.5 * v + x, 5 mm, 300 mm)"))
+    assert number(system, "v").bounds == Bounds(Fraction(5), Fraction(300))
+    assert "v.infinite" not in names(system)
+    assert "v.nan" not in names(system)
+
+
+def test_a_counter_is_a_whole_number() -> None:
+    system = encode(program("state n : number = 0  next n = if n >= 3 then 0 else n + 1"))
+    assert number(system, "n").value.arg(0).sort() == z3.IntSort()
+
+
+def test_a_state_can_become_nan_and_infinite() -> None:
+    system = encode(program("state v : number = 1  next v = if p then sqrt(-1) else v / (x / 1 mm)"))
+    assert {"v.nan", "v.infinite"} <= set(names(system))
+
+
+def test_a_state_that_is_never_written_keeps_its_value() -> None:
+    system = encode(program("state v : mm = 7 mm  contract c: v == 7 mm"))
+    assert broken(system, "c").check() == z3.unsat
+
+
+PROGRAMS = {
+    "hallway": lambda: load_file(BEHAVIORS / "hallway.colony"),
+    "teleop": lambda: load_file(BEHAVIORS / "teleop.colony"),
+    **{f"seed {seed}": lambda seed=seed: run_of_seed(seed)[0] for seed in range(6)},
+}
+
+
+@pytest.mark.parametrize("name", PROGRAMS)
+def test_invariants_hold_at_first_and_are_preserved(name: str) -> None:
+    unrolling = Unrolling(encode(PROGRAMS[name]()))
+    after = z3.And(*unrolling.invariants(1), True)
+    solver = z3.Solver()
+    solver.set("timeout", 10_000)
+    solver.add(*unrolling.initial())
+    assert solver.check(z3.Not(z3.And(*unrolling.invariants(0), True))) == z3.unsat
+    solver = z3.Solver()
+    solver.set("timeout", 10_000)
+    solver.add(*unrolling.invariants(0), *unrolling.step(0))
+    assert solver.check() == z3.sat
+    assert solver.check(z3.Not(after)) == z3.unsat
+
+
+# --- what follows ---------------------------------------------------------------------------------
+
+
+LIMITED = """
+module m { when true  do drive(v = x * 2 / 1 s) }
+network { drive = m }
+limit drive.v <= 100 mm/s when p
+contract slow: p implies drive.v <= 100 mm/s
+contract blind: not fresh(p) implies drive.v <= 100 mm/s
+contract range: drive.v in -600 mm/s .. 500 mm/s
+contract slower: p implies drive.v < 100 mm/s
+contract commanded: drive is commanded
+"""
+
+
+@pytest.mark.parametrize(("name", "answer"), [("slow", z3.unsat), ("blind", z3.unsat), ("range", z3.unsat)])
+def test_limits_and_ranges_hold(name: str, answer: z3.CheckSatResult) -> None:
+    assert broken(encode(program(LIMITED)), name).check() == answer
+
+
+@pytest.mark.parametrize("name", ["slower", "commanded"])
+def test_what_can_be_broken_is_satisfiable(name: str) -> None:
+    assert broken(encode(program(LIMITED)), name, initial=True).check() == z3.sat
+
+
+def test_a_field_on_hold_says_nothing_where_nothing_is_sent() -> None:
+    text = "module m { when p  do light(level = 3) }  network { light = m }  contract c: light.level == 3"
+    system = encode(program(text))
+    assert broken(system, "c").check() == z3.unsat
+    assert not z3.is_true(claim_of(system, "c").speaks)
+
+
+def test_precise_products_follow_from_their_factors() -> None:
+    text = "contract square: x * x + 1 mm * 1 mm >= 2 * x * 1 mm"
+    assert broken(encode(program(text)), "square").check() == z3.sat
+    assert broken(encode(program(text), precise=True), "square").check() == z3.unsat
+
+
+def test_reasons_name_the_place_and_come_through_memory() -> None:
+    text = "let y = x * 0.1\nlet z = previous(y, 0 mm)\ncontract c: z >= 1 mm\ncontract d: x >= 1 mm"
+    system = encode(program(text))
+    (reason,) = claim_of(system, "c").inexact
+    assert reason.kind is Inexact.ROUNDING
+    assert reason.span.text == "x * 0.1"
+    assert not claim_of(system, "d").inexact
+
+
+def test_modules_in_python_are_a_reason() -> None:
+    system = encode(program(TWO + "contract c: drive.v <= 400 mm/s"))
+    assert {r.kind for r in claim_of(system, "c").inexact} == {Inexact.PYTHON}
+    assert broken(system, "c").check() == z3.sat
+
+
+def test_sums_of_small_whole_numbers_are_exact() -> None:
+    system = encode(program("contract c: count(s < 5 mm) + 2 * count(s > 7 mm) - 1 <= 9"))
+    assert not claim_of(system, "c").inexact
+
+
+def test_reads_are_what_a_module_cannot_do_without() -> None:
+    text = "let far = x > 3 mm  module m { when far and q and value_or(p, false) and fresh(a) }"
+    assert encode(program(text)).modules["m"].reads == {"x"}
+
+
+def test_nodes_say_where_they_stand() -> None:
+    text = "module a1 { when p  do drive(v = 1 mm/s) }  module a2 { when q  do drive(v = 2 mm/s) }"
+    text += " module a3 { when true  do drive(v = 3 mm/s) }"
+    text += " network { drive = a1 suppresses[1 s] (a2 inhibits a1) suppresses a3 }"
+    nodes = {n.path: n for n in encode(program(text)).nodes}
+    assert nodes.keys() == {(0,), (1,), (1, 0)}
+    assert nodes[0,].window_ns == 1_000_000_000
+    assert nodes[1, 0].relation == "inhibits"

@@ -1,0 +1,149 @@
+"""What is proved of a generalized system holds of floats; and every run in floats is a run of it."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from fractions import Fraction
+from pathlib import Path
+
+import pytest
+import z3
+
+from colony.dsl.load import load_file
+from colony.ir.frame import Frame
+from colony.ir.program import Program
+from colony.ir.types import Value
+from colony.verify.interpreter import Interpreter
+from colony.verify.strategies import run_of_seed
+from colony.verify.symbolic.encode import encode
+from colony.verify.symbolic.generalization import generalized
+from colony.verify.symbolic.logic import real
+from colony.verify.symbolic.system import Inexact, Number, System, Term
+from colony.verify.symbolic.unrolling import Unrolling
+from tests.verify.symbolic.programs import broken, claim_of, program
+
+BEHAVIORS = Path(__file__).parents[3] / "behaviors"
+
+OF_REALS = [
+    "x in 1 mm .. 2 mm implies (x + 0.1 mm) + 0.1 mm == x + 0.2 mm",
+    "a - x + x == a or not (fresh(a) and fresh(x))",
+    "x / 3 * 3 == x",
+]
+
+
+@pytest.mark.parametrize("text", OF_REALS)
+def test_what_holds_of_reals_only_is_not_proved(text: str) -> None:
+    system = encode(program(f"contract c: {text}"))
+    assert claim_of(system, "c").inexact
+    general = generalized(system)
+    assert not claim_of(general, "c").inexact
+    assert broken(general, "c").check() == z3.sat
+
+
+OF_FLOATS = [
+    "x * 0.1 <= 100 mm",
+    "x * 0.1 >= 0 mm",
+    "x + 0.1 mm == x + 0.1 mm",
+    "x * x >= 0 mm * 1 mm",
+    "min(x * 0.3, 50 mm) <= 50 mm",
+    "mod(a / 1 mm, 7) in 0 .. 7 or not (a - a == 0 mm)",
+    "elapsed(p) >= 0 s",
+    "sqrt(x / 1 mm) <= 32",
+    "angle_difference(a / 1 mm * 1 deg, 0 deg) <= 180 deg or not (a - a == 0 mm)",
+]
+
+
+@pytest.mark.parametrize("text", OF_FLOATS)
+def test_what_rounding_cannot_break_is_proved(text: str) -> None:
+    general = generalized(encode(program(f"contract c: {text}")))
+    assert not claim_of(general, "c").inexact
+    assert broken(general, "c").check() == z3.unsat
+
+
+def test_a_number_beyond_all_floats_is_infinite() -> None:
+    text = "contract c: abs(a) < 1e308 mm implies (a * 10) - (a * 10) == 0 mm"
+    system = encode(program(text))
+    assert broken(system, "c").check() == z3.unsat
+    assert broken(generalized(system), "c").check() == z3.sat
+
+
+@pytest.mark.parametrize("name", ["rome", "wander", "herbert", "hallway"])
+def test_shipped_contracts_hold_bit_for_bit(name: str) -> None:
+    general = generalized(encode(load_file(BEHAVIORS / f"{name}.colony")))
+    for contract in ("brakes_in_time", "never_rams", "stands_blind"):
+        assert not claim_of(general, contract).inexact
+        assert broken(general, contract).check() == z3.unsat
+
+
+# --- every run in floats is a run of it ----------------------------------------------------------
+
+
+@pytest.mark.parametrize("start", [100, 110])
+def test_runs_in_floats_are_runs_of_it(start: int) -> None:
+    for seed in range(start, start + 6):
+        drawn, trace = run_of_seed(seed, max_frames=3)
+        general = generalized(encode(drawn))
+        solver = z3.Solver()
+        solver.set("timeout", 10_000)
+        unrolling = Unrolling(general)
+        solver.add(*unrolling.initial())
+        interpreter = Interpreter(drawn)
+        for i, frame in enumerate(trace):
+            interpreter.step(frame)
+            solver.add(*unrolling.step(i))
+            solver.add(*(unrolling.at(i, x) for x in _facts(drawn, general, interpreter, frame)))
+        assert solver.check() == z3.sat, f"seed {seed}"
+
+
+def _facts(drawn: Program, system: System, interpreter: Interpreter, frame: Frame) -> Iterator[z3.BoolRef]:
+    """What a frame was given and what the interpreter made of it, to the last bit."""
+    moment = interpreter._moment
+    assert moment is not None
+    yield system.now == moment.t_ns - moment.first_ns
+    for sensor in drawn.robot.sensors:
+        terms = system.sensors[sensor.name]
+        there = sensor.name in moment.fresh
+        yield terms.present == there
+        if there:
+            value = moment.sensors[sensor.name]
+            given = terms.elements if isinstance(value, tuple) else terms.elements[0]
+            yield from _equal(given, value)
+    for name, answer in system.python.items():
+        yield answer.answers == (name in moment.commands)
+    for name, (missing, term) in system.derived.items():
+        yield missing == (name not in moment.derived)
+        if name in moment.derived:
+            yield from _equal(term, moment.derived[name])
+    for name, active in system.active.items():
+        yield active == (moment.outputs[name] is not None)
+        if name in moment.commands:
+            yield from _equal(system.modules[name].command, moment.commands[name])
+    for name, actuator in system.actuators.items():
+        yield actuator.commanded == (name in moment.commanded)
+        for i, sent in enumerate(actuator.sent):
+            if (name, i) in moment.sent:
+                yield from _equal(sent, moment.sent[name, i])
+
+
+def _equal(term: Term, value: Value) -> Iterator[z3.BoolRef]:
+    if isinstance(term, tuple):
+        assert isinstance(value, tuple)
+        for x, v in zip(term, value, strict=True):
+            yield from _equal(x, v)
+        return
+    assert not isinstance(value, tuple)
+    if not isinstance(term, Number):
+        yield term == bool(value)
+    elif value != value:
+        yield term.nan
+    elif value - value != 0:
+        yield z3.And(z3.Not(term.nan), term.infinite, term.value > 0 if value > 0 else term.value < 0)
+    else:
+        yield z3.And(z3.Not(term.nan), z3.Not(term.infinite), term.value == real(Fraction(value)))
+
+
+def test_modules_in_python_stay_a_reason() -> None:
+    text = 'module c from python "tests.verify.scripted_modules:Scripted" { reads x  commands drive }'
+    text += " network { drive = c }  contract c1: drive.v + 0 mm/s <= 401 mm/s"
+    general = generalized(encode(program(text)))
+    assert {r.kind for r in claim_of(general, "c1").inexact} == {Inexact.PYTHON}

@@ -1,0 +1,223 @@
+"""Mistakes put into the encoding on purpose: the comparison with the interpreter notices each."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+from random import Random
+from typing import Any
+
+import pytest
+import z3
+
+from colony.ir.frame import Frame, Reading
+from colony.verify.symbolic import arithmetic, inputs, memory, modules, network, numbers, sending
+from colony.verify.symbolic.logic import FALSE, TRUE, both, either, integer, negation
+from colony.verify.symbolic.numbers import select_number
+from colony.verify.symbolic.system import Number
+from tests.verify.symbolic.programs import program
+from tests.verify.symbolic.trust import Trust
+
+PROGRAM = """
+machine phase { start resting  resting -> going when p  any -> resting when x > 500 mm }
+state n : number = 0
+next n = if p then 0 else n + 1
+let near = held(x >= 500 mm, 100 ms)
+let far = a > x
+let before = previous(n, 7)
+let since = elapsed(p)
+let late = every(100 ms)
+let kept = captured(x, p)
+let which = s[clamp(x / 1 mm, 0, 9)]
+let set = latch(p, q)
+let turned = mod(a / 1 mm, 7)
+module m {
+  let close = held(x < 500 mm, 50 ms)
+  state y : mm = 1 mm
+  next y = x
+  when fresh(q) and close
+  do drive(v = a / 1 s)
+}
+module other { when true  do drive(v = -20 mm/s) }
+module lamp { when p  do light(level = a / 1 mm) }
+network {
+  drive = m suppresses[100 ms] other
+  light = m inhibits[50 ms] lamp
+}
+limit drive.v <= 100 mm/s when p
+limit drive.v >= -x / 1 s
+contract c: light.level < 4
+contract d: held(m is active, 100 ms) or phase == phase.going or near
+"""
+
+
+def trace(seed: int) -> list[Frame]:
+    """Readings that matter to the program, infinite and missing ones among them."""
+    random, t_ns, frames = Random(seed), 0, []
+    for _ in range(8):
+        readings: dict[str, Reading] = {
+            "a": random.choice([None, 0.0, -3.5, 40.0, 300.0, math.inf, -math.inf]),
+            "x": random.choice([None, 2.5, 300.0, 500.0, 700.0]),
+            "s": (1.0, 2.0, 3.0, 4.0, 5.0),
+            "p": random.choice([None, True, False]),
+            "q": random.choice([None, True, False]),
+        }
+        frames.append(Frame(t_ns, readings))
+        t_ns += random.choice([50_000_000, 50_000_000, 100_000_000, 99_999_999])
+    return frames
+
+
+def differences() -> list[str]:
+    trust = Trust(program(PROGRAM))
+    return [d for seed in range(12) for d in trust.run(trace(seed)).differences]
+
+
+def test_without_a_mistake_there_is_no_difference() -> None:
+    assert not differences()
+
+
+# --- the mistakes --------------------------------------------------------------------------------
+
+Patch = Callable[[pytest.MonkeyPatch], None]
+
+
+def held_too_long(patch: pytest.MonkeyPatch) -> None:
+    def held(self: memory.Memory, b: z3.BoolRef, duration_ns: int) -> z3.BoolRef:
+        ever, time = self._time_of(both(self.moves, b))
+        return either(b, both(ever, self.moment.now - time <= integer(duration_ns)))
+
+    patch.setattr(memory.Memory, "held", held)
+
+
+def memory_moves_while_silent(patch: pytest.MonkeyPatch) -> None:
+    original = memory.Memory.__init__
+
+    def always(self: memory.Memory, builder: Any, moment: Any, moves: z3.BoolRef, hint: str) -> None:
+        original(self, builder, moment, TRUE, hint)
+
+    patch.setattr(memory.Memory, "__init__", always)
+
+
+def a_default_is_fresh(patch: pytest.MonkeyPatch) -> None:
+    original = modules.Declarations.states
+
+    def states(self: modules.Declarations) -> None:
+        self.moment.present["q"] = TRUE
+        original(self)
+
+    patch.setattr(modules.Declarations, "states", states)
+
+
+def a_default_is_not_used(patch: pytest.MonkeyPatch) -> None:
+    patch.setattr(inputs, "default_of", lambda sensor: None)
+
+
+def a_time_constant_is_forgotten(patch: pytest.MonkeyPatch) -> None:
+    patch.setattr(network.Network, "_dominates", lambda self, active, window_ns, hint: active)
+
+
+def a_suppressor_inhibits(patch: pytest.MonkeyPatch) -> None:
+    original = network._through
+
+    def through(chain: Any, operands: Any, dominates: Any) -> dict[str, z3.BoolRef]:
+        return {
+            m: FALSE if m in operands[0].by else w for m, w in original(chain, operands, dominates).items()
+        }
+
+    patch.setattr(network, "_through", through)
+
+
+def a_limit_needs_what_it_reads(patch: pytest.MonkeyPatch) -> None:
+    patch.setattr(sending, "missing", lambda e, moment: FALSE)
+
+
+def only_the_first_limit_counts(patch: pytest.MonkeyPatch) -> None:
+    original = sending._bounded
+
+    def bounded(x: Number, field: Any, bounds: Sequence[Any]) -> Number:
+        return original(x, field, bounds[:1])
+
+    patch.setattr(sending, "_bounded", bounded)
+
+
+def what_is_not_finite_is_sent(patch: pytest.MonkeyPatch) -> None:
+    patch.setattr(sending, "finite", lambda x: negation(x.nan))
+
+
+def halves_round_up(patch: pytest.MonkeyPatch) -> None:
+    patch.setattr(arithmetic, "_reaches", lambda x, n: x >= z3.Q(2 * n - 1, 2))
+
+
+def set_wins_over_reset(patch: pytest.MonkeyPatch) -> None:
+    original = memory.Memory.latch
+
+    def latch(self: memory.Memory, set_: z3.BoolRef, reset: z3.BoolRef) -> z3.BoolRef:
+        return either(set_, original(self, set_, reset))
+
+    patch.setattr(memory.Memory, "latch", latch)
+
+
+def the_key_is_not_looked_at(patch: pytest.MonkeyPatch) -> None:
+    patch.setattr(memory, "equal", lambda x, y: TRUE)
+
+
+def an_infinity_is_its_sign(patch: pytest.MonkeyPatch) -> None:
+    patch.setattr(numbers, "_infinite_comparison", lambda one, other, relation, swapped: FALSE)
+
+
+def the_remainder_has_the_sign_of_the_dividend(patch: pytest.MonkeyPatch) -> None:
+    original = arithmetic.Arithmetic._modulo_constant
+
+    def modulo(self: arithmetic.Arithmetic, x: Number, divisor: float) -> Number:
+        result = original(self, x, divisor)
+        return select_number(numbers.negative_value(x), numbers.negated(result), result)
+
+    patch.setattr(arithmetic.Arithmetic, "_modulo_constant", modulo)
+
+
+def every_is_due_a_moment_late(patch: pytest.MonkeyPatch) -> None:
+    original = memory.Memory.every
+
+    def every(self: memory.Memory, duration_ns: int) -> z3.BoolRef:
+        return original(self, duration_ns + 1)
+
+    patch.setattr(memory.Memory, "every", every)
+
+
+def elapsed_begins_a_frame_late(patch: pytest.MonkeyPatch) -> None:
+    original = memory.Memory.elapsed_ns
+
+    def elapsed(self: memory.Memory, b: z3.BoolRef) -> z3.ArithRef:
+        return original(self, both(b, memory._truth(self.last(b, memory.Bool(), False))))
+
+    patch.setattr(memory.Memory, "elapsed_ns", elapsed)
+
+
+MISTAKES: list[Patch] = [
+    held_too_long,
+    memory_moves_while_silent,
+    a_default_is_fresh,
+    a_default_is_not_used,
+    a_time_constant_is_forgotten,
+    a_suppressor_inhibits,
+    a_limit_needs_what_it_reads,
+    only_the_first_limit_counts,
+    what_is_not_finite_is_sent,
+    halves_round_up,
+    set_wins_over_reset,
+    the_key_is_not_looked_at,
+    an_infinity_is_its_sign,
+    the_remainder_has_the_sign_of_the_dividend,
+    every_is_due_a_moment_late,
+    elapsed_begins_a_frame_late,
+]
+
+
+@pytest.mark.parametrize("mistake", MISTAKES, ids=lambda m: m.__name__)
+def test_the_mistake_is_noticed(mistake: Patch, monkeypatch: pytest.MonkeyPatch) -> None:
+    mistake(monkeypatch)
+    try:
+        found = differences()
+    except AssertionError as problem:
+        found = [str(problem)]
+    assert found

@@ -1,0 +1,236 @@
+"""The encoding held against the reference interpreter, frame by frame.
+
+Sensors, time and Python answers of a trace are put into the formulas; then everything that the interpreter
+computed must be what the formulas say: exactly where nothing is inexact, within what rounding leaves open
+elsewhere; and all assumptions, definitions and invariants must hold.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from fractions import Fraction
+
+from colony.ir.expression import Expression
+from colony.ir.frame import Frame
+from colony.ir.program import Module, Program, Sensor
+from colony.ir.types import Array, Enum, ScalarValue, Value, element_type
+from colony.verify.interpreter import Interpreter
+from colony.verify.symbolic.encode import encode
+from colony.verify.symbolic.logic import is_false
+from colony.verify.symbolic.reasons import reasons_of
+from colony.verify.symbolic.system import Inexact, Number, Scalar, System, Term
+from tests.verify.symbolic import term_values
+from tests.verify.symbolic.term_values import Known, Open, Real, Values
+
+
+@dataclass(slots=True)
+class Tally:
+    """How much was compared."""
+
+    exact: int = 0
+    within: int = 0
+    open: int = 0
+    differences: list[str] = field(default_factory=list)
+
+
+class Recording(Interpreter):
+    """An interpreter that remembers what contracts and limits were in the last frame."""
+
+    def __init__(self, program: Program) -> None:
+        super().__init__(program)
+        self.asked: dict[int, Value | None] = {}
+
+    def value_of(self, expression: Expression) -> Value | None:
+        value = self.asked[id(expression)] = super().value_of(expression)
+        return value
+
+
+def held_against(program: Program, trace: Sequence[Frame]) -> Tally:
+    """Run `trace` in both."""
+    return Trust(program).run(trace)
+
+
+class Trust:
+    """Holds one encoding against the interpreter, in any number of traces."""
+
+    def __init__(self, program: Program, system: System | None = None) -> None:
+        self.program = program
+        self.system = encode(program) if system is None else system
+        self.terms = term_values.Program(self.system)
+        self.exact: dict[tuple[int, ...], bool] = {}
+
+    def run(self, trace: Sequence[Frame]) -> Tally:
+        run = _Run(self)
+        for i, frame in enumerate(trace):
+            run.interpreter.step(frame)
+            run.frame(i)
+        return run.tally
+
+    def is_exact(self, x: Scalar) -> bool:
+        """Whether nothing that `x` depends on is inexact; what Python answers is given here."""
+        terms = (x.value, x.nan, x.infinite) if isinstance(x, Number) else (x,)
+        key = tuple(t.get_id() for t in terms)
+        if key not in self.exact:
+            reasons = reasons_of(self.system, *terms)
+            self.exact[key] = all(r.kind is Inexact.PYTHON for r in reasons)
+        return self.exact[key]
+
+
+class _Run:
+    def __init__(self, trust: Trust) -> None:
+        self.trust = trust
+        self.program = trust.program
+        self.system = trust.system
+        self.interpreter = Recording(self.program)
+        self.tally = Tally()
+        self.cells: dict[int, Known | Open] = {}
+        initial = Values(trust.terms, {})
+        for cell in self.system.cells:
+            self.cells[cell.old.get_id()] = initial.any(cell.initial)
+
+    def frame(self, i: int) -> None:
+        values = Values(self.trust.terms, self.cells | self._inputs())
+        self._compare(i, values)
+        for formulas, name in (
+            (self.system.assumptions, "assumption"),
+            (self.system.definitions, "definition"),
+            (self.system.invariants, "invariant"),
+        ):
+            for formula in formulas:
+                try:
+                    if not values.truth(formula):
+                        self.tally.differences.append(f"frame {i}: {name} {formula}")
+                except Open:
+                    pass
+        after: dict[int, Known | Open] = {}
+        for cell in self.system.cells:
+            try:
+                after[cell.old.get_id()] = values.any(cell.next)
+            except Open as found:
+                after[cell.old.get_id()] = found
+        self.cells = after
+
+    # --- inputs ----------------------------------------------------------------------------------
+
+    def _inputs(self) -> dict[int, Known | Open]:
+        moment = self.interpreter._moment
+        assert moment is not None
+        given: dict[int, Known | Open] = {
+            self.system.now.get_id(): Real(Fraction(moment.t_ns - moment.first_ns))
+        }
+        for sensor in self.program.robot.sensors:
+            terms = self.system.sensors[sensor.name]
+            there = sensor.name in moment.fresh
+            given[terms.present.get_id()] = there
+            value = moment.sensors[sensor.name] if there else _meaningless(sensor)
+            for x, v in zip(terms.elements, value if isinstance(value, tuple) else (value,), strict=True):
+                given.update(_assigned(x, v))
+        for name, answer in self.system.python.items():
+            command = moment.commands.get(name)
+            given[answer.answers.get_id()] = command is not None
+            for x, field_ in zip(answer.fields, command or (0.0,) * len(answer.fields), strict=True):
+                given.update(_assigned(x, field_ if command or isinstance(x, Number) else False))
+        return given
+
+    # --- comparing -------------------------------------------------------------------------------
+
+    def _compare(self, i: int, values: Values) -> None:
+        moment = self.interpreter._moment
+        assert moment is not None
+        system = self.system
+        for name, (missing, term) in system.derived.items():
+            self._same(f"frame {i}: {name} is missing", values, missing, name not in moment.derived)
+            if name in moment.derived:
+                self._same(f"frame {i}: {name}", values, term, moment.derived[name])
+        for name, term in system.locals.items():
+            if name in moment.locals:
+                self._same(f"frame {i}: {name}", values, term, moment.locals[name])
+        for name, state in system.states.items():
+            self._same(f"frame {i}: state {name}", values, state, moment.states[name])
+        for module in self.program.modules:
+            terms = system.modules[module.name]
+            if isinstance(module, Module) and module.lets:
+                silent = module.lets[0].name not in moment.locals
+                self._same(f"frame {i}: {module.name} is silent", values, terms.silent, silent)
+            if module.name in moment.commands:
+                command = moment.commands[module.name]
+                self._same(f"frame {i}: {module.name} command", values, terms.command, command)
+        for name, active in system.active.items():
+            self._same(f"frame {i}: {name} is active", values, active, moment.outputs[name] is not None)
+        for name, actuator in system.actuators.items():
+            for module_name, wins in actuator.wins.items():
+                self._same(
+                    f"frame {i}: {name} by {module_name}", values, wins, moment.winners[name] == module_name
+                )
+            if moment.winners[name] is not None:
+                assert moment.winners[name] in actuator.wins, f"{moment.winners[name]} wins"
+            commanded = name in moment.commanded
+            self._same(f"frame {i}: {name} is commanded", values, actuator.commanded, commanded)
+            for j, sent in enumerate(actuator.sent):
+                if (name, j) in moment.sent:
+                    self._same(f"frame {i}: {name}.{j} sent", values, sent, moment.sent[name, j])
+        for contract, claim in zip(self.program.contracts, system.claims, strict=True):
+            holds = self.interpreter.asked[id(contract.expression)]
+            self._same(f"frame {i}: {claim.name} speaks", values, claim.speaks, holds is not None)
+            if holds is not None:
+                self._same(f"frame {i}: {claim.name} holds", values, claim.holds, holds)
+
+    def _same(self, what: str, values: Values, term: Term, expected: Value) -> None:
+        if isinstance(term, tuple):
+            assert isinstance(expected, tuple)
+            for x, v in zip(term, expected, strict=True):
+                self._same(what, values, x, v)
+            return
+        assert not isinstance(expected, tuple)
+        exact = self.trust.is_exact(term)
+        try:
+            found = values.scalar(term)
+        except Open:
+            self.tally.open += 1
+            if exact:
+                self.tally.differences.append(f"{what}: open, though nothing in it is inexact")
+            return
+        if exact:
+            self.tally.exact += 1
+        else:
+            self.tally.within += 1
+        if not _agrees(found, expected):
+            self.tally.differences.append(f"{what}: {found}, but the interpreter has {expected!r}")
+        elif exact and isinstance(found, Real) and found.error:
+            self.tally.differences.append(f"{what}: rounded, though nothing in it is inexact")
+
+
+def _agrees(found: bool | float | Real, expected: ScalarValue) -> bool:
+    match found:
+        case bool():
+            return found is bool(expected)
+        case float():
+            return found == expected or (math.isnan(found) and math.isnan(expected))
+        case Real(value=value, error=error):
+            return math.isfinite(expected) and abs(value - Fraction(expected)) <= error
+
+
+def _assigned(x: Scalar, value: ScalarValue) -> dict[int, Known | Open]:
+    """The constants of an input that has a value."""
+    if not isinstance(x, Number):
+        return {x.get_id(): bool(value)}
+    given: dict[int, Known | Open] = {}
+    sign = Fraction(0 if math.isnan(value) else 1 if value > 0 else -1)
+    given[x.value.get_id()] = Real(Fraction(value) if math.isfinite(value) else sign)
+    for term, holds in ((x.nan, math.isnan(value)), (x.infinite, math.isinf(value))):
+        if not is_false(term):
+            given[term.get_id()] = holds
+    return given
+
+
+def _meaningless(sensor: Sensor) -> Value:
+    """A value that the sensor could have, where it is missing: nothing may depend on it."""
+    of = element_type(sensor.type)
+    one: ScalarValue = True
+    if isinstance(of, Enum):
+        one = of.members[-1][1]
+    elif str(of) != "bool":
+        one = sensor.high if sensor.high is not None else sensor.low if sensor.low is not None else 1234.5
+    return (one,) * sensor.type.size if isinstance(sensor.type, Array) else one
