@@ -247,7 +247,7 @@ class Declarations:
     def _heard(self, module: str) -> int:
         """The module's activity as guards see it: a lost client's, under `on_loss degrade`, is none."""
         active = self.module_active(module)
-        if not self.degrade or module == self.client or self.modules[module].actuator is None:
+        if not self.degrade or self.modules[module].actuator is None:
             return active
         return self.builder.both(active, self.builder.negation(self.builder.add(Lost(module), Kind.BOOL)))
 

@@ -77,14 +77,16 @@ def disagreement(
     trace: Sequence[Frame],
     executors: Mapping[str, Factory] = EXECUTORS,
     expected: Sequence[Outcome] | None = None,
+    compiled: Compiled | None = None,
 ) -> Disagreement | None:
     """The first executor that differs from the reference over `trace`, at its first frame; None if none does.
 
     Each executor starts from its initial memory. What an executor raises is a disagreement too; what
-    compiling raises is raised. `expected` is what `reference` gave, where that is known already.
+    compiling raises is raised. `expected` is what `reference` gave and `compiled` the compiled program, where
+    they are known already.
     """
     outcomes = reference(program, trace) if expected is None else expected
-    compiled = compile_program(program)
+    compiled = compile_program(program) if compiled is None else compiled
     for name, make in executors.items():
         found = _first_difference(make, compiled, trace, outcomes)
         if found is not None:
@@ -113,29 +115,52 @@ def _first_difference(
 # --- clients that know only their own slice ------------------------------------------------------
 
 
-def client_disagreement(program: Program, trace: Sequence[Frame]) -> Disagreement | None:
-    """The first frame in which the clients, each for itself, do not do what the reference does.
+class ClientsAlone:
+    """The clients of a program, each for itself (an `ir.frame.Executor`). Mutable: it has all of the memory.
 
-    Every client runs alone, as in the runtime, on the slice of the program that it needs. In each frame
-    exactly the winner must be active by its own knowledge, with its command, or the reason why it has none.
-    The activity of Python modules elsewhere is told to those who ask, as the runtime does.
+    Every client runs alone, as in the runtime, on the slice of the program that it needs. A decision is what
+    the server would make of their requests: in each frame exactly the winner must be active by its own
+    knowledge, with its command, or the reason why it has none. The activity of Python modules elsewhere is
+    told to those who ask, as the runtime does. Records and breaches are the reference's: clients know none.
+
+    Raises:
+        Failure: a Python module's class cannot be imported or built.
     """
-    interpreter, compiled = Interpreter(program), compile_program(program)
-    clients = {
-        (a.actuator, c.module): ClientExecutor(program, compiled.clients, a.actuator, c.module)
-        for a in compiled.clients.actuators
-        for c in a.clients
-    }
-    for at, frame in enumerate(trace):
-        expected = interpreter.step(frame)
-        steps = {}
-        for key, client in clients.items():
-            steps[key] = client.step(frame, {m: interpreter.is_active(m) for m in client.outside})
-        found = Outcome(tuple(_decided(program, d, steps) for d in expected.decisions))
-        if repr(found.decisions) != repr(expected.decisions):
-            before = tuple(trace[: at + 1])
-            return Disagreement(executor="clients alone", trace=before, expected=expected, found=found)
-    return None
+
+    def __init__(self, compiled: Compiled) -> None:
+        self._program = compiled.program
+        self._interpreter = Interpreter(compiled.program)
+        self._clients = {
+            (a.actuator, c.module): ClientExecutor(compiled.program, compiled.clients, a.actuator, c.module)
+            for a in compiled.clients.actuators
+            for c in a.clients
+        }
+
+    def step(self, frame: Frame) -> Outcome:
+        """One frame."""
+        expected, is_active = self._interpreter.step(frame), self._interpreter.is_active
+        steps = {
+            key: client.step(frame, {m: is_active(m) for m in client.outside})
+            for key, client in self._clients.items()
+        }
+        return expected._replace(
+            decisions=tuple(_decided(self._program, d, steps) for d in expected.decisions)
+        )
+
+    def restart(self) -> None:
+        """Go on from the initial memory, with Python modules built anew."""
+        self._interpreter = Interpreter(self._program)
+        for client in self._clients.values():
+            client.restart()
+
+
+ALL_EXECUTORS: Mapping[str, Factory] = MappingProxyType({**EXECUTORS, "clients alone": ClientsAlone})
+"""Those, and each client of the compiled form for itself."""
+
+
+def client_disagreement(program: Program, trace: Sequence[Frame]) -> Disagreement | None:
+    """The first frame in which the clients, each for itself, do not do what the reference does."""
+    return disagreement(program, trace, {"clients alone": ClientsAlone})
 
 
 def _decided(program: Program, like: Decision, steps: Mapping[tuple[str, str], ClientStep]) -> Decision:

@@ -39,6 +39,7 @@ class Interpreter:
         }
         self._moment: Moment | None = None
         self._lost: frozenset[str] = frozenset()
+        self._silent: set[str] = set()
 
     def step(self, frame: Frame, lost: frozenset[str] = frozenset()) -> Outcome:
         """One frame, its readings in declared units.
@@ -66,10 +67,14 @@ class Interpreter:
         assert self._moment is not None, "no frame yet"
         return self._moment.outputs[name] is not None
 
+    def is_silent(self, module: str) -> bool:
+        """Whether a module was silent in the last frame, as something that it reads was missing."""
+        return module in self._silent
+
     def _frame(self, t_ns: int, readings: Mapping[str, Reading], factors: dict[str, float]) -> Outcome:
         first_ns = t_ns if self._moment is None else self._moment.first_ns
         moment = self._moment = Moment(t_ns=t_ns, first_ns=first_ns, states=self._states)
-        self._next = {}
+        self._next, self._silent = {}, set()
         records: list[Record] = []
         self._sensors(moment, readings, factors, records)
         self._derived_values(moment)
@@ -159,6 +164,7 @@ class Interpreter:
         ]
         own = {let.name for let in module.lets}
         if any(missing(e, moment, own) for e in everything):
+            self._silent.add(module.name)
             return None
         for let in module.lets:
             moment.locals[let.name] = evaluate(let.expression, moment, self._memory)
@@ -172,6 +178,7 @@ class Interpreter:
         self, module: ir.PythonModule, moment: Moment, records: list[Record]
     ) -> tuple[ScalarValue, ...] | None:
         if any(missing(r.expression, moment) for r in module.reads):
+            self._silent.add(module.name)
             return None
         values = {r.name: evaluate(r.expression, moment, self._memory) for r in module.reads}
         frame = ModuleFrame((moment.t_ns - moment.first_ns) / 1e9, values)

@@ -25,10 +25,16 @@ from hypothesis import strategies as st
 
 from colony.ir.frame import Frame
 from colony.ir.program import Program
-from colony.verify.strategies_drawing import Choices, choices
+from colony.verify.strategies_drawing import Choices
 from colony.verify.strategies_frames import draw_frame, draw_trace
 from colony.verify.strategies_network import draw_network
 from colony.verify.strategies_text import draw_text
+
+
+def choices() -> st.SearchStrategy[Choices]:
+    """Choices that hypothesis makes and shrinks."""
+    return st.randoms(use_true_random=False, note_method_calls=False).map(Choices)
+
 
 Run = tuple[Program, tuple[Frame, ...]]
 """A program, and frames for it."""
@@ -65,15 +71,17 @@ def programs(*, python: bool = True) -> st.SearchStrategy[Program]:
 
 
 def frames(program: Program, *, t_ns: int = 0) -> st.SearchStrategy[Frame]:
-    """One frame of `program` at `t_ns`, in declared units: readings near its constants, odd, or missing."""
+    """One frame of `program` at `t_ns`, in declared units: readings near its numbers, wrong, or missing."""
     return choices().map(lambda c: draw_frame(c, program, t_ns))
 
 
 def traces(program: Program, *, max_frames: int = 8) -> st.SearchStrategy[tuple[Frame, ...]]:
-    """Up to `max_frames` frames of `program`, at least one.
+    """Up to `max_frames` frames of `program`, at least one, in declared units.
 
     Times rise by frames and by the durations that the program waits for, exactly or a nanosecond off.
-    Readings come back, go missing, and are of the wrong type, length or range.
+    Readings are at, between and a float beside the numbers that the program names; they come back, go
+    missing, and are of the wrong type, length or range. Arrays are mostly alike but for some elements in a
+    row. Some traces begin as a test of the program does.
     """
     return choices().map(lambda c: draw_trace(c, program, max_frames))
 

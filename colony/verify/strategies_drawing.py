@@ -6,8 +6,6 @@ from collections.abc import Sequence
 from random import Random
 from typing import TypeVar
 
-from hypothesis import strategies as st
-
 T = TypeVar("T")
 
 
@@ -40,8 +38,3 @@ class Choices:
     def rarely(self, times: int = 3) -> bool:
         """Yes about once in `times`."""
         return self.upto(times - 1) == times - 1
-
-
-def choices() -> st.SearchStrategy[Choices]:
-    """Choices that hypothesis makes and shrinks."""
-    return st.randoms(use_true_random=False, note_method_calls=False).map(Choices)

@@ -2,100 +2,79 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Iterator
 
 from colony.ir import expression as ir
-from colony.ir.frame import Frame, Reading
-from colony.ir.program import Chain, Let, Machine, Module, Program, PythonModule, Sensor, State, Wiring
-from colony.ir.types import Array, Bool, Enum, Quantity, Scalar, ScalarValue
+from colony.ir.frame import Frame
+from colony.ir.program import Chain, Let, Machine, Module, Program, PythonModule, State, Wiring
+from colony.ir.types import Quantity
+from colony.units import TIME
+from colony.verify.example_frames import frames_of
 from colony.verify.strategies_drawing import Choices
-
-ODD_READINGS: tuple[Reading, ...] = (
-    None,
-    math.nan,
-    math.inf,
-    -math.inf,
-    True,
-    1e300,
-    10**400,
-    "high",  # type: ignore[assignment]  # a faulty server sends anything
-    (),
-    (1.0, math.nan),
-    3,
-)
-"""Readings that are wrong for most sensors, each in its way."""
+from colony.verify.strategies_readings import Thresholds, draw_reading, thresholds_among
 
 
 def draw_frame(choices: Choices, program: Program, t_ns: int) -> Frame:
     """See `colony.verify.strategies.frames`."""
-    numbers = constants_of(program)
-    return Frame(t_ns, {s.name: _reading(choices, s, numbers) for s in program.robot.sensors})
+    thresholds = thresholds_of(program)
+    return Frame(t_ns, {s.name: draw_reading(choices, s, thresholds) for s in program.robot.sensors})
 
 
 def draw_trace(choices: Choices, program: Program, max_frames: int) -> tuple[Frame, ...]:
     """See `colony.verify.strategies.traces`."""
-    numbers = constants_of(program)
-    # A few readings a sensor, met again and again: memory shows only where values come back.
-    pools = {
-        s.name: [_reading(choices, s, numbers) for _ in range(choices.several(1, 4))]
-        for s in program.robot.sensors
-    }
-    gaps = _gaps(program)
-    t_ns = choices.one((0, 1_000_000_000, 1, -50_000_001))
-    frames: list[Frame] = []
+    thresholds = thresholds_of(program)
+    # A few readings a sensor, met again and again: memory shows only where values come back. In a calm trace
+    # most sensors stand still: what needs several conditions at once is met only there.
+    # Sensors that nothing reads matter only for what is recorded of them.
+    calm, read = choices.rarely(3), sensors_read(program)
+    pools = {}
+    for s in program.robot.sensors:
+        still = s.name not in read or (calm and not choices.rarely(4))
+        count = 1 if still else choices.several(1, 4)
+        pools[s.name] = [draw_reading(choices, s, thresholds) for _ in range(count)]
+    gaps = gaps_of(program)
+    frames = [*_written(choices, program, max_frames)]
+    t_ns = frames[-1].t_ns + choices.one(gaps) if frames else choices.one((0, 1_000_000_000, 1, -50_000_001))
     while not frames or (len(frames) < max_frames and choices.upto(14) > 0):
         frames.append(Frame(t_ns, {name: choices.one(pool) for name, pool in pools.items()}))
         t_ns += choices.one(gaps)
     return tuple(frames)
 
 
-# --- readings ------------------------------------------------------------------------------------
+def _written(choices: Choices, program: Program, max_frames: int) -> tuple[Frame, ...]:
+    """Now and then, how a test of the program begins: to a place where people found it worth to look."""
+    if not program.tests or not choices.rarely(3):
+        return ()
+    written = frames_of(program, choices.one(program.tests))
+    return written[: choices.upto(min(len(written), max_frames - 1))]
 
 
-def _reading(choices: Choices, sensor: Sensor, numbers: list[float]) -> Reading:
-    if choices.rarely(15):
-        return choices.one(ODD_READINGS)
-    if not isinstance(sensor.type, Array):
-        return _scalar(choices, sensor.type, sensor, numbers)
-    element, size = sensor.type.element, sensor.type.size
-    if choices.rarely(25):
-        size += choices.one((1, -1))
-    elements = [_scalar(choices, element, sensor, numbers) for _ in range(size)]
-    return tuple(elements) if choices.rarely(2) else elements
+def thresholds_of(program: Program) -> Thresholds:
+    """The numbers that the program's expressions name, by dimension."""
+    return thresholds_among(node for root in expressions_of(program) for node in _walk(root))
 
 
-def _scalar(choices: Choices, of: Scalar, sensor: Sensor, numbers: list[float]) -> ScalarValue | int:
-    match of:
-        case Bool():
-            return choices.upto(1) == 1
-        case Enum(members=members):
-            value = choices.one(members)[1]
-            return int(value) if value.is_integer() and choices.rarely(3) else value
-        case Quantity():
-            bounds = [x / sensor.factor for x in (sensor.low, sensor.high) if x is not None]
-            near = [x / sensor.factor for x in numbers]
-            return choices.one((0.0, 1.0, *bounds, *near, 2, -1, -0.0, 2.5, 100.0, 0.5, -7.25, 1e12, -0.0))
-
-
-def constants_of(program: Program) -> list[float]:
-    """The finite numbers that the program's expressions name, in base units, the first few."""
-    found: dict[float, None] = {}
+def sensors_read(program: Program) -> frozenset[str]:
+    """The sensors that some expression or module in Python reads."""
+    found: set[str] = set()
     for root in expressions_of(program):
         for node in _walk(root):
-            if isinstance(node, ir.Constant) and isinstance(node.value, float) and math.isfinite(node.value):
-                found[node.value] = None
-    return list(found)[:12]
+            match node:
+                case ir.SensorValue(name=name) | ir.Fresh(name=name, derived=False):
+                    found.add(name)
+                case _:
+                    pass
+    return frozenset(found)
 
 
 # --- times ---------------------------------------------------------------------------------------
 
 
-def _gaps(program: Program) -> list[int]:
+def gaps_of(program: Program) -> list[int]:
     """Times between frames: a frame, a few, and whatever the program waits for, to the nanosecond."""
     frame = program.robot.frame_ns
     gaps = {frame: None, 2 * frame: None, 3 * frame: None, 1: None}
-    for duration in durations_of(program):
+    for duration in (*durations_of(program), *_times_compared(program)):
         for gap in (duration, duration - 1, duration + 1, duration - frame):
             if gap > 0:
                 gaps[gap] = None
@@ -117,6 +96,24 @@ def durations_of(program: Program) -> list[int]:
             found[module.rate_ns] = None
     found.pop(0, None)
     return list(found)
+
+
+def _times_compared(program: Program) -> list[int]:
+    """What `elapsed` and `now` may be compared with, in nanoseconds, the first few."""
+    found: dict[int, None] = {}
+    for root in expressions_of(program):
+        for node in _walk(root):
+            match node:
+                case ir.Constant(type=Quantity(dimension=dimension), value=float(seconds)):
+                    if dimension == TIME and 0 < seconds < _LONGEST_S:
+                        found[round(seconds * 1e9)] = None
+                case _:
+                    pass
+    return list(found)[:8]
+
+
+_LONGEST_S = 86_400.0
+"""Longer ones are no waiting times."""
 
 
 def _windows(wiring: Wiring) -> Iterator[int]:
@@ -147,6 +144,8 @@ def expressions_of(program: Program) -> Iterator[ir.Expression]:
             yield module.when
             yield from module.command.fields if module.command else ()
             yield from (s.next for s in module.states if s.next is not None)
+        else:
+            yield from (r.expression for r in module.reads)
     for limit in program.limits:
         yield limit.bound
         if limit.condition is not None:

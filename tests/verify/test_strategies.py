@@ -5,12 +5,14 @@ from __future__ import annotations
 import math
 from collections import Counter
 from itertools import pairwise
+from pathlib import Path
 from random import Random
 
+import pytest
 from hypothesis import find, given, settings
 from hypothesis import strategies as st
 
-from colony.dsl.load import check_text
+from colony.dsl.load import check_text, load_file
 from colony.ir.frame import Frame
 from colony.ir.program import Chain, Program, Wiring
 from colony.verify.interpreter import Interpreter
@@ -126,7 +128,49 @@ def test_what_is_drawn_shrinks() -> None:
         interpreter = Interpreter(run[0])
         return any(decision.by == "m1" for frame in run[1] for decision in interpreter.step(frame).decisions)
 
-    of, trace = find(network_runs(), wins_late, settings=settings(max_examples=2000))
+    of, trace = find(network_runs(), wins_late, settings=settings(max_examples=2000), random=Random(1))
     assert len(of.modules) == 2
     assert len(trace) == 1
     assert len(of.wires) <= 2
+
+
+@pytest.mark.parametrize("name", ["wander", "herbert"])
+def test_traces_of_a_behavior_reach_its_modules(name: str) -> None:
+    of = load_file(Path(__file__).parent.parent.parent / "behaviors" / f"{name}.colony")
+    won: Counter[str | None] = Counter()
+    for seed in range(150):
+        interpreter = Interpreter(of)
+        for frame in draw_trace(Choices(Random(seed)), of, 8):
+            won.update(d.by for d in interpreter.step(frame).decisions)
+    commanding = {m.name for m in of.modules if m.actuator} - {"home", "visit"}
+    assert commanding <= won.keys()
+
+
+def test_some_traces_begin_as_a_test_does() -> None:
+    of = program(
+        "module m { when x > 3 do out(v = 1) }\nnetwork { out = m }\n"
+        'test "t" { at 1 s given x = 123456, four = [1, 2, 3, 4], bits = true\n'
+        "           from 2 s to 3 s every 500 ms given four[1] = 7, bits = missing }"
+    )
+    traces = [draw_trace(Choices(Random(seed)), of, 8) for seed in range(100)]
+    begun = [t for t in traces if t[0].readings.get("x") == 123456]
+    assert 10 < len(begun) < 60
+    longest = max(begun, key=lambda t: sum(f.readings.get("x") == 123456 for f in t))
+    assert [f.t_ns for f in longest[:3]] == [1_000_000_000, 2_000_000_000, 2_500_000_000]
+    assert longest[0].readings["bits"] == (True,) * 4
+    assert longest[1].readings == {"x": 123456, "four": (1, 7, 3, 4), "bits": None}
+
+
+def test_readings_are_at_beside_and_between_what_is_compared() -> None:
+    of = program("module m { when angle > 20 deg or angle < -30 deg do out(v = 1) }\nnetwork { out = m }")
+    found = {
+        f.readings["angle"]
+        for seed in range(200)
+        for f in draw_trace(Choices(Random(seed)), of, 4)
+        if isinstance(f.readings["angle"], float)
+    }
+    least = -30.0
+    assert {20.0, least, math.nextafter(20.0, math.inf), math.nextafter(20.0, -math.inf)} <= found
+    assert any(least < x < 20 for x in found)
+    assert any(x > 20.1 for x in found)
+    assert any(x < least - 0.1 for x in found)

@@ -21,6 +21,11 @@ class PythonExecutor:
         decisions, records, breaches = self._step(frame.t_ns, frame.readings)
         return Outcome(tuple(map(Decision._make, decisions)), tuple(map(Record._make, records)), breaches)
 
+    def restart(self) -> None:
+        """Go on from the initial memory, with Python modules built anew."""
+        self.program = type(self.program)()
+        self._step = self.program.step
+
 
 def load(source: str) -> PythonExecutor:
     """Execute what `generate` gave, and make an instance of its class.

@@ -1,0 +1,66 @@
+"""With `on_loss degrade` every client makes of a loss what the reference makes of it: so does one that was
+lost itself, when it is back and steps through the frames of its absence."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from random import Random
+
+import pytest
+
+from colony.compile.executor import ClientExecutor
+from colony.compile.pipeline import compile_program
+from colony.ir.frame import Frame
+from colony.ir.program import Program
+from colony.verify.interpreter import Interpreter
+from colony.verify.strategies import run_of_seed
+from tests.verify.stepping import MS, program
+
+Losses = tuple[frozenset[str], ...]
+
+
+def degrading(of: Program) -> Program:
+    actuators = tuple(replace(a, on_loss="degrade") for a in of.robot.actuators)
+    return replace(of, robot=replace(of.robot, actuators=actuators))
+
+
+def check(of: Program, trace: tuple[Frame, ...], losses: Losses) -> None:
+    """In each frame exactly the winner is active by its own knowledge."""
+    interpreter, compiled = Interpreter(of), compile_program(of)
+    clients = {
+        (a.actuator, c.module): ClientExecutor(of, compiled.clients, a.actuator, c.module)
+        for a in compiled.clients.actuators
+        for c in a.clients
+    }
+    for at, (frame, lost) in enumerate(zip(trace, losses, strict=True)):
+        outcome = interpreter.step(frame, lost)
+        told = {m.name: interpreter.is_active(m.name) for m in of.modules}
+        active = {key for key, client in clients.items() if client.step(frame, told, lost).active}
+        due = {(d.actuator, d.by) for d in outcome.decisions if d.by is not None}
+        assert active == due, f"frame {at}, lost {sorted(lost)}"
+
+
+def test_who_was_lost_did_not_dominate() -> None:
+    """In frame 0 `back` is lost: its time constant has not begun when it is there again in frame 1."""
+    of = program(
+        "module back { when a do out(v = 1) }\nmodule side { when b do out(v = 2) }\n"
+        "module cruise { when true do out(v = 3) }\n"
+        "network { both = back suppresses side  out = (both suppresses[150 ms] back) suppresses cruise }"
+    )
+    trace = (
+        Frame(0, {"a": True, "b": True}),
+        Frame(100 * MS, {"a": False, "b": False}),
+        Frame(120 * MS, {"a": True, "b": False}),
+        Frame(300 * MS, {"a": False, "b": False}),
+    )
+    none = frozenset[str]()
+    check(degrading(of), trace, (frozenset({"back"}), none, none, none))
+
+
+@pytest.mark.parametrize("seed", range(60))
+def test_drawn_networks_and_losses(seed: int) -> None:
+    of, trace = run_of_seed(seed, network=True)
+    chance = Random(seed)
+    names = [m.name for m in of.modules if m.actuator is not None]
+    losses = tuple(frozenset(n for n in names if chance.random() < 0.3) for _ in trace)
+    check(degrading(of), trace, losses)
