@@ -9,7 +9,16 @@ import platform
 from pathlib import Path
 from typing import Any
 
-MODULES = ("decide", "compile_time", "front_end", "simulation", "transport", "data_server", "processes")
+MODULES = (
+    "decide",
+    "compile_time",
+    "proof",
+    "front_end",
+    "simulation",
+    "transport",
+    "data_server",
+    "processes",
+)
 PAGE = Path(__file__).parent.parent / "docs" / "benchmarks.md"
 MARK = "<!-- results -->"
 

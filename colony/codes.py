@@ -3,7 +3,7 @@
 Codes are stable: a code keeps its meaning, and one that is given up is not used again. `docs/errors.md`
 tells of each when it occurs and how to mend it. M is about maps, F about the frames of a trace, R about
 binding a program to a robot, P about modules written in Python, T about what tests found, A about recordings
-to be audited. The front end's own are in `colony.dsl.errors`.
+to be audited, V about what proofs found. The front end's own are in `colony.dsl.errors`.
 """
 
 from __future__ import annotations
@@ -48,6 +48,7 @@ CODES: dict[str, str] = {
     "R005": "an unknown parameter of a command",
     "R006": "two actuators have one command",
     "P001": "a class in Python cannot be imported and built",
+    "P002": "a module in Python is not deterministic",
     "T001": "an expectation is false",
     "T002": "an expectation says nothing",
     "T003": "a contract is broken in a test",
@@ -57,4 +58,23 @@ CODES: dict[str, str] = {
     "A003": "there is nothing to audit in a recording",
     "A004": "what is recorded is none of the program",
     "A005": "the program of a recording cannot be used",
+    "V001": "what was compiled is not the network",
+    "V002": "what was compiled is neither proved nor refuted",
+    "V010": "a contract can be broken",
+    "V011": "a contract is neither proved nor refuted",
+    "V020": "a module can never get through",
+    "V021": "a predicate is never true",
+    "V022": "a predicate is always true",
+    "V023": "an inhibitor changes nothing",
+    "V024": "a time constant changes nothing",
+    "V025": "a command can leave its range",
+    "V026": "a contract says nothing",
+    "V027": "a contract promises nothing",
+    "V028": "nothing reads a sensor",
+    "V029": "modules are always active together",
+    "V030": "a robot drives on without a sensor",
+    "V031": "a time constant holds too little",
+    "V040": "a name that neither behavior has",
+    "V041": "the robots of two behaviors differ",
+    "V042": "there is nothing to compare",
 }

@@ -78,19 +78,24 @@ def render(diagnostic: Diagnostic) -> str:
     return "\n".join(out)
 
 
-def to_json(diagnostics: Sequence[Diagnostic]) -> str:
-    """A JSON array, one object a diagnostic, with 1-based lines and columns."""
-    import json
-
-    rows = []
+def to_rows(diagnostics: Sequence[Diagnostic]) -> list[dict[str, object]]:
+    """An object a diagnostic, for JSON, with 1-based lines and columns."""
+    rows: list[dict[str, object]] = []
     for d in diagnostics:
         line, column = d.span.source.position(d.span.start)
         end_line, end_column = d.span.source.position(d.span.end)
-        row = {"file": d.span.source.name, "line": line, "column": column}
+        row: dict[str, object] = {"file": d.span.source.name, "line": line, "column": column}
         row |= {"end_line": end_line, "end_column": end_column}
         row |= {"severity": d.severity, "code": d.code, "message": d.message, "hint": d.hint}
         rows.append(row)
-    return json.dumps(rows, indent=2)
+    return rows
+
+
+def to_json(diagnostics: Sequence[Diagnostic]) -> str:
+    """A JSON array of `to_rows`."""
+    import json
+
+    return json.dumps(to_rows(diagnostics), indent=2)
 
 
 def has_errors(diagnostics: Iterable[Diagnostic]) -> bool:

@@ -2,39 +2,19 @@
 
 from __future__ import annotations
 
-import io
-import re
-import shlex
 import shutil
-import subprocess
-import sys
-from contextlib import redirect_stderr, redirect_stdout
 from pathlib import Path
 
 import pytest
 
-from colony.cli.main import main
 from colony.dsl.check.robot import RESERVED_FIELDS
 from colony.runtime.recordings.replay import RESERVED
 from colony.runtime.recordings.schemas import CONTRACTS, FRAMES, REQUESTS, VERDICTS
+from tests.pages import COMMANDS, typed
 
 ROOT = Path(__file__).parent.parent
 PAGE = (ROOT / "docs" / "recordings.md").read_text(encoding="utf-8")
-EXAMPLES = re.findall(r"```sh\n(.*?)```\n\n```text\n(.*?)```", PAGE, re.DOTALL)
-
-
-def typed(line: str, monkeypatch: pytest.MonkeyPatch) -> str:
-    """What a command prints on standard output."""
-    words = shlex.split(line)
-    if words[0] != "colony":
-        subprocess.run(line, shell=True, check=True)
-        return ""
-    printed = io.StringIO()
-    monkeypatch.setattr(sys, "argv", words)
-    monkeypatch.setattr(sys, "path", list(sys.path))
-    with redirect_stdout(printed), redirect_stderr(io.StringIO()), pytest.raises(SystemExit):
-        main()
-    return printed.getvalue()
+EXAMPLES = COMMANDS.findall(PAGE)
 
 
 def test_commands_print_what_the_page_shows(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -2,16 +2,32 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Literal, cast
+
 import click
 
 from colony.cli.exit_codes import EXIT_ERRORS, EXIT_MISUSE
 from colony.cli.reporting import is_unreadable, one_line, report, say
 from colony.collector import collector_at_rest
 
+if TYPE_CHECKING:
+    from colony.diagnostics import Diagnostic
+
+Format = Literal["text", "json", "sarif"]
+
 
 @click.command("check", short_help="find what is wrong in behavior files")
 @click.argument("files", nargs=-1, required=True, metavar="FILE...")
-@click.option("--format", "format_", type=click.Choice(["text", "json"]), default="text", show_default=True)
+@click.option(
+    "--format",
+    "format_",
+    type=click.Choice(["text", "json", "sarif"]),
+    default="text",
+    show_default=True,
+    help="Text for people; JSON; SARIF 2.1.0 for editors and code hosts.",
+)
 def command(files: tuple[str, ...], format_: str) -> None:
     """Check behavior files and all that they import: syntax, names, types, units, wiring.
 
@@ -22,9 +38,10 @@ def command(files: tuple[str, ...], format_: str) -> None:
     Example:
       colony check behaviors/wander.colony
       colony check --format json behaviors/*.colony
+      colony check --format sarif behaviors/*.colony > check.sarif
     """
     with collector_at_rest():
-        from colony.diagnostics import Diagnostic, has_errors, to_json
+        from colony.diagnostics import has_errors
         from colony.dsl.load import check_file
 
         found: list[Diagnostic] = []
@@ -41,9 +58,19 @@ def command(files: tuple[str, ...], format_: str) -> None:
                     report(checked.diagnostics)
                 if checked.program is not None:
                     click.echo(f"{file}: ok")
-    if format_ == "json":
-        click.echo(to_json(found))
+    if format_ != "text":
+        click.echo(_written(found, cast(Format, format_)))
     if unreadable:
         raise click.exceptions.Exit(EXIT_MISUSE)
     if has_errors(found):
         raise click.exceptions.Exit(EXIT_ERRORS)
+
+
+def _written(found: Sequence[Diagnostic], format_: Format) -> str:
+    if format_ == "sarif":
+        from colony.cli.sarif import sarif
+
+        return sarif(found, directory=Path.cwd())
+    from colony.diagnostics import to_json
+
+    return to_json(found)

@@ -1,13 +1,21 @@
-"""`colony compile`: the prioritized clients that a behavior compiles to."""
+"""`colony compile`: the prioritized clients that a behavior compiles to, proved to be its network."""
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from pathlib import Path
+from typing import TYPE_CHECKING, assert_never
 
 import click
 
+from colony.cli.exit_codes import EXIT_ERRORS
 from colony.cli.outputs import check_output, write_whole
-from colony.cli.reporting import load_program
+from colony.cli.reporting import load_program, report, say
+
+if TYPE_CHECKING:
+    from colony.compile.pipeline import Compiled
+    from colony.ir.program import Program
+    from colony.verify.equivalence.results import Result
 
 
 @click.command("compile", short_help="show the prioritized clients that a behavior compiles to")
@@ -22,39 +30,140 @@ from colony.cli.reporting import load_program
     help="A table for people, JSON for programs, or a Python class that needs nothing of colony.",
 )
 @click.option("-o", "--output", type=click.Path(dir_okay=False, path_type=Path), help="Write there instead.")
-def command(file: str, explain: bool, format_: str, output: Path | None) -> None:
+@click.option("--no-proof", is_flag=True, help="Do not prove that the result is the network of FILE.")
+@click.option(
+    "--prove",
+    "existing",
+    metavar="CLIENTS",
+    type=click.Path(exists=True, dir_okay=False, path_type=Path),
+    help="Only prove that these clients (JSON, or generated Python in a .py file) are the network of FILE.",
+)
+@click.option(
+    "--proof-timeout",
+    type=click.FloatRange(min=0, max=1e6),
+    default=60.0,
+    show_default=True,
+    metavar="SECONDS",
+    help="How long z3 may think about one question; 0: do not ask it.",
+)
+def command(
+    file: str,
+    explain: bool,
+    format_: str,
+    output: Path | None,
+    no_proof: bool,
+    existing: Path | None,
+    proof_timeout: float,
+) -> None:
     """Eliminate the inhibitors, number the modules by a forward traversal, and show the clients.
+
+    Whatever modules do, in every frame the clients have the winner that the network has. That is proved of
+    each result before it is shown; if it fails nothing is shown, and the exit code is 1.
 
     \b
     Example:
       colony compile behaviors/wander.colony
       colony compile --explain behaviors/figure_4_14.colony
       colony compile --format python behaviors/wander.colony -o wander.py
+      colony compile --prove wander.py behaviors/wander.colony
     """
     if explain and format_ != "table":
         raise click.UsageError("--explain goes with --format table", click.get_current_context())
+    if existing is not None and (explain or no_proof or output is not None or format_ != "table"):
+        message = "--prove goes with no other option but --proof-timeout"
+        raise click.UsageError(message, click.get_current_context())
     if output is not None:
         check_output(output, [file])
     program = load_program(file)
     from colony.compile.pipeline import compile_program
 
     compiled = compile_program(program)
-    if format_ == "python":
-        from colony.compile.backends.python import generate
-
-        text = generate(program, compiled.clients)
-    elif format_ == "json":
-        from colony.compile.json_format import to_json
-
-        text = to_json(compiled)
-    else:
-        from colony.compile.client_table import client_table
-        from colony.compile.explain import explain as explanation
-
-        text = explanation(compiled) if explain else client_table(compiled)
+    timeout_ms = round(1000 * proof_timeout)
+    if existing is not None:
+        _settle(_proof_of(existing, program, compiled, timeout_ms), program, of=existing)
+        return
+    text, proof = _emitted(program, compiled, format_, explain, timeout_ms)
+    if not no_proof:
+        _settle(proof(), program, of=None)
     if not text.endswith("\n"):
         text += "\n"
     if output is None:
         click.echo(text, nl=False)
     else:
         write_whole(output, text)
+
+
+def _emitted(
+    program: Program, compiled: Compiled, format_: str, explain: bool, timeout_ms: int
+) -> tuple[str, Callable[[], Result]]:
+    """The text of a format, and the proof of it."""
+
+    def proof(**emitted: object) -> Callable[[], Result]:
+        from colony.verify.equivalence.prove import prove  # z3 is loaded only where something is proved
+
+        return lambda: prove(program, compiled, timeout_ms=timeout_ms, **emitted)  # type: ignore[arg-type]
+
+    if format_ == "python":
+        from colony.compile.backends.python import generate
+
+        text = generate(program, compiled.clients)
+        return text, lambda: proof(python=text)()
+    if format_ == "json":
+        from colony.compile.json_format import to_json
+
+        text = to_json(compiled)
+        return text, lambda: proof(json=text)()
+    from colony.compile.client_table import client_table
+    from colony.compile.explain import explain as explanation
+    from colony.compile.lower import lower
+
+    text = explanation(compiled) if explain else client_table(compiled)
+    return text, lambda: proof(code=lower(program, compiled.clients))()
+
+
+def _proof_of(existing: Path, program: Program, compiled: Compiled, timeout_ms: int) -> Result:
+    """The proof of clients that are there already."""
+    from colony.verify.equivalence import prove
+    from colony.verify.equivalence.results import Malformed, Proved
+
+    try:
+        text = existing.read_text(encoding="utf-8")
+    except (OSError, UnicodeDecodeError) as problem:
+        return Malformed(
+            form=str(existing), subject="text", found=str(problem), expected="clients as UTF-8 text"
+        )
+    if existing.suffix != ".py":
+        return prove.prove_json(program, text, form=str(existing), timeout_ms=timeout_ms)
+    clients = prove.prove(program, compiled, timeout_ms=timeout_ms)
+    if not isinstance(clients, Proved):
+        return clients
+    return prove.prove_python(program, compiled.clients, text, form=str(existing), timeout_ms=timeout_ms)
+
+
+def _settle(result: Result, program: Program, of: Path | None) -> None:
+    """Say what was proved; where nothing was, say that, and end the command."""
+    from colony.diagnostics import error
+    from colony.source import NOWHERE
+    from colony.verify.equivalence import results
+
+    spans = {wire.actuator: wire.span for wire in program.wires if wire.actuator is not None}
+    match result:
+        case results.Proved():
+            say(results.proved_text(result))
+            return
+        case results.Undecided(subject=subject):
+            hint = "give z3 more time by --proof-timeout SECONDS"
+            if of is None:
+                hint += ", or leave the proof out by --no-proof"
+            found = error("V002", spans.get(subject, NOWHERE), results.undecided_text(result), hint)
+        case results.WrongWinner() | results.WrongActivity() | results.Malformed():
+            subject = result.actuator if isinstance(result, results.WrongWinner) else ""
+            hint = "these clients are not those of the behavior: compile it anew"
+            if of is None:
+                hint = "a mistake of the compiler, not of the behavior: please report it, with the behavior"
+            text = results.counterexample_text(result)
+            found = error("V001", spans.get(subject, NOWHERE), text, hint)
+        case _:
+            assert_never(result)
+    report([found])
+    raise click.exceptions.Exit(EXIT_ERRORS)

@@ -1,6 +1,6 @@
 """`colony`: finds the command, runs it, and turns what goes wrong into one line and an exit code.
 
-Exit codes: 0 good (warnings included), 1 errors found, 2 misuse, 130 interrupted.
+Exit codes: 0 good (warnings included), 1 errors found, 2 misuse, 3 undecided (`diff`), 130 interrupted.
 """
 
 from __future__ import annotations
@@ -24,6 +24,8 @@ COMMANDS = {
     "compile": "show the prioritized clients that a behavior compiles to",
     "graph": "draw the network as SVG or DOT",
     "test": "run the tests that behavior files contain",
+    "verify": "prove contracts, find what can never act",
+    "diff": "tell whether two behaviors are the same",
     "trace": "decide recorded frames, with any of the executors",
     "run": "drive a robot, simulated or real",
     "serve": "be the servers of a robot, for programs that come and go",

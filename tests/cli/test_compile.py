@@ -1,9 +1,16 @@
 from __future__ import annotations
 
 import json
+import re
+import subprocess
+import sys
 from pathlib import Path
+from typing import Any
+
+import pytest
 
 from tests.cli.conftest import Colony
+from tests.verify.seeded_bugs import BUGS
 
 
 def test_the_table(colony: Colony, behavior: Path) -> None:
@@ -46,3 +53,84 @@ def test_an_output_that_cannot_be_written(colony: Colony, behavior: Path, tmp_pa
     code, _, err = colony("compile", behavior, "-o", tmp_path / "no" / "such" / "x.txt")
     assert code == 2
     assert "cannot write: there is no such folder" in err
+
+
+# --- proofs --------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("format_", ["table", "json", "python"])
+def test_what_is_emitted_is_proved(colony: Colony, behavior: Path, format_: str) -> None:
+    code, out, err = colony("compile", "--format", format_, behavior)
+    form = {"table": "lowered code", "json": "JSON", "python": "generated Python"}[format_]
+    assert code == 0
+    assert re.fullmatch(rf"proved: clients, {form} and network are the same \(\d+ obligations: .*\)\n", err)
+    assert colony("compile", "--format", format_, behavior, "--no-proof") == (0, out, "")
+
+
+def test_without_proof_no_prover_is_loaded(behavior: Path) -> None:
+    words = ["compile", "--no-proof", str(behavior)]
+    program = f"import sys; sys.argv[1:] = {words}; from colony.cli.main import main\n"
+    program += "try: main()\nfinally: print('z3' in sys.modules)"
+    done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=True)
+    assert done.stdout.splitlines()[-1] == "False"
+
+
+@pytest.mark.parametrize("format_", ["table", "json", "python"])
+def test_a_mistake_of_the_compiler_emits_nothing(
+    colony: Colony, behavior: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, format_: str
+) -> None:
+    [bug] = [bug for bug in BUGS if bug.name == "priorities in reverse"]
+    bug.plant(monkeypatch)
+    target = tmp_path / "out"
+    code, out, err = colony("compile", "--format", format_, behavior, "-o", target)
+    assert (code, out) == (1, "")
+    assert not target.exists()
+    assert "error[V001]: clients: drive: with " in err
+    assert "  hint: a mistake of the compiler" in err
+    assert colony("compile", "--format", format_, behavior, "-o", target, "--no-proof").code == 0
+    assert target.exists()
+
+
+def test_a_mistake_in_the_emitted_python_emits_nothing(
+    colony: Colony, behavior: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """In the text alone: what it was made from is right."""
+    from colony.compile.backends import python
+
+    generate = python.generate
+    calls = []
+
+    def wrong(*arguments: Any) -> str:
+        calls.append(arguments)
+        text = generate(*arguments)
+        return text.replace("drive_by = 'back'", "drive_by = 'cruise'") if len(calls) == 1 else text
+
+    monkeypatch.setattr(python, "generate", wrong)
+    code, out, err = colony("compile", "--format", "python", behavior)
+    assert (code, out) == (1, "")
+    assert "error[V001]: generated Python: drive: " in err
+
+
+@pytest.mark.parametrize(("format_", "name"), [("json", "b.json"), ("python", "b.py")])
+def test_what_was_emitted_earlier_can_be_proved(
+    colony: Colony, behavior: Path, tmp_path: Path, format_: str, name: str
+) -> None:
+    target = tmp_path / name
+    assert colony("compile", "--format", format_, behavior, "-o", target).code == 0
+    code, out, err = colony("compile", "--prove", target, behavior)
+    assert (code, out) == (0, "")
+    assert err.startswith(f"proved: {target} and network are the same (")
+    text = target.read_text()
+    changed = (
+        text.replace('"guard": 0', '"guard": 1') if format_ == "json" else text.replace("'back'", "'cruise'")
+    )
+    target.write_text(changed)
+    assert changed != text
+    code, out, err = colony("compile", "--prove", target, behavior)
+    assert (code, out) == (1, "")
+    assert f"error[V001]: {target}: drive: " in err
+
+
+def test_a_proof_goes_with_no_format(colony: Colony, behavior: Path) -> None:
+    assert colony("compile", "--prove", behavior, "--format", "json", behavior).code == 2
+    assert colony("compile", "--prove", "none.json", behavior).code == 2

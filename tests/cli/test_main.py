@@ -48,12 +48,12 @@ def test_misuse_is_one_line_and_exit_code_2(colony: Colony, arguments: tuple[str
 
 
 def test_a_reader_that_goes_away_is_no_error(behavior: Path) -> None:
-    command = f"{sys.executable} -m colony.cli.main compile --format python {behavior} | head -1"
+    command = f"{sys.executable} -m colony.cli.main compile --no-proof --format python {behavior} | head -1"
     done = subprocess.run(["bash", "-c", command], capture_output=True, text=True, check=True)
     assert done.stderr == ""
 
 
-@pytest.mark.parametrize("arguments", ["--help", "check --help", "compile FILE", "check FILE"])
+@pytest.mark.parametrize("arguments", ["--help", "check --help", "compile --no-proof FILE", "check FILE"])
 def test_a_reader_that_never_came_is_no_error(behavior: Path, arguments: str) -> None:
     arguments = arguments.replace("FILE", str(behavior))
     command = f"set -o pipefail; {sys.executable} -m colony.cli.main {arguments} | true"
@@ -90,7 +90,7 @@ def test_misuse_that_nobody_hears_is_still_exit_code_2(behavior: Path, redirecti
 
 
 def test_letters_that_the_encoding_lacks_become_escapes(behavior: Path) -> None:
-    command = [sys.executable, "-m", "colony.cli.main", "compile", "--explain", str(behavior)]
+    command = [sys.executable, "-m", "colony.cli.main", "compile", "--no-proof", "--explain", str(behavior)]
     environment = {**os.environ, "PYTHONIOENCODING": "latin-1"}
     done = subprocess.run(command, capture_output=True, env=environment)
     assert (done.returncode, done.stderr) == (0, b"")

@@ -1,0 +1,120 @@
+"""`colony diff`: whether two behaviors are the same, or a shortest run that tells them apart."""
+
+from __future__ import annotations
+
+import json
+import time
+from typing import TYPE_CHECKING
+
+import click
+
+from colony.cli.exit_codes import EXIT_ERRORS, EXIT_MISUSE, EXIT_UNDECIDED
+from colony.cli.reporting import check_to_run, is_unreadable, refuse, report
+
+if TYPE_CHECKING:
+    from colony.ir.program import Program
+
+_SAFETY = 4
+"""How much longer than asked for the clock may show before the search is given up."""
+
+
+@click.command("diff", short_help="tell whether two behaviors are the same")
+@click.argument("a", metavar="A.colony")
+@click.argument("b", metavar="B.colony")
+@click.option(
+    "--ignore",
+    multiple=True,
+    metavar="NAME",
+    help="An actuator, a field (drive.turn), or a module: frames in which it wins. May be repeated.",
+)
+@click.option(
+    "--actuator",
+    "actuators",
+    multiple=True,
+    metavar="NAME=NAME",
+    help="Compare this actuator of A with that one of B, instead of those of one name. May be repeated.",
+)
+@click.option(
+    "--depth",
+    type=click.IntRange(0, 64),
+    default=4,
+    show_default=True,
+    help="How many frames back a proof by induction may look; runs that differ may be six times as long.",
+)
+@click.option(
+    "--timeout",
+    type=click.FloatRange(min=0, min_open=True),
+    default=20.0,
+    show_default=True,
+    metavar="SECONDS",
+    help="About; counted in steps of the prover, so that results are the same everywhere.",
+)
+@click.option("--format", "format_", type=click.Choice(["text", "json"]), default="text", show_default=True)
+def command(
+    a: str,
+    b: str,
+    ignore: tuple[str, ...],
+    actuators: tuple[str, ...],
+    depth: int,
+    timeout: float,
+    format_: str,
+) -> None:
+    """Prove that two behaviors send the same to every actuator, or show the shortest run in which they don't.
+
+    All that sensors can give is considered, missing sensors and any times between frames included. What
+    counts is what is sent: modules may have other names and be wired otherwise. Told as well is which modules
+    of A are which of B.
+
+    Exit code 0 where they are the same, 1 where they differ, 2 where they cannot be compared (a file has
+    errors, the robots differ, a name is unknown), 3 where it could not be decided.
+
+    \b
+    Example:
+      colony diff behaviors/wander.colony mine.colony
+      colony diff --ignore drive.turn --ignore back_off old.colony new.colony
+      colony diff --actuator left=right behaviors/figure_4_14.colony behaviors/figure_4_14.colony
+    """
+    pairs = [_pair(text) for text in actuators]
+    one, other = _program(a), _program(b)
+    from colony.diagnostics import Failure
+    from colony.verify.contracts.results import RESOURCES_A_SECOND, Options
+    from colony.verify.difference import Different, Undecided, difference
+    from colony.verify.difference.report import lines, row
+
+    options = Options(
+        depth=depth,
+        longest=max(6 * depth, 2),
+        resources=max(1, round(timeout * RESOURCES_A_SECOND)),
+        seconds=_SAFETY * timeout,
+    )
+    try:
+        result = difference(one, other, ignore, pairs, options, time.monotonic)
+    except Failure as failure:
+        report(failure.diagnostics)
+        raise click.exceptions.Exit(EXIT_MISUSE) from None
+    if format_ == "json":
+        click.echo(json.dumps({"a": a, "b": b, **row(one, other, result)}, indent=2))
+    else:
+        click.echo("\n".join((f"A is {a}, B is {b}", *lines(one, other, result))))
+    code = EXIT_ERRORS if isinstance(result, Different) else EXIT_UNDECIDED
+    if isinstance(result, Different | Undecided):
+        raise click.exceptions.Exit(code)
+
+
+def _pair(text: str) -> tuple[str, str]:
+    mine, equals, its = text.partition("=")
+    if not (mine and equals and its):
+        message = f"`{text}` is no pair of actuators: write the name in A, `=`, and the name in B"
+        raise click.UsageError(message, click.get_current_context())
+    return mine, its
+
+
+def _program(path: str) -> Program:
+    """The program of a file; errors in it keep it from being compared."""
+    checked = check_to_run(path)
+    if checked.program is not None:
+        return checked.program
+    if is_unreadable(checked.diagnostics):
+        refuse(checked.diagnostics)
+    report(checked.diagnostics)
+    raise click.exceptions.Exit(EXIT_MISUSE)

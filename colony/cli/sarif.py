@@ -1,0 +1,192 @@
+"""Diagnostics as SARIF 2.1.0, which code hosts and editors read: one log with one run of one command.
+
+A finding is a result of the rule that its code names; where a trace shows it (a counterexample), the result
+has a code flow with a location for each frame, which viewers let people step through. A file that cannot be
+read is no result but a notification, as the standard wants it: the tool could not do its work.
+
+The standard's own schema holds the tests to it: https://docs.oasis-open.org/sarif/sarif/v2.1.0/
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import re
+from collections.abc import Iterable, Mapping, Sequence
+from pathlib import Path
+from typing import NamedTuple
+from urllib.parse import quote
+
+from colony import __version__
+from colony.codes import CODES
+from colony.diagnostics import Diagnostic, in_order
+from colony.dsl.errors import CODES as FRONT_END_CODES
+from colony.source import NOWHERE, Span
+
+SCHEMA = "https://docs.oasis-open.org/sarif/sarif/v2.1.0/errata01/os/schemas/sarif-schema-2.1.0.json"
+_UNREADABLE = "E001"
+_BASE = "%SRCROOT%"
+"""What relative addresses of files are relative to: the folder that the command ran in."""
+
+Object = dict[str, object]
+
+
+class TraceStep(NamedTuple):
+    """One frame of a trace that shows a finding: the place in the text that it is about, what happens, and
+    what was there, as a person reads it, by name (`{"bumper": "true"}`)."""
+
+    span: Span
+    message: str
+    values: Mapping[str, str] = {}
+
+
+def sarif(
+    diagnostics: Iterable[Diagnostic],
+    *,
+    directory: str | Path,
+    command: str = "check",
+    traces: Mapping[Diagnostic, Sequence[TraceStep]] | None = None,
+    bugs: Sequence[str] = (),
+) -> str:
+    """A SARIF 2.1.0 log of what a command found, each finding once, however many files import its file.
+
+    Files within `directory` have relative addresses, others absolute ones. Lines and columns count from 1,
+    columns and offsets in Unicode code points. `traces` are the frames that lead to a finding, `bugs`
+    what the command found wrong with colony itself.
+    """
+    traces = traces or {}
+    found = in_order({(d.span.source.name, d.span.start, d.code, d.message): d for d in diagnostics}.values())
+    root = os.path.abspath(directory)
+    unreadable = [d for d in found if d.code == _UNREADABLE]
+    rules = _rules(d.code for d in found)
+    indices = {code: i for i, code in enumerate(rules)}
+    run: Object = {
+        "tool": {
+            "driver": {
+                "name": "colony",
+                "version": __version__,
+                "semanticVersion": __version__,
+                "rules": [_descriptor(code, text) for code, text in rules.items()],
+                "notifications": [_descriptor(_UNREADABLE, rules[_UNREADABLE])],
+            }
+        },
+        "automationDetails": {"id": f"colony/{command}/"},
+        "originalUriBaseIds": {_BASE: {"uri": _address(root) + ("" if root.endswith("/") else "/")}},
+        "columnKind": "unicodeCodePoints",
+        "invocations": [
+            {
+                "executionSuccessful": not unreadable and not bugs,
+                "toolExecutionNotifications": [
+                    *(_notification(d, root) for d in unreadable),
+                    *({"level": "error", "message": {"text": _message(bug)}} for bug in bugs),
+                ],
+            }
+        ],
+        "results": [
+            _result(d, indices[d.code], traces.get(d, ()), root) for d in found if d.code != _UNREADABLE
+        ],
+    }
+    return json.dumps({"$schema": SCHEMA, "version": "2.1.0", "runs": [run]}, indent=2)
+
+
+# --- rules -----------------------------------------------------------------------------------------
+
+
+def _rules(used: Iterable[str]) -> dict[str, str]:
+    """Every registered code with what it is about, and those of `used` that are not."""
+    rules = {**FRONT_END_CODES, **CODES}
+    for code in used:
+        rules.setdefault(code, code)
+    return rules
+
+
+def _descriptor(code: str, about: str) -> Object:
+    level = "warning" if code.startswith("W") else "error"
+    return {
+        "id": code,
+        "shortDescription": {"text": _message(about)},
+        "help": {"text": f"docs/errors.md tells when {code} occurs, and how to mend it."},
+        "defaultConfiguration": {"level": level},
+    }
+
+
+# --- results ---------------------------------------------------------------------------------------
+
+
+def _result(diagnostic: Diagnostic, rule: int, trace: Sequence[TraceStep], root: str) -> Object:
+    result: Object = {
+        "ruleId": diagnostic.code,
+        "ruleIndex": rule,
+        "level": diagnostic.severity,
+        "message": {"text": _message(_told(diagnostic))},
+        "locations": _locations(diagnostic.span, root),
+    }
+    if trace:
+        steps = [_step(i, step, root) for i, step in enumerate(trace)]
+        about = f"{len(steps)} frame{'' if len(steps) == 1 else 's'} that lead there"
+        result["codeFlows"] = [{"message": {"text": about}, "threadFlows": [{"locations": steps}]}]
+    return result
+
+
+def _notification(diagnostic: Diagnostic, root: str) -> Object:
+    return {
+        "descriptor": {"id": diagnostic.code, "index": 0},
+        "level": diagnostic.severity,
+        "message": {"text": _message(_told(diagnostic))},
+        "locations": [{"physicalLocation": {"artifactLocation": _artifact(diagnostic.span, root)}}],
+    }
+
+
+def _step(number: int, step: TraceStep, root: str) -> Object:
+    location: Object = {"message": {"text": _message(step.message)}}
+    for place in _locations(step.span, root):
+        location |= place
+    shown: Object = {"location": location, "executionOrder": number}
+    if step.values:
+        shown["state"] = {name: {"text": _message(value)} for name, value in step.values.items()}
+    return shown
+
+
+def _told(diagnostic: Diagnostic) -> str:
+    return diagnostic.message + (f"\nHint: {diagnostic.hint}" if diagnostic.hint else "")
+
+
+_LINK = re.compile(r"\[([^\]]*)\]\(")
+
+
+def _message(text: str) -> str:
+    """Text in which no brace is a placeholder and no bracket a link (sections 3.11.5 and 3.11.6)."""
+    return _LINK.sub(r"\\[\1\\](", text.replace("{", "{{").replace("}", "}}"))
+
+
+# --- places ----------------------------------------------------------------------------------------
+
+
+def _locations(span: Span, root: str) -> list[Object]:
+    """Where it is: one place, or none for what no text declares."""
+    if span.source is NOWHERE.source:
+        return []
+    line, column = span.source.position(span.start)
+    end_line, end_column = span.source.position(span.end)
+    region = {
+        "startLine": line,
+        "startColumn": column,
+        "endLine": end_line,
+        "endColumn": end_column,
+        "charOffset": span.start,
+        "charLength": span.end - span.start,
+    }
+    return [{"physicalLocation": {"artifactLocation": _artifact(span, root), "region": region}}]
+
+
+def _artifact(span: Span, root: str) -> Object:
+    path = os.path.normpath(os.path.join(root, span.source.name))
+    inside = os.path.join(root, "")
+    if path.startswith(inside):
+        return {"uri": quote(os.fsencode(path.removeprefix(inside))), "uriBaseId": _BASE}
+    return {"uri": _address(path)}
+
+
+def _address(path: str) -> str:
+    """The file URI of an absolute path, whatever bytes it has."""
+    return "file://" + quote(os.fsencode(path))

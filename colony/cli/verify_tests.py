@@ -1,0 +1,75 @@
+"""Counterexamples written into behavior files, as tests after everything else."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, NamedTuple
+
+from colony.cli.outputs import cannot_write, write_whole
+from colony.cli.reporting import say
+
+if TYPE_CHECKING:
+    from colony.ir.program import Program
+    from colony.verify.contracts.results import Refuted
+
+
+def append_tests(file: str, program: Program, refuted: Sequence[Refuted]) -> None:
+    """Append a `test` block for each refuted contract, and say so; exits with 2 where it cannot be written.
+
+    The file is replaced as a whole. A test that stands there already is not written again.
+    """
+    path = Path(file)
+    before = _bytes(path)
+    text = before.decode("utf-8-sig").replace("\r\n", "\n")
+    titles = {test.name for test in program.tests}
+    blocks: list[str] = []
+    for result in refuted:
+        made = _new_test(program, result, titles, text)
+        if made is None:
+            say(f"{file}: no test for {result.contract.name}: the language cannot write one of its values")
+        elif made.block in text:
+            say(f'{file}: the test "{made.title}" is there already')
+        else:
+            titles.add(made.title)
+            blocks.append(made.block)
+            say(f'{file}: wrote the test "{made.title}"')
+    if blocks:
+        _append(path, before, blocks)
+
+
+class _Test(NamedTuple):
+    title: str
+    block: str
+
+
+def _new_test(program: Program, result: Refuted, titles: set[str], text: str) -> _Test | None:
+    """The test under the first title that is free, or under which it stands in `text`."""
+    from colony.verify.contracts.example_block import example_block, title
+
+    number = 1
+    while True:
+        name = title(result.contract.name) + (f" ({number})" if number > 1 else "")
+        block = example_block(program, result.contract.name, result.trace, name)
+        if block is None:
+            return None
+        if name not in titles or block in text:
+            return _Test(name, block)
+        number += 1
+
+
+def _bytes(path: Path) -> bytes:
+    try:
+        return path.read_bytes()
+    except OSError as problem:
+        cannot_write(path, problem.strerror or str(problem))
+
+
+def _append(path: Path, before: bytes, blocks: Sequence[str]) -> None:
+    """Write the file anew, with its own kind of line breaks."""
+    added = "".join(f"\n{block}" for block in blocks)
+    if before and not before.endswith(b"\n"):
+        added = f"\n{added}"
+    if b"\r\n" in before:
+        added = added.replace("\n", "\r\n")
+    write_whole(path, before + added.encode())

@@ -1,0 +1,134 @@
+"""What `colony verify` does to a file: contracts, then what can never act, then drawn traces."""
+
+from __future__ import annotations
+
+import sys
+import time
+from contextlib import redirect_stdout
+from dataclasses import dataclass, field, replace
+from typing import TYPE_CHECKING
+
+from colony.cli.reporting import check_to_run
+from colony.cli.verify_progress import Tell
+from colony.cli.verify_tests import append_tests
+from colony.diagnostics import Failure
+
+if TYPE_CHECKING:
+    from colony.diagnostics import Diagnostic
+    from colony.ir.program import Program
+    from colony.verify.contracts.results import Refuted, Result
+    from colony.verify.differential import Report
+
+
+_SAFETY = 4
+"""How much longer than asked for the clock may show before work on a contract is given up."""
+
+
+@dataclass(slots=True, frozen=False)
+class Verified:
+    """What is known of a file so far. Mutable: it grows while the file is worked on."""
+
+    file: str
+    program: Program | None
+    found: list[Diagnostic]
+    results: list[Result] = field(default_factory=list)
+    report: Report | None = None
+
+    @property
+    def refuted(self) -> list[Refuted]:
+        """The contracts that the prover refuted."""
+        from colony.verify.contracts.results import Refuted
+
+        return [r for r in self.results if isinstance(r, Refuted)]
+
+    @property
+    def bug(self) -> str | None:
+        """What executors disagree about, if they do."""
+        if self.report is None:
+            return None
+        from colony.cli.examples import bug
+
+        return bug(self.report)
+
+    @property
+    def known(self) -> frozenset[str]:
+        """Their names."""
+        return frozenset(r.contract.name for r in self.refuted)
+
+
+def load(file: str) -> Verified:
+    """Check a file: what is wrong with it is found, and without a program nothing else can be."""
+    checked = check_to_run(file)
+    if checked.program is None:
+        return Verified(file, None, list(checked.diagnostics))
+    return Verified(file, checked.program, [])
+
+
+@dataclass(slots=True, frozen=True, kw_only=True)
+class Work:
+    """What was asked for."""
+
+    names: tuple[str, ...]
+    depth: int
+    timeout: float
+    write_test: bool
+    examples: int
+    seed: int
+    faults: bool
+
+    def on(self, one: Verified, tell: Tell) -> None:
+        """Do all of it to a file."""
+        if one.program is None:
+            return
+        self._contracts(one, one.program, tell)
+        self._lints(one, one.program)
+        if self.examples:
+            self._examples(one, one.program, tell)
+
+    def _contracts(self, one: Verified, program: Program, tell: Tell) -> None:
+        from colony.verify.contracts.prove import results
+        from colony.verify.contracts.report import finding
+        from colony.verify.contracts.results import RESOURCES_A_SECOND, Options
+
+        names = [c.name for c in program.contracts if not self.names or c.name in self.names]
+        options = Options(
+            depth=self.depth,
+            longest=max(6 * self.depth, 2),
+            resources=max(1, round(self.timeout * RESOURCES_A_SECOND)),
+            seconds=_SAFETY * self.timeout,
+        )
+        tell(0, len(names), names[0] if names else "")
+        for result in results(program, names, options, time.monotonic):
+            one.results.append(result)
+            said = finding(result, one.file)
+            one.found += [said] if said else []
+            count = len(one.results)
+            tell(count, len(names), names[count] if count < len(names) else "what can never act")
+        if self.write_test:
+            append_tests(one.file, program, one.refuted)
+
+    def _lints(self, one: Verified, program: Program) -> None:
+        if self.names:
+            return
+        from colony.verify.lints import lint
+
+        one.found += lint(program)
+
+    def _examples(self, one: Verified, program: Program, tell: Tell) -> None:
+        from colony.cli.examples import findings, refuted, reports
+
+        if self.names:
+            asked = tuple(c for c in program.contracts if c.name in self.names)
+            program = replace(program, contracts=asked)
+        try:
+            with redirect_stdout(sys.stderr):  # for what modules in Python print
+                for one.report in reports(program, self.examples, self.seed, faults=self.faults):
+                    tell(one.report.drawn, self.examples, "drawn traces")
+        except Failure as failure:
+            one.found += failure.diagnostics
+        finally:
+            if one.report is not None:
+                one.found += findings(program, one.report, one.file, one.known)
+        if self.write_test and one.report is not None:
+            new = [r for r in refuted(program, one.report) if r.contract.name not in one.known]
+            append_tests(one.file, program, new)

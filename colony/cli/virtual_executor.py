@@ -1,0 +1,91 @@
+"""The runtime as an executor: frames go as messages from servers to clients and back, in virtual time."""
+
+from __future__ import annotations
+
+from colony.cli.virtual_robot import RUN, VirtualRobot
+from colony.compile.pipeline import Compiled
+from colony.ir.frame import Decision, Frame, Outcome
+from colony.runtime import topics
+from colony.runtime.messages import Tick
+from colony.runtime.observer import FrameLog
+from colony.runtime.virtual import VirtualClock, VirtualTransport
+
+_BETWEEN_NS = 1_000_000_000
+"""From the last frame of a trace to the first one of the next."""
+
+
+_LATEST_NS = 2**61
+"""Times of messages have 63 bits."""
+
+
+class VirtualExecutor:
+    """Runs a program by its clients over a perfect transport (an `ir.frame.Executor`).
+
+    One run of the robot goes through all traces: each is an epoch, in which all memory begins anew, as where
+    a run goes on after a loss. Messages of one moment arrive in an order drawn from `seed`, on which the
+    outcome does not depend. Mutable: the robot, and its time.
+
+    Raises:
+        Failure: a module in Python cannot be imported or built.
+        Undecided: in `step`, where the runtime does not decide a frame, or its monitor finds something wrong.
+    """
+
+    def __init__(self, compiled: Compiled, *, seed: int = 0) -> None:
+        self._compiled, self._seed = compiled, seed
+        self._actuators = tuple(a.name for a in compiled.program.robot.actuators)
+        self._begin()
+
+    def _begin(self) -> None:
+        self._frame = Frame(0, {})
+        self._robot = VirtualRobot(self._compiled, lambda tick: self._frame.readings, seed=self._seed)
+        self._clock = VirtualClock()
+        self._transport = VirtualTransport(self._clock, seed=self._seed)
+        for build in self._robot.builders.values():
+            self._transport.add(build())
+        self._transport.add(self._robot.observer)
+        self._k, self._start = -1, 0
+        self._ahead_ns: int | None = None  # how much the robot's time is ahead of that of the trace
+
+    def restart(self) -> None:
+        """A new epoch begins with the next frame; a new run where times are about to outgrow messages."""
+        if self._clock.now_ns > _LATEST_NS:
+            self._begin()
+        self._start, self._ahead_ns = self._k + 1, None
+
+    def step(self, frame: Frame) -> Outcome:
+        """One frame."""
+        if self._ahead_ns is None:
+            self._ahead_ns = self._clock.now_ns + _BETWEEN_NS - frame.t_ns
+        t_ns = frame.t_ns + self._ahead_ns
+        self._frame = frame
+        self._k += 1
+        self._transport.run_until(t_ns)
+        self._transport.inject(topics.TICKS, Tick(k=self._k, t_ns=t_ns, start=self._start, run=RUN))
+        self._transport.run_until(t_ns + 1)
+        return self._outcome(self._taken())
+
+    def _taken(self) -> FrameLog:
+        logs = self._robot.log.frames
+        found = next((log for log in logs if log.tick.k == self._k), None)
+        logs.clear()
+        self._robot.sent.clear()
+        if found is None:
+            raise Undecided("the frame was not decided although no message was late")
+        return found
+
+    def _outcome(self, log: FrameLog) -> Outcome:
+        wrong = list(log.disagreements)
+        wrong += [
+            f"{name}: {'; '.join(v.notes) or 'two clients were active'}"
+            for name, v in log.verdicts.items()
+            if v.violation or v.notes
+        ]
+        if wrong:
+            raise Undecided("; ".join(wrong))
+        verdicts = [log.verdicts[name] for name in self._actuators]
+        decisions = tuple(Decision(v.actuator, v.by, v.values, v.fault) for v in verdicts)
+        return log.expected._replace(decisions=decisions)
+
+
+class Undecided(Exception):
+    """The runtime did not do with a frame what it must; the text says what it did."""

@@ -1,0 +1,244 @@
+"""Runs in virtual time in which processes die, freeze and come back, and messages get lost, late or doubled.
+
+What must hold then: every command that leaves arbitration is the reference interpreter's for that frame, or
+the idle one. The frames are taken from the network afterwards: what servers published, and what the Clock
+said of them. In an epoch they follow each other, and the interpreter begins anew with it. Where a server died
+while a frame of its was on its way, some saw what others did not, and what the Clock then declared void;
+either frame counts as the true one until a new epoch begins.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from functools import partial
+from random import Random
+
+from colony.cli.virtual_robot import SENSING, SERVERS, Sent, VirtualRobot
+from colony.compile.pipeline import Compiled
+from colony.ir.frame import Decision, Frame, Outcome, Reading
+from colony.ir.program import Actuator, Program
+from colony.ir.types import ScalarValue
+from colony.runtime.clock import Clock
+from colony.runtime.faults import Faults, Rates
+from colony.runtime.fields import DSERVER
+from colony.runtime.messages import Message, ServerFrame, Tick
+from colony.runtime.topics import CLOCK, activity, module_of
+from colony.runtime.virtual import Delay, VirtualClock, VirtualTransport
+from colony.verify.agreement import Disagreement
+from colony.verify.interpreter import Interpreter
+
+MS = 1_000_000
+FRAMES = 24
+"""Of a run; the last few without faults."""
+QUIET = 4
+
+
+def with_faults(compiled: Compiled, trace: Sequence[Frame], seed: int) -> Disagreement | None:
+    """Run a program over the readings of `trace`, again and again, with faults from `seed`.
+
+    Frames are longer than the program says, so that losses show within a few of them.
+    """
+    random = Random(seed)
+    frame_ns = random.choice((250, 250, 100)) * MS
+    program = compiled.program
+    program = replace(program, robot=replace(program.robot, frame_ns=frame_ns))
+    robot = _Robot(replace(compiled, program=program), trace, seed, random)
+    try:
+        robot.run()
+    except Exception as raised:  # whatever a process raises is what it is tested for
+        frame = Frame(robot.now_ns, {})
+        found = f"a process raised {type(raised).__name__}: {raised}"
+        return Disagreement(executor="", trace=(frame,), expected=Outcome(()), found=found)
+    return _judged(program, robot)
+
+
+# --- the run ---------------------------------------------------------------------------------------
+
+
+@dataclass(frozen=True, slots=True)
+class _Seen:
+    """What went over the network."""
+
+    ticks: dict[int, Tick] = field(default_factory=dict)
+    frames: dict[tuple[str, int], ServerFrame] = field(default_factory=dict)
+    void: set[tuple[str, int]] = field(default_factory=set)
+
+    def note(self, message: Message) -> None:
+        match message:
+            case Tick():
+                self.ticks.setdefault(message.k, message)
+                self.void.update(message.void)
+            case ServerFrame() if message.server in SENSING:
+                self.frames.setdefault((message.server, message.k), message)
+            case _:
+                pass
+
+
+class _Robot:
+    """One run. Mutable: the processes that live, and what was seen of them."""
+
+    def __init__(self, compiled: Compiled, trace: Sequence[Frame], seed: int, random: Random) -> None:
+        self._frame_ns = compiled.program.robot.frame_ns
+        self._faulty_ns = (FRAMES - QUIET) * self._frame_ns
+        virtual = VirtualRobot(compiled, lambda tick: trace[tick.k % len(trace)].readings, seed=seed)
+        self.sent, self.log, self._observer = virtual.sent, virtual.log, virtual.observer
+        self.announced = virtual.deployed.announced
+        self._builders = {
+            CLOCK: lambda: Clock(servers=SERVERS, keep=virtual.keep, deployment=virtual.deployed),
+            **virtual.builders,
+        }
+        self.seen = _Seen()
+        self._clock = VirtualClock()
+        self._faults = self._link(seed, random)
+        self._transport = VirtualTransport(self._clock, seed=seed, link=self._noting)
+        for build in self._builders.values():
+            self._transport.add(build())
+        self._transport.add(self._observer)
+        self._plan(random)
+
+    @property
+    def now_ns(self) -> int:
+        return self._clock.now_ns
+
+    def run(self) -> None:
+        self._transport.run_until(FRAMES * self._frame_ns)
+        self._observer.close()
+
+    def _link(self, seed: int, random: Random) -> Faults:
+        """Faults until the quiet frames, and none on the way to the observer."""
+        share = random.choice((0.0, 0.3, 1.0, 2.0))
+        rates = Rates(lost=0.02 * share, doubled=0.02 * share, late=0.03 * share, reordered=0.1 * share)
+
+        def spared(sender: str, receiver: str, message: Message) -> bool:
+            return receiver == self._observer.address or self._clock.now_ns >= self._faulty_ns
+
+        return Faults(seed, rates, spares=spared)
+
+    def _noting(self, sender: str, receiver: str, message: Message) -> Delay:
+        self.seen.note(message)
+        return self._faults(sender, receiver, message)
+
+    def _plan(self, random: Random) -> None:
+        """Kill or freeze some processes, and let them come back."""
+        addresses = [*self._builders]
+        for _ in range(random.choice((0, 1, 1, 2, 3, 5))):
+            address = random.choice(addresses)
+            at = random.randrange(self._faulty_ns)
+            back = min(self._faulty_ns, at + random.choice((0, 30, 200, 600, 1500, 4000)) * MS)
+            do = self._kill if random.random() < 0.6 else self._freeze
+            self._transport.at(at, partial(do, address))
+            self._transport.at(back, partial(self._revive, address))
+
+    def _kill(self, address: str) -> None:
+        if address in self._transport.addresses:
+            self._transport.kill(address)
+
+    def _freeze(self, address: str) -> None:
+        if address in self._transport.addresses:
+            self._transport.freeze(address)
+
+    def _revive(self, address: str) -> None:
+        if address in self._transport.addresses:
+            self._transport.thaw(address)
+        else:
+            self._transport.add(self._builders[address]())
+
+
+# --- what should have been -------------------------------------------------------------------------
+
+
+@dataclass(frozen=True, slots=True)
+class _Path:
+    """The frames of an epoch, and what the reference does in them."""
+
+    frames: tuple[Frame, ...]
+    outcomes: tuple[Outcome, ...]
+
+
+def _judged(program: Program, robot: _Robot) -> Disagreement | None:
+    """The first command that the reference would not have sent, or the first thing that the monitor says."""
+    actuators = {a.name: a for a in program.robot.actuators}
+    sent: dict[int, list[Sent]] = {}
+    for one in robot.sent:
+        sent.setdefault(one.k, []).append(one)
+    places: dict[int, tuple[_Path, int, frozenset[str]]] = {}
+    for epoch in _epochs(robot.seen.ticks):
+        paths = [_path(program, robot.seen, epoch, void_counts=True)]
+        if any((s, t.k) in robot.seen.void & robot.seen.frames.keys() for t in epoch for s in SENSING):
+            paths.append(_path(program, robot.seen, epoch, void_counts=False))
+        unjudged = _unjudged(robot, actuators.values(), epoch)
+        for i, tick in enumerate(epoch):
+            places[tick.k] = paths[0], i, unjudged
+            for one in sent.get(tick.k, ()):
+                if one.actuator in unjudged:
+                    continue
+                due = [d for p in paths for d in p.outcomes[i].decisions if d.actuator == one.actuator]
+                if not _allowed(one, due, actuators[one.actuator]):
+                    return _disagreement(paths[0], i, f"{one.actuator}: {_shown(one)} left arbitration")
+    for log in robot.log.frames:
+        if log.tick.k in places:
+            path, i, unjudged = places[log.tick.k]
+            said = [text for text in log.disagreements if text.partition(":")[0] not in unjudged]
+            if said:
+                return _disagreement(path, i, f"the monitor says {'; '.join(said)}")
+    return None
+
+
+def _unjudged(robot: _Robot, actuators: Iterable[Actuator], epoch: list[Tick]) -> frozenset[str]:
+    """Actuators of which it is not known what is due: with `on_loss degrade` a module in Python of which
+    nothing is known counts as not active for others, and somebody was down who would tell them."""
+    tellers = {DSERVER.name, *(activity(DSERVER.name, module) for module in robot.announced)}
+    blind = robot.announced and any(tellers & set(tick.down) for tick in epoch)
+    return frozenset(a.name for a in actuators if blind and a.on_loss == "degrade")
+
+
+def _epochs(ticks: Mapping[int, Tick]) -> Iterator[list[Tick]]:
+    """The ticks of the run, epoch by epoch."""
+    by_start: dict[int, list[Tick]] = {}
+    for k in sorted(ticks):
+        if ticks[k].run:
+            by_start.setdefault(ticks[k].start, []).append(ticks[k])
+    yield from by_start.values()
+
+
+def _path(program: Program, seen: _Seen, epoch: list[Tick], *, void_counts: bool) -> _Path:
+    """What the reference does in an epoch; with `void_counts`, void frames are "no value"."""
+    interpreter = Interpreter(program)
+    degrading = any(a.on_loss == "degrade" for a in program.robot.actuators)
+    frames, outcomes = [], []
+    for tick in epoch:
+        readings: dict[str, Reading] = {}
+        for server in SENSING:
+            at = (server, tick.k)
+            if server not in tick.down and at in seen.frames and not (void_counts and at in seen.void):
+                readings |= {n: s.value for n, s in seen.frames[at].fields.items() if s is not None}
+        frames.append(Frame(tick.t_ns, readings))
+        lost = frozenset(map(module_of, tick.lost)) if degrading else frozenset[str]()
+        outcomes.append(interpreter.step(frames[-1], lost))
+    return _Path(tuple(frames), tuple(outcomes))
+
+
+def _allowed(one: Sent, due: Sequence[Decision], actuator: Actuator) -> bool:
+    if one.by is None:
+        return repr(one.values) == repr(_idle(actuator))
+    return repr((one.by, one.values, one.fault)) in [repr((d.by, d.values, d.fault)) for d in due]
+
+
+def _idle(actuator: Actuator) -> tuple[ScalarValue, ...] | None:
+    if actuator.idle is None:
+        return None
+    return tuple(
+        x if isinstance(x, bool) else x / f.factor
+        for x, f in zip(actuator.idle, actuator.fields, strict=True)
+    )
+
+
+def _disagreement(path: _Path, at: int, found: str) -> Disagreement:
+    return Disagreement(
+        executor="", trace=path.frames[: at + 1], expected=path.outcomes[at], found=f"with faults: {found}"
+    )
+
+
+def _shown(one: Sent) -> str:
+    return f"{one.by or 'nobody'} {one.values}" + (f" ({one.fault})" if one.fault else "")

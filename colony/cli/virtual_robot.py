@@ -1,0 +1,182 @@
+"""The processes of a robot for any program, in virtual time: DServer, clients, announcers and observer are
+the real ones; two servers have the readings that they are given, and one takes all commands.
+
+Real servers take only what a certain robot has; these take the sensors and actuators of every program, with
+readings of any kind, right or wrong.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Mapping
+from functools import partial
+from typing import NamedTuple
+
+from colony.compile.pipeline import Compiled
+from colony.ir.frame import Reading
+from colony.ir.program import Program
+from colony.ir.types import ScalarValue
+from colony.runtime import topics
+from colony.runtime.arbitration import Dispatch, declared_units, timing
+from colony.runtime.assembly import frames_kept
+from colony.runtime.bindings import ActuatorBinding, Bindings, SensorBinding
+from colony.runtime.deployment import Deployment, commanded_by, deployment
+from colony.runtime.fields import DSERVER
+from colony.runtime.messages import Effect, Fetch, Message, Node, Request, Sample, Tick, Wake
+from colony.runtime.observer import FrameLog, Observer
+from colony.runtime.servers.commanding import CommandDesk, Commanded
+from colony.runtime.servers.dserver import DServer
+from colony.runtime.servers.publishing import Fields, Publisher
+from colony.runtime.store import MemoryStore
+from colony.runtime.team import build_announcer, build_client, build_observer, members
+
+RUN = "examples"
+SENSING = ("Sensors0", "Sensors1")
+ACTING = "Actuators"
+SERVERS = (*SENSING, ACTING, DSERVER.name)
+
+Readings = Callable[[Tick], Mapping[str, Reading]]
+"""What the sensors have in the frame of a tick."""
+
+
+class Sent(NamedTuple):
+    """A command that left arbitration; values in declared units, `by` None where nobody commanded."""
+
+    k: int
+    actuator: str
+    by: str | None
+    values: tuple[ScalarValue, ...] | None
+    fault: str | None
+
+
+class SensorServer:
+    """Publishes some of the sensors, as they are given."""
+
+    def __init__(self, address: str, readings: Readings, names: tuple[str, ...], keep: int) -> None:
+        self.address = address
+        self._readings = readings
+        self._names = names
+        self._publisher = Publisher(address, self._read, keep=keep)
+        self.listens = self._publisher.listens
+
+    def start(self, now_ns: int) -> tuple[Effect, ...]:
+        return ()
+
+    def handle(self, message: Message, now_ns: int) -> Iterator[Effect]:
+        if isinstance(message, (Tick, Fetch)):
+            yield from self._publisher.handle(message)
+
+    def close(self) -> None:
+        """It holds nothing."""
+
+    def _read(self, tick: Tick) -> Fields:
+        readings, fields = self._readings(tick), {}
+        for name in self._names:
+            value = readings.get(name)
+            if value is not None:
+                fields[name] = Sample(value, tick.t_ns)  # type: ignore[arg-type]  # also what is no value
+        return fields
+
+
+class Actor:
+    """Takes the commands of every actuator, arbitrates, and notes in `sent` what leaves."""
+
+    address = ACTING
+
+    def __init__(self, deployed: Deployment, keep: int, sent: list[Sent]) -> None:
+        self._run = deployed.run
+        self._publisher = Publisher(ACTING, lambda tick: {}, keep=keep)
+        commanded = commanded_by(deployed, ACTING)
+        self._desk = CommandDesk(commanded, timing(deployed.frame_ns), lambda *_: None, told=self._told)
+        self._sent = sent
+        self.listens = (*self._publisher.listens, topics.requests(ACTING))
+
+    def start(self, now_ns: int) -> tuple[Effect, ...]:
+        return ()
+
+    def handle(self, message: Message, now_ns: int) -> Iterator[Effect]:
+        match message:
+            case Tick():
+                yield from self._publisher.handle(message)
+                if message.run == self._run:
+                    yield from self._desk.tick(message, now_ns)
+                else:
+                    yield from self._desk.finish(now_ns)
+            case Fetch():
+                yield from self._publisher.handle(message)
+            case Request():
+                yield from self._desk.request(message, now_ns)
+            case Wake():
+                yield from self._desk.wake(now_ns)
+            case _:
+                pass
+
+    def close(self) -> None:
+        """It holds nothing."""
+
+    def _told(self, commanded: Commanded, dispatch: Dispatch, now_ns: int) -> None:
+        values = declared_units(commanded.actuator, dispatch.values)
+        self._sent.append(Sent(dispatch.k, commanded.actuator.name, dispatch.by, values, dispatch.fault))
+
+
+class Log:
+    """A sink that keeps the frames in `frames`. Mutable."""
+
+    def __init__(self) -> None:
+        self.frames: list[FrameLog] = []
+
+    def take(self, log: FrameLog) -> None:
+        self.frames.append(log)
+
+    def close(self) -> None:
+        """It holds nothing."""
+
+
+class VirtualRobot:
+    """All processes of a run but the Clock, each with how to build it. Mutable: `sent` and `log`.
+
+    Raises:
+        Failure: a module in Python cannot be imported or built.
+    """
+
+    def __init__(self, compiled: Compiled, readings: Readings, *, seed: int = 0) -> None:
+        program, clients = compiled.program, compiled.clients
+        self.program, self.clients = program, clients
+        self.sent: list[Sent] = []
+        self.log = Log()
+        self.keep = keep = frames_kept(program.robot.frame_ns)
+        bindings, who = _bindings(program), members(program, clients)
+        self.deployed = deployment(program, clients, bindings, run=RUN, seed=seed, announced=who.announced)
+        store = MemoryStore()
+        self.builders: dict[str, Callable[[], Node]] = {
+            ACTING: lambda: Actor(self.deployed, keep, self.sent),
+            DSERVER.name: lambda: DServer(announced=who.announced, keep=keep, store=store),
+        }
+        for server in SENSING:
+            names = tuple(b.sensor for b in bindings.sensors if b.server == server)
+            self.builders[server] = partial(SensorServer, server, readings, names, keep)
+        for actuator, module in who.clients:
+            self.builders[topics.client_address(actuator, module)] = partial(
+                build_client, program, clients, bindings, actuator, module, RUN
+            )
+        for module in who.announced:
+            self.builders[topics.activity(DSERVER.name, module)] = partial(
+                build_announcer, program, bindings, module, RUN
+            )
+        self.observer: Observer = build_observer(program, clients, bindings, (self.log,), RUN)
+
+
+def _bindings(program: Program) -> Bindings:
+    """Sensors go by turns to the servers that have them, in their declared units."""
+    robot = program.robot
+    return Bindings(
+        sensors=tuple(
+            SensorBinding(
+                sensor=s.name, server=SENSING[i % len(SENSING)], field=s.name, within_ns=None, factor=1.0
+            )
+            for i, s in enumerate(robot.sensors)
+        ),
+        actuators=tuple(
+            ActuatorBinding(actuator=a.name, server=ACTING, command=a.name, places=())
+            for a in robot.actuators
+        ),
+    )

@@ -1,0 +1,191 @@
+"""Guesses at what is always true of memory: templates, filled with the cells and constants of a program.
+
+None of them need be true: `houdini.py` keeps those that are. There are few of each kind, linear in the number
+of cells, besides pairs of cells, of which there are at most `_MOST_PAIRS`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from fractions import Fraction
+from itertools import combinations, permutations
+
+import z3
+
+from colony.ir.program import Machine, Module, Program, State
+from colony.ir.types import Enum
+from colony.verify.contracts.cone import parts, within
+from colony.verify.symbolic.cones import Cone
+from colony.verify.symbolic.substitution import Substitution
+from colony.verify.symbolic.system import Cell, Claim, System
+
+_MOST_PAIRS = 300
+_MOST_BOUNDS = 16
+
+
+@dataclass(frozen=True, slots=True)
+class Candidate:
+    """Something that may be true of the memory before every frame; `text` says it to people."""
+
+    text: str
+    holds: z3.BoolRef
+
+
+def candidates(cone: Cone, claims: tuple[Claim, ...]) -> tuple[Candidate, ...]:
+    """All guesses for a cone that are true of the initial memory, each once.
+
+    Bounds come from the constants that the cells' own formulas and those of `claims` mention.
+    """
+    system = cone.system
+    flags = [c for c in cone.cells if z3.is_bool(c.old)]
+    numbers = [c for c in cone.cells if z3.is_arith(c.old) and str(c.old) != str(system.last)]
+    said = _numerals([f for c in claims for f in (c.speaks, c.holds)])
+    at_first = Substitution([c.old for c in cone.cells], [c.initial for c in cone.cells])
+    found: dict[int, Candidate] = {}
+    for candidate in (
+        *_unchanged(system, cone.cells),
+        *_phases(system, cone),
+        *_stamps(system, flags, numbers),
+        *_bounds(numbers, said),
+        *_pairs_of_flags(system, cone, flags),
+        *_pairs_of_numbers(numbers),
+    ):
+        if z3.is_true(z3.simplify(at_first(candidate.holds))):
+            found.setdefault(candidate.holds.get_id(), candidate)
+    return tuple(found.values())
+
+
+def _unchanged(system: System, cells: tuple[Cell, ...]) -> Iterator[Candidate]:
+    """A cell never leaves its initial value, or not before the first frame."""
+    for cell in cells:
+        if str(cell.old) == str(system.begun):
+            continue
+        at_first = cell.old == cell.initial
+        yield Candidate(f"{cell.name} is always {cell.initial}", at_first)
+        yield Candidate(
+            f"{cell.name} is {cell.initial} before the first frame", z3.Or(system.begun, at_first)
+        )
+
+
+def _phases(system: System, cone: Cone) -> Iterator[Candidate]:
+    """A machine, or a state of an enum, is at one of its members."""
+    for name, members in _enumerated(system.program):
+        if name not in system.states:
+            continue
+        value = parts(system.states[name])[0]
+        if within(cone, value):
+            text = f"{name} is one of {', '.join(member for member, _ in members)}"
+            yield Candidate(text, z3.Or(*(value == number(n) for _, n in members)))
+
+
+def _enumerated(program: Program) -> Iterator[tuple[str, tuple[tuple[str, float], ...]]]:
+    for derived in program.derived:
+        match derived:
+            case Machine(name=name, type=type_):
+                yield name, type_.members
+            case State(name=name, type=Enum(members=members)):
+                yield name, members
+            case _:
+                pass
+    for module in program.modules:
+        if isinstance(module, Module):
+            for state in module.states:
+                if isinstance(state.type, Enum):
+                    yield state.name, state.type.members
+
+
+def number(x: float) -> z3.RatNumRef:
+    """A float as z3's exact number."""
+    exact = Fraction(x)
+    return z3.Q(exact.numerator, exact.denominator)
+
+
+def _stamps(system: System, flags: list[Cell], numbers: list[Cell]) -> Iterator[Candidate]:
+    """A time that is remembered is not later than the last frame; flags of memory need a first frame."""
+    for flag in flags:
+        if str(flag.old) != str(system.begun):
+            yield Candidate(f"{flag.name} needs a frame before", z3.Implies(flag.old, system.begun))
+    for cell in numbers:
+        if cell.old.sort() == system.last.sort():
+            yield Candidate(f"{cell.name} <= time of the last frame", cell.old <= system.last)
+            for flag in flags:
+                if _stem(flag) == _stem(cell):
+                    rule = z3.Implies(flag.old, cell.old <= system.last)
+                    yield Candidate(f"{flag.name} implies {cell.name} <= time of the last frame", rule)
+
+
+def _stem(cell: Cell) -> str:
+    """What the names of the cells of one memory begin with."""
+    return cell.name.rpartition(" ")[0] or cell.name
+
+
+def _bounds(numbers: list[Cell], said: list[Fraction]) -> Iterator[Candidate]:
+    """A number is bounded by a constant that its own formula, or a contract, mentions."""
+    for cell in numbers:
+        values = dict.fromkeys((*_numerals([cell.next, cell.initial]), *said))
+        for value in list(values)[:_MOST_BOUNDS]:
+            bound = _constant(value, cell.old.sort())
+            if bound is not None:
+                yield Candidate(f"{cell.name} <= {float(value):g}", cell.old <= bound)
+                yield Candidate(f"{cell.name} >= {float(value):g}", cell.old >= bound)
+                yield Candidate(f"{cell.name} < {float(value):g}", cell.old < bound)
+                yield Candidate(f"{cell.name} > {float(value):g}", cell.old > bound)
+
+
+def _constant(value: Fraction, sort: z3.SortRef) -> z3.ArithRef | None:
+    """A number of a sort; None for a fraction where it has only whole ones."""
+    if sort != z3.IntSort():
+        return z3.Q(value.numerator, value.denominator)
+    return z3.IntVal(value.numerator) if value.denominator == 1 else None
+
+
+def _numerals(formulas: list[z3.ExprRef]) -> list[Fraction]:
+    """The numbers in formulas, each once."""
+    found: dict[Fraction, None] = {}
+    seen: set[int] = set()
+    todo = list(formulas)
+    while todo:
+        node = todo.pop()
+        if node.get_id() in seen:
+            continue
+        seen.add(node.get_id())
+        if z3.is_rational_value(node) or z3.is_int_value(node):
+            found[node.as_fraction() if z3.is_rational_value(node) else Fraction(node.as_long())] = None
+        todo += node.children()
+    return sorted(found, key=abs)
+
+
+def _literals(system: System, cone: Cone, flags: list[Cell]) -> list[Candidate]:
+    """Flags, the states that are bools among them, and the phases of machines."""
+    literals = [Candidate(f.name, f.old) for f in flags if str(f.old) != str(system.begun)]
+    for name, members in _enumerated(system.program):
+        value = parts(system.states[name])[0] if name in system.states else None
+        if value is not None and within(cone, value):
+            literals += [Candidate(f"{name} == {member}", value == number(n)) for member, n in members]
+    return literals
+
+
+def _pairs_of_flags(system: System, cone: Cone, flags: list[Cell]) -> Iterator[Candidate]:
+    """Of two flags or phases one implies the other, or they exclude each other."""
+    literals = _literals(system, cone, flags)
+    made = 0
+    for a, b in combinations(literals, 2):
+        if made >= _MOST_PAIRS:
+            return
+        made += 4
+        yield Candidate(f"not ({a.text} and {b.text})", z3.Not(z3.And(a.holds, b.holds)))
+        yield Candidate(f"{a.text} or {b.text}", z3.Or(a.holds, b.holds))
+        yield Candidate(f"{a.text} implies {b.text}", z3.Implies(a.holds, b.holds))
+        yield Candidate(f"{b.text} implies {a.text}", z3.Implies(b.holds, a.holds))
+
+
+def _pairs_of_numbers(numbers: list[Cell]) -> Iterator[Candidate]:
+    """Two numbers are equal, or in order."""
+    made = 0
+    for a, b in permutations(numbers, 2):
+        if made >= _MOST_PAIRS:
+            return
+        if a.old.sort() == b.old.sort():
+            made += 1
+            yield Candidate(f"{a.name} <= {b.name}", a.old <= b.old)

@@ -1,0 +1,100 @@
+"""Values as a person would write them in a `test`: short decimals, in the unit that was declared."""
+
+from __future__ import annotations
+
+import math
+from decimal import Decimal
+from fractions import Fraction
+from typing import NamedTuple
+
+from colony.ir.program import Sensor
+from colony.ir.types import Quantity, element_type
+from colony.units import BASE_UNITS, parse_unit
+
+_DIGITS = 17
+
+
+class Written(NamedTuple):
+    """A number of the language: digits, and the unit that belongs to it or nothing; `negative` is a sign."""
+
+    digits: str
+    unit: str | None
+    negative: bool
+
+    def __str__(self) -> str:
+        return f"{'-' if self.negative else ''}{self.digits}{f' {self.unit}' if self.unit else ''}"
+
+
+def value_of(written: Written) -> float:
+    """What the language makes of it, in base units: converted exactly and rounded once.
+
+    Raises:
+        OverflowError: it is beyond all floats.
+    """
+    exact = Fraction(Decimal(written.digits)) * (parse_unit(written.unit).factor if written.unit else 1)
+    value = float(exact)
+    return -value if written.negative else value
+
+
+def write(value: float, sensor: Sensor) -> Written | None:
+    """The shortest number in the unit of `sensor`, else in base units, that is exactly `value`.
+
+    None where there is none: an infinite value, or one of a type without units.
+    """
+    if not math.isfinite(value):
+        return None
+    for unit in dict.fromkeys((sensor.unit or None, _base_unit(sensor))):
+        for digits in range(1, _DIGITS + 1):
+            candidate = _rounded(value, unit, digits)
+            if candidate is not None and _means(candidate, value):
+                return candidate
+    return None
+
+
+def _means(written: Written, value: float) -> bool:
+    try:
+        return value_of(written) == value
+    except OverflowError:
+        return False
+
+
+def rounded(value: float, sensor: Sensor, digits: int) -> float:
+    """`value` rounded to so many significant digits in the unit of `sensor`, in base units."""
+    candidate = _rounded(value, sensor.unit or None, digits) if math.isfinite(value) else None
+    try:
+        return value if candidate is None else value_of(candidate)
+    except OverflowError:
+        return value
+
+
+def _rounded(value: float, unit: str | None, digits: int) -> Written | None:
+    factor = parse_unit(unit).factor if unit else Fraction(1)
+    try:
+        inside = float(Fraction(value) / factor)
+    except OverflowError:
+        return None
+    return Written(plain(Decimal(f"{abs(inside):.{digits - 1}e}")), unit, math.copysign(1, inside) < 0)
+
+
+def plain(number: Decimal) -> str:
+    """Digits without an exponent where that is readable, and without zeros that say nothing."""
+    if number == 0:
+        return "0"
+    if -7 < number.adjusted() < 12:
+        text = f"{number:f}"
+        return text.rstrip("0").rstrip(".") if "." in text else text
+    mantissa, _, exponent = f"{number.normalize():e}".partition("e")
+    return f"{mantissa}e{int(exponent)}"
+
+
+def _base_unit(sensor: Sensor) -> str | None:
+    of = element_type(sensor.type)
+    if not isinstance(of, Quantity) or not any(of.dimension):
+        return None
+    text = str(of.dimension)
+    return text if text in BASE_UNITS or "/" in text or "*" in text or "^" in text else None
+
+
+def seconds(t_ns: int) -> Written:
+    """A time in seconds, exactly."""
+    return Written(plain(Decimal(t_ns) / 1_000_000_000), "s", False)

@@ -1,0 +1,109 @@
+"""A counterexample as a `test` block of the language: it fails until the contract holds in it."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Iterator, Mapping
+
+from colony.dsl import ast
+from colony.dsl.printer import print_file
+from colony.ir.program import Program, Sensor
+from colony.ir.types import Enum, ScalarValue, Value, element_type
+from colony.verify.contracts.decimals import Written, seconds, write
+from colony.verify.contracts.results import Trace
+
+_MOST_EXCEPTIONS = 6
+
+
+def title(contract: str) -> str:
+    """The title of the test for a contract."""
+    return f"counterexample: {contract}"
+
+
+def example_block(program: Program, contract: str, trace: Trace, name: str | None = None) -> str | None:
+    """The text of a test with the frames of `trace`; None where the language cannot write one of its values,
+    or where only answers of modules in Python break the contract.
+    """
+    if any(s.answers for s in trace.snapshots):
+        return None
+    sensors = {s.name: s for s in program.robot.sensors}
+    steps = []
+    before: Mapping[str, Value] = {}
+    for snapshot in trace.snapshots:
+        given = [g for s in sensors.values() for g in _given(s, before.get(s.name), snapshot.readings)]
+        if None in given:
+            return None
+        steps.append(
+            ast.StepDecl(
+                first=_number(seconds(snapshot.t_ns)),
+                last=None,
+                period=None,
+                given=tuple(g for g in given if g is not None),
+                expect=(),
+            )
+        )
+        before = snapshot.readings
+    test = ast.TestDecl(title=name or title(contract), steps=tuple(steps))
+    return print_file(ast.File(declarations=(test,)))
+
+
+def _given(
+    sensor: Sensor, before: Value | None, readings: Mapping[str, Value]
+) -> Iterator[ast.GivenDecl | None]:
+    """The assignments that change a sensor from `before`; None for one that cannot be written."""
+    value = readings.get(sensor.name)
+    if value == before:
+        return
+    if value is None:
+        yield _assignment(sensor, None, ast.Missing())
+        return
+    if not isinstance(value, tuple):
+        yield _scalar(sensor, None, value)
+        return
+    if isinstance(before, tuple):
+        changed = [(i, x) for i, (x, y) in enumerate(zip(value, before, strict=True)) if x != y]
+        if len(changed) <= _MOST_EXCEPTIONS:
+            yield from (_scalar(sensor, i, x) for i, x in changed)
+            return
+    yield from _array(sensor, value)
+
+
+def _array(sensor: Sensor, value: tuple[ScalarValue, ...]) -> Iterator[ast.GivenDecl | None]:
+    """One value for all and a few exceptions, or element by element."""
+    [(common, _), *_] = Counter(value).most_common(1)
+    exceptions = [(i, x) for i, x in enumerate(value) if x != common]
+    if len(exceptions) <= _MOST_EXCEPTIONS:
+        yield _scalar(sensor, None, common)
+        yield from (_scalar(sensor, i, x) for i, x in exceptions)
+        return
+    elements = [_expression(sensor, x) for x in value]
+    known = tuple(e for e in elements if e is not None)
+    yield _assignment(sensor, None, ast.Elements(values=known)) if len(known) == len(value) else None
+
+
+def _scalar(sensor: Sensor, index: int | None, value: ScalarValue) -> ast.GivenDecl | None:
+    expression = _expression(sensor, value)
+    return None if expression is None else _assignment(sensor, index, expression)
+
+
+def _assignment(
+    sensor: Sensor, index: int | None, value: ast.Expression | ast.Missing | ast.Elements
+) -> ast.GivenDecl:
+    at = None if index is None else ast.Number(digits=str(index), unit=None)
+    return ast.GivenDecl(sensor=ast.Name(text=sensor.name), index=at, value=value)
+
+
+def _expression(sensor: Sensor, value: ScalarValue) -> ast.Expression | None:
+    of = element_type(sensor.type)
+    if isinstance(value, bool):
+        return ast.Boolean(value=value)
+    if isinstance(of, Enum):
+        member = next(name for name, n in of.members if n == value)
+        return ast.Reference(path=(*of.name.split("."), member))
+    written = write(value, sensor)
+    return None if written is None else _number(written)
+
+
+def _number(written: Written) -> ast.Expression:
+    number = ast.Number(digits=written.digits, unit=written.unit)
+    return ast.Prefix(operator="-", operand=number) if written.negative else number

@@ -1,0 +1,139 @@
+"""Invariants: the greatest part of a set of guesses that one frame keeps true (Flanagan and Leino, 2001).
+
+All guesses are true of the initial memory. As long as a frame from a memory where all are true can lead to
+one where some are false, those are dropped. What is left is true before every frame. Contracts take part: one
+that follows from the guesses, whatever the frame, may be used to keep the guesses.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import assert_never
+
+import z3
+
+from colony.verify.contracts.candidates import Candidate
+from colony.verify.contracts.cone import facts
+from colony.verify.contracts.solver import Answer, Budget, Solver
+from colony.verify.symbolic.cones import Cone
+from colony.verify.symbolic.substitution import Substitution
+from colony.verify.symbolic.system import Claim
+
+_SHARE = 0.25
+_ROUNDS = 200
+
+
+@dataclass(frozen=True, slots=True)
+class Invariants:
+    """What holds before every frame, and the contracts that hold in every frame because of it."""
+
+    of_memory: tuple[Candidate, ...]
+    claims: tuple[Claim, ...]
+
+
+def keeps(claim: Claim) -> z3.BoolRef:
+    """That a contract is not broken in the frame."""
+    return z3.Implies(claim.speaks, claim.holds)
+
+
+def invariants(
+    cone: Cone,
+    guesses: Sequence[Candidate],
+    claims: Sequence[Claim],
+    lemmas: Sequence[z3.BoolRef],
+    budget: Budget,
+) -> Invariants:
+    """The guesses that are invariant together, and the `claims` that follow from them.
+
+    `lemmas` are known to hold in every frame. Where z3 gives up, fewer are kept: what is kept is true.
+    """
+    now = _Greatest(cone, lemmas, budget)
+    after = Substitution([c.old for c in cone.cells], [c.next for c in cone.cells])
+    for guess in guesses:
+        now.guess(guess.holds, after(guess.holds))
+    for claim in claims:
+        now.claim(keeps(claim))
+    now.settle()
+    return Invariants(
+        tuple(guesses[i] for i in sorted(now.before)), tuple(claims[i] for i in sorted(now.during))
+    )
+
+
+class _Greatest:
+    """Drops guesses and claims until none can be broken. Mutable.
+
+    `before` are the guesses not dropped yet, about the memory before a frame, `during` the claims about it.
+    """
+
+    def __init__(self, cone: Cone, lemmas: Sequence[z3.BoolRef], budget: Budget) -> None:
+        self._solver = Solver(budget, _SHARE)
+        self._solver.add(facts(cone), *lemmas)
+        self._after: list[z3.BoolRef] = []
+        self._before: list[z3.BoolRef] = []
+        self._claims: list[z3.BoolRef] = []
+        self.before: set[int] = set()
+        self.during: set[int] = set()
+
+    def guess(self, holds: z3.BoolRef, after: z3.BoolRef) -> None:
+        i = len(self._before)
+        switch = z3.Bool(f"guess {i}")
+        self._solver.add(z3.Implies(switch, holds))
+        self._before.append(switch)
+        self._after.append(_named(self._solver, f"after {i}", after))
+        self.before.add(i)
+
+    def claim(self, holds: z3.BoolRef) -> None:
+        i = len(self._claims)
+        self._claims.append(_named(self._solver, f"claim {i}", holds))
+        self.during.add(i)
+
+    def settle(self) -> None:
+        """The greatest fixpoint, or something below it where z3 gives up."""
+        for _ in range(_ROUNDS):
+            known = [self._before[i] for i in sorted(self.before)]
+            if self._drop(self.during, self._claims, known):
+                continue
+            known += [self._claims[i] for i in sorted(self.during)]
+            if not self._drop(self.before, self._after, known):
+                return
+        self.before.clear()
+        self.during.clear()
+
+    def _drop(self, kept: set[int], goals: list[z3.BoolRef], known: list[z3.BoolRef]) -> bool:
+        """Drop from `kept` what a model of `known` breaks; False where nothing can be broken."""
+        if not kept:
+            return False
+        self._solver.push()
+        self._solver.add(z3.Or(*(z3.Not(goals[i]) for i in sorted(kept))))
+        answer = self._solver.ask(known)
+        if answer is Answer.SAT:
+            model = self._solver.model()
+            broken = {i for i in kept if not z3.is_true(model.eval(goals[i], model_completion=True))}
+        self._solver.pop()
+        match answer:
+            case Answer.UNSAT:
+                return False
+            case Answer.SAT:
+                kept -= broken
+                return True
+            case Answer.GAVE_UP:
+                return self._drop_one_by_one(kept, goals, known)
+            case _:
+                assert_never(answer)
+
+    def _drop_one_by_one(self, kept: set[int], goals: list[z3.BoolRef], known: list[z3.BoolRef]) -> bool:
+        """Where the question about all is too hard: keep what can be shown alone; whether any was dropped."""
+        self._solver.limit(_SHARE / 8)
+        shown = {i for i in sorted(kept) if self._solver.ask([*known, z3.Not(goals[i])]) is Answer.UNSAT}
+        self._solver.limit(_SHARE)
+        dropped = kept != shown
+        kept &= shown
+        return dropped
+
+
+def _named(solver: Solver, name: str, formula: z3.BoolRef) -> z3.BoolRef:
+    """A constant that stands for a formula, so that a model gives its value at once."""
+    constant = z3.Bool(name)
+    solver.add(constant == formula)
+    return constant

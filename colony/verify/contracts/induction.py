@@ -1,0 +1,80 @@
+"""k-induction (Sheeran, Singh and Stalmarck, 2000): what held in k frames in a row holds in the next one.
+
+The memory before the first of these frames is any that the invariants allow.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import z3
+
+from colony.verify.contracts.cone import facts
+from colony.verify.contracts.houdini import keeps
+from colony.verify.contracts.solver import Answer, Budget, Solver
+from colony.verify.symbolic.cones import Cone
+from colony.verify.symbolic.system import Claim
+from colony.verify.symbolic.unrolling import Unrolling
+
+
+class Known(NamedTuple):
+    """Something true in every frame, and how it is told."""
+
+    text: str
+    holds: z3.BoolRef
+
+
+def follows(cone: Cone, claim: Claim, known: Sequence[Known], budget: Budget) -> tuple[str, ...] | None:
+    """Whether a contract holds in every frame taken alone: what of `known` that takes, or None."""
+    switches = _switches(known)
+    solver = Solver(budget)
+    solver.add(facts(cone), z3.Not(keeps(claim)))
+    solver.add(*(z3.Implies(s, k.holds) for s, k in zip(switches, known, strict=True)))
+    return _used(solver, known, switches) if solver.ask(switches) is Answer.UNSAT else None
+
+
+class Induction:
+    """The step of a contract's induction, for k = 1, 2 ... Mutable: the frames so far.
+
+    `known` is true in every frame: invariants, and contracts proved before.
+    """
+
+    def __init__(self, cone: Cone, claim: Claim, known: Sequence[Known], budget: Budget) -> None:
+        self._frames = Unrolling(cone.system, cone)
+        self._facts = facts(cone)
+        self._claim = claim
+        self._known = known
+        self._switches = _switches(known)
+        self._solver = Solver(budget)
+        self._last = 0
+        self._extend()
+
+    def next(self) -> tuple[str, ...] | None:
+        """Whether the step holds for the next k: what of `known` that takes, or None."""
+        self._solver.add(self._frames.at(self._last, keeps(self._claim)))
+        self._solver.add(*self._frames.moves(self._last))
+        self._last += 1
+        self._extend()
+        goal = z3.Bool(f"broken {self._last}")
+        broken = z3.Not(self._frames.at(self._last, keeps(self._claim)))
+        self._solver.add(z3.Implies(goal, broken))
+        if self._solver.ask([goal, *self._switches]) is not Answer.UNSAT:
+            return None
+        return _used(self._solver, self._known, self._switches)
+
+    def _extend(self) -> None:
+        """What is true of the last frame."""
+        self._solver.add(self._frames.at(self._last, self._facts))
+        for switch, known in zip(self._switches, self._known, strict=True):
+            self._solver.add(z3.Implies(switch, self._frames.at(self._last, known.holds)))
+
+
+def _switches(known: Sequence[Known]) -> list[z3.BoolRef]:
+    """A constant for each thing known: assumed, it is used."""
+    return [z3.Bool(f"known {i}") for i in range(len(known))]
+
+
+def _used(solver: Solver, known: Sequence[Known], switches: Sequence[z3.BoolRef]) -> tuple[str, ...]:
+    core = solver.core()
+    return tuple(k.text for k, s in zip(known, switches, strict=True) if str(s) in core)

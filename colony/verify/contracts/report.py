@@ -1,0 +1,162 @@
+"""Results for people and for other tools: lines of text, diagnostics, and rows for JSON."""
+
+from __future__ import annotations
+
+from math import isinf
+from shlex import quote
+from typing import assert_never
+
+from colony.diagnostics import Diagnostic, error, warning
+from colony.ir.frame import Decision
+from colony.ir.program import Program
+from colony.verify.contracts.decimals import seconds
+from colony.verify.contracts.results import Proved, Refuted, Result, Trace, Unknown
+from colony.verify.contracts.table import reading, sent, table
+from colony.verify.symbolic.system import Reason
+
+_MOST_PLACES = 3
+
+
+def verdict(result: Result) -> str:
+    """One word for what became of a contract."""
+    match result:
+        case Proved():
+            return "proved"
+        case Refuted():
+            return "REFUTED"
+        case Unknown():
+            return "unknown"
+        case _:
+            assert_never(result)
+
+
+def lines(program: Program, result: Result) -> tuple[str, ...]:
+    """The verdict on a line, and below it, indented, the trace that refutes the contract."""
+    head = f"{verdict(result):8} {result.contract.name}"
+    match result:
+        case Proved():
+            return (head + over_reals(result),)
+        case Refuted(trace=trace):
+            return (head, *_indented(table(program, result.contract, trace)))
+        case Unknown(trace=trace):
+            rows = () if trace is None else table(program, result.contract, trace)
+            return (head, *_indented(result.because), *_indented(rows))
+        case _:
+            assert_never(result)
+
+
+def _indented(rows: tuple[str, ...]) -> tuple[str, ...]:
+    return tuple(f"  {row}" for row in rows)
+
+
+def over_reals(result: Proved) -> str:
+    """`  (over reals: floats may round at rome.colony:70)`; nothing of a proof for floats."""
+    places = list(dict.fromkeys(_place(r) for r in result.over_reals))
+    if not places:
+        return ""
+    more = len(places) - _MOST_PLACES
+    shown = ", ".join(places[:_MOST_PLACES]) + (f" and {more} more lines" if more > 0 else "")
+    return f"  (over reals: floats may round at {shown})"
+
+
+def _place(reason: Reason) -> str:
+    """The file and line of a reason, or the text where there is none."""
+    source = reason.span.source
+    return f"{source.name}:{source.position(reason.span.start)[0]}" if source.text else reason.text
+
+
+def told(reason: Reason) -> str:
+    """A reason with its line."""
+    return f"{_place(reason)}: {reason.text}" if reason.span.source.text else reason.text
+
+
+def finding(result: Result, file: str) -> Diagnostic | None:
+    """An error for a contract that is refuted, a warning for one that is unknown; nothing for one proved.
+
+    `file` is what was verified: what the hint names.
+    """
+    contract = result.contract
+    match result:
+        case Proved():
+            return None
+        case Refuted(trace=trace):
+            when = seconds_of(trace)
+            found = f"; found: {'; '.join(trace.found)}" if trace.found else ""
+            message = f"contract `{contract.name}` is broken at {when} of a run of {_frames(trace)}{found}"
+            return error("V010", contract.span, message, _hint(trace, file))
+        case Unknown(because=because, hint=hint):
+            reasons = "; ".join(line.strip() for line in because)
+            message = f"contract `{contract.name}` is neither proved nor refuted: {reasons}"
+            return warning("V011", contract.span, message, hint)
+        case _:
+            assert_never(result)
+
+
+def _hint(trace: Trace, file: str) -> str:
+    """What to do about a counterexample; one with an infinite reading no test can hold."""
+    infinite = (
+        name
+        for snapshot in trace.snapshots
+        for name, value in snapshot.readings.items()
+        if any(isinf(x) for x in (value if isinstance(value, tuple) else (value,)))
+    )
+    name = next(infinite, None)
+    if name is not None:
+        return f"`{name}` is infinite there: give it a `range`, which bounds what comes in"
+    return f"`colony verify --write-test {quote(file)}` adds the run to it as a test"
+
+
+def seconds_of(trace: Trace) -> str:
+    """The time of the last frame."""
+    return str(seconds(trace.snapshots[-1].t_ns))
+
+
+def _frames(trace: Trace) -> str:
+    count = len(trace.snapshots)
+    return f"{count} frame{'' if count == 1 else 's'}"
+
+
+def row(program: Program, result: Result) -> dict[str, object]:
+    """A result as an object for JSON; a trace has readings in base units, as a test has them."""
+    line, column = result.contract.span.source.position(result.contract.span.start)
+    made: dict[str, object] = {
+        "contract": result.contract.name,
+        "file": result.contract.span.source.name,
+        "line": line,
+        "column": column,
+        "verdict": verdict(result).lower(),
+    }
+    match result:
+        case Proved(k=k, invariants=invariants):
+            made |= {"k": k, "invariants": list(invariants)}
+            made["over_reals"] = [told(r) for r in result.over_reals]
+        case Refuted(trace=trace):
+            made["trace"] = steps(program, trace)
+        case Unknown(because=because, hint=hint, trace=maybe):
+            made |= {"because": [b.strip() for b in because], "hint": hint}
+            made["trace"] = None if maybe is None else steps(program, maybe)
+        case _:
+            assert_never(result)
+    return made
+
+
+def steps(program: Program, trace: Trace) -> list[dict[str, object]]:
+    """An object a frame: its time, what is given and what is sent, as people read them."""
+    made: list[dict[str, object]] = []
+    sensors = {s.name: s for s in program.robot.sensors}
+    for snapshot, outcome in zip(trace.snapshots, trace.outcomes, strict=True):
+        given = {name: reading(sensors[name], value) for name, value in snapshot.readings.items()}
+        made.append(
+            {
+                "t": snapshot.t_ns / 1e9,
+                "given": given,
+                "answers": {m: list(a) for m, a in snapshot.answers.items()},
+                "sent": {d.actuator: _sent(program, d) for d in outcome.decisions},
+                "broken": list(outcome.breaches),
+            }
+        )
+    return made
+
+
+def _sent(program: Program, decision: Decision) -> str:
+    return sent(next(a for a in program.robot.actuators if a.name == decision.actuator), decision)

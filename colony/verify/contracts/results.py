@@ -1,0 +1,93 @@
+"""What became of a contract, as data."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+
+from colony.ir.frame import Outcome
+from colony.ir.program import Contract
+from colony.ir.types import ScalarValue, Value
+from colony.verify.symbolic.system import Reason
+
+RESOURCES_A_SECOND = 7_200_000
+"""What z3 counts in a second or so."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Options:
+    """How hard to try, for each contract.
+
+    `depth` is the greatest k of k-induction; counterexamples are searched up to `longest` frames. `resources`
+    bounds the work of z3 in its own units, which do not depend on the machine: `RESOURCES_A_SECOND` of them
+    take about a second on an ordinary one. `seconds` bounds it by the clock that the caller may give, too.
+    """
+
+    depth: int = 4
+    longest: int = 24
+    resources: int = 10 * RESOURCES_A_SECOND
+    seconds: float = 40.0
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Snapshot:
+    """What is given in one frame of a counterexample, in base units.
+
+    A sensor that `readings` does not hold is missing. `answers` are the fields that modules in Python
+    command; a module that it does not hold is not applicable.
+    """
+
+    t_ns: int
+    readings: Mapping[str, Value] = field(default_factory=dict)
+    answers: Mapping[str, tuple[ScalarValue, ...]] = field(default_factory=dict)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Trace:
+    """A run of the reference interpreter whose last frame breaks the contract.
+
+    `needed_missing` are sensors that the trace never gives, and that must not be there for it to break;
+    `found` says what the things that the contract names are in the last frame.
+    """
+
+    snapshots: tuple[Snapshot, ...]
+    outcomes: tuple[Outcome, ...]
+    needed_missing: tuple[str, ...] = ()
+    found: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Proved:
+    """The contract holds in every frame of every run, by `k`-induction and with `invariants` in words.
+
+    `over_reals` are the places where it was proved for real numbers and floats may round.
+    """
+
+    contract: Contract
+    k: int
+    invariants: tuple[str, ...] = ()
+    over_reals: tuple[Reason, ...] = ()
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Refuted:
+    """`trace` breaks the contract."""
+
+    contract: Contract
+    trace: Trace
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Unknown:
+    """Neither proved nor refuted; `because` says why, a reason a line, and `hint` what to do.
+
+    `trace`, where there is one, breaks the contract if the modules in Python answer as it says.
+    """
+
+    contract: Contract
+    because: tuple[str, ...]
+    hint: str
+    trace: Trace | None = None
+
+
+Result = Proved | Refuted | Unknown

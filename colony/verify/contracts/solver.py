@@ -1,0 +1,139 @@
+"""z3 with limits: questions that end, and end the same way on every machine where they can."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from enum import Enum, auto, unique
+
+import z3
+
+from colony.verify.contracts.results import Options
+
+Clock = Callable[[], float]
+"""Seconds, from anywhere."""
+
+
+@unique
+class Answer(Enum):
+    """What z3 says: there is a model, there is none, or it gave up."""
+
+    SAT = auto()
+    UNSAT = auto()
+    GAVE_UP = auto()
+
+
+_QUESTIONS = 8
+"""How many questions of full cost one contract may take."""
+
+
+class Budget:
+    """What one contract may cost. Mutable: what it has cost, and whether anything was given up.
+
+    Without a clock only resources count.
+    """
+
+    def __init__(self, options: Options, clock: Clock | None = None) -> None:
+        self.options = options
+        self._clock = clock
+        self._until = None if clock is None else clock() + options.seconds
+        self._resources = options.resources
+        self.gave_up = False
+
+    def part(self, share: float = 0.5) -> Budget:
+        """A budget that ends at the same time, and has a share of the resources of a whole one."""
+        other = Budget(self.options, self._clock)
+        other._until = self._until
+        other._resources = int(other._resources * share)
+        return other
+
+    @property
+    def milliseconds_left(self) -> int | None:
+        """Until the time is up, at least 0; None without a clock."""
+        if self._clock is None or self._until is None:
+            return None
+        return max(0, int((self._until - self._clock()) * 1000))
+
+    def charge(self, resources: int) -> None:
+        """Take note of what a question cost, in z3's units."""
+        self._resources -= resources
+
+    def spent(self) -> bool:
+        """Whether nothing is left."""
+        over = self.milliseconds_left == 0 or self._resources <= 0
+        self.gave_up = self.gave_up or over
+        return over
+
+
+_GRACE_MS = 50
+"""How much before its time z3 may stop."""
+
+
+class Solver:
+    """An incremental z3 solver within a budget. Mutable."""
+
+    def __init__(self, budget: Budget, share: float = 1.0) -> None:
+        """`share` is the part of the resources of a question that each question of this solver has."""
+        self._budget = budget
+        self._z3 = z3.Solver()
+        self._z3.push()  # from here on z3 works incrementally: for questions like these it is quicker
+        self.limit(share)
+
+    def limit(self, share: float) -> None:
+        """What part of a question's resources each question may take from now on."""
+        self._most = max(1, int(self._budget.options.resources * share / _QUESTIONS))
+        self._z3.set("rlimit", self._most)
+
+    def add(self, *formulas: z3.BoolRef) -> None:
+        self._z3.add(*formulas)
+
+    def push(self) -> None:
+        self._z3.push()
+
+    def pop(self) -> None:
+        self._z3.pop()
+
+    def ask(self, assumed: Sequence[z3.BoolRef] = ()) -> Answer:
+        """Whether all that was added and is `assumed` can be true at once.
+
+        Raises:
+            KeyboardInterrupt: somebody pressed Ctrl-C while z3 was at work.
+        """
+        if self._budget.spent():
+            return Answer.GAVE_UP
+        left = self._budget.milliseconds_left
+        if left is not None:
+            self._z3.set("timeout", left)
+        before = _resources_used(self._z3)
+        found = self._z3.check(*assumed)
+        used = _resources_used(self._z3) - before
+        self._budget.charge(used)
+        if found == z3.sat:
+            return Answer.SAT
+        if found == z3.unsat:
+            return Answer.UNSAT
+        if self._interrupted(used):
+            raise KeyboardInterrupt
+        self._budget.gave_up = True
+        return Answer.GAVE_UP
+
+    def _interrupted(self, used: int) -> bool:
+        """Whether neither the problem nor a limit ended a question: z3 takes Ctrl-C for itself, and calls it
+        by the same name as its limits.
+        """
+        reason, left = self._z3.reason_unknown(), self._budget.milliseconds_left
+        in_time = left is None or left > _GRACE_MS
+        return "interrupted" in reason or ("canceled" in reason and used < self._most and in_time)
+
+    def model(self) -> z3.ModelRef:
+        """The model of the last answer, which was SAT."""
+        return self._z3.model()
+
+    def core(self) -> frozenset[str]:
+        """The names of the assumed constants that the last answer, UNSAT, made use of."""
+        return frozenset(str(c) for c in self._z3.unsat_core())
+
+
+def _resources_used(solver: z3.Solver) -> int:
+    """What z3 has counted until now, of all solvers."""
+    statistics = solver.statistics()
+    return int(statistics.get_key_value("rlimit count")) if "rlimit count" in list(statistics.keys()) else 0

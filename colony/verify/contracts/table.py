@@ -1,0 +1,132 @@
+"""A counterexample as a table for people: a line a frame, with what is given and what is sent."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Iterator, Sequence
+
+from colony.ir import expression as ir
+from colony.ir.frame import Decision
+from colony.ir.program import Actuator, Contract, Program, Sensor
+from colony.ir.types import Bool, Enum, ScalarValue, Value, element_type
+from colony.verify.contracts.decimals import seconds, write
+from colony.verify.contracts.results import Trace
+
+_MOST_EXCEPTIONS = 6
+
+
+def table(program: Program, contract: Contract, trace: Trace) -> tuple[str, ...]:
+    """The lines of a table, its heading first, and below it what has to be known besides."""
+    sensors = [s for s in program.robot.sensors if any(s.name in x.readings for x in trace.snapshots)]
+    actuators = _actuators(program, contract)
+    modules = list(dict.fromkeys(m for s in trace.snapshots for m in s.answers))
+    rows = [["time", *(s.name for s in sensors), *(f"{m} answers" for m in modules), *actuators]]
+    for snapshot, outcome in zip(trace.snapshots, trace.outcomes, strict=True):
+        decisions = {d.actuator: d for d in outcome.decisions}
+        rows.append(
+            [
+                str(seconds(snapshot.t_ns)),
+                *(reading(s, snapshot.readings.get(s.name)) for s in sensors),
+                *(_answer(program, m, snapshot.answers.get(m)) for m in modules),
+                *(sent(a, decisions[name]) for name, a in actuators.items()),
+            ]
+        )
+    return (*aligned(rows), *_below(program, trace, len(sensors)))
+
+
+def _below(program: Program, trace: Trace, given: int) -> Iterator[str]:
+    if trace.needed_missing:
+        yield f"missing, and must be: {', '.join(trace.needed_missing)}"
+    if given + len(trace.needed_missing) < len(program.robot.sensors):
+        yield "all other sensors: missing (what they give makes no difference)"
+    if trace.found:
+        yield f"in the last frame: {'; '.join(trace.found)}"
+
+
+def _actuators(program: Program, contract: Contract) -> dict[str, Actuator]:
+    """Those that the contract names, else all."""
+    named = set(_named(contract.expression))
+    chosen = [a for a in program.robot.actuators if a.name in named] or program.robot.actuators
+    return {a.name: a for a in chosen}
+
+
+def _named(expression: ir.Expression) -> Iterator[str]:
+    match expression:
+        case (
+            ir.SentField(actuator=name)
+            | ir.WonBy(actuator=name)
+            | ir.IsCommanded(actuator=name)
+            | ir.IsIdle(actuator=name)
+        ):
+            yield name
+        case _:
+            for child in ir.children(expression):
+                yield from _named(child)
+
+
+def reading(sensor: Sensor, value: Value | None) -> str:
+    """What a sensor gives, in its unit: `5 m`, `all 5 m, [12] 0.4 m`, `missing`."""
+    if value is None:
+        return "missing"
+    if not isinstance(value, tuple):
+        return _scalar(sensor, value)
+    [(common, _), *_] = Counter(value).most_common(1)
+    exceptions = [(i, x) for i, x in enumerate(value) if x != common]
+    if len(exceptions) > _MOST_EXCEPTIONS:
+        return f"[{', '.join(_scalar(sensor, x) for x in value)}]"
+    return ", ".join(
+        (f"all {_scalar(sensor, common)}", *(f"[{i}] {_scalar(sensor, x)}" for i, x in exceptions))
+    )
+
+
+def _scalar(sensor: Sensor, value: ScalarValue) -> str:
+    of = element_type(sensor.type)
+    if isinstance(of, Bool) or isinstance(value, bool):
+        return "true" if value else "false"
+    if isinstance(of, Enum):
+        return next((f"{of.name}.{name}" for name, n in of.members if n == value), f"{value:g}")
+    written = write(value, sensor)
+    return f"{value:g}" if written is None else str(written)
+
+
+def sent(actuator: Actuator, decision: Decision) -> str:
+    """`by avoid: velocity = 150 mm/s, turn = 45 deg/s`."""
+    who = "idle" if decision.by is None else f"by {decision.by}"
+    fault = f" ({decision.fault})" if decision.fault else ""
+    if decision.values is None:
+        return f"{who}{fault}: nothing is sent"
+    return f"{who}{fault}: {_fields(actuator, decision.values)}"
+
+
+def _fields(actuator: Actuator, values: Sequence[ScalarValue]) -> str:
+    """Values in declared units."""
+    shown = []
+    for field, value in zip(actuator.fields, values, strict=True):
+        if isinstance(value, bool):
+            text = "true" if value else "false"
+        elif isinstance(field.type, Enum):
+            text = next((f"{field.type.name}.{m}" for m, n in field.type.members if n == value), f"{value:g}")
+        else:
+            text = f"{value:.9g}{f' {field.unit}' if field.unit else ''}"
+        shown.append(f"{field.name} = {text}")
+    return ", ".join(shown)
+
+
+def _answer(program: Program, module: str, answer: tuple[ScalarValue, ...] | None) -> str:
+    if answer is None:
+        return "nothing"
+    name = next(m.actuator for m in program.modules if m.name == module)
+    actuator = next((a for a in program.robot.actuators if a.name == name), None)
+    if actuator is None:
+        return "yes"
+    values = [
+        x if isinstance(x, bool) else x / f.factor for x, f in zip(answer, actuator.fields, strict=True)
+    ]
+    return _fields(actuator, values)
+
+
+def aligned(rows: Sequence[Sequence[str]]) -> Iterator[str]:
+    """Rows as lines with columns of the same width."""
+    widths = [max(len(row[i]) for row in rows) for i in range(len(rows[0]))]
+    for row in rows:
+        yield "  ".join(cell.ljust(width) for cell, width in zip(row, widths, strict=True)).rstrip()

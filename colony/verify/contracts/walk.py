@@ -1,0 +1,76 @@
+"""Walks through a system: what memory is on a few random runs, so that guesses that are false there are not
+even asked of the solver.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from fractions import Fraction
+from random import Random
+
+import z3
+
+from colony.verify.contracts.candidates import Candidate
+from colony.verify.contracts.cone import facts, within
+from colony.verify.contracts.solver import Answer, Budget, Solver
+from colony.verify.symbolic.cones import Cone
+from colony.verify.symbolic.system import Number, SensorInput
+
+_WALKS = 5
+_STEPS = 8
+_PRESENT = 0.85
+_SPREAD = 1000
+
+
+def not_refuted(cone: Cone, guesses: Sequence[Candidate], budget: Budget) -> list[Candidate]:
+    """The guesses that are true before every frame of the walks. The same for the same system."""
+    left = list(guesses)
+    for walk in range(_WALKS):
+        for model in _walk(cone, Random(walk), budget):
+            left = [g for g in left if not z3.is_false(model.eval(g.holds, model_completion=True))]
+    return left
+
+
+def _walk(cone: Cone, random: Random, budget: Budget) -> Iterator[z3.ModelRef]:
+    """A model for each frame of a run with random readings, as far as the solver finds one at once."""
+    solver = Solver(budget, share=0.1)
+    solver.add(facts(cone))
+    memory = [cell.initial for cell in cone.cells]
+    t_ns = 0
+    for _ in range(_STEPS):
+        solver.push()
+        solver.add(*(c.old == value for c, value in zip(cone.cells, memory, strict=True)))
+        solver.add(cone.system.now == t_ns, *_readings(cone, random))
+        answer = solver.ask()
+        if answer is Answer.SAT:
+            model = solver.model()
+            memory = [model.eval(cell.next, model_completion=True) for cell in cone.cells]
+            yield model
+        solver.pop()
+        if answer is not Answer.SAT:
+            return
+        t_ns += random.choice((1, 1, 1, 4, 40, 400)) * cone.system.program.robot.frame_ns
+
+
+def _readings(cone: Cone, random: Random) -> Iterator[z3.BoolRef]:
+    """What the sensors of a cone give: mostly something, anywhere in their ranges."""
+    for given in cone.system.sensors.values():
+        if within(cone, given.present):
+            yield given.present == z3.BoolVal(random.random() < _PRESENT)
+        yield from _elements(cone, given, random)
+
+
+def _elements(cone: Cone, given: SensorInput, random: Random) -> Iterator[z3.BoolRef]:
+    """Values of a sensor; those of an array are near each other or not."""
+    base, spread = random.random(), random.choice((0.0, 0.1, 1.0))
+    for element in given.elements:
+        if not isinstance(element, Number):
+            if within(cone, element):
+                yield element == z3.BoolVal(random.random() < 0.5)
+        elif within(cone, element.value) and z3.is_const(element.value) and not element.cases:
+            low, high = element.bounds.low, element.bounds.high
+            low = Fraction(-_SPREAD) if low is None else low
+            high = low + _SPREAD if high is None else high
+            part = Fraction(min(1.0, max(0.0, base + spread * (random.random() - 0.5)))).limit_denominator(64)
+            value = low + part * (high - low)
+            yield element.value == z3.Q(value.numerator, value.denominator)

@@ -1,0 +1,215 @@
+"""Whether two programs send the same: by what they say, by induction, or by a run that shows they don't.
+
+What counts is what the actuators get, as a robot notices nothing else: the values sent, the idle command's
+too, or that nothing is sent (`idle hold`). Which modules win may differ.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from dataclasses import replace
+from functools import reduce
+
+from colony.ir import expression as ir
+from colony.ir.expression import Binary
+from colony.ir.frame import Outcome
+from colony.ir.program import Actuator, Contract, Program
+from colony.ir.types import BOOL, Bool, Enum, Scalar
+from colony.verify.contracts.prove import Prover
+from colony.verify.contracts.replay import Replay
+from colony.verify.contracts.results import Options, Proved, Refuted, Snapshot, Trace, Unknown
+from colony.verify.difference.compatible import Ignored, Pair, check_sensors, ignored, pairs
+from colony.verify.difference.matching import matching
+from colony.verify.difference.product import OF_B, Product, product
+from colony.verify.difference.results import Different, Matching, Result, Same, Undecided
+from colony.verify.difference.shortest import drawn, shortest
+
+_SAME = "same commands"
+
+
+def difference(
+    a: Program,
+    b: Program,
+    ignore: Iterable[str] = (),
+    actuators: Sequence[tuple[str, str]] = (),
+    options: Options | None = None,
+    clock: Callable[[], float] = lambda: 0.0,
+) -> Result:
+    """Whether `a` and `b` send the same in every frame, whatever the sensors give and whenever.
+
+    `ignore` names actuators, fields (`drive.turn`) and modules (in frames in which they win, nothing is
+    compared). `actuators` are pairs to compare, A's name and B's; without it, those of one name.
+
+    Raises:
+        Failure: V040 to V042, where the two cannot be compared.
+    """
+    check_sensors(a, b)
+    leave_out = ignored(a, b, ignore)
+    compared = pairs(a, b, leave_out, actuators)
+    both = product(a, b)
+    found = matching(a, b, compared)
+    open_ = [pair for pair in compared if not _same_content(pair, both)]
+    if not open_:
+        return Same(matching=found, by_content=True)
+    contract = Contract(name=_SAME, expression=_claim(open_, leave_out, both))
+    program = replace(both.program, contracts=(contract,))
+    trace = drawn(program, _SAME)
+    if trace is not None:
+        return _different(
+            a, b, both, compared, shortest(program, _SAME, trace, options or Options(), clock), found
+        )
+    match Prover(program, options or Options(), clock).prove(contract):
+        case Proved(k=k, over_reals=over_reals):
+            exact = _only_wired_otherwise(compared, both)
+            return Same(matching=found, by_content=False, k=k, over_reals=() if exact else over_reals)
+        case Refuted(trace=trace):
+            return _different(a, b, both, compared, trace, found)
+        case Unknown() as unknown:
+            return _undecided(unknown, found)
+
+
+def _same_content(pair: Pair, both: Product) -> bool:
+    """Whether an actuator has the same network in both, the same limits, ranges and idle command."""
+    a, b = pair.a, pair.b
+    same_root = both.roots.get(a.name) == both.roots.get(b.name + OF_B)
+    return same_root and a.idle == b.idle and _same_bounds(pair, both)
+
+
+def _same_bounds(pair: Pair, both: Product) -> bool:
+    a, b = pair.a, pair.b
+    return all(
+        (x.low, x.high) == (y.low, y.high)
+        and both.limits.get((a.name, i), ()) == both.limits.get((b.name + OF_B, i), ())
+        for i, (x, y) in enumerate(zip(a.fields, b.fields, strict=True))
+    )
+
+
+def _only_wired_otherwise(compared: Sequence[Pair], both: Product) -> bool:
+    """Whether all modules and bounds are the same: then no number differs by how it is rounded."""
+    program = both.program
+    own = any(x.name.endswith(OF_B) for x in (*program.modules, *program.derived))
+    return not own and all(_same_bounds(pair, both) for pair in compared)
+
+
+# --- what is claimed -------------------------------------------------------------------------------
+
+
+def _claim(compared: Sequence[Pair], leave_out: Ignored, both: Product) -> ir.Expression:
+    same = reduce(_and, (part for pair in compared for part in _equal(pair)))
+    excused = list(_excused(compared, leave_out, both))
+    return _binary(Binary.OR, reduce(_or, excused), same) if excused else same
+
+
+def _equal(pair: Pair) -> Iterator[ir.Expression]:
+    a, b = pair.a.name, pair.b.name + OF_B
+    if pair.a.idle is None or pair.b.idle is None:
+        yield _binary(Binary.EQUAL, _sends(pair.a, a), _sends(pair.b, b))
+    for i in pair.compared:
+        yield _binary(Binary.EQUAL, _sent(pair.a, i, a), _sent(pair.b, i, b))
+
+
+def _sends(actuator: Actuator, name: str) -> ir.Expression:
+    """Whether anything is sent."""
+    if actuator.idle is None:
+        return ir.IsCommanded(type=BOOL, actuator=name)
+    return ir.Constant(type=BOOL, value=True)
+
+
+def _sent(actuator: Actuator, i: int, name: str) -> ir.Expression:
+    """A field as it is sent; where nothing is sent, a value that stands for that."""
+    kind = actuator.fields[i].type
+    sent = ir.SentField(type=kind, actuator=name, field_index=i)
+    if actuator.idle is not None:
+        return sent
+    return ir.ValueOr(type=kind, expression=sent, other=_nothing(kind))
+
+
+def _nothing(kind: Scalar) -> ir.Expression:
+    match kind:
+        case Bool():
+            return ir.Constant(type=kind, value=False)
+        case Enum(members=members):
+            return ir.Constant(type=kind, value=members[0][1])
+        case _:
+            return ir.Constant(type=kind, value=0.0)
+
+
+def _excused(compared: Sequence[Pair], leave_out: Ignored, both: Product) -> Iterator[ir.Expression]:
+    """That an ignored module wins, in A or in B."""
+    of_a = {m.name for m in both.program.modules if not m.name.endswith(OF_B)}
+    for module in sorted(leave_out.modules):
+        names = dict.fromkeys(
+            name
+            for name in (module if module in of_a else None, both.modules.get(module))
+            if name is not None
+        )
+        for name in names:
+            for pair in compared:
+                for actuator in (pair.a.name, pair.b.name + OF_B):
+                    yield ir.WonBy(type=BOOL, actuator=actuator, module=name)
+
+
+def _binary(operator: Binary, left: ir.Expression, right: ir.Expression) -> ir.Expression:
+    return ir.BinaryOperation(type=BOOL, operator=operator, left=left, right=right)
+
+
+def _and(left: ir.Expression, right: ir.Expression) -> ir.Expression:
+    return _binary(Binary.AND, left, right)
+
+
+def _or(left: ir.Expression, right: ir.Expression) -> ir.Expression:
+    return _binary(Binary.OR, left, right)
+
+
+# --- what was found --------------------------------------------------------------------------------
+
+
+def _different(
+    a: Program, b: Program, both: Product, compared: Sequence[Pair], trace: Trace, found: Matching
+) -> Result:
+    """The trace as each program sees it by itself; it must tell them apart there, too."""
+    of_b = {there: here for here, there in both.modules.items()}
+    by_a = Replay(a, "").run(trace.snapshots)
+    by_b = Replay(b, "").run([_answered(s, of_b) for s in trace.snapshots])
+    apart = tuple((p.a.name, p.b.name) for p in compared if _sends_apart(p, by_a[-1], by_b[-1]))
+    if not apart:
+        because = ("the run that was found does not tell them apart by themselves",)
+        return Undecided(matching=found, because=because, hint="this is a defect of `colony`: report it")
+    return Different(
+        matching=found,
+        actuators=apart,
+        snapshots=trace.snapshots,
+        a=by_a,
+        b=by_b,
+        needed_missing=trace.needed_missing,
+    )
+
+
+def _answered(snapshot: Snapshot, of_b: dict[str, str]) -> Snapshot:
+    """A snapshot for B alone, with B's names for modules."""
+    return replace(
+        snapshot, answers={of_b[name]: fields for name, fields in snapshot.answers.items() if name in of_b}
+    )
+
+
+def _sends_apart(pair: Pair, a: Outcome, b: Outcome) -> bool:
+    one = next(d.values for d in a.decisions if d.actuator == pair.a.name)
+    other = next(d.values for d in b.decisions if d.actuator == pair.b.name)
+    if one is None or other is None:
+        return one != other
+    return any(one[i] != other[i] for i in pair.compared)
+
+
+def _undecided(unknown: Unknown, found: Matching) -> Undecided:
+    because = unknown.because
+    if unknown.trace is not None:
+        because = (
+            "they differ if modules in Python answer differently, and those that differ may answer anything",
+            *because[1:],
+        )
+    return Undecided(matching=found, because=because, hint=_HINT)
+
+
+_HINT = (
+    "search longer with `--timeout` or further with `--depth`, or leave out with `--ignore` what may differ"
+)

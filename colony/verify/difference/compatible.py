@@ -1,0 +1,187 @@
+"""Whether two behaviors can be compared at all, and what is compared."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import dataclass, field
+from difflib import get_close_matches
+
+from colony.diagnostics import Diagnostic, Failure, error
+from colony.ir.program import Actuator, Program, Sensor
+from colony.source import NOWHERE, Span
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Pair:
+    """An actuator of A and one of B that should be sent the same, in the fields at `compared`."""
+
+    a: Actuator
+    b: Actuator
+    compared: tuple[int, ...]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Ignored:
+    """What is not compared: whole actuators, fields, and frames in which a module wins in either program."""
+
+    actuators: frozenset[str] = frozenset()
+    fields: frozenset[tuple[str, str]] = frozenset()
+    modules: frozenset[str] = field(default=frozenset())
+
+
+def ignored(a: Program, b: Program, names: Iterable[str]) -> Ignored:
+    """What `names` name in either program: an actuator, `actuator.field`, or a module.
+
+    Raises:
+        Failure: V040, for a name that neither has.
+    """
+    actuators = {x.name for p in (a, b) for x in p.robot.actuators}
+    fields = {(x.name, f.name) for p in (a, b) for x in p.robot.actuators for f in x.fields}
+    modules = {m.name for p in (a, b) for m in p.modules if m.actuator is not None}
+    found: dict[str, set[str]] = {"actuators": set(), "modules": set()}
+    some: set[tuple[str, str]] = set()
+    for name in names:
+        actuator, _, part = name.rpartition(".")
+        if name in actuators:
+            found["actuators"].add(name)
+        elif (actuator, part) in fields:
+            some.add((actuator, part))
+        elif name in modules:
+            found["modules"].add(name)
+        else:
+            known = [*sorted(actuators), *(f"{x}.{y}" for x, y in sorted(fields)), *sorted(modules)]
+            raise Failure([_unknown(name, known, "actuator, field or module", a)])
+    return Ignored(
+        actuators=frozenset(found["actuators"]), fields=frozenset(some), modules=frozenset(found["modules"])
+    )
+
+
+def _unknown(name: str, known: Sequence[str], kind: str, program: Program) -> Diagnostic:
+    close = get_close_matches(name, known, n=1)
+    hint = f"did you mean `{close[0]}`?" if close else f"there are: {', '.join(known) or 'none'}"
+    message = f"`{name}` is no {kind} of either behavior"
+    return error("V040", program.robot.span, message, hint)
+
+
+def pairs(
+    a: Program, b: Program, leave_out: Ignored, chosen: Sequence[tuple[str, str]] = ()
+) -> tuple[Pair, ...]:
+    """The actuators to compare: those of one name, or those `chosen` (A's name, B's name).
+
+    Raises:
+        Failure: V040, for a name that there is not; V041, where the actuators take different commands;
+            V042, where nothing is left to compare.
+    """
+    of_a = {x.name: x for x in a.robot.actuators}
+    of_b = {x.name: x for x in b.robot.actuators}
+    for one, other in chosen:
+        for name, there, program in ((one, of_a, a), (other, of_b, b)):
+            if name not in there:
+                raise Failure([_unknown(name, list(there), "actuator", program)])
+    names = chosen or [(name, name) for name in of_a if name in of_b]
+    found, wrong = [], list[Diagnostic]()
+    for one, other in names:
+        if leave_out.actuators & {one, other}:
+            continue
+        mismatch = [] if chosen else list(_other_command(of_a[one], of_b[other]))
+        mismatch += _other_fields(of_a[one], of_b[other])
+        wrong += mismatch
+        if not mismatch:
+            found.append(_pair(of_a[one], of_b[other], leave_out))
+    if wrong:
+        raise Failure(wrong)
+    if not any(pair.compared for pair in found):
+        hint = "name pairs with `--actuator A=B`" if not names else "ignore less"
+        message = "there is nothing to compare: the behaviors have no actuator in common that is not ignored"
+        raise Failure([error("V042", b.robot.span, message, hint)])
+    return tuple(found)
+
+
+def _pair(a: Actuator, b: Actuator, leave_out: Ignored) -> Pair:
+    compared = tuple(
+        i
+        for i, f in enumerate(a.fields)
+        if (a.name, f.name) not in leave_out.fields and (b.name, f.name) not in leave_out.fields
+    )
+    return Pair(a=a, b=b, compared=compared)
+
+
+def _other_command(a: Actuator, b: Actuator) -> Iterator[Diagnostic]:
+    if (a.server, a.command) != (b.server, b.command):
+        found, expected = f"{b.server}.{b.command}", f"{a.server}.{a.command}"
+        yield _differs(f"actuator `{b.name}` commands `{found}`", f"`{expected}`", b.span, a.span)
+
+
+def _other_fields(a: Actuator, b: Actuator) -> Iterator[Diagnostic]:
+    """How the fields differ; a range is part of what a behavior does, and may."""
+    found = [(f.name, str(f.type), f.unit) for f in b.fields]
+    expected = [(f.name, str(f.type), f.unit) for f in a.fields]
+    if found != expected:
+        shown = ("`" + ", ".join(f"{n} : {u or t}" for n, t, u in some) + "`" for some in (found, expected))
+        here, there = shown
+        yield _differs(f"actuator `{b.name}` has the fields {here}", there, b.span, a.span)
+
+
+def _differs(what: str, expected: str, span: Span, other: Span) -> Diagnostic:
+    return error("V041", span, f"{what}, expected {expected}, as at {_place(other)}", _ALIKE)
+
+
+_ALIKE = "behaviors are compared for one robot: declare it in a file that both import"
+
+
+def check_sensors(a: Program, b: Program) -> None:
+    """Sensors of one name must be the same, and those of one source must have one name.
+
+    Raises:
+        Failure: V041, for each that differs, at B's declaration.
+    """
+    of_a = {s.name: s for s in a.robot.sensors}
+    sources = {(s.server, s.field): s for s in a.robot.sensors}
+    of_b = {s.name for s in b.robot.sensors}
+    wrong: list[Diagnostic] = []
+    for sensor in b.robot.sensors:
+        other = of_a.get(sensor.name)
+        same_source = sources.get((sensor.server, sensor.field))
+        if other is not None:
+            wrong += _sensor_differences(other, sensor)
+        elif same_source is not None and same_source.name not in of_b:
+            what = f"sensor `{sensor.name}` reads `{sensor.server}.{sensor.field}`"
+            wrong.append(
+                _differs(what, f"the name `{same_source.name}` for that", sensor.span, same_source.span)
+            )
+    if wrong:
+        raise Failure(wrong)
+
+
+def _sensor_differences(a: Sensor, b: Sensor) -> Iterator[Diagnostic]:
+    for (what, expected), (_, found) in zip(_facts(a), _facts(b), strict=True):
+        if found != expected:
+            yield _differs(f"sensor `{b.name}` has the {what} {found}", expected, b.span, a.span)
+            return
+
+
+def _facts(sensor: Sensor) -> tuple[tuple[str, str], ...]:
+    """What two sensors of one name must have in common, in words."""
+    bounds = [
+        "none" if x is None else f"{x / sensor.factor:.9g}{f' {sensor.unit}' if sensor.unit else ''}"
+        for x in (sensor.low, sensor.high)
+    ]
+    return (
+        ("type", f"`{_type(sensor)}`"),
+        ("range", "none" if bounds == ["none", "none"] else f"{bounds[0]} .. {bounds[1]}"),
+        ("default", "none" if sensor.default is None else f"{sensor.default!r}"),
+        ("source", f"`{sensor.server}.{sensor.field}`"),
+        ("age limit", "none" if sensor.within_ns is None else f"{sensor.within_ns / 1e9:g} s"),
+    )
+
+
+def _type(sensor: Sensor) -> str:
+    kind = str(sensor.type)
+    return f"{kind} in {sensor.unit}" if sensor.unit and sensor.unit != kind else kind
+
+
+def _place(span: Span) -> str:
+    if span is NOWHERE:
+        return "the other behavior"
+    line, column = span.source.position(span.start)
+    return f"{span.source.name}:{line}:{column}"

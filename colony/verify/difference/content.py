@@ -1,0 +1,251 @@
+"""What a declaration says, whatever it is called: equal contents do the same in every run.
+
+The content of an expression is a number, one for each different nested tuple of what the expression is made
+of, with names replaced by the contents of what they name. Lets without memory count as if written out. States
+may read one another in a circle, so their contents are found by refinement: at first those that begin alike
+count as the same, then those are told apart whose `next` differs, until nothing changes.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Hashable, Iterator
+from typing import assert_never
+
+from colony.ir import expression as ir
+from colony.ir.program import (
+    AnyModule,
+    Derived,
+    Let,
+    Limit,
+    Machine,
+    Module,
+    Program,
+    PythonModule,
+    State,
+)
+from colony.ir.types import Value
+
+Loop = tuple[str, ...]
+
+
+class Table:
+    """Gives every different content a number. Mutable; shared by all programs that are compared."""
+
+    def __init__(self) -> None:
+        self._numbers: dict[Hashable, int] = {}
+
+    def number(self, *content: Hashable) -> int:
+        return self._numbers.setdefault(content, len(self._numbers))
+
+
+class Contents:
+    """The contents of one program's declarations. Mutable: what states count as, as far as is known."""
+
+    def __init__(self, program: Program, table: Table) -> None:
+        self._table = table
+        self._sensors = {s.name: s for s in program.robot.sensors}
+        self._lets: dict[str, Let] = {}
+        self._states: dict[str, State | Machine] = {}
+        for derived in program.derived:
+            self._declare(derived)
+        for module in program.modules:
+            if isinstance(module, Module):
+                self._lets |= {let.name: let for let in module.lets}
+                self._states |= {state.name: state for state in module.states}
+        self._file_level = {d.name for d in program.derived}
+        self._known: dict[str, int] = {}
+        self._needed: dict[str, frozenset[str]] = {}
+        self._colors = {name: self._first(state) for name, state in self._states.items()}
+
+    def _declare(self, derived: Derived) -> None:
+        match derived:
+            case Let():
+                self._lets[derived.name] = derived
+            case State() | Machine():
+                self._states[derived.name] = derived
+            case _:
+                assert_never(derived)
+
+    # --- states ----------------------------------------------------------------------------------
+
+    def _first(self, state: State | Machine) -> int:
+        match state:
+            case State(initial=initial):
+                return self._table.number("state", _written(initial))
+            case Machine(start=start):
+                return self._table.number("machine", start)
+            case _:
+                assert_never(state)
+
+    def refine(self) -> None:
+        """Tell states apart by what the states that they read count as until now."""
+        self._known.clear()
+        self._colors = {
+            name: self._table.number(self._colors[name], self._following(state))
+            for name, state in self._states.items()
+        }
+        self._known.clear()
+
+    def colors(self) -> frozenset[int]:
+        """What the states count as."""
+        return frozenset(self._colors.values())
+
+    def _following(self, state: State | Machine) -> int:
+        match state:
+            case State(next=following):
+                return -1 if following is None else self.expression(following)
+            case Machine(transitions=transitions):
+                steps = [(t.sources, t.target, self.expression(t.condition)) for t in transitions]
+                return self._table.number("transitions", *steps)
+            case _:
+                assert_never(state)
+
+    # --- declarations ----------------------------------------------------------------------------
+
+    def derived(self, derived: Derived) -> int:
+        """The content of a derived value of the file."""
+        match derived:
+            case Let(name=name):
+                return self._let(name)
+            case State(name=name) | Machine(name=name):
+                return self._table.number("memory", self._colors[name])
+            case _:
+                assert_never(derived)
+
+    def module(self, module: AnyModule) -> int:
+        """The content of a module; the actuator's name is no part of it."""
+        match module:
+            case Module(command=command):
+                fields = () if command is None else tuple(self.expression(e) for e in command.fields)
+                needs = self.needs(module)
+                kept = frozenset(self._colors[s.name] for s in module.states)
+                return self._table.number(
+                    "module", command is None, self.expression(module.when), fields, needs, kept
+                )
+            case PythonModule():
+                reads = tuple((r.name, self.expression(r.expression)) for r in module.reads)
+                params = tuple((n, _written(v)) for n, v in module.params)
+                made = (module.module_path, module.class_name, params, module.rate_ns)
+                return self._table.number("python", made, reads, module.actuator is None)
+            case _:
+                assert_never(module)
+
+    def limit(self, limit: Limit) -> int:
+        """The content of a limit; the actuator's name is no part of it."""
+        condition = -1 if limit.condition is None else self.expression(limit.condition)
+        bound = self.expression(limit.bound)
+        return self._table.number("limit", limit.field_index, limit.relation, bound, condition)
+
+    # --- expressions -----------------------------------------------------------------------------
+
+    def expression(self, e: ir.Expression, loop: Loop = ()) -> int:
+        """The content of an expression within reductions over the variables of `loop`."""
+        match e:
+            case ir.Constant(value=value):
+                return self._table.number("constant", _written(value))
+            case ir.SensorValue(name=name):
+                return self._table.number("sensor", name)
+            case ir.DerivedValue(name=name):
+                return self._let(name)
+            case ir.LocalValue(name=name):
+                return self._local(name)
+            case ir.StateValue(name=name):
+                of_file = name in self._file_level
+                return self._table.number("memory" if of_file else "own memory", self._colors[name])
+            case ir.LoopIndex(name=name):
+                return self._table.number("index", loop[::-1].index(name))
+            case ir.Fresh(name=name, derived=derived):
+                return self._table.number("fresh", self._let(name) if derived else name)
+            case ir.Reduce(condition=condition):
+                inner = (*loop, e.variable)
+                given = -1 if condition is None else self.expression(condition, inner)
+                body = self.expression(e.body, inner)
+                return self._table.number("reduce", e.function.value, e.low, e.high, body, given)
+            case _:
+                parts = (self.expression(child, loop) for child in ir.children(e))
+                return self._table.number(type(e).__name__, *_besides(e), *parts)
+
+    def _let(self, name: str) -> int:
+        if name not in self._known:
+            expression = self._lets[name].expression
+            content = self.expression(expression)
+            remembers = any(isinstance(x, ir.MemoryCall) for x in nodes(expression))
+            self._known[name] = self._table.number("let", content) if remembers else content
+        return self._known[name]
+
+    def _local(self, name: str) -> int:
+        if name not in self._known:
+            self._known[name] = self.expression(self._lets[name].expression)
+        return self._known[name]
+
+    # --- what is needed --------------------------------------------------------------------------
+
+    def needs(self, module: Module) -> frozenset[str]:
+        """The sensors without which a module is silent."""
+        fields = module.command.fields if module.command else ()
+        states = (s.next for s in module.states if s.next is not None)
+        everything = (module.when, *fields, *states, *(let.expression for let in module.lets))
+        return frozenset[str]().union(*(self.needed(e) for e in everything))
+
+    def needed(self, e: ir.Expression) -> frozenset[str]:
+        """The sensors without which an expression is missing."""
+        match e:
+            case ir.SensorValue(name=name):
+                return frozenset() if self._sensors[name].default is not None else frozenset({name})
+            case ir.DerivedValue(name=name) | ir.LocalValue(name=name):
+                if name not in self._needed:
+                    self._needed[name] = self.needed(self._lets[name].expression)
+                return self._needed[name]
+            case ir.ValueOr(other=other):
+                return self.needed(other)
+            case _:
+                return frozenset[str]().union(*(self.needed(child) for child in ir.children(e)))
+
+
+def contents(a: Program, b: Program) -> tuple[Contents, Contents]:
+    """The contents of two programs, which can be compared."""
+    table = Table()
+    both = Contents(a, table), Contents(b, table)
+    classes = 0
+    while len(both[0].colors() | both[1].colors()) > classes:
+        classes = len(both[0].colors() | both[1].colors())
+        for one in both:
+            one.refine()
+    return both
+
+
+def nodes(e: ir.Expression) -> Iterator[ir.Expression]:
+    """An expression and all its parts."""
+    yield e
+    for child in ir.children(e):
+        yield from nodes(child)
+
+
+def _besides(e: ir.Expression) -> tuple[Hashable, ...]:
+    """What makes a node besides its operands."""
+    match e:
+        case ir.UnaryOperation(operator=operator):
+            return (operator.value,)
+        case ir.BinaryOperation(operator=operator):
+            return (operator.value,)
+        case ir.Slice(indices=indices):
+            return (indices,)
+        case ir.Window(reach=reach):
+            return (reach,)
+        case ir.Call(function=function):
+            return (function.value,)
+        case ir.MemoryCall(function=function, duration_ns=duration_ns):
+            return (function.value, duration_ns)
+        case ir.SentField(actuator=actuator, field_index=i):
+            return (actuator, i)
+        case ir.WonBy(actuator=actuator, module=module):
+            return (actuator, module)
+        case ir.IsCommanded(actuator=name) | ir.IsIdle(actuator=name) | ir.IsActive(name=name):
+            return (name,)
+        case _:
+            return ()
+
+
+def _written(value: Value) -> str:
+    """A value such that true is not 1, and 0 not -0."""
+    return repr(value)

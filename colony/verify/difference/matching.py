@@ -1,0 +1,57 @@
+"""Which modules of two programs correspond, for people."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+
+from colony.ir.program import Program
+from colony.verify.difference.compatible import Pair
+from colony.verify.difference.content import contents
+from colony.verify.difference.results import Matching
+
+
+def matching(a: Program, b: Program, compared: Sequence[Pair]) -> Matching:
+    """Pairs of modules with equal contents, those of one name first, and what has no counterpart."""
+    names_a, names_b = _contents(a, b)
+    left = dict(names_b)
+    same: dict[str, str] = {}
+    for by_name in (True, False):
+        for name, content in names_a.items():
+            if name in same:
+                continue
+            candidates = [n for n, c in left.items() if c == content and (n == name or not by_name)]
+            if candidates:
+                same[name] = candidates[0]
+                del left[candidates[0]]
+    changed = tuple(n for n in names_a if n not in same and n in left)
+    return Matching(
+        same=tuple((n, same[n]) for n in names_a if n in same),
+        changed=changed,
+        only_a=tuple(n for n in names_a if n not in same and n not in changed),
+        only_b=tuple(n for n in left if n not in changed),
+        notes=tuple(_notes(a, b, compared)),
+    )
+
+
+def _contents(a: Program, b: Program) -> tuple[dict[str, tuple[str, int]], dict[str, tuple[str, int]]]:
+    """The content of each module and the actuator that it commands."""
+    of_a, of_b = contents(a, b)
+    return (
+        {m.name: (m.actuator or "", of_a.module(m)) for m in a.modules},
+        {m.name: (m.actuator or "", of_b.module(m)) for m in b.modules},
+    )
+
+
+def _notes(a: Program, b: Program, compared: Sequence[Pair]) -> Iterator[str]:
+    """What was not compared."""
+    done_a, done_b = {p.a.name for p in compared}, {p.b.name for p in compared}
+    for title, program, other, done in (("A", a, b, done_a), ("B", b, a, done_b)):
+        there = {x.name for x in other.robot.actuators}
+        for actuator in program.robot.actuators:
+            if actuator.name not in done and actuator.name not in there:
+                yield f"only {title} has the actuator `{actuator.name}`: it is not compared"
+    if a.robot.frame_ns != b.robot.frame_ns:
+        yield (
+            f"the frame period is {a.robot.frame_ns / 1e6:g} ms in A and {b.robot.frame_ns / 1e6:g} ms in B: "
+            "compared is what they make of the same frames"
+        )

@@ -1,0 +1,251 @@
+"""Two programs as one that reads one set of sensors, and has the actuators and networks of both.
+
+What has equal contents in both stands there once: such values and memory are equal in every run, and so are
+such modules and nodes of the network. What is left is for a proof.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
+from typing import assert_never
+
+from colony.ir import expression as ir
+from colony.ir.program import (
+    AnyModule,
+    Chain,
+    Command,
+    Derived,
+    Let,
+    Limit,
+    Machine,
+    Module,
+    Program,
+    PythonModule,
+    Robot,
+    State,
+    Use,
+    Wire,
+    Wiring,
+)
+from colony.verify.difference.content import Contents, contents, nodes
+from colony.verify.difference.rewriting import Rename, rewritten
+
+OF_B = " of B"
+"""What the names of B's own things end with; no name of the language has a blank in it."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Product:
+    """`program` has both networks. `modules` gives what a module of B is called there; `roots` the wire that
+    drives each actuator, by its name there; `limits` the contents of the limits of each field.
+    """
+
+    program: Program
+    modules: dict[str, str]
+    roots: dict[str, str]
+    limits: dict[tuple[str, int], tuple[int, ...]]
+
+
+def product(a: Program, b: Program) -> Product:
+    """Both programs as one, without their contracts and tests."""
+    return _Merger(a, b).run()
+
+
+class _Merger:
+    """Mutable: what the product consists of so far."""
+
+    def __init__(self, a: Program, b: Program) -> None:
+        self._a, self._b = a, b
+        self._contents = contents(a, b)
+        self._derived: list[Derived] = []
+        self._modules: list[AnyModule] = []
+        self._wires: list[Wire] = []
+        self._limits: list[Limit] = []
+        self._bounds: dict[tuple[str, int], tuple[int, ...]] = {}
+        self._names: dict[int, list[str]] = {}
+        self._nodes: dict[tuple[str, str, str, int], str] = {}
+        self._roots: dict[str, str] = {}
+
+    def run(self) -> Product:
+        of_a, of_b = self._contents
+        self._declare(self._a, of_a, "", 0)
+        shift = 1 + max(_cells(self._a), default=0)
+        renamed = self._declare(self._b, of_b, OF_B, shift)
+        program = Program(
+            robot=self._robot(),
+            derived=tuple(self._derived),
+            modules=tuple(self._modules),
+            wires=tuple(self._wires),
+            limits=tuple(self._limits),
+        )
+        modules = {m.name: renamed[m.name] for m in self._b.modules}
+        return Product(program=program, modules=modules, roots=self._roots, limits=self._bounds)
+
+    def _robot(self) -> Robot:
+        sensors = {s.name: s for s in (*self._a.robot.sensors, *self._b.robot.sensors)}
+        actuators = (replace(x, name=x.name + OF_B) for x in self._b.robot.actuators)
+        return replace(
+            self._a.robot,
+            sensors=tuple(sensors.values()),
+            actuators=(*self._a.robot.actuators, *actuators),
+        )
+
+    def _declare(self, program: Program, of: Contents, suffix: str, shift: int) -> dict[str, str]:
+        """Add what is not there already of one program; gives what its names became."""
+        known = {content: tuple(names) for content, names in self._names.items()}
+        renamed: dict[str, str] = {}
+
+        def rename(name: str) -> str:
+            return renamed.get(name, name + suffix)
+
+        for derived in program.derived:
+            content = of.derived(derived)
+            renamed[derived.name] = _called(derived.name, known.get(content, ()), suffix)
+            self._names.setdefault(content, []).append(derived.name)
+        for derived in program.derived:
+            if of.derived(derived) not in known:
+                self._derived.append(_derived(derived, rename, shift))
+        for module in program.modules:
+            content = of.module(module)
+            renamed[module.name] = _called(module.name, known.get(content, ()), suffix)
+            self._names.setdefault(content, []).append(module.name)
+            if content not in known:
+                self._modules.append(_module(module, rename, suffix, shift))
+        for limit in program.limits:
+            actuator = limit.actuator + suffix
+            key = (actuator, limit.field_index)
+            self._bounds[key] = (*self._bounds.get(key, ()), of.limit(limit))
+            self._limits.append(_limit(limit, actuator, rename, shift))
+        self._network(program, renamed, suffix)
+        return renamed
+
+    # --- the network -----------------------------------------------------------------------------
+
+    def _network(self, program: Program, renamed: dict[str, str], suffix: str) -> None:
+        """Every node as a wire of its own; equal nodes are one."""
+        outputs = dict(renamed)
+        for wire in program.wires:
+            root = self._wiring(wire.wiring, outputs)
+            if wire.actuator is None:
+                outputs[wire.name] = root
+            else:
+                name = wire.actuator + suffix
+                self._roots[name] = root
+                self._wires.append(Wire(name=name, wiring=Use(name=root), actuator=name))
+
+    def _wiring(self, wiring: Wiring, outputs: dict[str, str]) -> str:
+        """The module or wire that a wiring is."""
+        if isinstance(wiring, Use):
+            return outputs[wiring.name]
+        inferior = self._wiring(wiring.operands[-1], outputs)
+        for operand, window in zip(reversed(wiring.operands[:-1]), reversed(wiring.windows_ns), strict=True):
+            dominant = self._wiring(operand, outputs)
+            inferior = self._node(wiring.relation, dominant, inferior, window, wiring)
+        return inferior
+
+    def _node(self, relation: str, dominant: str, inferior: str, window: int, like: Chain) -> str:
+        key = (relation, dominant, inferior, window)
+        if key not in self._nodes:
+            name = self._nodes[key] = f"node {len(self._nodes)}"
+            operands = (Use(name=dominant), Use(name=inferior))
+            self._wires.append(Wire(name=name, wiring=replace(like, operands=operands, windows_ns=(window,))))
+        return self._nodes[key]
+
+
+def _called(name: str, alike: Sequence[str], suffix: str) -> str:
+    """The name of one of those with the same content, of that which is called the same if there is one."""
+    if not alike:
+        return name + suffix
+    return name if name in alike else alike[0]
+
+
+# --- declarations with other names -----------------------------------------------------------------
+
+
+def _derived(derived: Derived, rename: Rename, shift: int) -> Derived:
+    name = rename(derived.name)
+    match derived:
+        case Let():
+            return replace(derived, name=name, expression=rewritten(derived.expression, rename, shift))
+        case State():
+            return replace(derived, name=name, next=_optional(derived.next, rename, shift))
+        case Machine():
+            transitions = tuple(
+                replace(t, condition=rewritten(t.condition, rename, shift)) for t in derived.transitions
+            )
+            return replace(derived, name=name, transitions=transitions)
+        case _:
+            assert_never(derived)
+
+
+def _module(module: AnyModule, rename: Rename, suffix: str, shift: int) -> AnyModule:
+    name = rename(module.name)
+    match module:
+        case Module():
+            return replace(
+                module,
+                name=name,
+                lets=tuple(
+                    replace(x, name=rename(x.name), expression=rewritten(x.expression, rename, shift))
+                    for x in module.lets
+                ),
+                states=tuple(
+                    replace(x, name=rename(x.name), next=_optional(x.next, rename, shift))
+                    for x in module.states
+                ),
+                when=rewritten(module.when, rename, shift),
+                command=_command(module.command, rename, suffix, shift),
+            )
+        case PythonModule(actuator=actuator):
+            reads = tuple(replace(r, expression=rewritten(r.expression, rename, shift)) for r in module.reads)
+            return replace(
+                module, name=name, reads=reads, actuator=None if actuator is None else actuator + suffix
+            )
+        case _:
+            assert_never(module)
+
+
+def _command(command: Command | None, rename: Rename, suffix: str, shift: int) -> Command | None:
+    if command is None:
+        return None
+    fields = tuple(rewritten(e, rename, shift) for e in command.fields)
+    return Command(actuator=command.actuator + suffix, fields=fields)
+
+
+def _limit(limit: Limit, actuator: str, rename: Rename, shift: int) -> Limit:
+    bound, condition = rewritten(limit.bound, rename, shift), _optional(limit.condition, rename, shift)
+    return replace(limit, actuator=actuator, bound=bound, condition=condition)
+
+
+def _optional(e: ir.Expression | None, rename: Rename, shift: int) -> ir.Expression | None:
+    return None if e is None else rewritten(e, rename, shift)
+
+
+def _cells(program: Program) -> Iterator[int]:
+    """The cells of all calls of memory functions, those of contracts left out."""
+    for derived in program.derived:
+        match derived:
+            case Let(expression=e):
+                yield from _cells_in(e)
+            case State(next=following):
+                yield from _cells_in(following)
+            case Machine(transitions=transitions):
+                for transition in transitions:
+                    yield from _cells_in(transition.condition)
+            case _:
+                assert_never(derived)
+    for module in program.modules:
+        if isinstance(module, Module):
+            fields = module.command.fields if module.command else ()
+            inside = (*(x.expression for x in module.lets), *(x.next for x in module.states))
+            for expression in (module.when, *fields, *inside):
+                yield from _cells_in(expression)
+    for limit in program.limits:
+        yield from _cells_in(limit.bound)
+        yield from _cells_in(limit.condition)
+
+
+def _cells_in(e: ir.Expression | None) -> Iterator[int]:
+    if e is not None:
+        yield from (x.cell for x in nodes(e) if isinstance(x, ir.MemoryCall))

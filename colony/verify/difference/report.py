@@ -1,0 +1,167 @@
+"""A comparison for people and for other tools: lines of text, and a row for JSON."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import assert_never
+
+from colony.ir.frame import Outcome
+from colony.ir.program import Program
+from colony.verify.contracts.decimals import seconds
+from colony.verify.contracts.report import told
+from colony.verify.contracts.table import aligned, reading, sent
+from colony.verify.difference.results import Different, Matching, Result, Same, Undecided
+
+_MOST_PLACES = 3
+
+
+def lines(a: Program, b: Program, result: Result) -> Iterator[str]:
+    """The verdict, the run that tells the behaviors apart, and which modules correspond."""
+    match result:
+        case Same(by_content=True):
+            yield "the same: they are written alike, names aside"
+        case Same(k=k):
+            how = "frame by frame" if k == 0 else f"by {k}-induction"
+            yield f"the same: in every frame of every run they send the same (proved {how})"
+            yield from _over_reals(result)
+        case Different(snapshots=snapshots):
+            count = "one frame" if len(snapshots) == 1 else f"{len(snapshots)} frames"
+            yield f"DIFFERENT: told apart by {count}"
+            yield from (f"  {line}" for line in _table(a, b, result))
+        case Undecided(because=because, hint=hint):
+            yield "undecided"
+            yield from (f"  {line}" for line in because)
+            yield f"  hint: {hint}"
+        case _:
+            assert_never(result)
+    yield from _matching(result.matching)
+
+
+def _over_reals(result: Same) -> Iterator[str]:
+    for reason in result.over_reals[:_MOST_PLACES]:
+        yield f"  over reals: {told(reason)}"
+    more = len(result.over_reals) - _MOST_PLACES
+    if more > 0:
+        yield f"  over reals: and {more} more"
+
+
+def _matching(matching: Matching) -> Iterator[str]:
+    for mine, other in matching.same:
+        if mine != other:
+            yield f"`{mine}` of A is `{other}` of B"
+    if matching.changed:
+        yield f"changed: {_names(matching.changed)}"
+    if matching.only_a:
+        yield f"only in A: {_names(matching.only_a)}"
+    if matching.only_b:
+        yield f"only in B: {_names(matching.only_b)}"
+    for note in matching.notes:
+        yield f"note: {note}"
+
+
+def _names(names: tuple[str, ...]) -> str:
+    return ", ".join(f"`{name}`" for name in names)
+
+
+# --- the run that tells them apart -----------------------------------------------------------------
+
+
+def _table(a: Program, b: Program, result: Different) -> Iterator[str]:
+    """A line a frame: the time, what is given, and who won and what was sent in A and in B."""
+    sensors = {s.name: s for p in (b, a) for s in p.robot.sensors}
+    given = [n for n in sensors if any(n in x.readings for x in result.snapshots)]
+    answers = list(dict.fromkeys(m for x in result.snapshots for m in x.answers))
+    heads = [f"{name} of {side}" for pair in result.actuators for name, side in zip(pair, "AB", strict=True)]
+    rows = [["time", *given, *(f"{m} answers" for m in answers), *heads]]
+    for snapshot, one, other in zip(result.snapshots, result.a, result.b, strict=True):
+        rows.append(
+            [
+                str(seconds(snapshot.t_ns)),
+                *(reading(sensors[n], snapshot.readings.get(n)) for n in given),
+                *(str(snapshot.answers.get(m, "nothing")) for m in answers),
+                *_sent(a, b, result, one, other),
+            ]
+        )
+    yield from aligned(rows)
+    if result.needed_missing:
+        yield f"missing, and must be: {', '.join(result.needed_missing)}"
+    if len(given) + len(result.needed_missing) < len(sensors):
+        yield "all other sensors: missing (what they give makes no difference)"
+
+
+def _sent(a: Program, b: Program, result: Different, one: Outcome, other: Outcome) -> Iterator[str]:
+    for mine, its in result.actuators:
+        for program, name, outcome in ((a, mine, one), (b, its, other)):
+            actuator = next(x for x in program.robot.actuators if x.name == name)
+            yield sent(actuator, next(d for d in outcome.decisions if d.actuator == name))
+
+
+# --- for other tools -------------------------------------------------------------------------------
+
+
+def row(a: Program, b: Program, result: Result) -> dict[str, object]:
+    """The result as JSON has it."""
+    matching = result.matching
+    made: dict[str, object] = {"verdict": verdict(result)}
+    match result:
+        case Same():
+            made |= {
+                "by": "content" if result.by_content else "induction",
+                "k": result.k,
+                "over_reals": [told(reason) for reason in result.over_reals],
+            }
+        case Different():
+            made |= {
+                "actuators": [{"a": x, "b": y} for x, y in result.actuators],
+                "frames": list(_frames(a, b, result)),
+                "needed_missing": list(result.needed_missing),
+            }
+        case Undecided(because=because, hint=hint):
+            made |= {"because": list(because), "hint": hint}
+        case _:
+            assert_never(result)
+    made["modules"] = {
+        "same": [{"a": x, "b": y} for x, y in matching.same],
+        "changed": list(matching.changed),
+        "only_a": list(matching.only_a),
+        "only_b": list(matching.only_b),
+    }
+    return made | {"notes": list(matching.notes)}
+
+
+def verdict(result: Result) -> str:
+    """One word for what came of it."""
+    match result:
+        case Same():
+            return "same"
+        case Different():
+            return "different"
+        case Undecided():
+            return "undecided"
+        case _:
+            assert_never(result)
+
+
+def _frames(a: Program, b: Program, result: Different) -> Iterator[dict[str, object]]:
+    sensors = {s.name: s for p in (b, a) for s in p.robot.sensors}
+    for snapshot, one, other in zip(result.snapshots, result.a, result.b, strict=True):
+        given = {n: reading(sensors[n], v) for n, v in snapshot.readings.items()}
+        yield {
+            "t": str(seconds(snapshot.t_ns)),
+            "given": given | {f"{m} answers": str(x) for m, x in snapshot.answers.items()},
+            "a": _decisions(a, one),
+            "b": _decisions(b, other),
+        }
+
+
+def _decisions(program: Program, outcome: Outcome) -> dict[str, object]:
+    actuators = {x.name: x for x in program.robot.actuators}
+    return {
+        d.actuator: {
+            "by": d.by,
+            "sent": None
+            if d.values is None
+            else dict(zip((f.name for f in actuators[d.actuator].fields), d.values, strict=True)),
+        }
+        for d in outcome.decisions
+    }

@@ -1,0 +1,79 @@
+"""What lints look at: a program whose nodes and commands have names, and what is known of it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+from colony.ir import expression as ir
+from colony.ir.program import Actuator, Let, Module, Program
+from colony.source import Source, Span
+from colony.verify.difference.content import Contents, Table, nodes
+from colony.verify.lints.network import Network, network
+
+_READING = (ir.SensorValue, ir.DerivedValue, ir.LocalValue, ir.StateValue, ir.Fresh)
+
+
+@dataclass(frozen=True, slots=False, kw_only=True)
+class Case:
+    """`observed` is `program` with a wire for each node, and a let for each field of a module's command
+    (`command_of`); it has no contracts.
+    """
+
+    program: Program
+    observed: Program
+    network: Network
+
+    @cached_property
+    def contents(self) -> Contents:
+        return Contents(self.program, Table())
+
+    @cached_property
+    def actuators(self) -> dict[str, Actuator]:
+        return {a.name: a for a in self.program.robot.actuators}
+
+    @cached_property
+    def modules(self) -> dict[str, Module]:
+        """The modules in the language that reach an actuator."""
+        wired = {m for root in self.network.roots.values() for m in self.network.under(root)}
+        return {m.name: m for m in self.program.modules if isinstance(m, Module) and m.name in wired}
+
+    @cached_property
+    def main(self) -> Source | None:
+        """The file that drives the actuators."""
+        return next((w.span.source for w in self.program.wires if w.actuator is not None), None)
+
+    def is_own(self, span: Span) -> bool:
+        """Whether a place is in that file: what is odd in an imported file is told of that file."""
+        return span.source is self.main
+
+    @cached_property
+    def own_modules(self) -> dict[str, Module]:
+        return {name: m for name, m in self.modules.items() if self.is_own(m.span)}
+
+    def decides(self, module: Module) -> bool:
+        """Whether a module's predicate depends on anything."""
+        return any(isinstance(x, _READING) for x in nodes(module.when))
+
+
+def case_of(program: Program) -> Case:
+    """A program as lints look at it."""
+    wired = network(program)
+    modules = tuple(_observed(m) if isinstance(m, Module) else m for m in program.modules)
+    observed = replace(program, modules=modules, wires=wired.wires, contracts=(), tests=())
+    return Case(program=program, observed=observed, network=wired)
+
+
+def command_of(module: Module, i: int) -> ir.Expression:
+    """The value of field `i` of a module's command, for claims; missing where the module is silent."""
+    assert module.command is not None
+    return ir.LocalValue(type=module.command.fields[i].type, name=f"{module.name}. {i}")
+
+
+def _observed(module: Module) -> Module:
+    if module.command is None:
+        return module
+    fields = module.command.fields
+    shown = tuple(Let(name=f"{module.name}. {i}", expression=e) for i, e in enumerate(fields))
+    values = tuple(command_of(module, i) for i in range(len(fields)))
+    return replace(module, lets=(*module.lets, *shown), command=replace(module.command, fields=values))

@@ -1,0 +1,68 @@
+"""Contract expressions about modules, wires and commands, and names in a sentence."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from functools import reduce
+
+from colony.ir import expression as ir
+from colony.ir.expression import Binary
+from colony.ir.types import BOOL, Scalar, ScalarValue
+
+FALSE = ir.Constant(type=BOOL, value=False)
+TRUE = ir.Constant(type=BOOL, value=True)
+
+
+def active(name: str) -> ir.Expression:
+    """A module or wire puts a command on its output."""
+    return ir.IsActive(type=BOOL, name=name)
+
+
+def won(actuator: str, module: str) -> ir.Expression:
+    return ir.WonBy(type=BOOL, actuator=actuator, module=module)
+
+
+def fresh(sensor: str) -> ir.Expression:
+    return ir.Fresh(type=BOOL, name=sensor, derived=False)
+
+
+def constant(value: ScalarValue, of: Scalar) -> ir.Expression:
+    return ir.Constant(type=of, value=value)
+
+
+def negation(e: ir.Expression) -> ir.Expression:
+    return ir.UnaryOperation(type=BOOL, operator=ir.Unary.NOT, operand=e)
+
+
+def binary(operator: Binary, left: ir.Expression, right: ir.Expression) -> ir.Expression:
+    """An operation that gives a bool."""
+    return ir.BinaryOperation(type=BOOL, operator=operator, left=left, right=right)
+
+
+def implies(left: ir.Expression, right: ir.Expression) -> ir.Expression:
+    return binary(Binary.IMPLIES, left, right)
+
+
+def all_of(some: Iterable[ir.Expression]) -> ir.Expression:
+    return _joined(Binary.AND, list(some), TRUE)
+
+
+def any_of(some: Iterable[ir.Expression]) -> ir.Expression:
+    return _joined(Binary.OR, list(some), FALSE)
+
+
+def _joined(operator: Binary, some: Sequence[ir.Expression], none: ir.Expression) -> ir.Expression:
+    return reduce(lambda a, b: binary(operator, a, b), some) if some else none
+
+
+def named(names: Sequence[str], word: str = "or") -> str:
+    """`` `a`, `b` or `c` ``."""
+    quoted = [f"`{name}`" for name in names]
+    if len(quoted) < 2:
+        return "".join(quoted)
+    return f"{', '.join(quoted[:-1])} {word} {quoted[-1]}"
+
+
+def written(e: ir.Expression) -> str:
+    """The text of an expression, on one line."""
+    return " ".join(e.span.text.split())

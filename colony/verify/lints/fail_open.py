@@ -1,0 +1,189 @@
+"""Robots that drive on when a sensor is missing that only those read who would have stopped them.
+
+A *safeguard* of a module m is one that dominates it somewhere and either inhibits, or, whenever both are
+active, commands some field at idle or on the other side of idle from m, or a speed nearer to idle. The
+evidence is a pair of runs that differ in one sensor of the last frame only: all sensors are there, the
+safeguard is active and m does not win; the sensor is missing, and m wins with a command that is not idle.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from dataclasses import replace
+
+from colony.diagnostics import Diagnostic, warning
+from colony.ir.expression import Binary, Expression
+from colony.ir.program import Actuator, Module
+from colony.ir.types import Quantity
+from colony.units import LENGTH, TIME
+from colony.verify.contracts.results import Snapshot
+from colony.verify.lints.case import Case, command_of
+from colony.verify.lints.claims import (
+    active,
+    all_of,
+    any_of,
+    binary,
+    constant,
+    fresh,
+    implies,
+    named,
+    negation,
+    won,
+)
+from colony.verify.lints.evidence import replayed
+from colony.verify.lints.proof import Prover
+
+_MOVES = "RServer"
+
+
+def _open(module: Module, sensor: str) -> str:
+    return f"open {module.name} {sensor}"
+
+
+def _guarded(module: Module, guard: Module, sensor: str) -> str:
+    return f"guarded {module.name} {guard.name} {sensor}"
+
+
+def _restrains(module: Module, guard: Module, i: int) -> str:
+    return f"restrains {module.name} {guard.name} {i}"
+
+
+def _pairs(case: Case) -> Iterator[tuple[Module, Module, Actuator]]:
+    """A module that moves the robot, one that dominates it somewhere and reads what it does not, and what
+    they command.
+    """
+    for module in case.own_modules.values():
+        actuator = case.actuators.get(module.actuator or "")
+        if actuator is None or actuator.server != _MOVES or actuator.idle is None:
+            continue
+        above = dict.fromkeys(
+            name for node in case.network.above(module.name) for name in case.network.under(node.dominant)
+        )
+        for name in above:
+            guard = case.modules.get(name)
+            if guard is not None and guard is not module and _own_needs(case, module, guard):
+                yield module, guard, actuator
+
+
+def _own_needs(case: Case, module: Module, guard: Module) -> tuple[str, ...]:
+    """The sensors that a guard cannot do without, and the module can."""
+    return tuple(sorted(case.contents.needs(guard) - case.contents.needs(module)))
+
+
+def _unconcerned(case: Case, module: Module, sensor: str) -> tuple[str, ...]:
+    """The modules that dominate a module somewhere whether `sensor` is there or not."""
+    above = dict.fromkeys(
+        name for node in case.network.above(module.name) for name in case.network.under(node.dominant)
+    )
+    needing = {n for n in above if n in case.modules and sensor in case.contents.needs(case.modules[n])}
+    return tuple(name for name in above if name not in needing and name != module.name)
+
+
+def claims(case: Case) -> Iterator[tuple[str, Expression]]:
+    """What a warning rests on: that a module never wins without a sensor while all others are there; that
+    nothing but what reads the sensor keeps it, with all there, from moving the robot; and that a guard
+    restrains it.
+    """
+    there = [s.name for s in case.program.robot.sensors if s.default is None]
+    for module, guard, actuator in _pairs(case):
+        assert actuator.idle is not None
+        wins = won(actuator.name, module.name)
+        for sensor in _own_needs(case, module, guard):
+            only = (negation(fresh(s)) if s == sensor else fresh(s) for s in there)
+            yield _open(module, sensor), negation(all_of((*only, wins)))
+        moves = any_of(
+            binary(Binary.NOT_EQUAL, command_of(module, i), constant(idle, actuator.fields[i].type))
+            for i, idle in enumerate(actuator.idle)
+        )
+        held = (*(fresh(s) for s in there), active(module.name), active(guard.name), negation(wins), moves)
+        for sensor in _own_needs(case, module, guard):
+            others = (negation(active(name)) for name in _unconcerned(case, module, sensor))
+            yield _guarded(module, guard, sensor), negation(all_of((*held, *others)))
+        for i in range(len(actuator.fields)):
+            if guard.command is not None:
+                yield _restrains(module, guard, i), _restrained(module, guard, actuator, i)
+
+
+def told(case: Case, prover: Prover) -> Iterator[Diagnostic]:
+    found: dict[tuple[str, str], list[str]] = {}
+    shut: dict[str, bool] = {}
+    for module, guard, actuator in _pairs(case):
+        sensors = []
+        for sensor in _own_needs(case, module, guard):
+            name = _open(module, sensor)
+            if name not in shut:
+                shut[name] = prover.holds(name)
+            sensors += [] if shut[name] else [sensor]
+        fields = _guards(case, module, guard, actuator, prover) if sensors else frozenset[int]()
+        for sensor in sensors if fields else ():
+            trace = prover.refuted(_guarded(module, guard, sensor))
+            moving = set[int]() if trace is None else _moved(case, module, actuator, sensor, trace.snapshots)
+            if fields & moving:
+                found.setdefault((module.name, sensor), []).append(guard.name)
+    yield from _warnings(case, found)
+
+
+def _moved(
+    case: Case, module: Module, actuator: Actuator, sensor: str, snapshots: tuple[Snapshot, ...]
+) -> set[int]:
+    """The fields that are not idle when the module wins the last frame without `sensor`."""
+    last = snapshots[-1]
+    without = replace(last, readings={n: v for n, v in last.readings.items() if n != sensor})
+    outcome = replayed(case.program, (*snapshots[:-1], without))[-1]
+    decision = next(d for d in outcome.decisions if d.actuator == actuator.name)
+    if decision.by != module.name or decision.fault or decision.values is None or actuator.idle is None:
+        return set()
+    idle = (
+        x if isinstance(x, bool) else x / f.factor
+        for x, f in zip(actuator.idle, actuator.fields, strict=True)
+    )
+    return {i for i, (x, y) in enumerate(zip(decision.values, idle, strict=True)) if x != y}
+
+
+def _guards(case: Case, module: Module, guard: Module, actuator: Actuator, prover: Prover) -> frozenset[int]:
+    """The fields against which `guard` is a safeguard of `module`."""
+    fields = range(len(actuator.fields))
+    for node in case.network.above(module.name):
+        if node.relation == "inhibits" and guard.name in case.network.under(node.dominant):
+            return frozenset(fields)
+    if guard.command is None:
+        return frozenset()
+    return frozenset(i for i in fields if prover.proved([_restrains(module, guard, i)]))
+
+
+def _restrained(module: Module, guard: Module, actuator: Actuator, i: int) -> Expression:
+    """That whenever both are active, the guard's field is at idle, beyond it, or (a speed) nearer to it."""
+    assert actuator.idle is not None
+    kind = actuator.fields[i].type
+    idle, its, own = constant(actuator.idle[i], kind), command_of(guard, i), command_of(module, i)
+    speed = isinstance(kind, Quantity) and kind.dimension == LENGTH.over(TIME)
+    less, more = (Binary.LESS, Binary.GREATER) if speed else (Binary.LESS_EQUAL, Binary.GREATER_EQUAL)
+    bound = own if speed else idle
+    return implies(
+        all_of((active(module.name), active(guard.name))),
+        all_of(
+            (
+                implies(binary(Binary.GREATER, own, idle), binary(less, its, bound)),
+                implies(binary(Binary.LESS, own, idle), binary(more, its, bound)),
+            )
+        ),
+    )
+
+
+def _warnings(case: Case, found: Mapping[tuple[str, str], list[str]]) -> Iterator[Diagnostic]:
+    """One for each module and set of guards."""
+    by_guards: dict[tuple[str, tuple[str, ...]], list[str]] = {}
+    for (module, sensor), guards in found.items():
+        by_guards.setdefault((module, tuple(guards)), []).append(sensor)
+    for (module, who), sensors in by_guards.items():
+        one = len(who) == 1
+        what = "them" if len(sensors) > 1 else "it"
+        silent = f"which {'reads' if one else 'read'} {what}, {'is' if one else 'are'} silent then"
+        present = " and ".join(f"fresh({s})" for s in sensors)
+        condition = f"not {present}" if len(sensors) == 1 else f"not ({present})"
+        yield warning(
+            "V030",
+            case.modules[module].span,
+            f"with {named(sensors)} missing, `{module}` can drive: {named(who, 'and')}, {silent}",
+            f"wire a module `when {condition}` that inhibits `{module}`",
+        )

@@ -1,0 +1,66 @@
+"""Inhibitors and time constants that change nothing."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Set
+
+from colony.diagnostics import Diagnostic, warning
+from colony.ir.expression import Expression
+from colony.verify.lints.case import Case
+from colony.verify.lints.claims import active, all_of, implies, named, negation
+from colony.verify.lints.network import Node
+from colony.verify.lints.predicates import never
+from colony.verify.lints.shadows import shadowed
+
+
+def _idle(node: Node) -> str:
+    return f"inhibits nothing {node.name}"
+
+
+def _timeless(node: Node) -> str:
+    return f"no time {node.name}"
+
+
+def claims(case: Case) -> Iterator[tuple[str, Expression]]:
+    """Of each inhibitor that what it inhibits gets through whenever it is active; of each time constant that
+    it does so whenever the dominant side is not active.
+
+    A suppressor whose sides exclude each other merges them, and that is good use.
+    """
+    for node in _own(case):
+        passes = active(node.name)
+        if node.relation == "inhibits":
+            yield _idle(node), implies(active(node.inferior), passes)
+        if node.window_ns:
+            waiting = all_of((active(node.inferior), negation(active(node.dominant))))
+            yield _timeless(node), implies(waiting, passes)
+
+
+def _own(case: Case) -> Iterator[Node]:
+    for node in case.network.nodes.values():
+        if case.is_own(node.span):
+            yield node
+
+
+def told(case: Case, proved: Set[str]) -> Iterator[Diagnostic]:
+    for node in _own(case):
+        sides = [case.network.under(node.dominant), case.network.under(node.inferior)]
+        if any(all(never(m) in proved or shadowed(m) in proved for m in side) for side in sides):
+            continue  # said of the modules
+        dominant, inferior = (named(side, "and") for side in sides)
+        are = "is" if len(sides[1]) == 1 else "are"
+        if _idle(node) in proved:
+            yield warning(
+                "V023",
+                node.span,
+                f"`{node.text}` changes nothing: where {dominant} would inhibit, {inferior} {are} not active",
+                "leave the inhibitor out, or correct a predicate",
+            )
+        elif _timeless(node) in proved:
+            yield warning(
+                "V024",
+                node.span,
+                f"the time constant of `{node.text}` changes nothing: within {node.window_ns / 1e9:g} s "
+                f"after {dominant}, {inferior} {are} not active",
+                "leave the time constant out, or correct a predicate",
+            )

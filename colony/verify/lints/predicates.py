@@ -1,0 +1,53 @@
+"""Predicates that never hold, or always do, whatever the sensors give."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Set
+
+from colony.diagnostics import Diagnostic, warning
+from colony.ir.expression import Expression
+from colony.verify.lints.case import Case
+from colony.verify.lints.claims import active, all_of, fresh, implies, negation, written
+
+
+def never(module: str) -> str:
+    """The name of the claim that a module is never active."""
+    return f"never {module}"
+
+
+def always(module: str) -> str:
+    return f"always {module}"
+
+
+def claims(case: Case) -> Iterator[tuple[str, Expression]]:
+    """Of each module that it is never active; if its predicate depends on anything, that it always is."""
+    for name, module in case.modules.items():
+        yield never(name), negation(active(name))
+        if case.is_own(module.span) and case.decides(module):
+            there = all_of(fresh(s) for s in sorted(case.contents.needs(module)))
+            yield always(name), implies(there, active(name))
+
+
+def told(case: Case, proved: Set[str]) -> Iterator[Diagnostic]:
+    for name, module in case.own_modules.items():
+        if not case.decides(module):
+            continue
+        predicate = written(module.when)
+        if never(name) in proved:
+            yield warning(
+                "V021",
+                module.when.span,
+                f"`{name}` is never active: its predicate `{predicate}` is false whatever the sensors give",
+                "correct the predicate: compare it with the ranges of the sensors that it reads",
+            )
+        elif always(name) in proved:
+            needed = sorted(case.contents.needs(module))
+            while_ = f" while {', '.join(f'`{s}`' for s in needed)} is there" if len(needed) == 1 else ""
+            while_ = while_ or (" while all that it reads is there" if needed else "")
+            yield warning(
+                "V022",
+                module.when.span,
+                f"`{name}` is always active{while_}: its predicate `{predicate}` is true whatever the "
+                "sensors give",
+                "write `when true` if that is meant; else correct the predicate",
+            )

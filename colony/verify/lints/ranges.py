@@ -1,0 +1,89 @@
+"""Commands that can leave the range of their actuator."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+from colony.diagnostics import Diagnostic, warning
+from colony.ir import expression as ir
+from colony.ir.expression import Binary, Expression
+from colony.ir.frame import Record
+from colony.ir.program import ActuatorField, Module
+from colony.ir.types import ScalarValue
+from colony.verify.interpreter import Interpreter
+from colony.verify.interpreter_boundary import clamp
+from colony.verify.lints.case import Case, command_of
+from colony.verify.lints.claims import any_of, binary, constant, implies, negation, won
+from colony.verify.lints.proof import Prover
+
+
+def _name(module: Module, field: ActuatorField) -> str:
+    return f"range {module.name} {field.name}"
+
+
+def _fields(case: Case) -> Iterator[tuple[Module, str, int, ActuatorField]]:
+    for module in case.own_modules.values():
+        if module.command is not None and module.actuator is not None:
+            for i, field in enumerate(case.actuators[module.actuator].fields):
+                if _is_open(module, i, field):
+                    yield module, module.actuator, i, field
+
+
+def _is_open(module: Module, i: int, field: ActuatorField) -> bool:
+    """Whether a field has a range, and its command is not plainly within it."""
+    if field.low is None and field.high is None:
+        return False
+    e = module.command.fields[i] if module.command else None
+    if not isinstance(e, ir.Constant):
+        return True
+    return clamp(e.value, field.low, field.high) != e.value if isinstance(e.value, float) else False
+
+
+def claims(case: Case) -> Iterator[tuple[str, Expression]]:
+    """That a field of a command is within its range when the module wins."""
+    for module, actuator, i, field in _fields(case):
+        value = command_of(module, i)
+        beyond = []
+        if field.low is not None:
+            beyond.append(binary(Binary.LESS, value, constant(field.low, field.type)))
+        if field.high is not None:
+            beyond.append(binary(Binary.GREATER, value, constant(field.high, field.type)))
+        yield _name(module, field), implies(won(actuator, module.name), negation(any_of(beyond)))
+
+
+def told(case: Case, prover: Prover) -> Iterator[Diagnostic]:
+    """A warning where a run was clamped, as the interpreter recorded it."""
+    for module, actuator, i, field in _fields(case):
+        trace = prover.refuted(_name(module, field))
+        clamped = Record("command clamped", f"{actuator}.{field.name}")
+        if trace is None or clamped not in trace.outcomes[-1].records:
+            continue
+        interpreter = Interpreter(case.observed)
+        for snapshot in trace.snapshots:
+            interpreter.step_in_base_units(snapshot.t_ns, snapshot.readings)
+        value = interpreter.value_of(command_of(module, i))
+        assert isinstance(value, float)
+        assert module.command is not None
+        yield _warning(module.name, actuator, field, value, module.command.fields[i])
+
+
+def _warning(module: str, actuator: str, field: ActuatorField, value: float, e: ir.Expression) -> Diagnostic:
+    low, high = (_shown(x, field) for x in (field.low, field.high))
+    if field.low is not None and field.high is not None:
+        bounds, mend = f"its range is {low} .. {high}", f"`clamp(..., {low}, {high})`"
+    elif field.high is not None:
+        bounds, mend = f"it is at most {high}", f"`min(..., {high})`"
+    else:
+        bounds, mend = f"it is at least {low}", f"`max(..., {low})`"
+    return warning(
+        "V025",
+        e.span,
+        f"`{module}` can command {actuator}.{field.name} = {_shown(value, field)}; {bounds}, and what is "
+        "beyond is clamped",
+        f"write {mend} if that is meant; else correct the command, or the range",
+    )
+
+
+def _shown(x: ScalarValue | None, field: ActuatorField) -> str:
+    """A value in the declared unit."""
+    return "" if x is None else f"{x / field.factor:.6g}{f' {field.unit}' if field.unit else ''}"

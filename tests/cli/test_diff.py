@@ -1,0 +1,119 @@
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import pytest
+
+from tests.cli.conftest import ROOT, Colony
+from tests.verify.difference.programs import ROBOT, go
+
+ROAM = (
+    go("cruise", "true")
+    + go("avoid", "sonar < 1 m", "80 mm/s")
+    + "network { drive = avoid suppresses cruise }\n"
+)
+
+
+@pytest.fixture
+def a(tmp_path: Path) -> Path:
+    path = tmp_path / "a.colony"
+    path.write_text(ROBOT + ROAM)
+    return path
+
+
+@pytest.fixture
+def b(tmp_path: Path) -> Path:
+    path = tmp_path / "b.colony"
+    path.write_text(ROBOT + ROAM.replace("avoid", "dodge").replace("1 m ", "1001 mm "))
+    return path
+
+
+def test_the_same_but_for_names(colony: Colony, a: Path, b: Path) -> None:
+    b.write_text(ROBOT + ROAM.replace("avoid", "dodge"))
+    code, out, err = colony("diff", a, b)
+    assert (code, err) == (0, "")
+    assert out.splitlines() == [
+        f"A is {a}, B is {b}",
+        "the same: they are written alike, names aside",
+        "`avoid` of A is `dodge` of B",
+    ]
+
+
+def test_a_difference_is_shown_frame_by_frame(colony: Colony, a: Path, b: Path) -> None:
+    code, out, _ = colony("diff", a, b)
+    assert code == 1
+    head, verdict, columns, frame, rest, *matching = out.splitlines()
+    assert head == f"A is {a}, B is {b}"
+    assert verdict == "DIFFERENT: told apart by one frame"
+    assert columns.split() == ["time", "sonar", "drive", "of", "A", "drive", "of", "B"]
+    assert "by cruise: velocity = 300 mm/s, turn = 0 deg/s" in frame
+    assert "by dodge: velocity = 80 mm/s, turn = 0 deg/s" in frame
+    assert "1000 mm" in frame
+    assert rest == "  all other sensors: missing (what they give makes no difference)"
+    assert matching == ["only in A: `avoid`", "only in B: `dodge`"]
+
+
+def test_json(colony: Colony, a: Path, b: Path) -> None:
+    code, out, _ = colony("diff", "--format", "json", a, b)
+    made = json.loads(out)
+    assert code == 1
+    assert (made["a"], made["b"], made["verdict"]) == (str(a), str(b), "different")
+    assert made["frames"] == [
+        {
+            "t": "0 s",
+            "given": {"sonar": "1000 mm"},
+            "a": {
+                "drive": {"by": "cruise", "sent": {"velocity": 300.0, "turn": 0.0}},
+                "lamp": {"by": None, "sent": None},
+            },
+            "b": {
+                "drive": {"by": "dodge", "sent": {"velocity": 80.0, "turn": 0.0}},
+                "lamp": {"by": None, "sent": None},
+            },
+        }
+    ]
+    assert made["modules"] == {
+        "same": [{"a": "cruise", "b": "cruise"}],
+        "changed": [],
+        "only_a": ["avoid"],
+        "only_b": ["dodge"],
+    }
+
+
+def test_what_is_ignored_makes_no_difference(colony: Colony, a: Path, b: Path) -> None:
+    assert colony("diff", "--ignore", "drive.velocity", a, b).code == 0
+    assert colony("diff", "--ignore", "avoid", "--ignore", "dodge", a, b).code == 0
+    code, out, err = colony("diff", "--ignore", "dodgy", a, b)
+    assert (code, out) == (2, "")
+    assert "error[V040]: `dodgy` is no actuator, field or module of either behavior" in err
+    assert "did you mean `dodge`?" in err
+
+
+def test_actuators_of_other_names(colony: Colony) -> None:
+    figure = ROOT / "behaviors" / "figure_4_14.colony"
+    assert colony("diff", "--actuator", "left=right", figure, figure).code == 0
+    code, _, err = colony("diff", "--actuator", "left", figure, figure)
+    assert code == 2
+    assert "`left` is no pair of actuators" in err
+    assert colony("diff", "--actuator", "left=rihgt", figure, figure).code == 2
+
+
+def test_what_cannot_be_decided_has_an_exit_code_of_its_own(colony: Colony, a: Path, b: Path) -> None:
+    python = 'module p from python "nowhere:Nothing" { param gain = %s reads sonar commands drive }\n'
+    for path, gain in ((a, "1"), (b, "2")):
+        path.write_text(ROBOT + python % gain + "network { drive = p }\n")
+    code, out, _ = colony("diff", a, b)
+    assert code == 3
+    assert out.splitlines()[1] == "undecided"
+    assert "modules in Python" in out
+
+
+def test_bad_files_and_other_robots_are_misuse(colony: Colony, a: Path, b: Path) -> None:
+    assert colony("diff", a, a.parent / "none.colony").code == 2
+    b.write_text(b.read_text().replace("range 0 .. 10000", "range 0 .. 100"))
+    code, _, err = colony("diff", a, b)
+    assert code == 2
+    assert "error[V041]: sensor `sonar` has the range 0 mm .. 100 mm, expected 0 mm .. 10000 mm" in err
+    b.write_text("robot")
+    assert colony("diff", a, b).code == 2

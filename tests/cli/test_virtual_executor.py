@@ -1,0 +1,162 @@
+"""The runtime in virtual time as an executor, and under faults: it does what the reference does, and a known
+mistake in it is found."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Callable
+from dataclasses import replace
+from functools import cache
+from pathlib import Path
+from random import Random
+
+import pytest
+
+from colony.cli.virtual_executor import VirtualExecutor
+from colony.cli.virtual_faults import with_faults
+from colony.compile.pipeline import Compiled, compile_program
+from colony.dsl.load import load_file
+from colony.ir.frame import Frame
+from colony.runtime.arbitration import Arbiter
+from colony.runtime.assembly import Assembled, FrameAssembler
+from colony.runtime.servers.publishing import Publisher
+from colony.verify.agreement import disagreement, reference
+from colony.verify.strategies import run_of_seed
+from colony.verify.strategies_drawing import Choices
+from colony.verify.strategies_frames import draw_trace
+from tests.verify.stepping import program
+
+ROOT = Path(__file__).parent.parent.parent
+RUNTIME = {"runtime": VirtualExecutor}
+
+
+@cache
+def compiled(name: str) -> Compiled:
+    return compile_program(load_file(ROOT / "behaviors" / f"{name}.colony"))
+
+
+def trace_of(name: str, seed: int, frames: int = 8) -> tuple[Frame, ...]:
+    return draw_trace(Choices(Random(seed)), compiled(name).program, frames)
+
+
+@pytest.mark.parametrize("seed", range(12))
+def test_drawn_programs(seed: int) -> None:
+    of, trace = run_of_seed(seed, network=seed % 2 == 0)
+    found = disagreement(of, trace, RUNTIME)
+    assert found is None, str(found)
+
+
+def test_one_robot_goes_through_many_traces_each_from_initial_memory() -> None:
+    executor = VirtualExecutor(compiled("wander"), seed=3)
+    winners = Counter[str | None]()
+    for seed in range(12):
+        trace = trace_of("wander", seed)
+        executor.restart()
+        found = [executor.step(frame) for frame in trace]
+        assert repr(tuple(found)) == repr(reference(compiled("wander").program, trace))
+        winners.update(o.decisions[0].by for o in found)
+    assert len(winners) > 3
+
+
+def test_traces_may_take_centuries_together() -> None:
+    executor = VirtualExecutor(compiled("wander"))
+    first, *_ = trace_of("wander", 1)
+    century_ns = 100 * 365 * 86_400 * 10**9
+    trace = (first, first._replace(t_ns=first.t_ns + century_ns // 4))
+    for _ in range(26):
+        executor.restart()
+        assert repr(tuple(map(executor.step, trace))) == repr(reference(compiled("wander").program, trace))
+
+
+def test_a_frame_that_is_not_decided_is_a_disagreement(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(Arbiter, "receive", lambda *_: ())
+    found = disagreement(compiled("wander").program, trace_of("wander", 1), RUNTIME)
+    assert found is not None
+    assert "Undecided" in str(found.found)
+
+
+# --- faults ------------------------------------------------------------------------------------------
+
+
+COUNTS = """
+module sum  { state n = 0  next n = n + x  when true  do base(speed = n * 1 mm/s, turn = 0) }
+module also { when held(a, 300 ms)  do out(v = value_or(previous(x, 0), -1)) }
+network { base = sum  out = also }
+"""
+"""What it commands shows every frame that was missed, invented, or seen twice."""
+
+
+def broken(of: Compiled, seeds: int) -> str | None:
+    """What is said of the first run with faults that goes wrong."""
+    for seed in range(seeds):
+        trace = tuple(
+            Frame(i, {"x": float(i + 1), "a": i % 3 == 0 if i % 7 else None}) for i in range(5 + seed % 20)
+        )
+        found = with_faults(of, trace, seed)
+        if found is not None:
+            return str(found)
+    return None
+
+
+def test_no_command_leaves_that_the_reference_would_not_have_sent() -> None:
+    assert broken(compile_program(program(COUNTS)), 60) is None
+
+
+@pytest.mark.parametrize("name", ["teleop", "figure_4_14"])
+def test_neither_in_behaviors(name: str) -> None:
+    for seed in range(8):
+        found = with_faults(compiled(name), trace_of(name, seed), seed)
+        assert found is None, f"seed {seed}: {found}"
+
+
+@pytest.mark.parametrize("number", [3, 223])
+def test_what_nobody_can_tell_of_modules_in_python_is_not_judged(number: int) -> None:
+    """Who tells others of a module in Python is down: with `degrade` it is not active for them."""
+    of, trace = run_of_seed(number, max_frames=16)
+    actuators = tuple(replace(a, on_loss="degrade") for a in of.robot.actuators)
+    of = replace(of, robot=replace(of.robot, actuators=actuators))
+    found = with_faults(compile_program(of), trace, number * 7)
+    assert found is None, str(found)
+
+
+def epochs_ignored(patch: pytest.MonkeyPatch) -> None:
+    """Memory goes on where it should begin anew."""
+    patch.setattr(Assembled, "restart", property(lambda self: False))
+
+
+def frames_skipped(patch: pytest.MonkeyPatch) -> None:
+    """A reader that is behind leaves frames out."""
+    take = FrameAssembler.take
+
+    def wrong(self: FrameAssembler, message: object) -> object:
+        effects = take(self, message)  # type: ignore[arg-type]
+        if self.latest - self.next >= 3:
+            self.skip()
+            self._next = self.latest
+        return effects
+
+    patch.setattr(FrameAssembler, "take", wrong)
+
+
+def frames_invented(patch: pytest.MonkeyPatch) -> None:
+    """A server that was started anew says "no value" for frames that the dead one may have published."""
+    handle = Publisher.handle
+
+    def wrong(self: Publisher, message: object) -> object:
+        if self._since is not None:
+            self._forgotten = -1
+        return handle(self, message)  # type: ignore[arg-type]
+
+    patch.setattr(Publisher, "handle", wrong)
+
+
+@pytest.mark.parametrize("bug", [epochs_ignored, frames_skipped, frames_invented])
+def test_known_bugs_are_found(
+    bug: Callable[[pytest.MonkeyPatch], None], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    bug(monkeypatch)
+    of = compile_program(program(COUNTS))
+    said = broken(of, 300)
+    assert said is not None
+    assert said == broken(of, 300)
+    assert "with faults: " in said or "a process raised" in said

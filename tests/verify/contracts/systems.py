@@ -1,0 +1,75 @@
+"""Transition systems built by hand: small enough to know all about them."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import z3
+
+from colony.ir.program import Program, Robot
+from colony.verify.symbolic.graph import Graph
+from colony.verify.symbolic.system import Cell, Claim, Fact, FactKind, System
+
+NOW, LAST, BEGUN = z3.Int("now"), z3.Int("last"), z3.Bool("begun")
+TRUE = z3.BoolVal(True)
+
+
+def system(
+    cells: Sequence[Cell],
+    claims: dict[str, z3.BoolRef],
+    definitions: Sequence[tuple[z3.ExprRef, z3.BoolRef]] = (),
+) -> System:
+    """A system with a clock, these cells and contracts; `definitions` are constants with their facts."""
+    clock = z3.And(z3.Implies(BEGUN, NOW > LAST), z3.Implies(z3.Not(BEGUN), NOW == 0))
+    facts = [Fact(FactKind.ASSUMPTION, NOW, clock)]
+    facts += [Fact(FactKind.DEFINITION, about, formula) for about, formula in definitions]
+    by_id: dict[int, tuple[Fact, ...]] = {}
+    for fact in facts:
+        by_id[fact.about.get_id()] = (*by_id.get(fact.about.get_id(), ()), fact)
+    return System(
+        program=Program(robot=Robot(name="r")),
+        now=NOW,
+        begun=BEGUN,
+        last=LAST,
+        sensors={},
+        python={},
+        cells=(
+            Cell(name="begun", old=BEGUN, next=TRUE, initial=z3.BoolVal(False)),
+            Cell(name="last", old=LAST, next=NOW, initial=z3.IntVal(0)),
+            *cells,
+        ),
+        assumptions=(clock,),
+        definitions=tuple(formula for _, formula in definitions),
+        invariants=(),
+        auxiliaries=(),
+        facts=by_id,
+        inexact={},
+        graph=Graph(),
+        derived={},
+        states={},
+        locals={},
+        modules={},
+        active={},
+        nodes=(),
+        actuators={},
+        claims=tuple(Claim(name=name, speaks=TRUE, holds=holds) for name, holds in claims.items()),
+    )
+
+
+def counter(limit: int | None = None) -> Cell:
+    """`count` goes up by one each frame in which the input `tick` is true; at `limit` it begins anew."""
+    count, tick = z3.Int("count"), z3.Bool("tick")
+    following = z3.If(tick, count + 1, count)
+    if limit is not None:
+        following = z3.If(following == limit, 0, following)
+    return Cell(name="count", old=count, next=following, initial=z3.IntVal(0))
+
+
+def delay(*names: str) -> list[Cell]:
+    """A flag for each name: the first is what the input `tick` was, each other what the one before it was."""
+    flags = [z3.Bool(name) for name in names]
+    befores = [z3.Bool("tick"), *flags]
+    return [
+        Cell(name=name, old=flag, next=before, initial=z3.BoolVal(False))
+        for name, flag, before in zip(names, flags, befores, strict=False)
+    ]

@@ -1,0 +1,84 @@
+"""A written test is a test of the language, and its frames are the counterexample's."""
+
+from __future__ import annotations
+
+import pytest
+
+from colony.ir.types import Value
+from colony.verify.contracts.example_block import example_block
+from colony.verify.contracts.replay import Replay
+from colony.verify.contracts.results import Snapshot, Trace
+from colony.verify.examples import run_examples
+from tests.verify.contracts.behaviors import program
+
+RAYS = (1000.0, 2000.0, 3000.0, 4000.0, 5000.0, 6000.0)
+
+
+def trace(*frames: dict[str, Value]) -> Trace:
+    return Trace(
+        snapshots=tuple(Snapshot(t_ns=i * 50_000_000, readings=f) for i, f in enumerate(frames)), outcomes=()
+    )
+
+
+def block(*frames: dict[str, Value]) -> str | None:
+    return example_block(program("contract c: true"), "c", trace(*frames))
+
+
+def steps(*frames: dict[str, Value]) -> list[str]:
+    text = block(*frames)
+    assert text is not None
+    assert text.startswith('test "counterexample: c" {\n')
+    return [line.strip() for line in text.splitlines()[1:-1]]
+
+
+def test_only_what_changes_is_given() -> None:
+    assert steps({"bump": True, "far": 500.0}, {"bump": True, "far": 1500.0}, {"bump": True}) == [
+        "at 0 s given far = 0.5 m, bump = true",
+        "at 0.05 s given far = 1.5 m",
+        "at 0.1 s given far = missing",
+    ]
+
+
+def test_enumerators_are_named() -> None:
+    assert steps({"want": 76.0}) == ["at 0 s given want = goal.light"]
+
+
+def test_arrays_are_one_value_with_exceptions_or_element_by_element() -> None:
+    few = (1000.0, 1000.0, 250.0, 1000.0, 1000.0, 1000.0)
+    assert steps({"rays": few}) == ["at 0 s given rays = 1 m, rays[2] = 0.25 m"]
+    assert steps({"rays": few}, {"rays": (1000.0,) * 6})[1] == "at 0.05 s given rays[2] = 1 m"
+    assert steps({"rays": RAYS}) == [
+        "at 0 s given rays = 1 m, rays[1] = 2 m, rays[2] = 3 m, rays[3] = 4 m, rays[4] = 5 m, rays[5] = 6 m"
+    ]
+
+
+def test_an_infinite_reading_cannot_be_written() -> None:
+    assert block({"x": float("inf")}) is None
+
+
+def test_answers_of_python_modules_cannot_be_written() -> None:
+    made = Trace(snapshots=(Snapshot(t_ns=0, answers={"guess": (1.0,)}),), outcomes=())
+    assert example_block(program("contract c: true"), "c", made) is None
+
+
+@pytest.mark.parametrize(
+    ("contract", "frames"),
+    [
+        ("not (min(rays) < 2 m and bump)", [{"rays": RAYS}, {"rays": RAYS, "bump": True}]),
+        ("not falling(bump)", [{"bump": True}, {"bump": False}]),
+        ("want != goal.corner", [{"want": 67.0}]),
+        ("fresh(x) or not previous(fresh(x), false)", [{"x": -0.1}, {}]),
+        ("x < 0.30000000000000004", [{"x": 0.30000000000000004}]),
+        ("slope < 57.29577951308233 deg", [{"slope": 57.29577951308233}]),
+    ],
+)
+def test_the_written_test_breaks_the_contract_where_the_trace_does(
+    contract: str, frames: list[dict[str, Value]]
+) -> None:
+    made = program(f"contract c: {contract}")
+    found = trace(*frames)
+    assert Replay(made, "c").breaks(found.snapshots)
+    text = example_block(made, "c", found)
+    assert text is not None
+    [result] = run_examples(program(f"contract c: {contract}\n{text}"))
+    assert [(f.kind, f.t_ns) for f in result.failures] == [("contract broken", found.snapshots[-1].t_ns)]

@@ -1,0 +1,65 @@
+"""What is kept of guesses is invariant, and it is as much as can be kept."""
+
+from __future__ import annotations
+
+import z3
+
+from colony.verify.contracts.candidates import Candidate, candidates
+from colony.verify.contracts.cone import cone_of
+from colony.verify.contracts.houdini import Invariants, invariants
+from colony.verify.contracts.results import Options
+from colony.verify.contracts.solver import Budget
+from colony.verify.symbolic.system import System
+from tests.verify.contracts.systems import LAST, counter, delay, system
+
+A, B, COUNT = z3.Bool("a"), z3.Bool("b"), z3.Int("count")
+
+
+def kept(made: System, *guesses: Candidate, options: Options | None = None) -> Invariants:
+    claim = made.claims[0]
+    return invariants(cone_of(made, claim), guesses, made.claims, [], Budget(options or Options()))
+
+
+def test_guesses_that_hold_only_together_are_kept() -> None:
+    made = system([counter(3)], {"low": COUNT < 3})
+    low, high = Candidate("low", COUNT >= 0), Candidate("high", COUNT < 3)
+    assert kept(made, low, high).of_memory == (low, high)
+
+
+def test_a_guess_falls_with_the_one_that_it_rests_on() -> None:
+    made = system(delay("a", "b"), {"b": z3.Not(B)})
+    assert kept(made, Candidate("b", z3.Not(B)), Candidate("a", z3.Not(A))).of_memory == ()
+
+
+def test_contracts_that_follow_are_told() -> None:
+    made = system([counter(3)], {"low": COUNT < 3, "lower": COUNT < 2})
+    found = kept(made, Candidate("high", COUNT < 3), Candidate("low", COUNT >= 0))
+    assert [c.name for c in found.claims] == ["low"]
+
+
+def test_nothing_is_kept_that_could_not_be_shown() -> None:
+    made = system([counter(3)], {"low": COUNT < 3})
+    tiny = Options(resources=1)
+    assert kept(made, Candidate("high", COUNT < 3), options=tiny) == Invariants((), ())
+
+
+def test_templates_find_the_bounds_of_a_counter() -> None:
+    made = system([counter(3)], {"low": COUNT < 3})
+    cone = cone_of(made, made.claims[0])
+    guesses = candidates(cone, made.claims)
+    found = kept(made, *guesses)
+    solver = z3.Solver()
+    solver.add(*(c.holds for c in found.of_memory), z3.Not(z3.And(COUNT >= 0, COUNT < 3)))
+    assert solver.check() == z3.unsat
+    assert [c.name for c in found.claims] == ["low"]
+
+
+def test_a_remembered_time_is_not_later_than_the_last_frame() -> None:
+    from colony.verify.symbolic.system import Cell
+    from tests.verify.contracts.systems import NOW
+
+    since = z3.Int("since")
+    stamp = Cell(name="since", old=since, next=z3.If(z3.Bool("tick"), NOW, since), initial=z3.IntVal(0))
+    made = system([stamp], {"past": since <= LAST})
+    found = kept(made, *candidates(cone_of(made, made.claims[0]), made.claims))
+    assert "since <= time of the last frame" in [c.text for c in found.of_memory]

@@ -1,0 +1,216 @@
+"""Contracts of small behaviors get the verdict that they deserve."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from colony.verify.contracts.prove import prove_contracts
+from colony.verify.contracts.results import Options, Proved
+from tests.verify.contracts.behaviors import ROBOT, program, proved, refuted, unknown
+
+COUNTER = "state n = 0  next n = if bump then (if n == 4 then 0 else n + 1) else n\n"
+MACHINE = """machine m {
+  start rest
+  rest -> go when bump
+  go -> back when falling(bump)
+  back -> rest when held(stop, 1 s)
+}
+"""
+
+TRUE = {
+    "one frame": "contract c: back is active and not (cruise is active) implies drive by back",
+    "a range": "contract c: far <= 10 m",
+    "a clamped field": "contract c: drive.velocity in -1 m/s .. 1 m/s",
+    "a missing sensor": "contract c: not fresh(far) implies not (cruise is active)",
+    "a default": "contract c: not fresh(stop) implies not stop",
+    "a counter": COUNTER + "contract c: n <= 4",
+    "a counter and the cell before it": COUNTER + "contract c: previous(n, 0) <= 4",
+    "phases": MACHINE + "contract c: m == m.rest or m == m.go or m == m.back",
+    "memory of a machine": MACHINE
+    + "contract c: elapsed(m == m.go) > 0 implies m == m.go and previous(m == m.go, false)",
+    "a latch": "let l = latch(bump, stop)\ncontract c: l implies not stop",
+    "a latch that was set": "let l = latch(bump, false)\ncontract c: previous(l, false) implies l",
+    "a held window": "contract c: held(bump, 2 s) == (back is active)",
+    "a shorter window": "contract c: held(bump, 1 s) implies back is active",
+    "a time constant": "contract c: drive by cruise implies not held(back is active, 300 ms)",
+    "time": "contract c: now >= previous(now, 0 s)",
+    "a window and its timer": "contract c: elapsed(bump) > 0 s implies bump",
+    "what was captured": "let k = captured(far, bump)\ncontract c: k in 0 m .. 10 m",
+    "a state that is clamped": "state drift = 0 deg  next drift = clamp(drift + slope, -45 deg, 45 deg)\n"
+    "contract c: abs(drift) <= 45 deg",
+    "two states in step": "state a = false  next a = bump\nstate b = false  next b = bump\n"
+    "contract c: a == b",
+    "a state of an enum": "state w : goal = goal.none  next w = want\n"
+    "contract c: w == goal.none or w == goal.light or w == goal.corner",
+    "arrays": "contract c: count(rays < 2 m) <= 6 and min(rays) <= max(rays)",
+    "sine is bounded": "contract c: abs(slope) <= 720 deg implies sin(slope) <= 1",
+    "not a number": "contract c: x / x == 1 or x == 0 or x == 1 / 0 or x == -1 / 0",
+}
+FALSE = {  # with the number of frames of the shortest trace
+    "one frame": (1, "contract c: drive by back"),
+    "a range": (1, "contract c: far < 10 m"),
+    "a missing sensor": (1, "contract c: fresh(far)"),
+    "a counter": (5, COUNTER + "contract c: n < 4"),
+    "a machine": (3, MACHINE + "contract c: m != m.back"),
+    "a latch": (2, "contract c: latch(bump, stop) implies bump"),
+    "a held window": (2, "contract c: held(bump, 2 s) implies bump"),
+    "a longer window": (2, "contract c: held(bump, 3 s) implies back is active"),
+    "a time constant": (2, "contract c: drive is idle implies not (cruise is active)"),
+    "time": (2, "contract c: now < 20 s"),
+    "what was captured": (2, "contract c: captured(far, bump) == far"),
+    "every": (2, "contract c: every(1 s)"),
+    "the sine of what is infinite": (1, "contract c: sin(slope) <= 1"),
+    "an enum": (1, "contract c: want != goal.light"),
+    "an index": (1, "contract c: index_of_min(rays) != 3"),
+    "arithmetic": (1, "contract c: 3 * x + 2 * y != 12.5 or x <= y"),
+    "infinite": (1, "contract c: x - x == 0"),
+    "a product": (1, "contract c: x * y != 12 or x < 3"),
+}
+
+
+@pytest.mark.parametrize("text", TRUE.values(), ids=TRUE)
+def test_what_always_holds_is_proved(text: str) -> None:
+    proved(text)
+
+
+@pytest.mark.parametrize(("frames", "text"), FALSE.values(), ids=FALSE)
+def test_what_can_be_broken_is_refuted_by_a_shortest_trace(frames: int, text: str) -> None:
+    found = refuted(text)
+    assert len(found.trace.snapshots) == frames
+    assert [bool(o.breaches) for o in found.trace.outcomes] == [False] * (frames - 1) + [True]
+
+
+# --- unknown, and why ----------------------------------------------------------------------------
+
+
+def test_what_holds_of_reals_only_says_so() -> None:
+    found = proved("contract c: x in 1 .. 2 implies x + 0.1 >= x")
+    assert {r.span.text for r in found.over_reals} == {"x + 0.1"}
+
+
+def test_what_reals_keep_and_floats_break_is_refuted() -> None:
+    found = refuted("contract c: x in 1 .. 2 implies (x + 0.1) + 0.1 == x + 0.2")
+    [snapshot] = found.trace.snapshots
+    x = snapshot.readings["x"]
+    assert isinstance(x, float)
+    assert (x + 0.1) + 0.1 != x + 0.2
+
+
+def test_what_holds_of_floats_says_nothing_of_reals() -> None:
+    assert proved("contract c: x + 0.1 > 3 and bump implies bump").over_reals == ()
+
+
+def test_an_abstracted_function_leaves_it_unknown() -> None:
+    found = unknown("contract c: sin(slope) < 2 * cos(slope) or abs(slope) > 10 deg")
+    assert any("`sin`" in line for line in found.because)
+    assert found.trace is None
+    assert "--examples" in found.hint
+
+
+def test_what_the_solver_cannot_see_is_refuted_by_drawing_runs() -> None:
+    found = refuted("contract c: sin(slope) < 0.9 or abs(slope) > 200 deg", Options(resources=1))
+    [snapshot] = found.trace.snapshots
+    assert set(snapshot.readings) == {"slope"}
+
+
+def test_what_no_induction_shows_is_unknown_and_tells_how_far_it_went() -> None:
+    text = "state n = 1  next n = if bump then 2 * n else n\ncontract c: n != 6"
+    found = unknown(text, Options(depth=2, longest=5))
+    [line] = found.because
+    assert "in the 2 frames before" in line
+    assert "up to 5 frames" in line
+
+
+def test_a_solver_that_may_do_nothing_gives_up_and_says_so() -> None:
+    found = unknown(COUNTER + "contract c: n <= 4", Options(resources=1))
+    assert "z3 gave up within its limits" in found.because
+    assert "--timeout" in found.hint
+
+
+def test_no_time_is_no_proof() -> None:
+    ticks = iter(range(10_000))
+    made = program("contract c: held(bump, 1 s) implies back is active")
+    [found] = prove_contracts(made, Options(seconds=0.5), clock=lambda: float(next(ticks)))
+    assert not isinstance(found, Proved)
+
+
+# --- what proofs rest on -------------------------------------------------------------------------
+
+
+def test_a_contract_that_is_proved_helps_those_after_it() -> None:
+    text = "state n = 0  next n = if n > 100 then 7 else n / 2\n"
+    helped = proved(text + "contract low: n <= 1\ncontract c: n <= 1 or bump")
+    assert helped.k == 0
+
+
+def test_a_contract_that_is_refuted_helps_none() -> None:
+    made = program("contract wrong: not bump\ncontract c: not (back is active)")
+    assert not any(isinstance(r, Proved) for r in prove_contracts(made))
+
+
+def test_every_run_of_a_program_gives_the_same_results(tmp_path: Path) -> None:
+    contracts = [
+        TRUE["one frame"],
+        FALSE["a time constant"][1],
+        FALSE["arithmetic"][1],
+        TRUE["a held window"],
+    ]
+    lines = [c.replace("contract c", f"contract c{i}") for i, c in enumerate(contracts)]
+    path = tmp_path / "b.colony"
+    path.write_text("\n".join((ROBOT, *lines)))
+    command = [sys.executable, "-m", "colony.cli.main", "verify", "--format", "json", str(path)]
+    runs = [
+        subprocess.run(command, env={**os.environ, "PYTHONHASHSEED": seed}, capture_output=True, text=True)
+        for seed in ("1", "2")
+    ]
+    assert '"verdict": "refuted"' in runs[0].stdout
+    assert runs[0].stdout == runs[1].stdout
+
+
+# --- modules in Python ---------------------------------------------------------------------------
+
+PYTHON = """
+module guess from python "nowhere:Guess" { reads far commands drive }
+network { drive = stopped suppresses guess }
+module stopped { when stop do drive(velocity = 0, turn = 0) }
+"""
+HEAD = """
+robot r {
+  sensor far  : m range 0 .. 10     from PServer.far
+  sensor stop : bool                from RServer.stop
+  actuator drive { velocity : m/s range -1 .. 1, turn : deg/s }
+           to RServer.drive idle drive(velocity = 0, turn = 0)
+}
+"""
+
+
+@pytest.fixture
+def python(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("tests.verify.contracts.behaviors.ROBOT", HEAD + PYTHON)
+
+
+@pytest.mark.usefixtures("python")
+def test_whatever_a_python_module_answers_the_network_holds() -> None:
+    proved("contract c: stop implies drive.velocity == 0 m/s")
+    proved("contract c: drive.velocity <= 1 m/s")
+
+
+@pytest.mark.usefixtures("python")
+def test_what_a_python_module_may_break_is_unknown_with_the_answer() -> None:
+    found = unknown("contract c: drive.velocity <= 0.5 m/s")
+    assert found.trace is not None
+    [snapshot] = found.trace.snapshots
+    assert snapshot.answers["guess"][0] > 500
+    assert any("may answer anything" in line for line in found.because)
+    assert found.trace.outcomes[-1].breaches == ("c",)
+
+
+@pytest.mark.usefixtures("python")
+def test_what_is_broken_without_asking_python_is_refuted() -> None:
+    found = refuted("contract c: drive by guess or stop")
+    assert [(s.readings, s.answers) for s in found.trace.snapshots] == [({"stop": False}, {})]

@@ -1,0 +1,99 @@
+"""What is said of results: to people, and to other tools."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+from colony.verify.contracts.prove import in_order, prove_contracts
+from colony.verify.contracts.report import finding, lines, row, verdict
+from colony.verify.contracts.table import table
+from tests.verify.contracts.behaviors import program, proved, refuted, unknown
+
+
+def test_what_holds_of_floats_is_proved_without_more() -> None:
+    text = "contract c: back is active and not (cruise is active) implies drive by back"
+    found = proved(text)
+    assert lines(program(text), found) == ("proved   c",)
+    assert finding(found, "f.colony") is None
+    assert row(program(text), found)["over_reals"] == []
+
+
+def test_what_holds_of_reals_names_the_lines() -> None:
+    text = "contract c: x in 1 .. 2 implies x + 0.1 >= x"
+    [line] = lines(program(text), proved(text))
+    assert line.startswith("proved   c  (over reals: floats may round at <text>:")
+
+
+def test_a_refuted_contract_is_an_error_at_its_place() -> None:
+    text = "contract c: drive by cruise implies not (far > 2 m and bump)  contract d: not falling(bump)"
+    found = refuted(text)
+    said = finding(found, "a b.colony")
+    assert said is not None
+    assert (said.code, said.severity, said.span.text) == ("V010", "error", "d")
+    assert "is broken at 0.05 s of a run of 2 frames; found: bump = false" in said.message
+    assert said.hint == "`colony verify --write-test 'a b.colony'` adds the run to it as a test"
+
+
+def test_an_infinite_reading_wants_a_range() -> None:
+    said = finding(refuted("contract c: x - x == 0"), "f.colony")
+    assert said is not None
+    assert said.hint == "`x` is infinite there: give it a `range`, which bounds what comes in"
+
+
+def test_an_unknown_contract_is_a_warning_that_says_why() -> None:
+    found = unknown("contract c: sin(slope) < 2 * cos(slope) or abs(slope) > 10 deg")
+    said = finding(found, "f.colony")
+    assert said is not None
+    assert (said.code, said.severity) == ("V011", "warning")
+    assert "`sin`" in said.message
+    assert said.hint == found.hint
+
+
+def test_the_table_has_a_line_a_frame_and_tells_what_must_be_missing() -> None:
+    text = "contract c: not falling(bump) or fresh(far)"
+    found = refuted(text)
+    assert table(program(text), found.contract, found.trace) == (
+        "time    bump   drive",
+        "0 s     true   by back: velocity = -0.5 m/s, turn = 0 deg/s",
+        "0.05 s  false  by back: velocity = -0.5 m/s, turn = 0 deg/s",
+        "missing, and must be: far",
+        "all other sensors: missing (what they give makes no difference)",
+        "in the last frame: bump = false; far is not fresh",
+    )
+
+
+def test_enumerators_arrays_and_idle_commands_are_shown() -> None:
+    text = "contract c: want != goal.light or rays[2] < 7 m or drive is commanded"
+    found = refuted(text)
+    shown = "\n".join(table(program(text), found.contract, found.trace))
+    assert "goal.light" in shown
+    assert "idle: velocity = 0 m/s, turn = 0 deg/s" in shown
+    assert "all 10 m" in shown
+
+
+def test_results_come_in_the_order_written() -> None:
+    text = "contract a: bump  contract b: not bump or bump  contract c: far <= 10 m"
+    made = program(text)
+    found = list(prove_contracts(made))
+    assert [r.contract.name for r in found] == ["a", "b", "c"]
+    assert in_order(made, reversed(found)) == found
+    assert [verdict(r) for r in found] == ["REFUTED", "proved", "proved"]
+
+
+def test_a_row_has_the_frames_as_people_read_them() -> None:
+    text = "contract c: not (far > 2 m and bump)"
+    made = row(program(text), refuted(text))
+    assert made["verdict"] == "refuted"
+    steps = made["trace"]
+    assert isinstance(steps, list)
+    [step] = steps
+    assert step["given"] == {"far": "10 m", "bump": "true"}
+    assert step["sent"] == {"drive": "by back: velocity = -0.5 m/s, turn = 0 deg/s"}
+    assert step["broken"] == ["c"]
+
+
+def test_a_proof_that_is_told_has_its_depth_and_invariants() -> None:
+    text = "state n = 0  next n = if bump then (if n == 4 then 0 else n + 1) else n\ncontract c: n <= 4"
+    found = proved(text)
+    made = row(program(text), replace(found, invariants=("n <= 4",)))
+    assert (made["k"], made["invariants"]) == (found.k, ["n <= 4"])

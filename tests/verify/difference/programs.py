@@ -1,0 +1,49 @@
+"""Pairs of small programs for one robot."""
+
+from __future__ import annotations
+
+from colony.dsl.load import load_text
+from colony.ir.program import Program
+from colony.verify.contracts.results import RESOURCES_A_SECOND, Options
+from colony.verify.difference import Different, Result, difference
+from colony.verify.interpreter import Interpreter
+
+ROBOT = """
+robot r {
+  sensor sonar  : mm range 0 .. 10000 from PServer.sonar
+  sensor bumper : bool from RServer.bumper
+  sensor level  : number range 0 .. 100 default 0 from DServer.Level
+  actuator drive { velocity : mm/s range -600 .. 600, turn : deg/s range -90 .. 90 }
+           to RServer.drive idle drive(velocity = 0, turn = 0)
+  actuator lamp { on : bool } to DServer.Lamp idle hold
+}
+"""
+QUICK = Options(depth=2, longest=6, resources=2 * RESOURCES_A_SECOND)
+
+
+def program(text: str) -> Program:
+    return load_text(ROBOT + text)
+
+
+def go(name: str, when: str, velocity: str = "300 mm/s", turn: str = "0") -> str:
+    """A module that drives."""
+    return f"module {name} {{ when {when} do drive(velocity = {velocity}, turn = {turn}) }}\n"
+
+
+def compare(a: str, b: str, *ignore: str) -> Result:
+    """The result; a difference is seen again in the reference interpreter."""
+    one, other = program(a), program(b)
+    result = difference(one, other, ignore, options=QUICK)
+    if isinstance(result, Different):
+        seen = []
+        for each in (one, other):
+            interpreter = Interpreter(each)
+            seen.append([interpreter.step_in_base_units(s.t_ns, s.readings) for s in result.snapshots])
+        assert seen == [list(result.a), list(result.b)]
+        sent = [[[d.values for d in frame.decisions] for frame in run] for run in seen]
+        assert sent[0][-1] != sent[1][-1]
+    return result
+
+
+def verdict(a: str, b: str, *ignore: str) -> str:
+    return type(compare(a, b, *ignore)).__name__
