@@ -6,8 +6,11 @@ STAMP  := $(VENV)/.installed
 
 SECONDS ?= 60
 SEEDS   ?= 10000
+MODULE  ?=
+SAMPLE  ?=
+WORKERS ?= 2
 
-.PHONY: run test check format bench soak loss tables clean
+.PHONY: run test check format bench soak loss tables mutants clean
 
 run: $(STAMP)
 	$(BIN)/colony run behaviors/wander.colony --map maps/loop.stickrep --duration 60 --seed 1 --picture run.png
@@ -35,6 +38,9 @@ loss: $(STAMP)
 
 tables: $(STAMP)
 	$(BIN)/python -m colony.dsl.tables
+
+mutants: $(STAMP)
+	$(BIN)/python -m tests.mutants $(MODULE) $(if $(SAMPLE),--sample $(SAMPLE)) --workers $(WORKERS)
 
 $(STAMP): pyproject.toml
 	$(PYTHON) -m venv $(VENV)

@@ -37,7 +37,7 @@ def rows(one: ActuatorClients, guards: GuardText, limit: int | None = None) -> s
     cells: list[tuple[list[str], ...]] = [tuple([name] for name in _HEADER)]
     for client in shown:
         texts = (guards.text(ref, client.module) for ref in (client.guard, client.exclusive))
-        cells.append(([str(client.priority)], [client.module], *(_wrapped(text) for text in texts)))
+        cells.append(([str(client.priority)], [client.module], *(wrapped(text) for text in texts)))
     text = _aligned(cells)
     left_out = len(one.clients) - len(shown)
     return f"{text}\n{_GAP}({left_out} more clients left out)" if left_out else text
@@ -54,7 +54,7 @@ def definitions(guards: GuardText, limit: int | None = None) -> list[str]:
     lines = []
     taken = guards.take_definitions(limit)
     for name, text in taken:
-        first, *more = _wrapped(text, 2 * GUARD_WIDTH)
+        first, *more = wrapped(text, 2 * GUARD_WIDTH)
         lines.append(f"{name} = {first}")
         lines += [f"{'':{len(name)}}   {line}" for line in more]
     if len(taken) == limit:
@@ -62,8 +62,9 @@ def definitions(guards: GuardText, limit: int | None = None) -> list[str]:
     return lines
 
 
-def _wrapped(text: str, width: int = GUARD_WIDTH) -> list[str]:
-    return wrap(text, width, break_long_words=False, break_on_hyphens=False)
+def wrapped(text: str, width: int = GUARD_WIDTH) -> list[str]:
+    """The text in lines of this width, but with every word whole."""
+    return wrap(text, width, break_long_words=False)
 
 
 def _aligned(cells: Sequence[Sequence[list[str]]]) -> str:

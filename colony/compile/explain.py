@@ -7,9 +7,8 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from dataclasses import dataclass
-from textwrap import wrap
 
-from colony.compile.client_table import definitions, legend, rows
+from colony.compile.client_table import definitions, legend, rows, wrapped
 from colony.compile.clients import ActuatorClients
 from colony.compile.guard_text import GuardText, duration_text
 from colony.compile.guards import Always, ModuleActive
@@ -82,9 +81,7 @@ def wiring_text(wiring: Wiring, most: int = MOST_LINES) -> str:
             return name
         case _:
             shown = wiring.operands[:most]
-            parts = [
-                wiring_text(o, most) if isinstance(o, Use) else f"({wiring_text(o, most)})" for o in shown
-            ]
+            parts = [o.name if isinstance(o, Use) else f"({wiring_text(o, most)})" for o in shown]
             windows = [f"[{duration_text(ns)}]" if ns else "" for ns in wiring.windows_ns]
             text = parts[0]
             for window, part in zip(windows, parts[1:], strict=False):
@@ -95,7 +92,7 @@ def wiring_text(wiring: Wiring, most: int = MOST_LINES) -> str:
 
 def _hanging(head: str, text: str) -> list[str]:
     """`head` and `text`, with further lines under the beginning of the text."""
-    first, *more = wrap(text, max(_WIDTH - len(head), 40), break_long_words=False, break_on_hyphens=False)
+    first, *more = wrapped(text, max(_WIDTH - len(head), 40))
     return [head + first, *(" " * len(head) + line for line in more)]
 
 
@@ -207,7 +204,7 @@ def _last_users(suppression: SuppressionNetwork, root: Link) -> dict[int, tuple[
 def _visits(one: ActuatorClients) -> list[str]:
     """The order of visit, first (lowest priority) to last."""
     order = [client.module for client in reversed(one.clients)]
-    lines = wrap(" ".join(order[:MOST_LINES]), _WIDTH, break_long_words=False, break_on_hyphens=False)
+    lines = wrapped(" ".join(order[:MOST_LINES]), _WIDTH)
     if len(order) > MOST_LINES:
         lines.append(f"... ({len(order) - MOST_LINES} more visits left out)")
     return [line if line.startswith("...") else line.replace(" ", "-") for line in lines]

@@ -9,6 +9,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import partial
+from math import nan
 from typing import Protocol, assert_never
 
 from colony.compile.code import Commanded, FrameTime, Kind, Literal, SensorElement, SensorFresh, Sent, Winner
@@ -235,13 +236,12 @@ class ExpressionLowering:
     def _value_or(self, e: ir.ValueOr, scope: Scope) -> Values:
         there = self.present((e.expression,), scope.owner)
         inner = replace(scope, ready=self.builder.both(scope.ready, there))
-        values = self._each(
+        return self._each(
             partial(self.builder.apply, Operator.SELECT),
             (there,),
             self.lower(e.expression, inner),
             self.lower(e.other, scope),
         )
-        return values * e.type.size if isinstance(e.type, Array) and len(values) == 1 else values
 
     # --- arrays ----------------------------------------------------------------------------------
 
@@ -347,9 +347,9 @@ class ExpressionLowering:
             case Function.ALL:
                 return builder.both(*[builder.either(builder.negation(c), b) for c, b in pairs])
             case Function.MIN:
-                return self._fold(Operator.MIN, pairs, float("nan"))
+                return self._fold(Operator.MIN, pairs, nan)
             case Function.MAX:
-                return self._fold(Operator.MAX, pairs, float("nan"))
+                return self._fold(Operator.MAX, pairs, nan)
             case Function.SUM:
                 return self._fold(Operator.SUM, pairs, 0.0)
             case Function.MEAN:

@@ -66,7 +66,6 @@ class PythonStep:
         """
         if values is None:
             return False, self._nothing, records
-        answer = None
         if self._rate is None:
             answer, records = self._call(t, values, records)
         else:

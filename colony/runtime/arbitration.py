@@ -68,7 +68,7 @@ MOST_NOTES = 20
 LONGEST_NOTE = 200
 """What a verdict has of notes at most, and of a note in characters, whatever anybody sends."""
 
-Phase = Literal["no frame", "open", "dispatched", "closed"]
+Phase = Literal["open", "dispatched", "closed"]
 
 
 class Arbiter:
@@ -85,7 +85,7 @@ class Arbiter:
         self._actuator = actuator
         self._places = Places(places, priorities)
         self._times = times
-        self._phase: Phase = "no frame"
+        self._phase: Phase = "closed"
         self._tick = Tick(k=-1, t_ns=0)
         self._ahead: dict[int, list[Request]] = {}
         self._remarks: list[str] = []
@@ -101,7 +101,6 @@ class Arbiter:
         began_ns = now_ns if self._times.from_arrival else tick.t_ns
         self._deadline_ns = began_ns + self._times.deadline_ns
         self._decide_by = self._deadline_ns
-        self._at_deadline = False
         self._sent: Dispatch | None = None
 
     @property
@@ -130,7 +129,7 @@ class Arbiter:
         if request.k > k:
             self._keep_for_later(request)
             return ()
-        if request.k < k or self._phase in ("no frame", "closed"):
+        if request.k < k or self._phase == "closed":
             return ()
         self._note(request, now_ns)
         return self._advance(now_ns)
@@ -148,9 +147,7 @@ class Arbiter:
 
     def finish(self) -> tuple[Event, ...]:
         """No frame follows: the present one ends as it stands."""
-        events = self._end_frame()
-        self._phase = "closed" if self._tick.k >= 0 else "no frame"
-        return events
+        return self._end_frame()
 
     def remark(self, note: str) -> None:
         """Something for people, about this frame or, if that is over, about the next."""
@@ -204,7 +201,6 @@ class Arbiter:
 
     def _end_frame(self) -> tuple[Event, ...]:
         if self._phase == "open":
-            self._at_deadline = True
             return (self._dispatch(self._ballot.choose(self._others)), self._verdict())
         return (self._verdict(),) if self._phase == "dispatched" else ()
 

@@ -84,9 +84,7 @@ class Clock:
         self._leader: Caller | None = None
         self._tick = Tick(k=-1, t_ns=0)
         self._kept: dict[int, Tick] = {}
-        self._restarts = 0
         self._restart = False
-        self._gather_by: int | None = None
         self._begun_run = ""
         self._decided: set[str] = set()
         self._alarm: int | None = None
@@ -137,7 +135,7 @@ class Clock:
                     if message.k >= 0:
                         self._roll.heard(message.client, now_ns)
             case Restart():
-                begun = self._begun_run == self._run != ""
+                begun = self._begun_run == self._run  # without a run, the roll is empty
                 if begun and message.client in self._roll and message.start == self._tick.start:
                     self._restart = True
             case Call() | Alive() | Malformed() | Wake():

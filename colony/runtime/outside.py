@@ -88,11 +88,6 @@ class Outsiders:
         return None
 
 
-def _tie(caller: Caller, holder: str) -> Refused:
-    found = f"priority {caller.priority} is taken: {holder} commands with it"
-    return Refused("tie", f"{found}; open the connection with another")
-
-
 def lease_end(lease_s: float, now_ns: int) -> int:
     """When a lease that begins now ends.
 

@@ -65,7 +65,7 @@ class _Generator:
         self.step()
         body, self.lines = self.lines, []
         words = _words(body)
-        constants = [line for line in self.constants if line.split(" ", 1)[0] in words]
+        constants = [line for line in self.constants if line.partition(" ")[0] in words]
         definitions, from_math = support(words | _words(constants))
         head = [
             f'"""Clients of {_comment(self.title)}, by `colony compile`. Changes here will be lost."""',
@@ -85,7 +85,10 @@ class _Generator:
     # --- the class -------------------------------------------------------------------------------
 
     def add(self, indent: int, *lines: str) -> None:
-        self.lines.extend(" " * (4 * indent) + line if line else "" for line in lines)
+        self.lines.extend(" " * (4 * indent) + line for line in lines)
+
+    def blank(self) -> None:
+        self.lines.append("")
 
     def before(self, slot: int, indent: int) -> None:
         """The statements that belong to a slot."""
@@ -107,8 +110,10 @@ class _Generator:
         if self.timed:
             attributes.append("first_ns")
         self.add(0, "class Program:")
-        self.add(1, '"""All clients; one frame follows another. It has all of the memory."""', "")
-        self.add(1, f"__slots__ = ({''.join(f'{a!r}, ' for a in attributes)})", "")
+        self.add(1, '"""All clients; one frame follows another. It has all of the memory."""')
+        self.blank()
+        self.add(1, f"__slots__ = ({''.join(f'{a!r}, ' for a in attributes)})")
+        self.blank()
         self.add(1, "def __init__(self):")
         if self.timed:
             self.add(2, "self.first_ns = None")
@@ -123,7 +128,7 @@ class _Generator:
             self.add(2, f"self.{self.names.python[call.module]} = PythonStep({arguments})")
         if not attributes:
             self.add(2, "pass")
-        self.add(0, "")
+        self.blank()
 
     def step(self) -> None:
         self.add(1, "def step(self, t_ns, readings):")
@@ -163,18 +168,17 @@ class _Generator:
         """The chain of clients, and then the decision."""
         name = plan.actuator.actuator.name
         by = self.names.by[name]
-        self.add(2, "", f"# {_comment(name)}")
+        self.blank()
+        self.add(2, f"# {_comment(name)}")
         self.before(plan.slot, 2)
         if plan.groups:
             self.add(2, "while True:")
-            open_end = True
-            for group in plan.groups:
-                open_end = self.group(plan, group)
+            *_, open_end = [self.group(plan, group) for group in plan.groups]
             if open_end:
                 self.add(3, f"{by} = None", "break")
         self.before(plan.after, 2)
         observed = self.code.decided < len(self.code.ops)
-        decision = DecisionText(self.code, plan, self.names, self.expressions, self.known, observed)
+        decision = DecisionText(plan, self.names, self.expressions, self.known, observed)
         self.add(2, *decision.lines())
         self.constants += decision.constants()
 
@@ -185,9 +189,7 @@ class _Generator:
         if group.present is not None:
             self.add(indent, f"if {self.text(group.present)}:")
             indent += 1
-        always = False
-        for client in group.clients:
-            always = self.client(plan, client, indent)
+        *_, always = [self.client(plan, client, indent) for client in group.clients]
         return group.present is not None or not always
 
     def client(self, plan: ActuatorPlan, client: ClientPlan, indent: int) -> bool:
@@ -212,7 +214,8 @@ class _Generator:
 
     def contracts(self) -> None:
         if self.plan.contracts:
-            self.add(2, "", "# contracts", "breaches = ()")
+            self.blank()
+            self.add(2, "# contracts", "breaches = ()")
         for contract, slot in self.plan.contracts:
             self.before(slot, 2)
             tests = [f"not {self.expressions.text(contract.value).inside(Binding.NOT)}"]
@@ -222,7 +225,8 @@ class _Generator:
 
     def memory(self) -> None:
         if self.plan.commits:
-            self.add(2, "", "# memory")
+            self.blank()
+            self.add(2, "# memory")
         self.before(self.plan.memory, 2)
         for commit in self.plan.commits:
             self.before(commit.slot, 2)

@@ -14,7 +14,7 @@ from colony.compile.backends.python_names import Names
 from colony.compile.backends.python_plan import ActuatorPlan
 from colony.compile.backends.python_ranges import Range
 from colony.compile.backends.python_text import Binding, literal
-from colony.compile.code import Code, LimitCode
+from colony.compile.code import LimitCode
 from colony.compile.executor_decisions import field_bounds
 from colony.compile.settle import leave
 from colony.ir.program import ActuatorField
@@ -26,14 +26,12 @@ class DecisionText:
 
     def __init__(
         self,
-        code: Code,
         plan: ActuatorPlan,
         names: Names,
         expressions: Expressions,
         known: list[Range],
         observed: bool,
     ) -> None:
-        self.code = code
         self.plan = plan
         self.actuator = plan.actuator.actuator
         self.names = names
@@ -50,7 +48,7 @@ class DecisionText:
             return self.idle(by=self.observed)
         lines = [f"if {self.by} is None:", *_indented(self.idle(by=False))]
         checks = self.checks()
-        before = self.expressions.statements.get(self.plan.limits, [])
+        before = self.expressions.statements.get(self.plan.limits)
         if before:
             return [*lines, "else:", *_indented([*before, *self.command(checks)])]
         first, *rest = self.command(checks)
@@ -62,7 +60,7 @@ class DecisionText:
         """The idle command, or nothing for `idle hold`."""
         idle = self.actuator.idle
         leaving = None if idle is None else leave(idle, field_bounds(self.actuator))
-        shown = "None" if leaving is None else values(leaving) if leaving else "()"
+        shown = "None" if leaving is None else values(leaving)
         lines = [f"{self.target} = ({self.name!r}, None, {shown}, None)"]
         if by:
             lines.append(f"{self.by} = None")

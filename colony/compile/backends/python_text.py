@@ -84,10 +84,6 @@ def literal(value: float | bool | int) -> Text:
         return Text(repr(value))
     if isinstance(value, int):
         text = f"{value:_}"
-    elif value != value:
-        text = "nan"
-    elif value in (float("inf"), -float("inf")):
-        text = "inf" if value > 0 else "-inf"
     else:
         text = repr(value)
     return Text(text, Binding.SIGN if text.startswith("-") else Binding.ATOM)
@@ -106,7 +102,7 @@ def mentions_twice(operator: Operator, x: list[Range]) -> bool:
 
 def applied(operator: Operator, operands: list[Text], x: list[Range]) -> Text:
     """An operator of operands that have the ranges `x`."""
-    depth = 1 + max((o.depth for o in operands), default=0)
+    depth = 1 + max(o.depth for o in operands)
     text, binding = _applied(operator, operands, x)
     return Text(text, binding, depth)
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import ast
+import re
 import subprocess
 import sys
 from dataclasses import replace
@@ -22,6 +23,7 @@ from colony.ir.expression import NESTING_LIMIT, Expression, Unary, UnaryOperatio
 from colony.ir.frame import Frame
 from colony.ir.program import Program
 from colony.verify.strategies import programs, traces
+from tests.runtime.runtime_programs import roam
 
 WANDER = """
 robot rome {
@@ -160,16 +162,47 @@ def test_odd_text_in_names_of_files_stays_in_comments() -> None:
     program = load_text(WANDER, 'a"""\nimport os\n\\')
     source = generate(program, compile_program(program).clients)
     assert _imports(source) == {"math"}
+    assert ":  # avoid, priority 2, a????import os??:" in source
     load(source)
+
+
+def test_a_program_that_was_made_without_text_has_no_places() -> None:
+    program = roam()
+    source = generate(program, compile_program(program).clients)
+    assert re.search(r"# cruise, priority 1$", source, re.MULTILINE)
+    assert "<none>" not in source
 
 
 def test_a_class_that_cannot_be_named_is_refused() -> None:
     text = WANDER + 'module p from python "colony.x:Y" { reads bumper }\nmodule q { when true }\n'
     program = load_text(text)
-    wrong = tuple(replace(m, module_path="os; import x") if m.name == "p" else m for m in program.modules)
-    program = replace(program, modules=wrong)
-    with pytest.raises(Failure, match="no name of a Python class"):
-        generate(program, compile_program(program).clients)
+    for path in ("os; import x", "os.class", "", "x..y"):
+        wrong = tuple(replace(m, module_path=path) if m.name == "p" else m for m in program.modules)
+        other = replace(program, modules=wrong)
+        with pytest.raises(Failure) as failure:
+            generate(other, compile_program(other).clients)
+        (found,) = failure.value.diagnostics
+        assert (found.code, found.message) == ("E405", f"`{path}.Y` is no name of a Python class")
+
+
+def test_modules_in_python_are_built_with_their_params_and_asked_where_all_is_there() -> None:
+    text = WANDER + (
+        'module p from python "colony.x:Y" { param a = 1 param b = 2.5 reads bumper }\n'
+        'module q from python "colony.x:Y" { reads calm }\nstate calm = 0\n'
+    )
+    source = _source(text)
+    assert source.count("from colony.x import Y as ") == 2
+    assert "(**{'a': 1.0, 'b': 2.5})," in source
+    assert re.search(r"PythonStep\('q', Python\w+\(\), ", source)
+    assert re.search(r"\.step\(t, \{'bumper': bumper\} if has_bumper else None, records\)", source)
+    assert re.search(r"\.step\(t, \{'calm': [\w.]+\}, records\)", source)
+
+
+def test_where_a_module_is_in_python_time_counts() -> None:
+    robot = WANDER[: WANDER.index("let ahead")]
+    still = "module still { when bumper do drive(velocity = 0, turn = 0) }\nnetwork { drive = still }\n"
+    assert "first_ns" not in _source(robot + still)
+    assert "self.first_ns = t_ns" in _source(robot + still + 'module p from python "a:B" { reads bumper }\n')
 
 
 # --- size and depth ------------------------------------------------------------------------------

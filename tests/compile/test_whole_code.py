@@ -1,0 +1,110 @@
+"""What the compiler makes of whole programs, to the letter: the ops, generated Python, and what it tells.
+
+That both mean what they should is for other tests (all executors agree with the reference). These hold what
+only reading shows: that no op is computed twice or in vain, that generated Python is plain where it may be
+and reads well. After a change on purpose: `python -m tests.compile.test_whole_code`, and read the diff.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import fields
+from pathlib import Path
+
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from colony.compile.backends.python import generate
+from colony.compile.client_table import client_table
+from colony.compile.clients import ClientList
+from colony.compile.code import Code
+from colony.compile.explain import explain
+from colony.compile.json_format import to_json
+from colony.compile.lower import lower, lower_client
+from colony.compile.pipeline import compile_program
+from colony.dsl.load import load_text
+from colony.ir.program import Program
+from colony.verify.agreement import client_disagreement, disagreement
+from colony.verify.strategies import traces
+
+LONGEST = 1000
+"""Programs with more ops are not listed op by op."""
+
+CASES = sorted((Path(__file__).parent / "cases" / "code").glob("*.colony"))
+
+
+def listing(code: Code) -> Iterator[str]:
+    """A line for every op, and for all else that a Code has."""
+    for at, (op, kind) in enumerate(zip(code.ops, code.kinds, strict=True)):
+        yield f"{at:4} {kind.value:6} {op!r}{'  # ' + code.names[at] if at in code.names else ''}"
+    for field in fields(code):
+        value = getattr(code, field.name)
+        if field.name in ("python", "actuators", "contracts", "cells"):
+            for one in value:
+                yield f"{field.name}: " + ", ".join(
+                    f"{f.name}={getattr(one, f.name)!r}"
+                    for f in fields(one)
+                    if f.name not in ("span", "actuator", "clients")
+                )
+                for client in getattr(one, "clients", ()):
+                    parts = (f.name for f in fields(client) if f.name != "span")
+                    yield "  " + ", ".join(f"{name}={getattr(client, name)!r}" for name in parts)
+        elif field.name not in ("ops", "kinds", "names", "sensors"):
+            yield f"{field.name}: {value!r}"
+    yield f"sensors: {[sensor.name for sensor in code.sensors]}"
+
+
+def made_of(path: Path) -> dict[str, str]:
+    """The files beside a program, and what should be in them."""
+    program = load_text(path.read_text(), path.name)
+    compiled = compile_program(program)
+    clients = compiled.clients
+    texts = {
+        ".explained.txt": f"{explain(compiled)}\n\n{client_table(compiled)}\n\n{to_json(compiled)}",
+        ".generated.txt": generate(program, clients),
+    }
+    whole = lower(program, clients)
+    if len(whole.ops) < LONGEST:
+        texts[".code.txt"] = _listed(program, clients, whole)
+    return texts
+
+
+def _listed(program: Program, clients: ClientList, whole: Code) -> str:
+    lines = [*listing(whole)]
+    for one in clients.actuators:
+        for client in one.clients:
+            lines += ["", f"--- {client.module} for {one.actuator}"]
+            lines += listing(lower_client(program, clients, one.actuator, client.module))
+    return "\n".join(lines) + "\n"
+
+
+@pytest.mark.parametrize("path", CASES, ids=lambda path: path.stem)
+def test_case(path: Path) -> None:
+    for suffix, text in made_of(path).items():
+        assert text == path.with_suffix(suffix).read_text(), f"{path.stem}{suffix} has changed"
+
+
+@pytest.mark.parametrize("path", CASES, ids=lambda path: path.stem)
+@given(data=st.data())
+@settings(max_examples=8)
+def test_case_does_what_it_says(path: Path, data: st.DataObject) -> None:
+    program = load_text(path.read_text(), path.name)
+    trace = data.draw(traces(program))
+    found = disagreement(program, trace) or client_disagreement(program, trace)
+    assert found is None, str(found)
+
+
+def test_without_contracts_nothing_of_them_is_left() -> None:
+    (path,) = (path for path in CASES if path.stem == "memory")
+    program = load_text(path.read_text(), path.name)
+    clients = compile_program(program).clients
+    assert "breaches +=" in generate(program, clients)
+    assert "breaches +=" not in generate(program, clients, contracts=False)
+    assert lower(program, clients, contracts=False).contracts == ()
+
+
+if __name__ == "__main__":
+    for case in CASES:
+        for ending, made in made_of(case).items():
+            case.with_suffix(ending).write_text(made)

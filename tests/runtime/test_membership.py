@@ -1,0 +1,47 @@
+"""How a process takes part: ready again after a while, alive not too often, and a new epoch when it asks."""
+
+from __future__ import annotations
+
+from colony.runtime import topics
+from colony.runtime.membership import ALIVE_AGAIN_NS, READY_AGAIN_NS, Membership
+from colony.runtime.messages import Ready, Restart, Send, Tick
+
+READY = Send(topics.READY, Ready(client="drive/avoid", run="run"))
+
+
+def tick(run: str) -> Tick:
+    return Tick(k=0, t_ns=0, run=run)
+
+
+def alive(k: int) -> Send:
+    return Send(topics.READY, Ready(client="drive/avoid", run="run", k=k))
+
+
+def test_it_says_that_it_is_ready_until_its_run_is_there() -> None:
+    one = Membership("drive/avoid", "run")
+    assert list(one.start(1000)) == [READY]
+    assert list(one.heard(tick("other"), 1000 + READY_AGAIN_NS - 1)) == []
+    assert list(one.heard(tick("run"), 1000 + READY_AGAIN_NS)) == []
+    assert list(one.heard(tick("other"), 1000 + READY_AGAIN_NS)) == [READY]
+    assert list(one.heard(tick(""), 1000 + 2 * READY_AGAIN_NS - 1)) == []
+    assert list(one.heard(tick(""), 1000 + 2 * READY_AGAIN_NS)) == [READY]
+
+
+def test_one_that_never_started_has_said_it_at_the_beginning_of_time() -> None:
+    one = Membership("drive/avoid", "run")
+    assert list(one.heard(tick("other"), READY_AGAIN_NS - 1)) == []
+    assert list(one.heard(tick("other"), READY_AGAIN_NS)) == [READY]
+
+
+def test_it_tells_that_it_lives_at_most_so_often() -> None:
+    one = Membership("drive/avoid", "run")
+    assert list(one.requested(5, 70)) == [alive(5)]
+    assert list(one.requested(6, 70 + ALIVE_AGAIN_NS - 1)) == []
+    assert list(one.requested(7, 70 + ALIVE_AGAIN_NS)) == [alive(7)]
+    assert list(one.requested(8, 70 + ALIVE_AGAIN_NS + 1)) == []
+
+
+def test_it_asks_for_a_new_epoch_by_the_one_that_it_is_in() -> None:
+    one = Membership("drive/avoid", "run")
+    assert one.begin_anew(42) == Send(topics.RESTARTS, Restart(client="drive/avoid", start=42))
+    assert one.run == "run"
