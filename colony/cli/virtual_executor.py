@@ -37,7 +37,9 @@ class VirtualExecutor:
 
     def _begin(self) -> None:
         self._frame = Frame(0, {})
-        self._robot = VirtualRobot(self._compiled, lambda tick: self._frame.readings, seed=self._seed)
+        self._robot = VirtualRobot(
+            self._compiled.program, self._compiled.clients, lambda tick: self._frame.readings, seed=self._seed
+        )
         self._clock = VirtualClock()
         self._transport = VirtualTransport(self._clock, seed=self._seed)
         for build in self._robot.builders.values():

@@ -81,7 +81,9 @@ class _Robot:
     def __init__(self, compiled: Compiled, trace: Sequence[Frame], seed: int, random: Random) -> None:
         self._frame_ns = compiled.program.robot.frame_ns
         self._faulty_ns = (FRAMES - QUIET) * self._frame_ns
-        virtual = VirtualRobot(compiled, lambda tick: trace[tick.k % len(trace)].readings, seed=seed)
+        virtual = VirtualRobot(
+            compiled.program, compiled.clients, lambda tick: trace[tick.k % len(trace)].readings, seed=seed
+        )
         self.sent, self.log, self._observer = virtual.sent, virtual.log, virtual.observer
         self.announced = virtual.deployed.announced
         self._builders = {

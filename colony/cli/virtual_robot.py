@@ -11,7 +11,7 @@ from collections.abc import Callable, Iterator, Mapping
 from functools import partial
 from typing import NamedTuple
 
-from colony.compile.pipeline import Compiled
+from colony.compile.clients import ClientList
 from colony.ir.frame import Reading
 from colony.ir.program import Program
 from colony.ir.types import ScalarValue
@@ -138,8 +138,7 @@ class VirtualRobot:
         Failure: a module in Python cannot be imported or built.
     """
 
-    def __init__(self, compiled: Compiled, readings: Readings, *, seed: int = 0) -> None:
-        program, clients = compiled.program, compiled.clients
+    def __init__(self, program: Program, clients: ClientList, readings: Readings, *, seed: int = 0) -> None:
         self.program, self.clients = program, clients
         self.sent: list[Sent] = []
         self.log = Log()

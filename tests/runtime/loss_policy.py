@@ -31,6 +31,7 @@ from itertools import pairwise
 from random import Random
 from typing import Literal, NamedTuple
 
+from colony.cli.virtual_robot import SENSING, Sent
 from colony.compile.clients import ClientList
 from colony.compile.executor import ClientExecutor
 from colony.compile.pipeline import compile_program
@@ -44,7 +45,7 @@ from colony.runtime.messages import Message, Tick
 from colony.runtime.topics import module_of
 from colony.verify.interpreter import Interpreter
 from colony.verify.strategies import run_of_seed
-from tests.runtime.loss_stage import SENSING, Robot, Seen, Sent
+from tests.runtime.loss_stage import Robot, Seen
 
 MS = 1_000_000
 FAULTY, QUIET = 22, 20
