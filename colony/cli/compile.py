@@ -11,6 +11,8 @@ import click
 from colony.cli.exit_codes import EXIT_ERRORS
 from colony.cli.outputs import check_output, write_whole
 from colony.cli.reporting import load_program, report, say
+from colony.cli.verify_interruption import interruptions
+from colony.cli.verify_seconds import ProverSeconds
 
 if TYPE_CHECKING:
     from colony.compile.pipeline import Compiled
@@ -40,7 +42,7 @@ if TYPE_CHECKING:
 )
 @click.option(
     "--proof-timeout",
-    type=click.FloatRange(min=0, max=1e6),
+    type=ProverSeconds(none=True),
     default=60.0,
     show_default=True,
     metavar="SECONDS",
@@ -80,11 +82,15 @@ def command(
     compiled = compile_program(program)
     timeout_ms = round(1000 * proof_timeout)
     if existing is not None:
-        _settle(_proof_of(existing, program, compiled, timeout_ms), program, of=existing)
+        with interruptions():
+            result = _proof_of(existing, program, compiled, timeout_ms)
+        _settle(result, program, of=existing)
         return
     text, proof = _emitted(program, compiled, format_, explain, timeout_ms)
     if not no_proof:
-        _settle(proof(), program, of=None)
+        with interruptions():
+            result = proof()
+        _settle(result, program, of=None)
     if not text.endswith("\n"):
         text += "\n"
     if output is None:
@@ -143,9 +149,10 @@ def _proof_of(existing: Path, program: Program, compiled: Compiled, timeout_ms: 
 def _settle(result: Result, program: Program, of: Path | None) -> None:
     """Say what was proved; where nothing was, say that, and end the command."""
     from colony.diagnostics import error
-    from colony.source import NOWHERE
+    from colony.source import NOWHERE, Source, Span
     from colony.verify.equivalence import results
 
+    place = NOWHERE if of is None else Span(Source(str(of), ""), 0, 0)
     spans = {wire.actuator: wire.span for wire in program.wires if wire.actuator is not None}
     match result:
         case results.Proved():
@@ -155,14 +162,14 @@ def _settle(result: Result, program: Program, of: Path | None) -> None:
             hint = "give z3 more time by --proof-timeout SECONDS"
             if of is None:
                 hint += ", or leave the proof out by --no-proof"
-            found = error("V002", spans.get(subject, NOWHERE), results.undecided_text(result), hint)
+            found = error("V002", spans.get(subject, place), results.undecided_text(result), hint)
         case results.WrongWinner() | results.WrongActivity() | results.Malformed():
             subject = result.actuator if isinstance(result, results.WrongWinner) else ""
             hint = "these clients are not those of the behavior: compile it anew"
             if of is None:
                 hint = "a mistake of the compiler, not of the behavior: please report it, with the behavior"
             text = results.counterexample_text(result)
-            found = error("V001", spans.get(subject, NOWHERE), text, hint)
+            found = error("V001", spans.get(subject, place), text, hint)
         case _:
             assert_never(result)
     report([found])

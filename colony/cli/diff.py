@@ -10,6 +10,8 @@ import click
 
 from colony.cli.exit_codes import EXIT_ERRORS, EXIT_MISUSE, EXIT_UNDECIDED
 from colony.cli.reporting import check_to_run, is_unreadable, refuse, report
+from colony.cli.verify_interruption import interruptions
+from colony.cli.verify_seconds import ProverSeconds
 
 if TYPE_CHECKING:
     from colony.ir.program import Program
@@ -43,7 +45,7 @@ _SAFETY = 4
 )
 @click.option(
     "--timeout",
-    type=click.FloatRange(min=0, min_open=True),
+    type=ProverSeconds(),
     default=20.0,
     show_default=True,
     metavar="SECONDS",
@@ -88,7 +90,8 @@ def command(
         seconds=_SAFETY * timeout,
     )
     try:
-        result = difference(one, other, ignore, pairs, options, time.monotonic)
+        with interruptions():
+            result = difference(one, other, ignore, pairs, options, time.monotonic)
     except Failure as failure:
         report(failure.diagnostics)
         raise click.exceptions.Exit(EXIT_MISUSE) from None

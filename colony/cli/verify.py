@@ -9,8 +9,11 @@ import click
 
 from colony.cli.exit_codes import EXIT_ERRORS, EXIT_MISUSE
 from colony.cli.reporting import is_unreadable
+from colony.cli.verify_interruption import interruptions
 from colony.cli.verify_output import Format, close, show
 from colony.cli.verify_progress import progress
+from colony.cli.verify_seconds import ProverSeconds
+from colony.cli.verify_tests import check_writable
 from colony.cli.verify_work import Verified, Work, load
 
 
@@ -28,7 +31,7 @@ from colony.cli.verify_work import Verified, Work, load
 )
 @click.option(
     "--timeout",
-    type=click.FloatRange(min=0, min_open=True),
+    type=ProverSeconds(),
     default=10.0,
     show_default=True,
     metavar="SECONDS",
@@ -80,6 +83,9 @@ def command(
         raise click.UsageError("--faults goes with --examples N", context)
     files_ = [load(file) for file in dict.fromkeys(files)]
     _check_names(names, files_, context)
+    for one in files_:
+        if write_test and one.program is not None:
+            check_writable(one.file)
     work = Work(
         names=names,
         depth=depth,
@@ -93,7 +99,7 @@ def command(
     try:
         for one in files_:
             done.append(one)
-            with progress() as tell:
+            with progress() as tell, interruptions():
                 work.on(one, tell)
             if format_ == "text":
                 show(one)

@@ -42,7 +42,16 @@ def show(one: Verified) -> None:
 
         for line in tried(one.program, one.report, one.known):
             click.echo(f"{one.file}: {line}" if not line.startswith(" ") else f"  {line}")
+    if one.left_open:
+        click.echo(f"{one.file}: {_left_open(one)}")
     report(one.found)
+
+
+def _left_open(one: Verified) -> str:
+    many = "s" if one.left_open > 1 else ""
+    return (
+        f"there was no time for {one.left_open} question{many} about what can never act; --timeout gives more"
+    )
 
 
 def close(done: Sequence[Verified], format_: Format, interrupted: bool = False) -> None:
@@ -84,7 +93,7 @@ def _json(done: Sequence[Verified], interrupted: bool) -> str:
             from colony.cli.examples import row as tried
 
             made["examples"] = tried(one.program, one.report)
-        files.append({**made, "diagnostics": to_rows(one.found)})
+        files.append({**made, "left_open": one.left_open, "diagnostics": to_rows(one.found)})
     return json.dumps({"interrupted": interrupted, "files": files}, indent=2)
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
@@ -14,6 +15,15 @@ if TYPE_CHECKING:
     from colony.verify.contracts.results import Refuted
 
 
+def check_writable(file: str) -> None:
+    """Refuse, before the work is done, a file that could not be replaced after it; exits with 2."""
+    path = Path(file)
+    if not os.access(path, os.W_OK):
+        cannot_write(path, "Permission denied (--write-test appends to it)")
+    if path.is_file() and not os.access(path.resolve().parent, os.W_OK | os.X_OK):
+        cannot_write(path, "Permission denied in its folder (--write-test replaces it)")
+
+
 def append_tests(file: str, program: Program, refuted: Sequence[Refuted]) -> None:
     """Append a `test` block for each refuted contract, and say so; exits with 2 where it cannot be written.
 
@@ -24,6 +34,7 @@ def append_tests(file: str, program: Program, refuted: Sequence[Refuted]) -> Non
     text = before.decode("utf-8-sig").replace("\r\n", "\n")
     titles = {test.name for test in program.tests}
     blocks: list[str] = []
+    written: list[str] = []
     for result in refuted:
         made = _new_test(program, result, titles, text)
         if made is None:
@@ -33,9 +44,11 @@ def append_tests(file: str, program: Program, refuted: Sequence[Refuted]) -> Non
         else:
             titles.add(made.title)
             blocks.append(made.block)
-            say(f'{file}: wrote the test "{made.title}"')
+            written.append(made.title)
     if blocks:
         _append(path, before, blocks)
+    for name in written:
+        say(f'{file}: wrote the test "{name}"')
 
 
 class _Test(NamedTuple):

@@ -23,6 +23,9 @@ if TYPE_CHECKING:
 _SAFETY = 4
 """How much longer than asked for the clock may show before work on a contract is given up."""
 
+_FOR_LINTS = 2
+"""How much longer than for a contract all questions about what can never act may take."""
+
 
 @dataclass(slots=True, frozen=False)
 class Verified:
@@ -33,6 +36,7 @@ class Verified:
     found: list[Diagnostic]
     results: list[Result] = field(default_factory=list)
     report: Report | None = None
+    left_open: int = 0  # questions about what can never act
 
     @property
     def refuted(self) -> list[Refuted]:
@@ -110,9 +114,11 @@ class Work:
     def _lints(self, one: Verified, program: Program) -> None:
         if self.names:
             return
-        from colony.verify.lints import lint
+        from colony.verify.lints import Patience, lint
 
-        one.found += lint(program)
+        patience = Patience(time.monotonic, _FOR_LINTS * self.timeout)
+        one.found += lint(program, patience=patience)
+        one.left_open = patience.left_open
 
     def _examples(self, one: Verified, program: Program, tell: Tell) -> None:
         from colony.cli.examples import findings, refuted, reports

@@ -131,6 +131,24 @@ def test_what_was_emitted_earlier_can_be_proved(
     assert f"error[V001]: {target}: drive: " in err
 
 
+def test_what_are_no_clients_is_told_with_the_file_as_its_place(
+    colony: Colony, behavior: Path, tmp_path: Path
+) -> None:
+    clients = tmp_path / "empty.json"
+    clients.write_bytes(b"")
+    code, out, err = colony("compile", "--prove", clients, behavior)
+    assert (code, out) == (1, "")
+    assert err.startswith(f"{clients}:1:1: error[V001]: ")
+
+
+@pytest.mark.parametrize("seconds", ["nan", "inf", "-1"])
+def test_a_proof_timeout_that_is_no_time_is_refused(colony: Colony, behavior: Path, seconds: str) -> None:
+    code, out, err = colony("compile", "--proof-timeout", seconds, behavior)
+    assert (code, out) == (2, "")
+    assert "'--proof-timeout'" in err
+    assert "is not in the range 0<=x<=1000000.0" in err
+
+
 def test_a_proof_goes_with_no_format(colony: Colony, behavior: Path) -> None:
     assert colony("compile", "--prove", behavior, "--format", "json", behavior).code == 2
     assert colony("compile", "--prove", "none.json", behavior).code == 2

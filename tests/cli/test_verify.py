@@ -122,6 +122,13 @@ contract slow: drive.velocity <= 100 mm/s
     assert "test" not in path.read_text()
 
 
+@pytest.mark.parametrize("seconds", ["nan", "inf", "0"])
+def test_a_timeout_that_is_no_time_is_refused(colony: Colony, behavior: Path, seconds: str) -> None:
+    code, out, err = colony("verify", "--timeout", seconds, add(behavior, TRUE))
+    assert (code, out) == (2, "")
+    assert "is not in the range 0<x<=1000000.0" in err
+
+
 # --- tests that are written ------------------------------------------------------------------------
 
 
@@ -161,6 +168,16 @@ def test_a_second_counterexample_gets_a_name_of_its_own(colony: Colony, behavior
     _, _, err = colony("verify", "--write-test", behavior)
     assert 'wrote the test "counterexample: quick (2)"' in err
     assert colony("check", behavior).code == 0
+
+
+@pytest.mark.skipif(os.geteuid() == 0, reason="root may write everywhere")
+def test_a_read_only_file_is_refused_before_the_work(colony: Colony, behavior: Path) -> None:
+    add(behavior, FALSE).chmod(0o444)
+    before = behavior.read_bytes()
+    code, out, err = colony("verify", "--write-test", behavior)
+    assert (code, out) == (2, "")
+    assert f"{behavior}: error: cannot write: Permission denied" in err
+    assert behavior.read_bytes() == before
 
 
 def test_line_breaks_stay_as_they_are(colony: Colony, behavior: Path) -> None:
@@ -276,3 +293,20 @@ def test_ctrl_c_tells_what_was_found_so_far(behavior: Path, format_: str) -> Non
     else:
         assert "proved   backs" in out
         assert "interrupted before the end" in out
+
+
+def test_what_can_never_act_is_asked_for_a_while_only(colony: Colony, tmp_path: Path) -> None:
+    modules = "\n".join(f"module m{i} {{ when s > {i} mm do drive(velocity = {i} mm/s) }}" for i in range(60))
+    file = tmp_path / "many.colony"
+    file.write_text(
+        f"""robot r {{
+  sensor s : mm range 0 .. 10000 from P.s
+  actuator drive {{ velocity : mm/s range 0 .. 500 }} to R.drive idle drive(velocity = 0)
+}}
+{modules}
+network {{ drive = {" suppresses ".join(f"m{i}" for i in range(60))} }}
+"""
+    )
+    code, out, _ = colony("verify", "--timeout", "0.05", str(file))
+    assert code == 0
+    assert "about what can never act; --timeout gives more" in out

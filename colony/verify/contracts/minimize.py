@@ -116,6 +116,8 @@ class _Minimizer:
             if self._try(tuple(_with(s, name, value) for s in self.snapshots)):
                 break
         for i in range(len(self.snapshots)):
+            if i >= len(self.snapshots):  # what was quieter before broke the contract sooner
+                return
             for quieter in self._quieter(name, i):
                 if self._set(i, name, quieter):
                     break
@@ -161,6 +163,8 @@ class _Minimizer:
     # --- numbers -------------------------------------------------------------------------------------
 
     def _rounder(self, sensor: Sensor, i: int) -> None:
+        if i >= len(self.snapshots):
+            return
         value = self.snapshots[i].readings.get(sensor.name)
         if value is None or (i > 0 and value == self.snapshots[i - 1].readings.get(sensor.name)):
             return

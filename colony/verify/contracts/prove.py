@@ -73,6 +73,7 @@ class Prover:
         self._options = options
         self._clock = clock
         self.proved = 0
+        self._over_reals: dict[str, tuple[Reason, ...]] = {}
 
     @cached_property
     def _usual(self) -> Setting:
@@ -125,7 +126,7 @@ class Prover:
         self, contract: Contract, setting: Setting, proof: Proof, lemmas: list[Claim], refuter: Refuter
     ) -> Proved | Refuted:
         """See whether a proof holds bit for bit, and take note of it; floats may break what reals keep."""
-        rounding = _rounding([setting.claims[contract.name], *lemmas])
+        rounding = self._rests(_rounding([setting.claims[contract.name], *lemmas]), lemmas)
         exact = self._exact(contract) if rounding else None
         if exact is not None:
             proof, rounding = exact
@@ -134,9 +135,18 @@ class Prover:
             if trace is not None:
                 return Refuted(contract=contract, trace=trace)
         self.proved += 1
+        self._over_reals[contract.name] = rounding
         for every in dict.fromkeys((self._usual, setting)):
             every.proved(contract.name)
         return Proved(contract=contract, k=proof.k, invariants=proof.used, over_reals=rounding)
+
+    def _rests(self, rounding: tuple[Reason, ...], lemmas: list[Claim]) -> tuple[Reason, ...]:
+        """`rounding`, and where reals stood in for floats when the lemmas were proved.
+
+        That may have been in the precise system, which rounds where the usual one only knows bounds.
+        """
+        of_lemmas = (r for lemma in lemmas for r in self._over_reals[lemma.name])
+        return tuple(dict.fromkeys((*rounding, *of_lemmas)))
 
     def _exact(self, contract: Contract) -> tuple[Proof, tuple[Reason, ...]] | None:
         """A proof in which rounding may do anything, and where it may matter all the same."""

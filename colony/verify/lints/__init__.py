@@ -5,5 +5,6 @@ interpreter. Where neither can be done in the time that there is, nothing is sai
 """
 
 from colony.verify.lints.linting import lint
+from colony.verify.lints.proof import Patience
 
-__all__ = ["lint"]
+__all__ = ["Patience", "lint"]

@@ -100,7 +100,7 @@ def claims(case: Case) -> Iterator[tuple[str, Expression]]:
             others = (negation(active(name)) for name in _unconcerned(case, module, sensor))
             yield _guarded(module, guard, sensor), negation(all_of((*held, *others)))
         for i in range(len(actuator.fields)):
-            if guard.command is not None:
+            if guard.actuator == actuator.name:
                 yield _restrains(module, guard, i), _restrained(module, guard, actuator, i)
 
 
@@ -146,21 +146,28 @@ def _guards(case: Case, module: Module, guard: Module, actuator: Actuator, prove
     for node in case.network.above(module.name):
         if node.relation == "inhibits" and guard.name in case.network.under(node.dominant):
             return frozenset(fields)
-    if guard.command is None:
+    if guard.actuator != actuator.name:
         return frozenset()
     return frozenset(i for i in fields if prover.proved([_restrains(module, guard, i)]))
 
 
 def _restrained(module: Module, guard: Module, actuator: Actuator, i: int) -> Expression:
-    """That whenever both are active, the guard's field is at idle, beyond it, or (a speed) nearer to it."""
+    """That whenever both are active, the guard's field is at idle, beyond it, or (a speed) nearer to it.
+
+    Bools and enumerators have no order: there the guard's field is at idle where the module's is not.
+    """
     assert actuator.idle is not None
     kind = actuator.fields[i].type
     idle, its, own = constant(actuator.idle[i], kind), command_of(guard, i), command_of(module, i)
-    speed = isinstance(kind, Quantity) and kind.dimension == LENGTH.over(TIME)
+    both_active = all_of((active(module.name), active(guard.name)))
+    if not isinstance(kind, Quantity):
+        moves = binary(Binary.NOT_EQUAL, own, idle)
+        return implies(both_active, implies(moves, binary(Binary.EQUAL, its, idle)))
+    speed = kind.dimension == LENGTH.over(TIME)
     less, more = (Binary.LESS, Binary.GREATER) if speed else (Binary.LESS_EQUAL, Binary.GREATER_EQUAL)
     bound = own if speed else idle
     return implies(
-        all_of((active(module.name), active(guard.name))),
+        both_active,
         all_of(
             (
                 implies(binary(Binary.GREATER, own, idle), binary(less, its, bound)),

@@ -25,18 +25,20 @@ from colony.verify.lints import (
 )
 from colony.verify.lints.case import Case, case_of
 from colony.verify.lints.evidence import broken
-from colony.verify.lints.proof import Prover
+from colony.verify.lints.proof import Patience, Prover
 
 _RUNS = 3
 _FRAMES = 60
 _MOST_NAMED = 12
 
 
-def lint(program: Program, seed: int = 0) -> tuple[Diagnostic, ...]:
+def lint(program: Program, seed: int = 0, patience: Patience | None = None) -> tuple[Diagnostic, ...]:
     """Everything odd that is found, as warnings V020 to V031, in the order of the text.
 
-    `seed` is what concrete runs are drawn from: they save work, and no warning depends on them.
+    `seed` is what concrete runs are drawn from: they save work, and no warning depends on them. What
+    `patience` does not reach to is not told of.
     """
+    patience = Patience() if patience is None else patience
     case = case_of(program)
     if not case.network.roots:
         return ()
@@ -47,9 +49,9 @@ def lint(program: Program, seed: int = 0) -> tuple[Diagnostic, ...]:
         can |= broken_source.claims(case)
     seen = broken(program, case.observed, never, Random(seed), _RUNS, _FRAMES)
     left = {name: claim for name, claim in never.items() if name not in seen}
-    prover = Prover(case.observed, left | can)
+    prover = Prover(case.observed, left | can, patience)
     proved = prover.proved(left)
-    by = {m: _least(case, m) for m in case.modules if shadows.shadowed(m) in proved}
+    by = {m: _least(case, m, patience) for m in case.modules if shadows.shadowed(m) in proved}
     return in_order(
         [
             *unused.told(case),
@@ -65,18 +67,20 @@ def lint(program: Program, seed: int = 0) -> tuple[Diagnostic, ...]:
     )
 
 
-def _least(case: Case, module: str) -> tuple[str, ...]:
+def _least(case: Case, module: str, patience: Patience) -> tuple[str, ...]:
     """A set of modules that dominate a module wherever it is active, of which none can be left out."""
     who = shadows.candidates(case, module)
-    if len(who) > _MOST_NAMED or not _dominate(case, module, who):
+    if len(who) > _MOST_NAMED or not _dominate(case, module, who, patience):
         return ()
     for name in reversed(who):
         fewer = tuple(x for x in who if x != name)
-        if _dominate(case, module, fewer):
+        if _dominate(case, module, fewer, patience):
             who = fewer
     return tuple(m.name for m in case.program.modules if m.name in who)
 
 
-def _dominate(case: Case, module: str, who: tuple[str, ...]) -> bool:
+def _dominate(case: Case, module: str, who: tuple[str, ...], patience: Patience) -> bool:
     claim = shadows.dominated(case, module, who)
-    return claim is not None and bool(Prover(case.observed, {"dominated": claim}).proved(["dominated"]))
+    if claim is None:
+        return False
+    return bool(Prover(case.observed, {"dominated": claim}, patience).proved(["dominated"]))

@@ -10,7 +10,7 @@ from colony.verify.contracts.attempt import Attempt, Proof
 from colony.verify.contracts.refute import Refuter
 from colony.verify.contracts.results import RESOURCES_A_SECOND, Options, Trace
 from colony.verify.contracts.setting import Setting
-from colony.verify.contracts.solver import Budget
+from colony.verify.contracts.solver import Budget, Clock
 from colony.verify.lints.evidence import Claims, with_claims
 from colony.verify.symbolic.encode import encode
 from colony.verify.symbolic.system import Inexact
@@ -18,11 +18,29 @@ from colony.verify.symbolic.system import Inexact
 _OPTIONS = Options(depth=1, longest=3, resources=RESOURCES_A_SECOND // 2)
 
 
+class Patience:
+    """How long all questions about a program may take together. Mutable: `left_open` counts those that were
+    not asked any more. Without a clock there is no end to it.
+    """
+
+    def __init__(self, clock: Clock | None = None, seconds: float = 0.0) -> None:
+        self._clock = clock
+        self._until = 0.0 if clock is None else clock() + seconds
+        self.left_open = 0
+
+    def over(self) -> bool:
+        """Whether another question may not be asked; it counts as left open then."""
+        over = self._clock is not None and self._clock() >= self._until
+        self.left_open += over
+        return over
+
+
 class Prover:
     """Claims about one program. Mutable: formulas are made when they are first needed."""
 
-    def __init__(self, program: Program, claims: Claims) -> None:
+    def __init__(self, program: Program, claims: Claims, patience: Patience) -> None:
         self._program = with_claims(program, claims)
+        self._patience = patience
 
     @cached_property
     def _setting(self) -> Setting:
@@ -34,6 +52,8 @@ class Prover:
 
     def holds(self, name: str) -> bool:
         """Whether a claim holds always, with real numbers in place of floats."""
+        if self._patience.over():
+            return False
         return isinstance(Attempt(self._setting, name, _budget()).run(), Proof)
 
     def _rounds(self, name: str) -> bool:
@@ -41,6 +61,8 @@ class Prover:
 
     def refuted(self, name: str) -> Trace | None:
         """A run of the reference interpreter that breaks a claim, if one is found."""
+        if self._patience.over():
+            return None
         found = Attempt(self._setting, name, _budget(), Refuter(self._program, name)).run()
         return found if isinstance(found, Trace) else None
 

@@ -167,12 +167,14 @@ def count(truths: Sequence[z3.BoolRef], arithmetic: Arithmetic) -> Number:
 
 
 def _total(taken: Sequence[tuple[Number, z3.BoolRef]], arithmetic: Arithmetic) -> Number:
-    """The sum from the left; 0 of nothing."""
-    total = constant(0.0)
+    """The sum from the left, beginning with the first (so that -0.0 alone stays); 0 of nothing."""
+    total = constant(-0.0)  # adds nothing to any number, -0.0 included
     for i, (x, condition) in enumerate(taken):
         added = x if i == 0 else arithmetic.add(total, x)
         total = select_number(condition, added, total)
-    return total
+    if not total.cases:
+        return total  # its zeros may have either sign
+    return select_number(any_of(condition for _, condition in taken), total, constant(0.0))
 
 
 def _best(of: Function, taken: Sequence[tuple[Number, z3.BoolRef]]) -> Number:

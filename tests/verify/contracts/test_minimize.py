@@ -72,3 +72,13 @@ def test_without_patience_the_trace_stays_as_it_is() -> None:
     _, trace = least("contract c: far < 4.7 m", frame, patience=0)
     assert trace.snapshots == (frame,)
     assert trace.outcomes[-1].breaches == ("c",)
+
+
+def test_a_simpler_value_that_breaks_the_contract_sooner() -> None:
+    text = """let b = previous(x, 9)
+let a = previous(b, 9)
+contract c: not (b == 3 and x == 0 or a == 3 and b == 2 and x == 1)
+"""
+    frames = [Snapshot(t_ns=50 * i * MS, readings={"x": x}) for i, x in enumerate((3.0, 2.0, 1.0))]
+    _, trace = least(text, *frames)
+    assert [s.readings["x"] for s in trace.snapshots] == [3.0, 0.0]

@@ -214,3 +214,21 @@ def test_what_a_python_module_may_break_is_unknown_with_the_answer() -> None:
 def test_what_is_broken_without_asking_python_is_refuted() -> None:
     found = refuted("contract c: drive by guess or stop")
     assert [(s.readings, s.answers) for s in found.trace.snapshots] == [({"stop": False}, {})]
+
+
+def test_what_rests_on_a_contract_that_holds_of_reals_does_too() -> None:
+    """The first is proved of exact products; the second follows from it, and needs nothing of products."""
+    phases = "\n".join(f"  p{i} -> p{i + 1} when true" for i in range(40))
+    late = f"machine m {{\n  start p0\n{phases}\n}}\nlet z = far / 10 m\n"
+    same = "(small * z) * slope / 1 deg == small * (z * slope) / 1 deg"
+    found = proved(
+        f"{late}contract a: m == m.p40 and slope in 0 deg .. 1 deg implies {same}\n"
+        f"contract c: m == m.p40 and slope in 0 deg .. 1 deg and bump implies {same}\n"
+    )
+    assert any(reason.text.startswith("a product") for reason in found.over_reals)
+
+
+def test_the_sum_of_nothing_but_a_negative_zero_is_one() -> None:
+    total = "1 / sum(-0 for k in 1 .. 2 if (k == 2) == bump)"
+    assert proved(f"contract c: {total} <= 0").over_reals == ()
+    refuted(f"contract c: {total} >= 0")

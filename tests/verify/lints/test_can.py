@@ -78,6 +78,16 @@ def test_backing_off_and_standing_still_are_safeguards() -> None:
         ]
 
 
+def test_a_guard_of_an_actuator_with_fields_that_have_no_order() -> None:
+    robot = ROBOT.replace("turn : deg/s range -90 .. 90", "on : bool").replace("turn = 0", "on = false")
+    text = "module cruise { when true do drive(velocity = 300 mm/s, on = true) }\n"
+    text += "module halt { when bumper do drive(velocity = 300 mm/s, on = false) }\n"
+    wired = "network { drive = halt suppresses cruise }"
+    message = "with `bumper` missing, `cruise` can drive: `halt`, which reads it, is silent then"
+    assert found(text + wired, robot) == [("V030", message)]
+    assert found(text.replace("on = false", "on = true") + wired, robot) == []
+
+
 def test_a_sensor_with_a_default_is_never_missing() -> None:
     text = go("cruise", "true") + go("halt", "level > 50", "0")
     assert codes(text + "network { drive = halt suppresses cruise }") == []
@@ -153,3 +163,18 @@ network { drive = p suppresses a }
 """
     assert codes(go("a", "level > 50") + text) == []
     assert codes(go("a", "level > 100") + text) == ["V021"]
+
+
+def test_a_guard_that_commands_another_actuator_restrains_by_inhibiting_only() -> None:
+    robot = """robot r {
+  sensor level : number range 0 .. 10 from P.level
+  sensor sure : bool default false from P.sure
+  actuator drive { velocity : mm/s } to RServer.drive idle drive(velocity = 0)
+  actuator lamp { on : bool } to DServer.Lamp idle lamp(on = false)
+}
+module signal { when level > 5 do lamp(on = true) }
+module go { when sure do drive(velocity = 100 mm/s) }
+"""
+    warned = lint(load_text(robot + "network { lamp = signal  drive = signal inhibits go }"))
+    assert [w.code for w in warned] == ["V030"]
+    assert lint(load_text(robot + "network { lamp = signal  drive = go }")) == ()
