@@ -25,7 +25,7 @@ def main() -> None:
     helpers = [path for path in _tests() if not path.name.startswith("test_")]
     file = CACHE / f"baseline-{digest(*helpers, *ROOT.glob('colony/**/*.py'))}.json"
     known_tests = baseline.measured(tests(), known, file)
-    results = Results(CACHE / "results.jsonl", known, digest(*_tests()), options.budget)
+    results = Results(CACHE / "results.jsonl", known, digest(*_tests()), options.budget, reasons.load())
     left = {path: [m for m in mutants if not results.has(m)] for path, mutants in todo.items()}
     count, new = sum(map(len, todo.values())), sum(map(len, left.values()))
     print(f"{count} mutants, {count - new} known, {new} to try", flush=True)

@@ -21,7 +21,7 @@ from tests.mutants import planting, trial
 from tests.mutants.baseline import ARGUMENTS, Baseline
 from tests.mutants.mutation import Mutant
 from tests.mutants.results import Results
-from tests.mutants.scope import ROOT
+from tests.mutants.scope import ROOT, SEEING_MOST
 from tests.mutants.trial import Failing, Order, Tell, Verdict
 
 
@@ -143,10 +143,14 @@ class _Planted:
 
 
 def _tests_for(baseline: Baseline, mutant: Mutant, function: CodeType) -> set[str]:
-    """The tests that run the line; where that is not known, those that run the function."""
+    """The tests that run the line; where that is not known, those that run the function.
+
+    Those that see most are tried in any case: of what is cached only the first test runs the lines.
+    """
     first, last = _body(function)
     on_line = baseline.tests(mutant.path, mutant.line, mutant.line) if mutant.line >= first else set()
-    return on_line or baseline.tests(mutant.path, first, last)
+    known = on_line or baseline.tests(mutant.path, first, last)
+    return known | {test for test in baseline.tests_of(mutant.path) if test.startswith(SEEING_MOST)}
 
 
 def _body(function: CodeType) -> tuple[int, int]:

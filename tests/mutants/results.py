@@ -1,7 +1,7 @@
 """What came of each mutant, kept in a file from run to run: a line a mutant, written as it comes.
 
 A result holds as long as the module's text is what it was. A mutant that nothing killed is tried again when
-tests have changed.
+tests have changed, unless it is explained why it changes nothing.
 """
 
 from __future__ import annotations
@@ -9,22 +9,24 @@ from __future__ import annotations
 import json
 from collections import Counter
 from pathlib import Path
-from typing import get_args
 
 from tests.mutants.mutation import Mutant
+from tests.mutants.reasons import Reasons
 from tests.mutants.scope import ROOT, digest
 from tests.mutants.trial import Status, Verdict
 
-STATUSES: tuple[Status, ...] = get_args(Status)
+NOTICED: tuple[Status, ...] = ("killed", "timeout")
 
 
 class Results:
     """Of the modules and tests as they are now. Mutable: grows, and its file with it."""
 
-    def __init__(self, file: Path, modules: list[str], tests: str, budget_s: float) -> None:
+    def __init__(self, file: Path, modules: list[str], tests: str, budget_s: float, reasons: Reasons) -> None:
         self._file, self._tests, self._budget_s = file, tests, budget_s
+        self._reasons = reasons
         self._modules = {path: digest(ROOT / path) for path in modules}
         self._found: dict[tuple[str, str], Verdict] = {}
+        self._of_other_tests: set[tuple[str, str]] = set()
         self.reload()
 
     def reload(self) -> None:
@@ -33,18 +35,28 @@ class Results:
             return
         for line in self._file.read_text().splitlines():
             path, module, tests, budget_s, key, status, by = json.loads(line)
-            same_tests = tests == self._tests and budget_s >= self._budget_s
-            if self._modules.get(path) == module and (status in ("killed", "timeout") or same_tests):
-                self._found[path, key] = Verdict(status, by)
+            known = self._found.get((path, key))
+            if self._modules.get(path) != module or (known is not None and known.status in NOTICED):
+                continue
+            self._found[path, key] = Verdict(status, by)
+            if status in NOTICED or (tests == self._tests and budget_s >= self._budget_s):
+                self._of_other_tests.discard((path, key))
+            else:
+                self._of_other_tests.add((path, key))
 
     def has(self, mutant: Mutant) -> bool:
-        return (mutant.path, mutant.key) in self._found
+        """Whether it need not be tried (again)."""
+        key = (mutant.path, mutant.key)
+        if key not in self._found:
+            return False
+        return key not in self._of_other_tests or self._reasons.why(mutant) is not None
 
     def of(self, mutant: Mutant) -> Verdict | None:
         return self._found.get((mutant.path, mutant.key))
 
     def add(self, mutant: Mutant, verdict: Verdict) -> None:
         self._found[mutant.path, mutant.key] = verdict
+        self._of_other_tests.discard((mutant.path, mutant.key))
         self._file.parent.mkdir(parents=True, exist_ok=True)
         whose = (mutant.path, self._modules[mutant.path], self._tests, self._budget_s, mutant.key)
         with self._file.open("a") as file:

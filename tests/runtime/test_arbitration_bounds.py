@@ -18,7 +18,7 @@ from colony.runtime.arbitration import (
     declared_units,
     timing,
 )
-from colony.runtime.ballot import Ballot, Choice, Others, Outside, Places
+from colony.runtime.ballot import Ballot, Choice, Others, Outside, Places, malformed
 from colony.runtime.fields import SPEED
 from colony.runtime.messages import Request, Tick, Verdict
 from tests.runtime.test_arbitration import DRIVE, MS, PLACES, TIMES, arbiter, request, tick
@@ -112,6 +112,7 @@ def test_the_grace_ends_no_later_than_the_deadline() -> None:
 
 def test_timing_of_very_short_frames() -> None:
     assert timing(50 * MS) == Timing(deadline_ns=40 * MS, grace_ns=5 * MS, from_arrival=False)
+    assert isinstance(timing(50 * MS).deadline_ns, int)
     assert timing(1) == Timing(deadline_ns=1, grace_ns=0)
     assert timing(5, lockstep=True) == Timing(deadline_ns=4, grace_ns=0, from_arrival=True)
 
@@ -172,6 +173,15 @@ def test_only_what_has_a_unit_changes_on_its_way_out() -> None:
     robot = replace(DRIVE, fields=fields)
     assert repr(declared_units(robot, (True, 3, 1500.0))) == repr((True, 3, 1.5))
     assert declared_units(robot, None) is None
+
+
+@pytest.mark.parametrize(
+    ("velocity", "taken"), [(-600.0, True), (600.0, True), (-600.1, False), (600.1, False)]
+)
+def test_both_ends_of_a_range_are_in_it(velocity: float, taken: bool) -> None:
+    command = Request(k=0, actuator="drive", client="cruise", bid="command", values=(velocity, 0.0))
+    wrong = None if taken else f"`cruise` gave velocity = {velocity!r}"
+    assert malformed(command, DRIVE, PLACES) == wrong
 
 
 # --- ahead of time -----------------------------------------------------------------------------------

@@ -7,7 +7,7 @@ import pytest
 from colony.runtime import assembly
 from colony.runtime.assembly import FrameAssembler, frames_kept
 from colony.runtime.bindings import SensorBinding
-from colony.runtime.messages import Fetch, Sample, Send, ServerFrame
+from colony.runtime.messages import Fetch, Sample, Send, ServerFrame, Tick
 from tests.runtime.test_assembly import BUMPER, MS, PULSE, SONAR, active, base, frames, proximity, tick
 
 
@@ -117,6 +117,35 @@ def test_of_what_is_void_the_newest_is_remembered(monkeypatch: pytest.MonkeyPatc
     assembler.take(tick(1))
     assembler.take(tick(2, void=(("P", 0), ("P", 1), ("P", 2))))
     assert len(list(assembler.complete())) == (2 if most >= 3 else 0)
+
+
+def test_a_tick_that_is_doubled_says_nothing_new() -> None:
+    assembler = FrameAssembler((SONAR,))
+    again = tick(1, down=("P",), void=(("P", 0),))
+    assert len(frames(assembler, tick(0), again, tick(2, down=("P",)))) == 3
+    for message in (again, tick(0), again):
+        assert frames(assembler, message) == []
+    assert not assembler.lost
+
+
+def test_only_what_is_missing_of_who_lives_is_asked_for() -> None:
+    def asked(*before: Tick | ServerFrame, **more: object) -> set[str]:
+        assembler = FrameAssembler((SONAR, BUMPER))
+        for message in before:
+            assembler.take(message)
+        return {e.message.server for e in assembler.take(tick(1, **more)) if isinstance(e, Send)}
+
+    assert asked(tick(0)) == {"P", "R"}
+    assert asked(tick(0), proximity(0)) == {"R"}
+    assert asked(tick(0), base(0)) == {"P"}
+    assert asked(tick(0), down=("P",)) == {"R"}
+    assert asked(tick(0), void=(("P", 0),)) == {"R"}
+    assert asked(tick(0), void=(("R", 0),)) == {"P"}
+
+
+def test_a_portion_ends_with_a_whole_frame() -> None:
+    asked = FrameAssembler((SONAR, BUMPER)).take(tick(assembly.ASKED_AT_ONCE))
+    assert len(asked) == 3 * (assembly.ASKED_AT_ONCE // 3 + 1)
 
 
 def test_how_many_frames_are_kept() -> None:

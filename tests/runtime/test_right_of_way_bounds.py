@@ -31,6 +31,14 @@ def test_who_waits_for_a_moment_waits(wait_ns: int, waits: bool) -> None:
         assert (refused.value.problem.code, refused.value.problem.message) == ("locked", "ann holds the lock")
 
 
+def test_who_asked_first_is_served_first_however_long_anybody_waits() -> None:
+    lock = LockQueue()
+    lock.ask(asked("ann"), 0, wait_ns=0)
+    for name, wait in (("patient", 9 * S), ("hasty", S), ("other", 5 * S)):
+        lock.ask(asked(name), 0, wait_ns=wait)
+    assert [c.name for c in lock.waiting] == ["patient", "hasty", "other"]
+
+
 def test_a_lock_that_nobody_holds() -> None:
     lock = LockQueue()
     assert lock.refusal().problem.message == "nobody holds the lock"
@@ -164,6 +172,7 @@ def test_what_was_not_written_once_is_written_with_the_next_stop(tmp_path: Path)
     path = tmp_path / "later" / "stop"
     latch = StopLatch(path)
     latch.engage("ann/1", 5)
+    assert latch.trouble == f"{path}: No such file or directory"
     path.parent.mkdir()
     latch.engage("bob/1", 6)
     assert StopLatch(path).stopped == Stopped(by="ann/1", t_ns=5)

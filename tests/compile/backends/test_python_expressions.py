@@ -1,0 +1,39 @@
+"""The code of one client depends on others, of whom generated Python knows nothing."""
+
+from __future__ import annotations
+
+import pytest
+
+from colony.compile.backends.python_expressions import Expressions
+from colony.compile.backends.python_layout import ROOT, Layout
+from colony.compile.backends.python_names import Names
+from colony.compile.backends.python_placement import Placement
+from colony.compile.backends.python_ranges import ranges
+from colony.compile.code import Lost, OutsideActive
+from colony.compile.lower import lower_client
+from colony.compile.pipeline import compile_program
+from colony.dsl.load import load_text
+
+TEXT = """
+robot r {
+  sensor b : bool from DServer.b
+  actuator out { v : number } to DServer.out idle out(v = 0) on_loss degrade
+}
+module p from python "a:B" { reads b commands out }
+module n { when b do out(v = 2) }
+module m { when true do out(v = 1) }
+network { out = %s suppresses m }
+"""
+
+
+@pytest.mark.parametrize(("above", "kind"), [("p", OutsideActive), ("n", Lost)])
+def test_what_others_do_has_no_text(above: str, kind: type) -> None:
+    program = load_text(TEXT % above)
+    code = lower_client(program, compile_program(program).clients, "out", "m")
+    at = next(i for i, op in enumerate(code.ops) if isinstance(op, kind))
+    layout, known = Layout(), ranges(code)
+    placement = Placement(code, layout, known)
+    placement.use(at, layout.slot(ROOT))
+    placement.settle(layout.slot(ROOT))
+    with pytest.raises(ValueError, match=r"^the code of a single client is not for this backend$"):
+        Expressions(code, placement, known, Names(code, frozenset()))
