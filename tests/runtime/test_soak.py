@@ -8,7 +8,7 @@ from pathlib import Path
 from tests.runtime.soak import soak
 
 SEED = 1994
-SECONDS = float(os.environ.get("COLONY_SOAK_SECONDS", "60"))
+SECONDS = float(os.environ.get("COLONY_SOAK_SECONDS", "40"))
 
 
 def test_servers_keep_their_memory_and_decisions_are_the_interpreters(tmp_path: Path) -> None:
