@@ -6,9 +6,12 @@ import math
 
 import pytest
 
+from colony.compile.clients import ActuatorClients, Client, ClientList
 from colony.compile.code import Apply, FrameTime, Kind, Literal, SensorElement, SensorFresh
+from colony.compile.guards import ModuleActive, Not
 from colony.compile.lower_builder import Builder
 from colony.compile.operators import FUNCTIONS, Operator
+from colony.compile.simplify import simplify
 
 BOOLS = {
     *(Operator.LESS, Operator.LESS_EQUAL, Operator.EQUAL, Operator.NOT_EQUAL, Operator.FINITE),
@@ -150,3 +153,15 @@ def test_a_cell_is_made_once_and_takes_nothing_until_it_is_said_what() -> None:
     a, b = builder.cells()
     assert (a.condition, a.value, b.condition) == (condition, value, never)
     assert [builder.kinds[i] for i in (old, other)] == [Kind.NUMBER, Kind.TIME]
+
+
+def test_the_first_guards_of_a_table_count_too() -> None:
+    """A negation in the second place needs what stands in the first, though nothing else does."""
+    guards = (ModuleActive("a"), Not(0))
+    client = Client(module="m", priority=1, guard=1, exclusive=1)
+    simpler = simplify(
+        ClientList(guards=guards, actuators=(ActuatorClients(actuator="x", clients=(client,)),))
+    )
+    (one,) = simpler.actuators[0].clients
+    assert simpler.guards == guards
+    assert (one.guard, one.exclusive) == (1, 1)

@@ -2,6 +2,10 @@
 
 from __future__ import annotations
 
+import pytest
+
+from colony.compile.executor import ClientMemory
+from colony.runtime.memory import BadMemory, decode_memory, encode_memory
 from colony.runtime.messages import Checkpoint, Fetch, Ready, Recall, Request
 from tests.runtime.test_client import ADDRESS, FRAME, KEPT, MS, back_off, base, only, saved, take, tick
 
@@ -41,3 +45,14 @@ def test_with_memory_it_goes_on_at_once_and_says_that_it_lives() -> None:
     assert [m.k for m in got if isinstance(m, Request)] == [60]
     assert only(Ready, got) == [Ready(client=ADDRESS, run="run", k=60)]
     assert not only(Ready, take(node, tick(61), base(61), now_ns=now + 10 * MS))
+
+
+def test_what_is_no_memory_says_what_is_wrong_with_it() -> None:
+    for data, text in (
+        (b"", "truncated"),
+        (b"\x01", "Expected `array`"),
+        (b"\x92\xa1x\x80", "Expected `int | null`"),
+    ):
+        with pytest.raises(BadMemory, match=text):
+            decode_memory(data)
+    assert encode_memory(ClientMemory(5, {"a": 1.0})) == b"\x92\x05\x81\xa1a\xcb?\xf0\x00\x00\x00\x00\x00\x00"

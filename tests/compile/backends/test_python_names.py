@@ -43,8 +43,8 @@ def names(*taken: str) -> Names:
         ("print", "print_2"),
         ("sqrt", "sqrt_2"),
         ("match", "match_2"),
-        ("self", "self_2"),
-        ("readings", "readings_2"),
+        *((ours, f"{ours}_2") for ours in "self first_ns step t t_ns readings records".split()),
+        *((ours, f"{ours}_2") for ours in "breaches reading settled".split()),
         ("helper", "helper_2"),
     ],
 )
