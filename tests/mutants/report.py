@@ -105,7 +105,11 @@ def listed(of: list[Mutant], reasons: Reasons) -> Iterator[str]:
         by_reason: dict[str, list[Mutant]] = {}
         for mutant in of:
             if mutant.path == path:
-                by_reason.setdefault(reasons.why(mutant) or "Not explained.", []).append(mutant)
+                by_reason.setdefault(
+                    reasons.why(mutant)
+                    or "Not noticed within the budget of tests, and not explained: a test is wanted.",
+                    [],
+                ).append(mutant)
         for why, several in by_reason.items():
             yield f"{why}\n"
             for mutant in several:
