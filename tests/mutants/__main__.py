@@ -94,6 +94,7 @@ def _tell(todo: dict[str, list[Mutant]], results: Results, options: argparse.Nam
         print("\n" + report.plain(("seeded bug", "noticed with"), seeded))
     if options.write:
         how = f"By `make mutants` with {platform.python_implementation()} {platform.python_version()}."
+        how += " A module's mutants were tried on its text as it is; survivors with the tests of that time."
         report.write(table, seeded, surviving, known, how)
 
 
