@@ -1,0 +1,64 @@
+"""A planned path: straight segments in the modes of the Navigator (thesis section 5.3)."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import NamedTuple
+
+from colony.nav.shared import GoalKind
+
+
+class Place(NamedTuple):
+    """A point of a floor, in mm, x east and y north; `floor` is the name of its map."""
+
+    x_mm: float
+    y_mm: float
+    floor: str
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Segment:
+    """A straight way in one mode, along the middle of a corridor, from `start` to `end`.
+
+    `heading_deg` is where it leads. In the light-tracking mode `lights_mm` are the distances of the lights
+    from `start`, rising, and `end` is below the last one. A corner segment begins in the middle of the
+    turning space, with a turn to its heading, and ends where the robot is in the next corridor. `width_mm`
+    is the corridor's.
+    """
+
+    kind: GoalKind
+    heading_deg: float
+    start: Place
+    end: Place
+    width_mm: float
+    lights_mm: tuple[float, ...] = ()
+
+    @property
+    def length_mm(self) -> float:
+        """From start to end."""
+        return math.hypot(self.end.x_mm - self.start.x_mm, self.end.y_mm - self.start.y_mm)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Plan:
+    """A path from one node of a map to another.
+
+    Attributes:
+        origin, goal: names of nodes, "350R".
+        segments: in order; the first begins where the robot stands.
+        distance_mm: the sum of the counted edges along the rings, which is what the thesis's tables give.
+        modes: one letter a mode, for the confidence automaton: "lclcld". A corner is one `c`, whatever its
+            segments (section 6.3).
+    """
+
+    origin: str
+    goal: str
+    segments: tuple[Segment, ...]
+    distance_mm: float
+    modes: str
+
+    @property
+    def way_mm(self) -> float:
+        """How far the robot travels, along the middle of the corridors."""
+        return sum(segment.length_mm for segment in self.segments)

@@ -1,0 +1,69 @@
+"""What the clients of the navigation share through DServer: variables and semaphores (thesis Table 5.4).
+
+| name          | Planner | Navigator | CTracker | LocalMapper |
+|---------------|---------|-----------|----------|-------------|
+| $StartMap     | up      |           |          | down        |
+| $LightDet     |         |           | up       | down        |
+| $GoalData     | up      | down      |          |             |
+| $RobotStatus  | down    | up        |          |             |
+| $TrackData    | up      |           | down     |             |
+| $EndLMode     | down    |           | up       |             |
+| GoalDirection | write   | read      |          | read        |
+| GoalDistance  | write   | read      | read     | read        |
+| GoalType      | write   | read      |          |             |
+| LightOffset   | write   |           | read     |             |
+| CeilingLight  |         | read      | write    | read        |
+| Overshoot     | read    |           | write    |             |
+
+Two more belong to the Navigator alone, GoalNumber and GoalReached. It is a compiled network, which knows
+variables and no semaphores, and a clerk that takes and gives these in its place (`colony/nav/clerk.py`).
+"""
+
+from __future__ import annotations
+
+from enum import IntEnum
+
+START_MAP = "$StartMap"
+LIGHT_DETECTED = "$LightDet"
+GOAL_DATA = "$GoalData"
+ROBOT_STATUS = "$RobotStatus"
+TRACK_DATA = "$TrackData"
+END_L_MODE = "$EndLMode"
+SEMAPHORES = (START_MAP, LIGHT_DETECTED, GOAL_DATA, ROBOT_STATUS, TRACK_DATA, END_L_MODE)
+"""All begin at 0; whoever comes first makes them."""
+
+GOAL_DIRECTION = "GoalDirection"
+"""The heading along which to proceed, in degrees, 0 north, 90 west."""
+
+GOAL_DISTANCE = "GoalDistance"
+"""In the light-tracking mode the number of lights to track, else how far to travel, in millimeters."""
+
+GOAL_TYPE = "GoalType"
+"""The mode: a `GoalKind` as a number."""
+
+LIGHT_OFFSET = "LightOffset"
+"""A list in millimeters: from where the goal was given to the first light, then from light to light."""
+
+CEILING_LIGHT = "CeilingLight"
+"""How many lights of the present goal were passed."""
+
+OVERSHOOT = "Overshoot"
+"""How far beyond the last light the robot was when CTracker was done, in millimeters along GoalDirection."""
+
+GOAL_NUMBER = "GoalNumber"
+"""Set by the clerk: counts the goals taken, from 1. The network measures a goal's distance from where the
+robot was when this changed."""
+
+GOAL_REACHED = "GoalReached"
+"""Set by the network: the GoalNumber of the goal that it has reached."""
+
+
+class GoalKind(IntEnum):
+    """The modes of the Navigator; the number is the letter's code (thesis Table 5.2)."""
+
+    NONE = 0  # stand
+    CORNER = ord("C")  # Leave-Corner: turn to GoalDirection and leave the turning space
+    DEAD_RECKONING = ord("D")  # to the goal, by distance
+    ENTER_CORNER = ord("E")  # to the middle of a turning space
+    LIGHTS = ord("L")  # Ceiling-Light Tracking
+    ELEVATOR = ord("V")  # in through an elevator's doors, turn around, and out again
