@@ -15,6 +15,7 @@ MODULES = (
     "proof",
     "front_end",
     "simulation",
+    "vision",
     "transport",
     "data_server",
     "processes",

@@ -47,7 +47,7 @@ THIRD_PARTY: dict[str, set[str]] = {
     "click": {"cli"},
     "rich": {"cli", "experiment"},
     "networkx": {"view", "compile", "nav"},
-    "msgspec": {"runtime", "sim", "cli"},
+    "msgspec": {"runtime", "sim", "experiment", "cli"},
     "zenoh": {"runtime"},
     "mcap": {"runtime"},
 }

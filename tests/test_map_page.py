@@ -4,13 +4,19 @@ from __future__ import annotations
 
 import re
 from pathlib import Path
+from typing import Any
 
 import pytest
 
 from colony.codes import CODES
 from colony.nav import stickrep_fields as fields
+from colony.nav.building import MAX_MAPS, load_building
 from colony.nav.stickrep import DEFAULT_TOLERANCE_MM, EdgeKind
-from colony.nav.stickrep_reader import LENGTH_UNITS, MAX_BYTES, MAX_LINES, load_map, read_map
+from colony.nav.stickrep_fields import Problems
+from colony.nav.stickrep_file import MAX_BYTES
+from colony.nav.stickrep_header import Header
+from colony.nav.stickrep_joints import MAX_ACROSS_MM, MAX_ASIDE_MM, linked_rings
+from colony.nav.stickrep_reader import MAX_LINES, load_map, read_map
 from colony.nav.stickrep_writer import write_map
 from colony.nav.walls import lights_of, walls_of
 from colony.source import Source
@@ -80,7 +86,12 @@ def test_the_light_of_the_turning_space(folder: Path) -> None:
 
 
 def test_the_python_block_says_what_it_gives(folder: Path) -> None:
-    exec(only("python"), {})
+    named: dict[str, Any] = {}
+    exec(only("python"), named)
+    for line in only("python").splitlines():
+        expression, _, said = line.partition("  # ")
+        if said.startswith(("[", "Landing", "13")):
+            assert repr(eval(expression, named)) == said.partition(", the")[0]
     corner = load_map("corner.stickrep")
     assert f"# {corner.rings[0].path_length_mm}\n" in only("python")
     assert f"# {walls_of(corner).segments.shape}:" in only("python")
@@ -88,14 +99,40 @@ def test_the_python_block_says_what_it_gives(folder: Path) -> None:
     assert corner.rings[0].path_length_mm / 25.4 == pytest.approx(1800)
 
 
+def test_the_floors_of_the_example_lead_to_each_other(folder: Path) -> None:
+    for name, other in (("ground", "upper"), ("upper", "ground")):
+        assert [m.name for m in load_building(f"{name}.stickrep").maps] == [name, other]
+
+
+def test_the_links_of_the_example_join_its_rings(folder: Path) -> None:
+    linked = load_map("linked.stickrep")
+    assert linked_rings(linked) == (("outline", "west", "east"),)
+    assert lights_of(linked).round(6).tolist() == [[1000.0, 7000.0], [1000.0, 15000.0]]
+
+
+def test_every_map_that_comes_along_is_listed() -> None:
+    listed = re.findall(r"^\| \[(\w+)\]\(\.\./maps/\1\.stickrep\) \|", PAGE, re.MULTILINE)
+    assert sorted(listed) == sorted(path.stem for path in (DOCS.parent / "maps").glob("*.stickrep"))
+
+
+def test_every_line_of_the_header_is_listed() -> None:
+    section = PAGE.partition("## Header")[2].partition("## Rings")[0]
+    rows = re.findall(r"^\| `(\w+) ", section, re.MULTILINE)
+    known = Header(Problems(), Source("none", "")).known
+    assert sorted([*rows, "link", "elevator"]) == sorted(known)
+
+
 def test_bounds_and_defaults_are_the_readers() -> None:
+    assert f"at most {MAX_ACROSS_MM / 1000:g} m of it" in PAGE
+    assert f"at most {MAX_ASIDE_MM / 1000:g} m along it" in PAGE
+    assert f"at most {MAX_MAPS} maps" in PAGE
     assert f"at most {MAX_LINES} rows" in PAGE
     assert f"at most {MAX_BYTES // 1_000_000} MB" in PAGE
     assert f"at most {fields.MAX_LIGHTS} lights" in PAGE
     assert (fields.MIN_LENGTH_MM, fields.MAX_LENGTH_MM, fields.MAX_COORDINATE_MM) == (1.0, 1e6, 1e8)
     assert pytest.approx(2 * 25.4) == DEFAULT_TOLERANCE_MM
     [units] = re.findall(r"^\| `unit UNIT` .*: (.*) \| `inch` \|$", PAGE, re.MULTILINE)
-    assert set(re.findall(r"`(\w+)`", units)) == set(LENGTH_UNITS)
+    assert set(re.findall(r"`(\w+)`", units)) == set(fields.LENGTH_UNITS)
     [types] = re.findall(r"^\| type .*$", PAGE, re.MULTILINE)
     assert set(re.findall(r"`(\w)`", types)) == {kind.value for kind in EdgeKind}
 

@@ -4,30 +4,21 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Literal, cast
+from typing import TYPE_CHECKING, cast
 
 import click
 
 from colony.cli.exit_codes import EXIT_ERRORS, EXIT_MISUSE
-from colony.cli.reporting import is_unreadable, one_line, report, say
+from colony.cli.reporting import Format, format_option, is_unreadable, one_line, report, say
 from colony.collector import collector_at_rest
 
 if TYPE_CHECKING:
     from colony.diagnostics import Diagnostic
 
-Format = Literal["text", "json", "sarif"]
-
 
 @click.command("check", short_help="find what is wrong in behavior files")
 @click.argument("files", nargs=-1, required=True, metavar="FILE...")
-@click.option(
-    "--format",
-    "format_",
-    type=click.Choice(["text", "json", "sarif"]),
-    default="text",
-    show_default=True,
-    help="Text for people; JSON; SARIF 2.1.0 for editors and code hosts.",
-)
+@format_option
 def command(files: tuple[str, ...], format_: str) -> None:
     """Check behavior files and all that they import: syntax, names, types, units, wiring.
 

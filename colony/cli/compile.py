@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING, assert_never
 
@@ -10,9 +9,9 @@ import click
 
 from colony.cli.exit_codes import EXIT_ERRORS
 from colony.cli.outputs import check_output, write_whole
+from colony.cli.prover_interruption import interruptions
+from colony.cli.prover_options import ProverSeconds
 from colony.cli.reporting import load_program, report, say
-from colony.cli.verify_interruption import interruptions
-from colony.cli.verify_seconds import ProverSeconds
 
 if TYPE_CHECKING:
     from colony.compile.pipeline import Compiled
@@ -86,10 +85,10 @@ def command(
             result = _proof_of(existing, program, compiled, timeout_ms)
         _settle(result, program, of=existing)
         return
-    text, proof = _emitted(program, compiled, format_, explain, timeout_ms)
+    text = _text(program, compiled, format_, explain)
     if not no_proof:
         with interruptions():
-            result = proof()
+            result = _proof(program, compiled, format_, text, timeout_ms)
         _settle(result, program, of=None)
     if not text.endswith("\n"):
         text += "\n"
@@ -99,32 +98,33 @@ def command(
         write_whole(output, text)
 
 
-def _emitted(
-    program: Program, compiled: Compiled, format_: str, explain: bool, timeout_ms: int
-) -> tuple[str, Callable[[], Result]]:
-    """The text of a format, and the proof of it."""
-
-    def proof(**emitted: object) -> Callable[[], Result]:
-        from colony.verify.equivalence.prove import prove  # z3 is loaded only where something is proved
-
-        return lambda: prove(program, compiled, timeout_ms=timeout_ms, **emitted)  # type: ignore[arg-type]
-
+def _text(program: Program, compiled: Compiled, format_: str, explain: bool) -> str:
+    """The text of a format."""
     if format_ == "python":
         from colony.compile.backends.python import generate
 
-        text = generate(program, compiled.clients)
-        return text, lambda: proof(python=text)()
+        return generate(program, compiled.clients)
     if format_ == "json":
         from colony.compile.json_format import to_json
 
-        text = to_json(compiled)
-        return text, lambda: proof(json=text)()
+        return to_json(compiled)
     from colony.compile.client_table import client_table
     from colony.compile.explain import explain as explanation
+
+    return explanation(compiled) if explain else client_table(compiled)
+
+
+def _proof(program: Program, compiled: Compiled, format_: str, text: str, timeout_ms: int) -> Result:
+    """The proof of the clients, and of the form that `text` shows them in; a table shows what is executed."""
+    from colony.verify.equivalence.prove import prove
+
+    if format_ == "python":
+        return prove(program, compiled, python=text, timeout_ms=timeout_ms)
+    if format_ == "json":
+        return prove(program, compiled, json=text, timeout_ms=timeout_ms)
     from colony.compile.lower import lower
 
-    text = explanation(compiled) if explain else client_table(compiled)
-    return text, lambda: proof(code=lower(program, compiled.clients))()
+    return prove(program, compiled, code=lower(program, compiled.clients), timeout_ms=timeout_ms)
 
 
 def _proof_of(existing: Path, program: Program, compiled: Compiled, timeout_ms: int) -> Result:

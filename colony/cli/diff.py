@@ -4,20 +4,13 @@ from __future__ import annotations
 
 import json
 import time
-from typing import TYPE_CHECKING
 
 import click
 
 from colony.cli.exit_codes import EXIT_ERRORS, EXIT_MISUSE, EXIT_UNDECIDED
-from colony.cli.reporting import check_to_run, is_unreadable, refuse, report
-from colony.cli.verify_interruption import interruptions
-from colony.cli.verify_seconds import ProverSeconds
-
-if TYPE_CHECKING:
-    from colony.ir.program import Program
-
-_SAFETY = 4
-"""How much longer than asked for the clock may show before the search is given up."""
+from colony.cli.prover_interruption import interruptions
+from colony.cli.prover_options import depth_option, timeout_option
+from colony.cli.reporting import load_program, report
 
 
 @click.command("diff", short_help="tell whether two behaviors are the same")
@@ -36,21 +29,8 @@ _SAFETY = 4
     metavar="NAME=NAME",
     help="Compare this actuator of A with that one of B, instead of those of one name. May be repeated.",
 )
-@click.option(
-    "--depth",
-    type=click.IntRange(0, 64),
-    default=4,
-    show_default=True,
-    help="How many frames back a proof by induction may look; runs that differ may be six times as long.",
-)
-@click.option(
-    "--timeout",
-    type=ProverSeconds(),
-    default=20.0,
-    show_default=True,
-    metavar="SECONDS",
-    help="About; counted in steps of the prover, so that results are the same everywhere.",
-)
+@depth_option("runs that differ")
+@timeout_option(20.0)
 @click.option("--format", "format_", type=click.Choice(["text", "json"]), default="text", show_default=True)
 def command(
     a: str,
@@ -77,18 +57,13 @@ def command(
       colony diff --actuator left=right behaviors/figure_4_14.colony behaviors/figure_4_14.colony
     """
     pairs = [_pair(text) for text in actuators]
-    one, other = _program(a), _program(b)
+    one, other = load_program(a, EXIT_MISUSE), load_program(b, EXIT_MISUSE)
     from colony.diagnostics import Failure
-    from colony.verify.contracts.results import RESOURCES_A_SECOND, Options
+    from colony.verify.contracts.results import Options
     from colony.verify.difference import Different, Undecided, difference
     from colony.verify.difference.report import lines, row
 
-    options = Options(
-        depth=depth,
-        longest=max(6 * depth, 2),
-        resources=max(1, round(timeout * RESOURCES_A_SECOND)),
-        seconds=_SAFETY * timeout,
-    )
+    options = Options.within(timeout, depth=depth)
     try:
         with interruptions():
             result = difference(one, other, ignore, pairs, options, time.monotonic)
@@ -110,14 +85,3 @@ def _pair(text: str) -> tuple[str, str]:
         message = f"`{text}` is no pair of actuators: write the name in A, `=`, and the name in B"
         raise click.UsageError(message, click.get_current_context())
     return mine, its
-
-
-def _program(path: str) -> Program:
-    """The program of a file; errors in it keep it from being compared."""
-    checked = check_to_run(path)
-    if checked.program is not None:
-        return checked.program
-    if is_unreadable(checked.diagnostics):
-        refuse(checked.diagnostics)
-    report(checked.diagnostics)
-    raise click.exceptions.Exit(EXIT_MISUSE)

@@ -105,15 +105,15 @@ def _count(number: int, what: str) -> str:
 
 
 def findings(
-    program: Program, report: Report, file: str, known: Collection[str] = ()
+    program: Program, report: Report, file: str | None, known: Collection[str] = ()
 ) -> tuple[Diagnostic, ...]:
     """An error for every contract that a trace breaks but those that are `known` to be, and for a module in
-    Python that is not deterministic. `file` is what was verified, for the hints."""
+    Python that is not deterministic. `file` is what hints offer to add tests to, if they do."""
     return tuple(traces(program, report, file, known))
 
 
 def traces(
-    program: Program, report: Report, file: str, known: Collection[str] = ()
+    program: Program, report: Report, file: str | None, known: Collection[str] = ()
 ) -> dict[Diagnostic, tuple[TraceStep, ...]]:
     """Each of the findings, with the frames that lead to it."""
     made: dict[Diagnostic, tuple[TraceStep, ...]] = {}
@@ -127,7 +127,7 @@ def traces(
     return made
 
 
-def _broken(program: Program, breach: Breach, file: str) -> Diagnostic:
+def _broken(program: Program, breach: Breach, file: str | None) -> Diagnostic:
     from colony.verify.contracts.report import finding
 
     found = finding(refutation(program, breach), file)

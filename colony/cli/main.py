@@ -33,6 +33,8 @@ COMMANDS = {
     "stop": "stop robots at once, in an emergency",
     "audit": "hold a recorded run against the reference interpreter",
     "map": "draw a building",
+    "experiment": "run a list of runs many times over, and count",
+    "plan": "plan a path from room to room",
 }
 """Every command and what it is for; `colony/cli/NAME.py` has it as `command`."""
 

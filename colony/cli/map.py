@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import click
 
@@ -12,6 +12,7 @@ from colony.cli.outputs import check_output, write_whole
 from colony.cli.reporting import report
 
 if TYPE_CHECKING:
+    from colony.nav.building import Building
     from colony.nav.stickrep import Map
 
 
@@ -29,30 +30,32 @@ if TYPE_CHECKING:
 def command(path: str, output: Path | None, no_picture: bool, format_: str) -> None:
     """Check the StickRep map MAP, say what is in it, and draw it.
 
-    Everything that is wrong with a map is reported, each error with its place and a hint. Exit code 0 for a
-    sound map, 2 for a bad one, or one that cannot be read.
+    The maps that its elevators lead to are checked with it. Everything that is wrong with a map is reported,
+    each error with its place and a hint. Exit code 0 for a sound map, 2 for a bad one, or one that cannot be
+    read.
 
     \b
     Example:
       colony map maps/loop.stickrep
-      colony map maps/hallway.stickrep -o hallway.svg
+      colony map maps/msu_engineering_3.stickrep -o third_floor.svg
     """
     from colony.diagnostics import Failure
-    from colony.nav.stickrep_reader import load_map
+    from colony.nav.building import load_building
 
     if output is not None and output.suffix.lower() not in (".png", ".svg"):
         message = f"cannot draw into `{output}`; expected a file ending in .png or .svg"
         raise click.UsageError(message, click.get_current_context())
     try:
-        loaded = load_map(path)
+        building = load_building(path)
     except Failure as failure:
         report(failure.diagnostics)
         raise click.exceptions.Exit(EXIT_MISUSE) from None
+    loaded = building.maps[0]
     target = None if no_picture else output or Path(f"{loaded.name}.png")
     if target is not None:
         check_output(target, [path])
         _draw(loaded, target)
-    summary = _summary(loaded)
+    summary = _summary(building)
     if format_ == "json":
         import json
 
@@ -69,18 +72,22 @@ def _draw(loaded: Map, target: Path) -> None:
     write_whole(target, encode_picture(draw_map(loaded), picture_format(target)))
 
 
-def _summary(loaded: Map) -> dict[str, object]:
+def _summary(building: Building) -> dict[str, object]:
     from colony.nav.stickrep import EdgeKind
+    from colony.nav.stickrep_joints import linked_rings
     from colony.nav.walls import lights_of, walls_of
 
+    loaded = building.maps[0]
     low_x, low_y, high_x, high_y = walls_of(loaded).bounds
     return {
         "map": loaded.name,
+        "floor": loaded.floor or None,
         "size_mm": [round(high_x - low_x, 3), round(high_y - low_y, 3)],
         "doors": loaded.count(EdgeKind.DOOR),
         "elevators": loaded.count(EdgeKind.ELEVATOR),
         "lights": len(lights_of(loaded)),
         "start": loaded.start._asdict(),
+        "travel": loaded.travel,
         "rings": [
             {
                 "name": ring.name,
@@ -90,16 +97,18 @@ def _summary(loaded: Map) -> dict[str, object]:
             }
             for ring in loaded.rings
         ],
+        "links": len(loaded.links),
+        "linked_rings": [list(group) for group in linked_rings(loaded)],
+        "rides": [{"from": one._asdict(), "to": other._asdict()} for one, other in building.rides],
+        "other_floors": [{"map": other.name, "floor": other.floor} for other in building.maps[1:]],
     }
 
 
-def _text(summary: dict[str, object]) -> str:
-    size, rings, start = summary["size_mm"], summary["rings"], summary["start"]
-    assert isinstance(size, list)
-    assert isinstance(rings, list)
-    assert isinstance(start, dict)
+def _text(summary: dict[str, Any]) -> str:
+    size, start = summary["size_mm"], summary["start"]
+    floor = f", floor {summary['floor']}" if summary["floor"] else ""
     lines = [
-        f"{summary['map']}: {size[0] / 1000:.1f} m by {size[1] / 1000:.1f} m; "
+        f"{summary['map']}{floor}: {size[0] / 1000:.1f} m by {size[1] / 1000:.1f} m; "
         f"doors: {summary['doors']}, elevators: {summary['elevators']}, ceiling lights: {summary['lights']}",
         f"  start at ({start['x_mm'] / 1000:.2f} m, {start['y_mm'] / 1000:.2f} m), "
         f"heading {start['heading_deg']:g} degrees",
@@ -107,6 +116,19 @@ def _text(summary: dict[str, object]) -> str:
     lines += [
         f"  ring {ring['name']}: {ring['nodes']} nodes, {ring['corners']} corners, "
         f"{ring['path_length_mm'] / 1000:.1f} m around"
-        for ring in rings
+        for ring in summary["rings"]
+    ]
+    if len(summary["rings"]) > 1:
+        apart = [" and ".join(group) for group in summary["linked_rings"]]
+        where = "may lead over all rings" if len(apart) == 1 else f"stays on {', or on '.join(apart)}"
+        lines.append(f"  links: {summary['links']}; a path {where}")
+    if summary["travel"] == "wall-on-left":
+        lines.append("  paths keep the wall on the left")
+    floors = {other["map"]: other["floor"] for other in summary["other_floors"]}
+    floors[summary["map"]] = summary["floor"]
+    lines += [
+        f"  elevator {ride['from']['node']} of floor {floors[ride['from']['map']]}"
+        f" is {ride['to']['node']} of floor {floors[ride['to']['map']]} ({ride['to']['map']})"
+        for ride in summary["rides"]
     ]
     return "\n".join(lines)

@@ -6,7 +6,7 @@ import os
 import sys
 from collections.abc import Iterable, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Literal
 
 import click
 
@@ -16,6 +16,18 @@ from colony.ir.program import Program
 
 if TYPE_CHECKING:
     from colony.dsl.load import Checked
+
+Format = Literal["text", "json", "sarif"]
+
+format_option = click.option(
+    "--format",
+    "format_",
+    type=click.Choice(["text", "json", "sarif"]),
+    default="text",
+    show_default=True,
+    help="Text for people; JSON; SARIF 2.1.0 for editors and code hosts.",
+)
+"""How a command writes what it found: a `Format`, as `format_`."""
 
 _COLORS = {"error": "red", "warning": "yellow"}
 
@@ -66,10 +78,10 @@ def check_to_run(path: str) -> Checked:
     return checked
 
 
-def load_program(path: str) -> Program:
+def load_program(path: str, code: int = EXIT_ERRORS) -> Program:
     """The program of a file that a command works on; warnings are left to `colony check`.
 
-    Exits with 2 where the file cannot be read, with 1 where there are errors in it.
+    Exits with 2 where the file cannot be read, with `code` where there are errors in it.
     """
     checked = check_to_run(path)
     if checked.program is not None:
@@ -77,4 +89,4 @@ def load_program(path: str) -> Program:
     if is_unreadable(checked.diagnostics):
         refuse(checked.diagnostics)
     report(checked.diagnostics)
-    raise click.exceptions.Exit(EXIT_ERRORS)
+    raise click.exceptions.Exit(code)

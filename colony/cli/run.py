@@ -15,7 +15,7 @@ import click
 from colony.cli.exit_codes import EXIT_ERRORS, EXIT_INTERRUPTED, EXIT_MISUSE
 from colony.cli.places import connect_option, place_of, problems_told, security_option
 from colony.cli.reporting import load_program, refuse, report, say
-from colony.cli.run_options import BadOption, BrokenOff, Misuse, Options
+from colony.cli.run_options import Arrival, BadOption, BrokenOff, Misuse, Options
 
 if TYPE_CHECKING:
     from colony.ir.program import Program
@@ -60,8 +60,16 @@ PICTURE = "run.png"
     "--camera",
     "cameras",
     multiple=True,
-    metavar="[NAME=]DEGREES",
-    help="With --processes: a camera that looks there, counterclockwise from ahead. May be repeated.",
+    metavar="[NAME=]DEGREES|up",
+    help="With --processes: a camera that looks there, counterclockwise from ahead, or up. May be repeated.",
+)
+@click.option("--from", "origin", metavar="ROOM", help="With --to: drive from there, by the map's names.")
+@click.option("--to", "goal", metavar="ROOM", help="Where to; the run ends when the robot has arrived.")
+@click.option(
+    "--hazards",
+    type=click.IntRange(min=0),
+    metavar="SEED",
+    help="With --to: people, open doors, lights that are out and more, drawn from this seed.",
 )
 @click.option("--fsync", is_flag=True, help="With --processes: DServer's data outlives a loss of power.")
 @click.option("--format", "format_", type=click.Choice(["text", "json"]), default="text", show_default=True)
@@ -80,12 +88,17 @@ def command(
     no_picture: bool,
     settings: tuple[str, ...],
     cameras: tuple[str, ...],
+    origin: str | None,
+    goal: str | None,
+    hazards: int | None,
     fsync: bool,
     format_: str,
 ) -> None:
     """Run a behavior on a robot that is simulated in the building of a map, or on a real one.
 
-    With --map alone everything is one process, in virtual time: the same seed gives the same run. With
+    With --map alone everything is one process, in virtual time: the same seed gives the same run. There,
+    --from and --to have a planner, a tracker of ceiling lights and a local mapper lead the robot from room to
+    room, for a behavior that takes goals, as navigator.colony does; exit code 1 where it did not arrive. With
     --processes each server and each client is a process of its own, as on a robot; who dies is started
     again, and other programs can take part (`colony ps`, `colony stop`). With --connect only the clients
     are started, for a robot that `colony serve` serves; without --duration until Ctrl-C.
@@ -100,36 +113,41 @@ def command(
     Example:
       colony run behaviors/wander.colony --map maps/loop.stickrep --duration 2min --seed 1
       colony run behaviors/wander.colony --map maps/loop.stickrep --record run.mcap
+      colony run behaviors/navigator.colony --map maps/msu_engineering_3.stickrep --from 350R --to 376L
       colony run behaviors/teleop.colony --map maps/loop.stickrep --realtime --set TeleopVelocity=200
       colony run behaviors/wander.colony --map maps/loop.stickrep --processes --duration 30
       colony run behaviors/wander.colony --connect --robot rome
       colony run behaviors/wander.colony --connect tls/rome.lab:7447 --security ada.toml
     """
     _check_choice(map_path, processes, connect, realtime, cameras, fsync, security)
+    _check_way(origin, goal, hazards, simulated=connect is None and not processes)
     program = load_program(file)
     options = Options(
         file=file,
         map_path=map_path,
         seed=seed,
-        duration=duration or (None if connect is not None else DURATION),
+        duration=duration or (None if connect is not None or goal is not None else DURATION),
         realtime=realtime,
         record=record,
         picture=None if no_picture or connect is not None else picture or PICTURE,
         settings=settings,
         cameras=cameras,
         fsync=fsync,
+        origin=origin,
+        goal=goal,
+        hazards=hazards,
     )
     with _failures_told(), redirect_stdout(sys.stderr):  # for what modules in Python print
         if processes or connect is not None:
             with problems_told():
                 place = place_of(program.robot.name if robot is None else robot, connect, security)
-                summary = _run_processes(program, place, options)
+                summary, arrival = _run_processes(program, place, options), None
         else:
-            summary = _run_simulated(program, options)
-    _tell(summary, options, format_)
+            summary, arrival = _run_simulated(program, options)
+    _tell(summary, arrival, options, format_)
 
 
-def _run_simulated(program: Program, options: Options) -> RunSummary:
+def _run_simulated(program: Program, options: Options) -> tuple[RunSummary, Arrival | None]:
     from colony.cli.run_progress import told_if_slow
 
     with told_if_slow("compiling the simulator: some seconds, once where the result can be kept"):
@@ -171,6 +189,18 @@ def _check_choice(
         raise click.UsageError(wrong, click.get_current_context())
 
 
+def _check_way(origin: str | None, goal: str | None, hazards: int | None, *, simulated: bool) -> None:
+    wrong = None
+    if (origin is None) != (goal is None):
+        wrong = f"found {'--to' if origin is None else '--from'} alone; expected --from ROOM --to ROOM"
+    elif goal is not None and not simulated:
+        wrong = "--from and --to are for a run in one process; beside processes, start the planner by itself"
+    elif goal is None and hazards is not None:
+        wrong = "--hazards goes with --from and --to"
+    if wrong is not None:
+        raise click.UsageError(wrong, click.get_current_context())
+
+
 @contextmanager
 def _failures_told() -> Iterator[None]:
     """What kept a run from beginning, or from going on, and its exit code."""
@@ -193,9 +223,11 @@ def _failures_told() -> Iterator[None]:
         raise click.exceptions.Exit(EXIT_ERRORS) from None
 
 
-def _tell(summary: RunSummary, options: Options, format_: str) -> None:
+def _tell(summary: RunSummary, arrival: Arrival | None, options: Options, format_: str) -> None:
     if format_ == "json":
-        written = {"recording": options.record, "picture": options.picture}
+        written: dict[str, object] = {"recording": options.record, "picture": options.picture}
+        if arrival is not None:
+            written["arrival"] = arrival._asdict()
         click.echo(json.dumps(summary.as_json() | written, indent=2))
     else:
         from colony.runtime.summary import render
@@ -204,6 +236,10 @@ def _tell(summary: RunSummary, options: Options, format_: str) -> None:
         for path in (options.record, options.picture):
             if path is not None:
                 click.echo(f"  wrote {path}")
+        if arrival is not None:
+            click.echo(f"  {arrival.text}")
+    if arrival is not None and not arrival.arrived and not summary.interrupted:
+        raise click.exceptions.Exit(EXIT_ERRORS)
     if not summary.sound:
         raise click.exceptions.Exit(EXIT_ERRORS)
     if summary.interrupted:

@@ -5,11 +5,15 @@ from __future__ import annotations
 import math
 import re
 from dataclasses import dataclass
+from typing import TYPE_CHECKING, NamedTuple
 
 from colony.ir.program import Program, Sensor
 from colony.ir.types import Array, Bool, Enum, Quantity, Scalar, ScalarValue, Value
 from colony.runtime.bindings import did_you_mean
 from colony.units import ANGLE, TIME, BadUnit, Dimension, nanoseconds, parse_unit
+
+if TYPE_CHECKING:
+    from colony.sim.plant_child import Look
 
 _QUANTITY = re.compile(r"([-+]?(?:[0-9]+\.?[0-9]*|\.[0-9]+)(?:[eE][-+]?[0-9]+)?)\s*(.*)")
 
@@ -26,12 +30,19 @@ class BrokenOff(Exception):
     """A run of processes could not begin, or broke off; the message, of one line or several, tells why."""
 
 
+class Arrival(NamedTuple):
+    """Whether a robot that was sent somewhere arrived, and what to say of it."""
+
+    arrived: bool
+    text: str
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Options:
     """The command line of `colony run`, as given.
 
     `map_path` is None where the robot is there already, `duration` for a run until it is interrupted,
-    `record` and `picture` where there is to be none.
+    `record` and `picture` where there is to be none; so are `origin`, `goal` and the seed of `hazards`.
     """
 
     file: str
@@ -44,6 +55,9 @@ class Options:
     settings: tuple[str, ...]
     cameras: tuple[str, ...]
     fsync: bool
+    origin: str | None = None
+    goal: str | None = None
+    hazards: int | None = None
 
 
 def duration_ns(text: str) -> int:
@@ -63,28 +77,36 @@ def duration_ns(text: str) -> int:
 MOST_CAMERAS = 8
 
 
-def cameras(texts: tuple[str, ...]) -> dict[str, float]:
-    """Servers of cameras, each with the direction in which it looks, in degrees counterclockwise from ahead.
+def cameras(texts: tuple[str, ...]) -> dict[str, Look]:
+    """Servers of cameras, each with where it looks: degrees counterclockwise from ahead, or up.
 
-    A text is a direction, or a name and one, `left=90`. A single camera without a name is `CServer`, one with
-    a name `CServer_name`.
+    A text is a direction, or a name and one: `left=90`, `CServerUp=up`. A single camera without a name is
+    `CServer`, one with a name `CServer_name`, unless the name is that of a server already.
 
     Raises:
         BadOption: a text is not of this form, or two cameras have one name.
     """
-    out: dict[str, float] = {}
+    out: dict[str, Look] = {}
     for text in texts:
         name, equals, direction = text.rpartition("=")
-        yaw = _quantity(direction, ANGLE, 1.0)
-        if yaw is None or not abs(yaw) <= 360.0 or (equals and not name.isidentifier()):
-            raise BadOption(f"--camera: found `{text}`; expected degrees, or a name and degrees: left=90")
-        server = f"CServer_{name}" if name else "CServer"
+        look = _look(direction)
+        if look is None or (equals and not name.isidentifier()):
+            expected = "degrees, `up`, or a name and one of these: left=90"
+            raise BadOption(f"--camera: found `{text}`; expected {expected}")
+        server = name if name.startswith("CServer") else f"CServer_{name}" if name else "CServer"
         if server in out:
             raise BadOption(f"--camera: two are named `{name}`" if name else "--camera: two have no name")
-        out[server] = yaw
+        out[server] = look
     if len(out) > MOST_CAMERAS:
         raise BadOption(f"--camera: found {len(out)}; expected {MOST_CAMERAS} at most")
     return out
+
+
+def _look(text: str) -> Look | None:
+    if text.strip() == "up":
+        return "up"
+    yaw = _quantity(text, ANGLE, 1.0)
+    return yaw if yaw is not None and abs(yaw) <= 360.0 else None
 
 
 def variables(program: Program, settings: tuple[str, ...]) -> dict[str, Value]:

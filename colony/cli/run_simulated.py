@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable
+from typing import TYPE_CHECKING
 
 from colony.cli.interruption import interruptible
 from colony.cli.outputs import cannot_write
 from colony.cli.recordings import is_mcap, recording_into
-from colony.cli.run_options import Misuse, Options, duration_ns, variables
+from colony.cli.run_options import Arrival, Misuse, Options, duration_ns, variables
 from colony.cli.run_outputs import check_outputs, draw_way
 from colony.cli.run_progress import Progress
 from colony.compile.pipeline import compile_program
@@ -24,9 +25,12 @@ from colony.runtime.virtual import VirtualClock
 from colony.sim.drivers import Plant, simulated_drivers
 from colony.sim.world import World
 
+if TYPE_CHECKING:
+    from colony.cli.run_mission import Mission
 
-def run(program: Program, options: Options) -> RunSummary:
-    """Run a program in a building to the end, or until it is interrupted.
+
+def run(program: Program, options: Options) -> tuple[RunSummary, Arrival | None]:
+    """Run a program in a building to the end, or until it is interrupted; and what came of the way, if any.
 
     Raises:
         BadOption: an option makes no sense.
@@ -35,14 +39,18 @@ def run(program: Program, options: Options) -> RunSummary:
         click.exceptions.Exit: a file cannot be written, which has been said.
     """
     assert options.map_path is not None
-    assert options.duration is not None
-    length_ns = duration_ns(options.duration)
     held = variables(program, options.settings)
     check_outputs(options.record, options.picture, [options.file, options.map_path])
     building = load_map(options.map_path)
+    mission = None
+    if options.goal is not None:
+        from colony.cli.run_mission import Mission
+
+        mission = Mission(building, options, program.robot.frame_ns)
+    length_ns = _length_ns(options, mission)
     clients = compile_program(program).clients
     clock = VirtualClock()
-    plant = Plant(_world(building, options), clock)
+    plant = Plant(_world(building, options) if mission is None else mission.world(), clock)
     tally, way = Tally(program, places_of(program, clients)), Way(plant.world)
     session = Session(
         program,
@@ -53,11 +61,12 @@ def run(program: Program, options: Options) -> RunSummary:
         variables=held,
         sinks=(tally, way),
         requests=is_mcap(options.record),
+        nodes=() if mission is None else mission.nodes(plant),
     )
     if options.record is not None:
         session.add(recording_into(options.record, options.file, program, clients, seed=options.seed))
     session.add(Progress(length_ns))
-    interrupted = _run(session, length_ns, options)
+    interrupted = _run(session, length_ns, options, mission)
     summary = tally.summary(
         seed=options.seed,
         duration_s=clock() / 1e9,
@@ -66,16 +75,27 @@ def run(program: Program, options: Options) -> RunSummary:
     )
     if options.picture is not None:
         draw_way(building, way.places, program.robot.name, options.picture)
-    return summary
+    if mission is None:
+        return summary, None
+    arrived = mission.arrived(plant.world)
+    return summary, Arrival(arrived=arrived, text=mission.told(plant.world, clock()))
 
 
-def _run(session: Session, length_ns: int, options: Options) -> bool:
-    """Whether the run was interrupted."""
+def _length_ns(options: Options, mission: Mission | None) -> int:
+    if options.duration is not None:
+        return duration_ns(options.duration)
+    assert mission is not None
+    return mission.longest_ns
+
+
+def _run(session: Session, length_ns: int, options: Options, mission: Mission | None) -> bool:
+    """Whether the run was interrupted; it ends by itself when a mission is over."""
+    over = mission.is_over if mission is not None else lambda: False
     with interruptible() as interrupted:
         try:
-            return not session.run(
-                length_ns, stop=interrupted, pace=wall_clock() if options.realtime else None
-            )
+            pace = wall_clock() if options.realtime else None
+            session.run(length_ns, stop=lambda: interrupted() or over(), pace=pace)
+            return interrupted()
         except KeyboardInterrupt:
             return True
         except OSError as problem:

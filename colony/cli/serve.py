@@ -22,11 +22,17 @@ NAMES = ("Clock", "RServer", "PServer", "DServer", "CServer", "Simulator", "Gate
 @click.option("--map", "map_path", metavar="MAP", help="The building of the simulated robot.")
 @click.option("--seed", type=click.IntRange(min=0), default=0, show_default=True, help="Of sensors' noise.")
 @click.option(
+    "--hazards",
+    type=click.IntRange(min=0),
+    metavar="SEED",
+    help="Of the simulated building: people, open doors, lights that are out and more, drawn from this seed.",
+)
+@click.option(
     "--camera",
     "camera_texts",
     multiple=True,
-    metavar="[NAME=]DEGREES",
-    help="A camera that looks there, counterclockwise from ahead. May be repeated.",
+    metavar="[NAME=]DEGREES|up",
+    help="A camera that looks there, counterclockwise from ahead, or up. May be repeated.",
 )
 @click.option(
     "--state",
@@ -47,6 +53,7 @@ def command(
     robot: str,
     map_path: str | None,
     seed: int,
+    hazards: int | None,
     camera_texts: tuple[str, ...],
     state: Path | None,
     fsync: bool,
@@ -72,7 +79,7 @@ def command(
     from colony.diagnostics import Failure
     from colony.runtime.live.place import local
 
-    _check_choice(server, map_path, camera_texts, listen, security)
+    _check_choice(server, map_path, hazards, camera_texts, listen, security)
     try:
         looking = cameras(camera_texts)
     except BadOption as bad:
@@ -87,6 +94,7 @@ def command(
         fsync=fsync,
         listen=listen,
         security=security,
+        hazards=hazards,
     )
     try:
         with problems_told():
@@ -104,14 +112,21 @@ def command(
 
 
 def _check_choice(
-    server: str, map_path: str | None, cameras: tuple[str, ...], listen: str | None, security: Path | None
+    server: str,
+    map_path: str | None,
+    hazards: int | None,
+    cameras: tuple[str, ...],
+    listen: str | None,
+    security: Path | None,
 ) -> None:
     """Options that are missing, or make no sense for this server."""
     wrong = None
     if server in ("Simulator", ALL) and map_path is None:
         wrong = f"{server} also wants --map MAP: where is the robot?"
+    elif server not in ("Simulator", ALL) and hazards is not None:
+        wrong = f"--hazards goes with Simulator or all, not with {server}: it is of the building"
     elif server == "CServer" and len(cameras) != 1:
-        wrong = "CServer also wants one --camera [NAME=]DEGREES: that of the Simulator which it serves"
+        wrong = "CServer also wants one --camera [NAME=]DEGREES|up: that of the Simulator which it serves"
     elif server == "Gateway" and listen is None:
         wrong = "Gateway also wants --listen tls/HOST:PORT"
     elif (listen is None) != (security is None):

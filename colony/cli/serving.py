@@ -19,7 +19,7 @@ from colony.runtime.processes.ending import Ending, on_signals
 from colony.runtime.processes.run import ENDING_S, LOOK_S
 from colony.runtime.processes.spec import GatewayPart, Part, Spec, name_of, said_of
 from colony.sim.child import PlantDevices
-from colony.sim.plant_child import SIMULATOR, NoRoom, serve
+from colony.sim.plant_child import SIMULATOR, Look, NoRoom, serve
 
 SUPERVISOR = "Supervisor"
 """Under what name `serve all` claims a robot."""
@@ -27,15 +27,17 @@ SUPERVISOR = "Supervisor"
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Settings:
-    """The command line of `colony serve`; `cameras` by server, each with the direction in which it looks."""
+    """The command line of `colony serve`; `cameras` by server, each with where it looks;
+    `hazards` is their seed, None for none."""
 
     map_path: str | None
     seed: int
-    cameras: Mapping[str, float]
+    cameras: Mapping[str, Look]
     state: Path
     fsync: bool
     listen: str | None
     security: Path | None
+    hazards: int | None = None
 
 
 def serve_one(server: str, place: Local, settings: Settings) -> None:
@@ -115,6 +117,7 @@ def _robot(settings: Settings) -> SimulatedRobot:
         state=settings.state,
         cameras=settings.cameras,
         fsync=settings.fsync,
+        hazards=settings.hazards,
     )
 
 

@@ -14,7 +14,7 @@ from colony.runtime.processes.children import Job
 from colony.runtime.processes.crew import HARDWARE, server_jobs, server_parts
 from colony.runtime.processes.spec import Device, write_spec
 from colony.runtime.summary import Travel
-from colony.sim.plant_child import SIMULATOR, PlantSpec, plant_socket
+from colony.sim.plant_child import SIMULATOR, Look, PlantSpec, plant_socket
 from colony.sim.plant_control import PlantControl
 
 PLANT = "colony.sim.plant_child"
@@ -23,14 +23,16 @@ SERVERS_OF_PLANT = "colony.sim.child"
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SimulatedRobot:
-    """What it is made of: the building, the seed of its sensors' noise, servers of cameras with the direction
-    in which each looks, the folder of what survives the death of a server, and how DServer keeps it."""
+    """What it is made of: the building, the seed of its sensors' noise, servers of cameras with where each
+    looks, the folder of what survives the death of a server, how DServer keeps it, and the seed of the
+    building's hazards, None where there are none."""
 
     map_path: str
     seed: int
     state: Path
-    cameras: Mapping[str, float] = field(default_factory=dict)
+    cameras: Mapping[str, Look] = field(default_factory=dict)
     fsync: bool = False
+    hazards: int | None = None
     held: Mapping[str, Value] = field(default_factory=dict)
 
 
@@ -42,6 +44,7 @@ def plant_spec(place: Local, robot: SimulatedRobot) -> PlantSpec:
         map=os.path.abspath(robot.map_path),
         seed=robot.seed,
         cameras=dict(robot.cameras),
+        hazards=robot.hazards,
     )
 
 

@@ -8,11 +8,11 @@ from typing import cast
 import click
 
 from colony.cli.exit_codes import EXIT_ERRORS, EXIT_MISUSE
-from colony.cli.reporting import is_unreadable
-from colony.cli.verify_interruption import interruptions
-from colony.cli.verify_output import Format, close, show
+from colony.cli.prover_interruption import interruptions
+from colony.cli.prover_options import depth_option, timeout_option
+from colony.cli.reporting import Format, format_option, is_unreadable
+from colony.cli.verify_output import close, show
 from colony.cli.verify_progress import progress
-from colony.cli.verify_seconds import ProverSeconds
 from colony.cli.verify_tests import check_writable
 from colony.cli.verify_work import Verified, Work, load
 
@@ -22,35 +22,15 @@ from colony.cli.verify_work import Verified, Work, load
 @click.option(
     "--contract", "names", multiple=True, metavar="NAME", help="Only this contract; may be repeated."
 )
-@click.option(
-    "--depth",
-    type=click.IntRange(0, 64),
-    default=4,
-    show_default=True,
-    help="How many frames back a proof by induction may look; counterexamples may be six times as long.",
-)
-@click.option(
-    "--timeout",
-    type=ProverSeconds(),
-    default=10.0,
-    show_default=True,
-    metavar="SECONDS",
-    help="For each contract, about; counted in steps of the prover, so that results are the same everywhere.",
-)
+@depth_option("counterexamples")
+@timeout_option(10.0, each="contract")
 @click.option("--write-test", is_flag=True, help="Append each counterexample to its FILE as a test.")
 @click.option(
     "--examples", type=click.IntRange(min=0), default=0, metavar="N", help="Try N drawn traces as well."
 )
 @click.option("--seed", type=int, default=0, show_default=True, help="What traces are drawn from.")
 @click.option("--faults", is_flag=True, help="Try the drawn traces with servers and clients that fail, too.")
-@click.option(
-    "--format",
-    "format_",
-    type=click.Choice(["text", "json", "sarif"]),
-    default="text",
-    show_default=True,
-    help="Text for people; JSON; SARIF 2.1.0 for editors and code hosts.",
-)
+@format_option
 def command(
     files: tuple[str, ...],
     names: tuple[str, ...],
@@ -81,7 +61,7 @@ def command(
     context = click.get_current_context()
     if faults and not examples:
         raise click.UsageError("--faults goes with --examples N", context)
-    files_ = [load(file) for file in dict.fromkeys(files)]
+    files_ = [load(file, write_test=write_test) for file in dict.fromkeys(files)]
     _check_names(names, files_, context)
     for one in files_:
         if write_test and one.program is not None:
@@ -90,7 +70,6 @@ def command(
         names=names,
         depth=depth,
         timeout=timeout,
-        write_test=write_test,
         examples=examples,
         seed=seed,
         faults=faults,

@@ -5,18 +5,16 @@ from __future__ import annotations
 import json
 from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Literal, assert_never
+from typing import TYPE_CHECKING, assert_never
 
 import click
 
-from colony.cli.reporting import is_unreadable, one_line, report, say
+from colony.cli.reporting import Format, is_unreadable, one_line, report, say
 from colony.cli.verify_work import Verified
 
 if TYPE_CHECKING:
     from colony.cli.sarif import TraceStep
     from colony.diagnostics import Diagnostic
-
-Format = Literal["text", "json", "sarif"]
 
 
 def show(one: Verified) -> None:
@@ -119,7 +117,7 @@ def _traces(one: Verified) -> dict[Diagnostic, Sequence[TraceStep]]:
     if one.program is None:
         return made
     for result in one.results:
-        diagnostic = finding(result, one.file)
+        diagnostic = finding(result, one.offered)
         if diagnostic is not None and not isinstance(result, Proved) and result.trace is not None:
             span = result.contract.span
             made[diagnostic] = [
@@ -127,7 +125,7 @@ def _traces(one: Verified) -> dict[Diagnostic, Sequence[TraceStep]]:
                 for step in steps(one.program, result.trace)
             ]
     if one.report is not None:
-        made |= examples.traces(one.program, one.report, one.file, one.known)
+        made |= examples.traces(one.program, one.report, one.offered, one.known)
     return made
 
 

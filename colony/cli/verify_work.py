@@ -19,10 +19,6 @@ if TYPE_CHECKING:
     from colony.verify.contracts.results import Refuted, Result
     from colony.verify.differential import Report
 
-
-_SAFETY = 4
-"""How much longer than asked for the clock may show before work on a contract is given up."""
-
 _FOR_LINTS = 2
 """How much longer than for a contract all questions about what can never act may take."""
 
@@ -37,6 +33,12 @@ class Verified:
     results: list[Result] = field(default_factory=list)
     report: Report | None = None
     left_open: int = 0  # questions about what can never act
+    writes_tests: bool = False
+
+    @property
+    def offered(self) -> str | None:
+        """The file to which hints offer to add tests; None where that is done anyway."""
+        return None if self.writes_tests else self.file
 
     @property
     def refuted(self) -> list[Refuted]:
@@ -60,12 +62,12 @@ class Verified:
         return frozenset(r.contract.name for r in self.refuted)
 
 
-def load(file: str) -> Verified:
+def load(file: str, *, write_test: bool) -> Verified:
     """Check a file: what is wrong with it is found, and without a program nothing else can be."""
     checked = check_to_run(file)
     if checked.program is None:
         return Verified(file, None, list(checked.diagnostics))
-    return Verified(file, checked.program, [])
+    return Verified(file, checked.program, [], writes_tests=write_test)
 
 
 @dataclass(slots=True, frozen=True, kw_only=True)
@@ -75,7 +77,6 @@ class Work:
     names: tuple[str, ...]
     depth: int
     timeout: float
-    write_test: bool
     examples: int
     seed: int
     faults: bool
@@ -92,23 +93,18 @@ class Work:
     def _contracts(self, one: Verified, program: Program, tell: Tell) -> None:
         from colony.verify.contracts.prove import results
         from colony.verify.contracts.report import finding
-        from colony.verify.contracts.results import RESOURCES_A_SECOND, Options
+        from colony.verify.contracts.results import Options
 
         names = [c.name for c in program.contracts if not self.names or c.name in self.names]
-        options = Options(
-            depth=self.depth,
-            longest=max(6 * self.depth, 2),
-            resources=max(1, round(self.timeout * RESOURCES_A_SECOND)),
-            seconds=_SAFETY * self.timeout,
-        )
+        options = Options.within(self.timeout, depth=self.depth)
         tell(0, len(names), names[0] if names else "")
         for result in results(program, names, options, time.monotonic):
             one.results.append(result)
-            said = finding(result, one.file)
+            said = finding(result, one.offered)
             one.found += [said] if said else []
             count = len(one.results)
             tell(count, len(names), names[count] if count < len(names) else "what can never act")
-        if self.write_test:
+        if one.writes_tests:
             append_tests(one.file, program, one.refuted)
 
     def _lints(self, one: Verified, program: Program) -> None:
@@ -134,7 +130,7 @@ class Work:
             one.found += failure.diagnostics
         finally:
             if one.report is not None:
-                one.found += findings(program, one.report, one.file, one.known)
-        if self.write_test and one.report is not None:
+                one.found += findings(program, one.report, one.offered, one.known)
+        if one.writes_tests and one.report is not None:
             new = [r for r in refuted(program, one.report) if r.contract.name not in one.known]
             append_tests(one.file, program, new)

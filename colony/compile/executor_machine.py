@@ -190,7 +190,7 @@ def build(call: PythonCall) -> PythonStep:
     """
     try:
         made = getattr(import_module(call.module_path), call.class_name)(**dict(call.params))
-    except Exception as problem:
+    except (Exception, SystemExit) as problem:
         path = f"{call.module_path}:{call.class_name}"
         message = f"`{path}` cannot be imported and built: {type(problem).__name__}: {problem}"
         hint = "it is looked for beside the behavior and in this folder; its params are given by keyword"

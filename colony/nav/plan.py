@@ -24,7 +24,8 @@ class Segment:
     `heading_deg` is where it leads. In the light-tracking mode `lights_mm` are the distances of the lights
     from `start`, rising, and `end` is below the last one. A corner segment begins in the middle of the
     turning space, with a turn to its heading, and ends where the robot is in the next corridor. `width_mm`
-    is the corridor's.
+    is the corridor's. An elevator segment leads from before its doors, which `heading_deg` faces, to before
+    them on another floor, whose map has them `turn_deg` further counterclockwise.
     """
 
     kind: GoalKind
@@ -33,10 +34,13 @@ class Segment:
     end: Place
     width_mm: float
     lights_mm: tuple[float, ...] = ()
+    turn_deg: float = 0.0
 
     @property
     def length_mm(self) -> float:
-        """From start to end."""
+        """From start to end; 0 from floor to floor, each of which is measured by itself."""
+        if self.start.floor != self.end.floor:
+            return 0.0
         return math.hypot(self.end.x_mm - self.start.x_mm, self.end.y_mm - self.start.y_mm)
 
 
@@ -47,9 +51,10 @@ class Plan:
     Attributes:
         origin, goal: names of nodes, "350R".
         segments: in order; the first begins where the robot stands.
-        distance_mm: the sum of the counted edges along the rings, which is what the thesis's tables give.
+        distance_mm: where the wall is kept on the left, the sum of the counted edges along the rings, which
+            is what the thesis's tables give; else how far it is along the middle of the corridors.
         modes: one letter a mode, for the confidence automaton: "lclcld". A corner is one `c`, whatever its
-            segments (section 6.3).
+            segments (section 6.3). A ride of an elevator is a `v`, of which the thesis has none.
     """
 
     origin: str

@@ -19,6 +19,9 @@ from typing import Literal, NamedTuple
 LightOffsets = Literal["incremental", "cumulative"]
 """How a file counts the offsets of an edge's lights: each from the one before, or all from the node."""
 
+Travel = Literal["either", "wall-on-left"]
+"""Which way paths follow the rings: both ways, or only as the rings are traced, the wall on the left hand."""
+
 DEFAULT_TOLERANCE_MM = 50.8
 """By how much a ring may fail to close, unless its map says otherwise: two inches, a brick's slack."""
 
@@ -103,16 +106,51 @@ class Ring:
         return sum(edge.length_mm for edge in self.edges if edge.counted)
 
 
+class Site(NamedTuple):
+    """A place on a ring: a node, or `offset_mm` after it on its edge."""
+
+    node: str
+    offset_mm: float = 0.0
+
+
+class Link(NamedTuple):
+    """Two places of different rings, from one of which the robot gets to the other in the same free space.
+
+    Either they face each other across a corridor, or both are corners of one turning space. A path may change
+    its ring there, and none of the way across is counted (thesis section 5.1.1, where rings are not linked,
+    and 7.2).
+    """
+
+    one: Site
+    other: Site
+
+
+class ElevatorLink(NamedTuple):
+    """The elevator that begins at `node` is the one that begins at `other_node` of the map in `file`.
+
+    `file` is a path, relative to the folder of the map that this is part of.
+    """
+
+    node: str
+    file: str
+    other_node: str
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Map:
     """One floor. `start` is where a robot stands unless told otherwise.
 
-    `unit` and `light_offsets` say how the map is written in a file; nothing else depends on them.
+    `floor` says which one of its building it is, "3"; it is empty where nobody asks. `unit` and
+    `light_offsets` say how the map is written in a file; nothing else depends on them.
     """
 
     name: str
     start: Pose
     rings: tuple[Ring, ...]
+    links: tuple[Link, ...] = ()
+    elevators: tuple[ElevatorLink, ...] = ()
+    floor: str = ""
+    travel: Travel = "either"
     tolerance_mm: float = DEFAULT_TOLERANCE_MM
     unit: str = "inch"
     light_offsets: LightOffsets = "incremental"

@@ -166,6 +166,14 @@ def crossing_pairs(begins: NDArray[np.float64], ends: NDArray[np.float64]) -> li
     return pairs
 
 
+def crosses_any(segments: NDArray[np.float64], begin: Point, end: Point) -> bool:
+    """Whether the segment from `begin` to `end` properly crosses one of `segments`, (n, 4) in mm."""
+    p, q = np.array([begin], dtype=np.float64), np.array([end], dtype=np.float64)
+    a, b = segments[:, :2], segments[:, 2:]
+    apart = (_side_of(p, q, a) * _side_of(p, q, b) < 0) & (_side_of(a, b, p) * _side_of(a, b, q) < 0)
+    return bool(apart.any())
+
+
 def _side_of(p: NDArray[np.float64], q: NDArray[np.float64], r: NDArray[np.float64]) -> NDArray[np.float64]:
     """Positive where r is left of the line from p to q, negative where right; broadcast over (..., 2)."""
     u, v = q - p, r - p

@@ -13,6 +13,12 @@ from typing import NamedTuple
 from colony.diagnostics import Diagnostic, error
 from colony.nav.stickrep import EdgeKind
 from colony.source import Source, Span
+from colony.units import BASE_UNITS, LENGTH
+
+LENGTH_UNITS = {
+    name: float(factor) for name, (dimension, factor) in BASE_UNITS.items() if dimension == LENGTH
+}
+"""Units of length by name, in mm."""
 
 MAX_PROBLEMS = 200
 MAX_LENGTH_MM = 1e6
@@ -86,6 +92,17 @@ def line_end(words: list[Word]) -> Span:
     return Span(last.source, last.end, last.end)
 
 
+def values(problems: Problems, words: list[Word], usage: str) -> list[Word] | None:
+    """The words after the first, if they are as many as `usage` shows."""
+    expected = len(usage.split())
+    if len(words) == expected:
+        return words[1:]
+    place = line_end(words) if len(words) < expected else words[expected].span
+    message = f"expected `{usage}`; found {len(words) - 1} value{'s' if len(words) != 2 else ''}"
+    problems.report("M007", place, message)
+    return None
+
+
 def number(problems: Problems, word: Word, what: str) -> float | None:
     """A finite decimal number."""
     if _NUMBER.fullmatch(word.text) is None:
@@ -108,6 +125,15 @@ def ranged(problems: Problems, word: Word, what: str, low: float, high: float, u
         )
         return None
     return value
+
+
+def length_mm(
+    problems: Problems, word: Word, what: str, low_mm: float, high_mm: float, unit: str
+) -> float | None:
+    """A length in one of `LENGTH_UNITS`, whose magnitude is in a range given in mm."""
+    scale = LENGTH_UNITS[unit]
+    value = ranged(problems, word, what, low_mm / scale, high_mm / scale, unit)
+    return None if value is None else value * scale
 
 
 def _range_hint(what: str) -> str | None:

@@ -12,7 +12,7 @@ import math
 from dataclasses import dataclass
 from typing import NamedTuple
 
-from colony.nav.stickrep import Ring
+from colony.nav.stickrep import Map, Ring, Site
 
 _EXACT = {0.0: (0.0, 1.0), 90.0: (-1.0, 0.0), 180.0: (0.0, -1.0), 270.0: (1.0, 0.0)}
 
@@ -148,6 +148,22 @@ def _meet(one: Projection, other: Projection) -> _Meeting | None:
     y = (b * one.along.x - a * other.along.x) / cross
     distance = math.hypot(x - one.at.x, y - one.at.y) + math.hypot(x - other.at.x, y - other.at.y)
     return _Meeting(Point(x, y), distance)
+
+
+def link_places(source: Map) -> tuple[tuple[Point, Point], ...]:
+    """Where the two places of each link are."""
+    begins: dict[str, tuple[Point, Point, float]] = {}
+    for ring in source.rings:
+        nodes = corners(ring)
+        for i, (node, edge) in enumerate(zip(ring.nodes, ring.edges, strict=True)):
+            begins[node.name] = (nodes[i], nodes[(i + 1) % len(nodes)], edge.length_mm)
+
+    def place(site: Site) -> Point:
+        here, there, length = begins[site.node]
+        part = site.offset_mm / length
+        return Point(here.x + part * (there.x - here.x), here.y + part * (there.y - here.y))
+
+    return tuple((place(link.one), place(link.other)) for link in source.links)
 
 
 def in_free_space(rings: tuple[tuple[Point, ...], ...], x: float, y: float) -> bool:

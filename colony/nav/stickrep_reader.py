@@ -8,6 +8,11 @@ A file is a header, then rings of rows; `#` begins a comment. The header says, i
     unit inch                   of every length in the file (default inch; mm, cm, m, ft)
     lights incremental          or cumulative: how offsets of lights count (default incremental)
     closure 2                   by how much a ring may fail to close (default two inches)
+    travel either               or wall-on-left: which way paths follow the rings (default either)
+    floor NAME                  which one of its building it is, if elevators lead to others
+    link PLACE PLACE            two places of different rings that face each other, as many lines as needed;
+                                a place is NODE, or NODE+LENGTH for a place after it on its edge
+    elevator NODE FILE NODE     an elevator's edge here, and the same elevator's in the map of another floor
 
 A ring begins with `ring NAME X Y HEADING`, where its first node stands and its first edge leads, and has a
 row for each node and the edge after it, the fields of thesis section 5.1:
@@ -19,19 +24,15 @@ M005 said twice, M006 header line missing, M007 header line malformed, M008 name
 short, M011 edge type, M012 lights, M013 row outside a ring, M014 node name twice, M015 ring name twice,
 M016 too few edges, M017 does not close in angle, M018 does not close in place, M019 light beyond its edge,
 M020 shared lights do not pair, M021 edges cross, M022 start not in free space, M023 too much,
-M024 traced the wrong way round.
+M024 traced the wrong way round, M025 no such node, M026 linked places that do not face each other, M027 no
+elevator there, M028 floor missing; and of buildings (`building.py`) M029 to M031.
 """
 
 from __future__ import annotations
 
-import errno
 import os
-import stat
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from dataclasses import dataclass, field
-from difflib import get_close_matches
-from pathlib import Path
-from typing import get_args
 
 from colony.diagnostics import Failure, error, in_order
 from colony.nav import stickrep_fields as fields
@@ -39,7 +40,6 @@ from colony.nav.stickrep import (
     DEFAULT_TOLERANCE_MM,
     Edge,
     Light,
-    LightOffsets,
     Map,
     Node,
     Pose,
@@ -47,17 +47,13 @@ from colony.nav.stickrep import (
 )
 from colony.nav.stickrep_checks import Places, RingPlaces, check_map, check_ring
 from colony.nav.stickrep_fields import Problems, TooMany, Word, line_end, lines_of_words
+from colony.nav.stickrep_file import load_source
+from colony.nav.stickrep_header import Header
+from colony.nav.stickrep_joints import Joints, read_joints
 from colony.source import Source, Span
-from colony.units import BASE_UNITS, LENGTH
 
 FORMAT_VERSION = "1"
-MAX_BYTES = 4_000_000
 MAX_LINES = 5_000
-
-LENGTH_UNITS = {
-    name: float(factor) for name, (dimension, factor) in BASE_UNITS.items() if dimension == LENGTH
-}
-"""Units of length by name, in mm."""
 
 
 def load_map(path: str | os.PathLike[str]) -> Map:
@@ -66,31 +62,7 @@ def load_map(path: str | os.PathLike[str]) -> Map:
     Raises:
         Failure: the file cannot be read, or is no sound map; with all errors found, each with its place.
     """
-    return read_map(_load(path))
-
-
-def _load(path: str | os.PathLike[str]) -> Source:
-    shown = os.fspath(path)
-    empty = Source(shown, "")
-    try:
-        if not stat.S_ISREG(os.stat(path).st_mode):  # a pipe or a device could keep us waiting forever
-            raise OSError(errno.EINVAL, "it is not a regular file")
-        with Path(path).open("rb") as file:
-            data = file.read(MAX_BYTES + 1)
-    except (OSError, ValueError) as failure:
-        reason = failure.strerror if isinstance(failure, OSError) else None
-        message = f"cannot read the map: {reason or failure}"
-        raise Failure([error("M001", Span(empty, 0, 0), message)]) from None
-    if len(data) > MAX_BYTES:
-        message = f"the file is larger than {MAX_BYTES // 1_000_000} MB; expected a map"
-        raise Failure([error("M002", Span(empty, 0, 0), message, "is it another file that you meant?")])
-    try:
-        return Source(shown, data.decode("utf-8-sig"))
-    except UnicodeDecodeError as failure:
-        good = Source(shown, data[: failure.start].decode("utf-8", "replace"))
-        message = f"byte 0x{data[failure.start]:02x} is not UTF-8 text; expected a map"
-        place = Span(good, len(good.text), len(good.text))
-        raise Failure([error("M002", place, message, "save the file as UTF-8 text")]) from None
+    return read_map(load_source(path))
 
 
 def read_map(source: Source) -> Map:
@@ -139,21 +111,9 @@ class _Reader:
     def __init__(self, source: Source) -> None:
         self.source = source
         self.problems = Problems()
-        self.header: dict[str, Span] = {}
-        self.name: str | None = None
-        self.unit = "inch"
-        self.light_offsets: LightOffsets = "incremental"
-        self.tolerance: Word | None = None
-        self.start: tuple[Word, ...] | None = None
+        self.header = Header(self.problems, source)
         self.rings: list[_RingSoFar] = []
         self.node_names: dict[str, Span] = {}
-        self.headers: dict[str, Callable[[list[Word]], None]] = {
-            "map": self._map,
-            "start": self._start,
-            "unit": self._unit,
-            "lights": self._lights,
-            "closure": self._closure,
-        }
 
     def read(self) -> Map | None:
         """The map, or None where `problems` says why not."""
@@ -187,90 +147,22 @@ class _Reader:
             return False
         return True
 
-    # The header
-
     def _body(self, lines: Iterator[list[Word]]) -> list[list[Word]]:
         """Read the header lines, and give all others."""
-        body = []
+        body: list[list[Word]] = []
         for words in lines:
-            if not self._take_header(words):
+            if not self.header.take(words):
                 body.append(words)
-            if len(body) > MAX_LINES:
-                message = f"expected at most {MAX_LINES} rows and ring lines; found one more"
+            if len(body) + len(self.header.links) + len(self.header.elevators) > MAX_LINES:
+                message = f"expected at most {MAX_LINES} rows, links and ring lines; found one more"
                 self.problems.report("M023", words[0].span, message, "make it several maps")
                 raise TooMany
         return body
 
-    def _take_header(self, words: list[Word]) -> bool:
-        """Whether this is a line of the header; it is read if so. What is neither is reported."""
-        key = words[0]
-        if key.text == "ring" or key.looks_like_number:
-            return False
-        if key.text not in self.headers:
-            known = ["stickrep", "ring", *self.headers]
-            close = get_close_matches(key.text[:40], known, n=1)
-            hint = f"did you mean `{close[0]}`?" if close else "header lines are: " + ", ".join(self.headers)
-            message = f"expected a header line, `ring` or a row that begins with an angle; found {key.shown}"
-            self.problems.report("M004", key.span, message, hint)
-            return False  # perhaps a row: the ring that it stands in is not judged
-        if key.text in self.header:
-            line, _ = self.source.position(self.header[key.text].start)
-            message = f"expected one `{key.text}` line; found a second one, the first is line {line}"
-            self.problems.report("M005", key.span, message, "take one of the two lines out")
-        else:
-            self.header[key.text] = key.span
-            self.headers[key.text](words)
-        return True
-
-    def _values(self, words: list[Word], usage: str) -> list[Word] | None:
-        """The words after the first, if they are as many as `usage` shows."""
-        expected = len(usage.split())
-        if len(words) == expected:
-            return words[1:]
-        place = line_end(words) if len(words) < expected else words[expected].span
-        message = f"expected `{usage}`; found {len(words) - 1} value{'s' if len(words) != 2 else ''}"
-        self.problems.report("M007", place, message)
-        return None
-
-    def _map(self, words: list[Word]) -> None:
-        values = self._values(words, "map NAME")
-        if values:
-            self.name = fields.name(self.problems, values[0], "the map's name")
-
-    def _start(self, words: list[Word]) -> None:
-        values = self._values(words, "start X Y HEADING")
-        self.start = tuple(values) if values else None
-
-    def _closure(self, words: list[Word]) -> None:
-        values = self._values(words, "closure LENGTH")
-        self.tolerance = values[0] if values else None
-
-    def _unit(self, words: list[Word]) -> None:
-        values = self._values(words, "unit NAME")
-        if values and values[0].text in LENGTH_UNITS:
-            self.unit = values[0].text
-        elif values:
-            message = f"expected a unit of length, {', '.join(LENGTH_UNITS)}; found {values[0].shown}"
-            self.problems.report("M007", values[0].span, message)
-
-    def _lights(self, words: list[Word]) -> None:
-        values = self._values(words, "lights CONVENTION")
-        for known in get_args(LightOffsets):
-            if values and values[0].text == known:
-                self.light_offsets = known
-                return
-        if values:
-            message = f"expected incremental or cumulative; found {values[0].shown}"
-            hint = "offsets count from the light before (incremental), or all from the node (cumulative)"
-            self.problems.report("M007", values[0].span, message, hint)
-
     # Rings and rows
 
     def _mm(self, word: Word, what: str, low_mm: float, high_mm: float) -> float | None:
-        """A length in the file's unit, whose magnitude is in a range given in mm."""
-        scale = LENGTH_UNITS[self.unit]
-        value = fields.ranged(self.problems, word, what, low_mm / scale, high_mm / scale, self.unit)
-        return None if value is None else value * scale
+        return fields.length_mm(self.problems, word, what, low_mm, high_mm, self.header.unit)
 
     def _pose(self, words: tuple[Word, ...] | list[Word]) -> Pose | None:
         limit = fields.MAX_COORDINATE_MM
@@ -282,7 +174,7 @@ class _Reader:
         return Pose(x, y, heading % 360.0)
 
     def _ring(self, words: list[Word]) -> None:
-        values = self._values(words, "ring NAME X Y HEADING")
+        values = fields.values(self.problems, words, "ring NAME X Y HEADING")
         name = fields.name(self.problems, values[0], "the ring's name") if values else None
         pose = self._pose(values[1:]) if values else None
         if name is not None and any(name == ring.name for ring in self.rings):
@@ -368,7 +260,7 @@ class _Reader:
             if offset is None:
                 sound = False
                 continue
-            at = abs(offset) + (last if self.light_offsets == "incremental" else 0.0)
+            at = abs(offset) + (last if self.header.light_offsets == "incremental" else 0.0)
             if at < last:
                 message = f"the offset {word.shown} is less than the one before"
                 hint = "cumulative offsets all count from the node; `lights incremental` is the other way"
@@ -381,37 +273,51 @@ class _Reader:
     # The whole
 
     def _finish(self) -> Map | None:
-        start = self._pose(self.start) if self.start else None
-        tolerance: float | None = DEFAULT_TOLERANCE_MM
-        if self.tolerance is not None:
-            tolerance = self._mm(self.tolerance, "the closure tolerance", 0.0, fields.MAX_LENGTH_MM)
-            if tolerance is not None and tolerance < 0.0:
-                message = f"expected a closure tolerance of 0 or more; found {self.tolerance.shown}"
-                self.problems.report("M007", self.tolerance.span, message)
-                tolerance = None
+        header = self.header
+        start = self._pose(header.start) if header.start else None
+        tolerance = self._tolerance()
         self._missing()
         for ring in self.rings:
             if ring.sound:
                 ring.sound = check_ring(self.problems, ring.finish(), ring.places(), tolerance)
-        if start is None or self.start is None or tolerance is None or self.name is None:
+        rings = tuple(ring.finish() for ring in self.rings)
+        sound = bool(rings) and all(ring.sound for ring in self.rings)
+        # Where a row could not be read, its node is not known, and links to it would be blamed.
+        joints = read_joints(self.problems, header, rings) if sound else Joints(links=(), elevators=())
+        if start is None or header.start is None or tolerance is None or header.name is None:
             return None
         result = Map(
-            name=self.name,
+            name=header.name,
             start=start,
-            rings=tuple(ring.finish() for ring in self.rings),
+            rings=rings,
+            links=joints.links,
+            elevators=joints.elevators,
+            floor=header.floor,
+            travel=header.travel,
             tolerance_mm=tolerance,
-            unit=self.unit,
-            light_offsets=self.light_offsets,
+            unit=header.unit,
+            light_offsets=header.light_offsets,
         )
-        if self.rings and all(ring.sound for ring in self.rings):
-            span = self.start[0].span.to(self.start[-1].span)
+        if sound:
+            span = header.start[0].span.to(header.start[-1].span)
             check_map(self.problems, result, Places(start=span, rings=tuple(r.places() for r in self.rings)))
         return result
+
+    def _tolerance(self) -> float | None:
+        word = self.header.tolerance
+        if word is None:
+            return DEFAULT_TOLERANCE_MM
+        tolerance = self._mm(word, "the closure tolerance", 0.0, fields.MAX_LENGTH_MM)
+        if tolerance is not None and tolerance < 0.0:
+            message = f"expected a closure tolerance of 0 or more; found {word.shown}"
+            self.problems.report("M007", word.span, message)
+            return None
+        return tolerance
 
     def _missing(self) -> None:
         end = Span(self.source, len(self.source.text.rstrip()), len(self.source.text.rstrip()))
         for key, usage in (("map", "map NAME"), ("start", "start X Y HEADING")):
-            if key not in self.header:
+            if key not in self.header.seen:
                 self.problems.report("M006", end, f"the header does not say `{usage}`")
         if not self.rings:
             message = "expected at least one ring; found none"

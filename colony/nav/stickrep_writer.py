@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from colony.nav.stickrep import Edge, Map, Node, Pose, Ring
-from colony.nav.stickrep_reader import FORMAT_VERSION, LENGTH_UNITS
+from colony.nav.stickrep import Edge, Map, Node, Pose, Ring, Site
+from colony.nav.stickrep_fields import LENGTH_UNITS
+from colony.nav.stickrep_reader import FORMAT_VERSION
 
 _DECIMALS = 6
 _COLUMNS = ("# alpha", "node", "type", "lights", "length", "attribute")
@@ -21,10 +22,14 @@ def write_map(written: Map) -> str:
         f"unit {written.unit}",
         f"lights {written.light_offsets}",
         f"closure {_number(written.tolerance_mm / scale)}",
+        *([f"floor {written.floor}"] if written.floor else []),
+        *([f"travel {written.travel}"] if written.travel != "either" else []),
         f"start {_pose(written.start, scale)}",
     ]
+    joints = [f"link {_site(link.one, scale)} {_site(link.other, scale)}" for link in written.links]
+    joints += [f"elevator {ride.node} {ride.file} {ride.other_node}" for ride in written.elevators]
     rings = [_ring(ring, scale, written.light_offsets == "cumulative") for ring in written.rings]
-    return "\n\n".join(["\n".join(header), *rings]) + "\n"
+    return "\n\n".join(["\n".join(header), *rings, *(["\n".join(joints)] if joints else [])]) + "\n"
 
 
 def _ring(ring: Ring, scale: float, cumulative: bool) -> str:
@@ -45,6 +50,11 @@ def _ring(ring: Ring, scale: float, cumulative: bool) -> str:
         for row in table
     ]
     return "\n".join([f"ring {ring.name} {_pose(ring.start, scale)}", *lines])
+
+
+def _site(site: Site, scale: float) -> str:
+    offset = _number(site.offset_mm / scale)
+    return site.node if offset == "0" else f"{site.node}+{offset}"
 
 
 def _pose(pose: Pose, scale: float) -> str:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from dataclasses import dataclass
 
 import numpy as np
@@ -9,6 +10,8 @@ from numpy.typing import NDArray
 
 from colony.nav.stickrep import EdgeKind, Map
 from colony.nav.stickrep_geometry import Point, corners, projections, shared_lights
+
+_GLASS = re.compile(r"\bglass\b(?![ -]?(brick|block)s?\b)", re.IGNORECASE)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -19,10 +22,20 @@ class Walls:
         segments: (n, 4) float64, read-only: x0, y0, x1, y1 in mm, x east and y north, in the order of the
             map. The free space lies to the right of each; each ring is closed exactly.
         kinds: what each segment is.
+        attributes: the map's remark on each segment's surface, as "wood, room 12", or "".
     """
 
     segments: NDArray[np.float64]
     kinds: tuple[EdgeKind, ...]
+    attributes: tuple[str, ...]
+
+    @property
+    def glass(self) -> tuple[bool, ...]:
+        """Which segments are panes of glass, which sonars may not see: the remark says `glass`.
+
+        Glass bricks are none: their surface is rough, and they are seen.
+        """
+        return tuple(_GLASS.search(attribute) is not None for attribute in self.attributes)
 
     @property
     def bounds(self) -> tuple[float, float, float, float]:
@@ -39,19 +52,25 @@ def walls_of(source: Map) -> Walls:
         rows += [(*here, *there) for here, there in zip(nodes, (*nodes[1:], nodes[0]), strict=True)]
     segments = np.array(rows, dtype=np.float64).reshape(-1, 4)
     segments.flags.writeable = False
-    return Walls(segments=segments, kinds=tuple(edge.kind for edge in source.edges()))
+    return Walls(
+        segments=segments,
+        kinds=tuple(edge.kind for edge in source.edges()),
+        attributes=tuple(edge.attribute for edge in source.edges()),
+    )
 
 
 _HALF_CORRIDOR_MM = 1200.0
 _AHEAD_MM = 1.0
+_WIDEST_MM = 4500.0
+_BESIDE_MM = tuple(step * 500.0 for k in range(1, 9) for step in (k, -k))
 
 
 def lights_of(source: Map) -> NDArray[np.float64]:
     """Where the ceiling lights hang: (n, 2) float64, x and y in mm.
 
-    A light projected onto one edge hangs half-way between it and what is opposite; one projected onto two,
-    where the perpendiculars meet. First the lights of the corridors in the order of the map, then those of
-    the turning spaces; each light once.
+    A light projected onto one edge hangs half-way between it and what is opposite, or opposite beside it
+    where another corridor begins there; one projected onto two, where the perpendiculars meet. First the
+    lights of the corridors in the order of the map, then those of the turning spaces; each light once.
     """
     segments = walls_of(source).segments
     places: list[Point] = []
@@ -59,11 +78,20 @@ def lights_of(source: Map) -> NDArray[np.float64]:
         for mark in projections(ring):
             if not ring.edges[mark.edge].lights[mark.light].shared:
                 away = Point(mark.along.y, -mark.along.x)
-                half = _free_distance(segments, mark.at, away) / 2
+                half = _width(segments, mark.at, mark.along, away) / 2
                 places.append(Point(mark.at.x + half * away.x, mark.at.y + half * away.y))
     for ring in source.rings:
         places += shared_lights(ring) or ()
     return np.array(places, dtype=np.float64).reshape(-1, 2)
+
+
+def _width(segments: NDArray[np.float64], at: Point, along: Point, away: Point) -> float:
+    """How wide the corridor is at a place on a wall, in mm."""
+    opposite = _free_distance(segments, at, away)
+    if opposite <= _WIDEST_MM:
+        return opposite
+    beside = [Point(at.x + step * along.x, at.y + step * along.y) for step in _BESIDE_MM]
+    return min(opposite, *(_free_distance(segments, place, away) for place in beside))
 
 
 def _free_distance(segments: NDArray[np.float64], at: Point, away: Point) -> float:

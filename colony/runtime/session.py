@@ -53,6 +53,7 @@ class Session:
         order_seed: of the order in which messages of one moment arrive; no result depends on it.
         link: faults of the transport.
         requests: whether frames come with what the clients asked for.
+        nodes: who else takes part, such as camera servers and scripts; started last, in this order.
 
     Raises:
         Failure: a sensor or an actuator is bound to what no server has, or a module in Python cannot be
@@ -72,6 +73,7 @@ class Session:
         order_seed: int | None = None,
         link: Link = perfect,
         requests: bool = False,
+        nodes: tuple[Node, ...] = (),
     ) -> None:
         bindings, who = bind(program), members(program, clients)
         deployed = deployment(program, clients, bindings, run=RUN, seed=seed, announced=who.announced)
@@ -104,6 +106,7 @@ class Session:
         self._builders = builders
         self._nodes: dict[str, Node] = {address: build() for address, build in builders.items()}
         self._nodes[self._observer.address] = self._observer
+        self._nodes.update((node.address, node) for node in nodes)
         self.transport = VirtualTransport(clock, seed=seed if order_seed is None else order_seed, link=link)
         self._closed = False
 

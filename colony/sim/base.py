@@ -18,6 +18,7 @@ import math
 from typing import NamedTuple
 
 from colony.sim.compiled import Bools2, Floats, Floats2, Ints, compiled, inlined
+from colony.sim.people import Crowd
 
 SLICE_S = 0.02
 """The longest time over which speeds are taken as constant."""
@@ -36,7 +37,8 @@ class Bases(NamedTuple):
         distances: (robots,), the way driven so far.
         contacts: (robots, 2), front and rear bumper.
         bumps: (robots,), how often a robot ran into something so far.
-        wall_room, robot_room: (walls,) and (robots,), numbers of what is near.
+        impacts: (robots,), how fast it was when it did, at most.
+        wall_room, robot_room, person_room: (walls,), (robots,), (people,), numbers of what is near.
     """
 
     poses: Floats2
@@ -47,8 +49,18 @@ class Bases(NamedTuple):
     distances: Floats
     contacts: Bools2
     bumps: Ints
+    impacts: Floats
     wall_room: Ints
     robot_room: Ints
+    person_room: Ints
+
+
+class Near(NamedTuple):
+    """How many walls, robots and people are in the rooms of `Bases`."""
+
+    walls: int
+    robots: int
+    people: int
 
 
 class Drive(NamedTuple):
@@ -114,7 +126,7 @@ def _free_of_wall(
 
 
 @inlined
-def _free_of_robot(ox: float, oy: float, dx: float, dy: float, apart: float) -> float:
+def _free_of_hull(ox: float, oy: float, dx: float, dy: float, apart: float) -> float:
     """How much of the way (dx, dy) a hull can go before it touches one at (ox, oy) from it; 1 is all."""
     before, after = math.hypot(ox, oy), math.hypot(ox - dx, oy - dy)
     free = 1.0
@@ -130,8 +142,8 @@ def _free_of_robot(ox: float, oy: float, dx: float, dy: float, apart: float) -> 
 
 
 @inlined
-def _gather(robot: int, bases: Bases, walls: Floats2, reach: float, radius: float) -> tuple[int, int]:
-    """How many walls and robots, put into the rooms, a robot may touch when it moves by `reach` at most."""
+def _gather(robot: int, bases: Bases, walls: Floats2, crowd: Crowd, reach: float, radius: float) -> Near:
+    """What is put into the rooms: all that a robot may touch when it moves by `reach` at most."""
     x, y = bases.poses[robot, 0], bases.poses[robot, 1]
     most = (radius + reach + _SKIN_MM) ** 2
     wall_count = 0
@@ -147,7 +159,14 @@ def _gather(robot: int, bases: Bases, walls: Floats2, reach: float, radius: floa
         if dx * dx + dy * dy < most and other != robot:
             bases.robot_room[robot_count] = other
             robot_count += 1
-    return wall_count, robot_count
+    most = (radius + crowd.radius + reach + _SKIN_MM) ** 2
+    person_count = 0
+    for person in range(crowd.places.shape[0]):
+        dx, dy = crowd.places[person, 0] - x, crowd.places[person, 1] - y
+        if dx * dx + dy * dy < most:
+            bases.person_room[person_count] = person
+            person_count += 1
+    return Near(wall_count, robot_count, person_count)
 
 
 @inlined
@@ -158,7 +177,7 @@ def _half(heading: float, dx: float, dy: float) -> int:
 
 
 @inlined
-def _feel(robot: int, bases: Bases, walls: Floats2, near: tuple[int, int], radius: float) -> None:
+def _feel(robot: int, bases: Bases, walls: Floats2, crowd: Crowd, near: Near, radius: float) -> None:
     """Set the front and rear bumper of a robot: what touches the hull presses the half that it touches.
 
     Where nothing was touched before, that is a bump.
@@ -166,16 +185,21 @@ def _feel(robot: int, bases: Bases, walls: Floats2, near: tuple[int, int], radiu
     before = bases.contacts[robot, 0] or bases.contacts[robot, 1]
     bases.contacts[robot, 0] = bases.contacts[robot, 1] = False
     x, y, heading = bases.poses[robot, 0], bases.poses[robot, 1], bases.poses[robot, 2]
-    for wall in bases.wall_room[: near[0]]:
+    for wall in bases.wall_room[: near.walls]:
         dx, dy = _wall_vector(walls, wall, x, y)
         if math.hypot(dx, dy) < radius + _SKIN_MM:
             bases.contacts[robot, _half(heading, dx, dy)] = True
-    for other in bases.robot_room[: near[1]]:
+    for other in bases.robot_room[: near.robots]:
         dx, dy = bases.poses[other, 0] - x, bases.poses[other, 1] - y
         if math.hypot(dx, dy) < 2.0 * radius + _SKIN_MM:
             bases.contacts[robot, _half(heading, dx, dy)] = True
+    for person in bases.person_room[: near.people]:
+        dx, dy = crowd.places[person, 0] - x, crowd.places[person, 1] - y
+        if math.hypot(dx, dy) < radius + crowd.radius + _SKIN_MM:
+            bases.contacts[robot, _half(heading, dx, dy)] = True
     if (bases.contacts[robot, 0] or bases.contacts[robot, 1]) and not before:
         bases.bumps[robot] += 1
+        bases.impacts[robot] = max(bases.impacts[robot], abs(bases.speeds[robot, 0]))
 
 
 @inlined
@@ -201,8 +225,25 @@ def _count(
 
 
 @inlined
+def _free(robot: int, bases: Bases, radius: float, walls: Floats2, crowd: Crowd, near: Near,
+          dx: float, dy: float) -> float:  # fmt: skip
+    """How much of the way (dx, dy) a robot can go before it touches what is near; 1 is all."""
+    x, y = bases.poses[robot, 0], bases.poses[robot, 1]
+    free = 1.0
+    for wall in bases.wall_room[: near.walls]:
+        free = min(free, _free_of_wall(x, y, dx, dy, walls, wall, radius))
+    for other in bases.robot_room[: near.robots]:
+        ox, oy = bases.poses[other, 0] - x, bases.poses[other, 1] - y
+        free = min(free, _free_of_hull(ox, oy, dx, dy, 2.0 * radius))
+    for person in bases.person_room[: near.people]:
+        ox, oy = crowd.places[person, 0] - x, crowd.places[person, 1] - y
+        free = min(free, _free_of_hull(ox, oy, dx, dy, radius + crowd.radius))
+    return free
+
+
+@inlined
 def _slice(
-    robot: int, bases: Bases, drive: Drive, walls: Floats2, near: tuple[int, int], dt: float,
+    robot: int, bases: Bases, drive: Drive, walls: Floats2, crowd: Crowd, near: Near, dt: float,
     left_noise: float, right_noise: float,
 ) -> None:  # fmt: skip
     """Move one robot for `dt` seconds."""
@@ -212,40 +253,38 @@ def _slice(
     way, turn = speeds[robot, 0] * dt, speeds[robot, 1] * dt
     x, y, heading = poses[robot, 0], poses[robot, 1], poses[robot, 2]
     dx, dy = _arc(heading, way, turn)
-    free = 1.0
-    for wall in bases.wall_room[: near[0]]:
-        free = min(free, _free_of_wall(x, y, dx, dy, walls, wall, drive.radius))
-    for other in bases.robot_room[: near[1]]:
-        ox, oy = poses[other, 0] - x, poses[other, 1] - y
-        free = min(free, _free_of_robot(ox, oy, dx, dy, 2.0 * drive.radius))
+    free = _free(robot, bases, drive.radius, walls, crowd, near, dx, dy)
     if free < 1.0:
+        bases.impacts[robot] = max(bases.impacts[robot], abs(speeds[robot, 0]))
         speeds[robot, 0] = 0.0
         way *= free
     poses[robot, 0], poses[robot, 1] = x + free * dx, y + free * dy
     poses[robot, 2] = (heading + turn) % 360.0
     bases.distances[robot] += abs(way)
     _count(robot, bases, drive, way, turn, left_noise, right_noise)
-    if near[0] + near[1] > 0:
-        _feel(robot, bases, walls, near, drive.radius)
+    if near.walls + near.robots + near.people > 0:
+        _feel(robot, bases, walls, crowd, near, drive.radius)
 
 
 @compiled
 def move(
-    bases: Bases, drive: Drive, walls: Floats2, noise: Floats2, at: int, slices: int, time_s: float
-) -> None:
+    bases: Bases, drive: Drive, walls: Floats2, crowd: Crowd, noise: Floats2, at: int, slices: int,
+    time_s: float,
+) -> None:  # fmt: skip
     """Move all robots for `time_s` seconds, one after the other, in slices of equal length.
 
     Args:
         bases: changed.
         walls: as `wall_table` gives them.
+        crowd: people, who stand still meanwhile.
         noise: (robots, k), standard normal; those of the wheels begin at column `at`, two a slice.
     """
     for robot in range(bases.poses.shape[0]):
         fastest = max(abs(bases.speeds[robot, 0]), abs(bases.commands[robot, 0]))
-        near = _gather(robot, bases, walls, fastest * time_s, drive.radius)
+        near = _gather(robot, bases, walls, crowd, fastest * time_s, drive.radius)
         for part in range(slices):
             left, right = noise[robot, at + 2 * part], noise[robot, at + 2 * part + 1]
-            _slice(robot, bases, drive, walls, near, time_s / slices, left, right)
+            _slice(robot, bases, drive, walls, crowd, near, time_s / slices, left, right)
     for robot in range(bases.poses.shape[0]):  # those that moved later may touch those that moved before
-        near = _gather(robot, bases, walls, 0.0, drive.radius)
-        _feel(robot, bases, walls, near, drive.radius)
+        near = _gather(robot, bases, walls, crowd, 0.0, drive.radius)
+        _feel(robot, bases, walls, crowd, near, drive.radius)

@@ -8,8 +8,11 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import assert_never
 
 from colony.sim.camera import Camera
+from colony.sim.ceiling import CeilingCamera
+from colony.sim.compiled import Bytes2
 from colony.sim.plant_protocol import BaseReading, CameraReading, ProximityReading, Truth
 from colony.sim.world import MAX_STEP_S, World
 
@@ -19,6 +22,10 @@ WATCHDOG_NS = 500_000_000
 MOST_BEHIND_NS = 1_000_000_000
 """What the plant is behind by more than this (its process was stopped, say) is not simulated: time is
 skipped, in which nothing moves."""
+
+
+Eye = Camera | CeilingCamera
+"""What a robot sees with: along the floor, or the ceiling."""
 
 
 @dataclass(frozen=False, slots=True, kw_only=True)
@@ -47,7 +54,7 @@ class Devices:
         self,
         world: World,
         names: tuple[str, ...],
-        cameras: Mapping[str, Camera],
+        cameras: Mapping[str, Eye],
         *,
         now_ns: int,
         step_ns: int = STEP_NS,
@@ -177,7 +184,7 @@ class Devices:
 
     def image(self, robot: int, camera: str, number: int = 0) -> CameraReading:
         """What a camera of a robot reports."""
-        image = self._cameras[camera].image(self._world.true_poses, robot)
+        image = self._pixels(robot, self._cameras[camera])
         height, width = image.shape
         return CameraReading(
             t_ns=self.reached_ns,
@@ -187,6 +194,15 @@ class Devices:
             pixels=image.tobytes(),
             number=number,
         )
+
+    def _pixels(self, robot: int, eye: Eye) -> Bytes2:
+        match eye:
+            case Camera():
+                return eye.image(self._world.true_poses, robot)
+            case CeilingCamera():
+                return eye.image(self._world.true_pose(robot), self.reached_ns)
+            case _:
+                assert_never(eye)
 
     def truth(self, robot: int) -> Truth:
         """What is true of a robot."""

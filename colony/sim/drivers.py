@@ -7,7 +7,7 @@ its devices is read or commanded, so that time passes for all of them alike.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
@@ -19,14 +19,22 @@ from colony.sim.world import MAX_STEP_S, World
 
 if TYPE_CHECKING:  # a kernel less to load for who has no camera
     from colony.sim.camera import Camera
+    from colony.sim.ceiling import CeilingCamera
 
 
 class Plant:
-    """A world in step with a clock, which gives nanoseconds. Mutable: up to when time has passed."""
+    """A world in step with a clock, which gives nanoseconds. Mutable: up to when time has passed.
 
-    def __init__(self, world: World, clock: Callable[[], int]) -> None:
+    `moving` are told of the seconds of each step after it: what moves besides robots and people, such as
+    `colony.sim.elevators.Elevators.advance`.
+    """
+
+    def __init__(
+        self, world: World, clock: Callable[[], int], moving: Sequence[Callable[[float], None]] = ()
+    ) -> None:
         self.world = world
         self._clock = clock
+        self._moving = tuple(moving)
         self._reached_ns = clock()
 
     def catch_up(self) -> int:
@@ -35,6 +43,8 @@ class Plant:
         while self._reached_ns < now:
             step = min(now - self._reached_ns, int(MAX_STEP_S * 1e9))
             self.world.advance(step / 1e9)
+            for move in self._moving:
+                move(step / 1e9)
             self._reached_ns += step
         return now
 
@@ -126,6 +136,21 @@ class SimulatedCamera:
     def grab(self) -> Image:
         now = self._plant.catch_up()
         pixels = self._camera.image(self._plant.world.true_poses, self._robot)
+        height, width = pixels.shape
+        return Image(t_ns=now, height=height, width=width, channels=1, pixels=pixels.tobytes())
+
+
+class SimulatedCeilingCamera:
+    """A camera of robot number `robot` that looks up; each image is taken when it is grabbed."""
+
+    def __init__(self, plant: Plant, robot: int, camera: CeilingCamera) -> None:
+        self._plant = plant
+        self._robot = robot
+        self._camera = camera
+
+    def grab(self) -> Image:
+        now = self._plant.catch_up()
+        pixels = self._camera.image(self._plant.world.true_pose(self._robot), now)
         height, width = pixels.shape
         return Image(t_ns=now, height=height, width=width, channels=1, pixels=pixels.tobytes())
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import sys
 from collections.abc import Callable
 from pathlib import Path
+from typing import TYPE_CHECKING, Literal
 
 import msgspec
 
@@ -12,22 +13,30 @@ from colony.runtime.live.errors import LiveError
 from colony.runtime.live.run_directory import RobotDirectory
 from colony.runtime.processes.ending import Ending, give_up, on_death_of_parent, on_signals
 
+if TYPE_CHECKING:
+    from colony.sim.camera import CameraConfig
+    from colony.sim.ceiling import CeilingCameraConfig
+
 SIMULATOR = "Simulator"
 """Its name among the processes of a robot."""
 
+Look = float | Literal["up"]
+"""Where a camera looks: so many degrees counterclockwise from ahead, or at the ceiling."""
+
 
 class PlantSpec(msgspec.Struct, frozen=True, kw_only=True):
-    """What is simulated: one robot in the building of a map, with cameras that look so many degrees
-    counterclockwise from ahead, by name.
+    """What is simulated: one robot in the building of a map, with cameras by name, each with where it looks.
 
-    `folder` is the robot's, `logical_ns` as in `colony.sim.plant_process.PlantOptions`.
+    `hazards` is the seed of what goes wrong there (docs/hazards.md), None where nothing does; `folder` is the
+    robot's, `logical_ns` as in `colony.sim.plant_process.PlantOptions`.
     """
 
     robot: str
     folder: str
     map: str
     seed: int
-    cameras: dict[str, float] = {}
+    cameras: dict[str, Look] = {}
+    hazards: int | None = None
     logical_ns: int | None = None
 
     @property
@@ -55,7 +64,7 @@ def serve(spec: PlantSpec, ending: Ending, *, ready: Callable[[], None] = lambda
     """
     with RobotDirectory(Path(spec.folder), spec.robot).claim(SIMULATOR):
         from colony.nav.stickrep_reader import load_map
-        from colony.sim.camera import CameraConfig
+        from colony.sim.hazards import Hazards
         from colony.sim.plant_process import PlantOptions, serve_plant
 
         building = load_map(spec.map)
@@ -64,7 +73,9 @@ def serve(spec: PlantSpec, ending: Ending, *, ready: Callable[[], None] = lambda
             path=spec.socket,
             building=building,
             robots={spec.robot: (start.x_mm, start.y_mm, start.heading_deg)},
-            cameras={name: CameraConfig(yaw_deg=yaw) for name, yaw in spec.cameras.items()},
+            cameras={name: _camera(look) for name, look in spec.cameras.items()},
+            hazards=Hazards.none() if spec.hazards is None else Hazards(),
+            hazards_seed=spec.hazards or 0,
             seed=spec.seed,
             logical_ns=spec.logical_ns,
         )
@@ -72,6 +83,13 @@ def serve(spec: PlantSpec, ending: Ending, *, ready: Callable[[], None] = lambda
             serve_plant(options, stop=lambda: bool(ending), ready=ready)
         except ValueError as problem:
             raise NoRoom(f"{spec.map}: error: the robot cannot start there: {problem}") from None
+
+
+def _camera(look: Look) -> CameraConfig | CeilingCameraConfig:
+    from colony.sim.camera import CameraConfig
+    from colony.sim.ceiling import CeilingCameraConfig
+
+    return CeilingCameraConfig() if look == "up" else CameraConfig(yaw_deg=look)
 
 
 def main() -> None:

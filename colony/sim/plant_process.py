@@ -25,10 +25,11 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 from colony.nav.stickrep import Map
-from colony.nav.walls import walls_of
 from colony.sim.camera import Camera, CameraConfig
+from colony.sim.ceiling import CeilingCamera, CeilingCameraConfig
 from colony.sim.config import RobotConfig
-from colony.sim.devices import STEP_NS, WATCHDOG_NS, Devices
+from colony.sim.devices import STEP_NS, WATCHDOG_NS, Devices, Eye
+from colony.sim.hazards import Hazards, draw
 from colony.sim.plant_ports import BasePort, CameraPort, Port, ProximityPort, UnattachedPort
 from colony.sim.plant_protocol import (
     LARGEST_TO_PLANT,
@@ -69,6 +70,8 @@ class PlantOptions:
         building: the walls, and what they look like.
         robots: by name, where each begins: x, y in mm, heading in degrees counterclockwise from north.
         cameras: of each robot, by name.
+        hazards: what goes wrong in the building; nothing unless told otherwise.
+        hazards_seed: of the hazards.
         config: what the robots are like.
         seed: of the simulated errors.
         step_ns: of the simulation.
@@ -79,7 +82,9 @@ class PlantOptions:
     path: Path
     building: Map
     robots: Mapping[str, tuple[float, float, float]]
-    cameras: Mapping[str, CameraConfig] = field(default_factory=dict)
+    cameras: Mapping[str, CameraConfig | CeilingCameraConfig] = field(default_factory=dict)
+    hazards: Hazards = field(default_factory=Hazards.none)
+    hazards_seed: int = 0
     config: RobotConfig = field(default_factory=RobotConfig)
     seed: int = 0
     step_ns: int = STEP_NS
@@ -115,18 +120,21 @@ def serve_plant(
 def _devices(options: PlantOptions, clock: Callable[[], int]) -> Devices:
     if options.logical_ns is not None and len(options.robots) != 1:
         raise ValueError(f"logical time with {len(options.robots)} robots; expected 1")
+    scenery = draw(options.hazards, options.building, options.hazards_seed)
     world = World(
-        walls=walls_of(options.building).segments,
+        walls=scenery,
         poses=list(options.robots.values()),
         config=options.config,
         seed=options.seed,
     )
     scene, radius = scene_of(options.building), options.config.radius_mm
-    cameras = {name: Camera(scene, c, robot_radius_mm=radius) for name, c in options.cameras.items()}
-    for camera in cameras.values():  # what is slow the first time shall not be when it counts
-        camera.image(world.true_poses, 0)
-    world.sonar(0)
-    return Devices(
+    cameras: dict[str, Eye] = {
+        name: CeilingCamera(scenery, config)
+        if isinstance(config, CeilingCameraConfig)
+        else Camera(scene, config, robot_radius_mm=radius)
+        for name, config in options.cameras.items()
+    }
+    devices = Devices(
         world,
         tuple(options.robots),
         cameras,
@@ -134,6 +142,10 @@ def _devices(options: PlantOptions, clock: Callable[[], int]) -> Devices:
         step_ns=options.step_ns,
         watchdog_ns=options.watchdog_ns if options.logical_ns is None else None,
     )
+    for name in cameras:  # what is slow the first time shall not be when it counts
+        devices.image(0, name)
+    world.sonar(0)
+    return devices
 
 
 @contextmanager

@@ -7,7 +7,7 @@ thing that it meets, and whether that thing is *heard* is a second question:
   sends the sound away: the ray is silent, but still hides what is behind.
 - A corner of two walls at right angles sends the sound back where it came from, by two bounces: it is
   heard from everywhere in front of it.
-- Another robot is heard from everywhere.
+- Another robot is heard from everywhere, and so is a person.
 
 The reading is the nearest thing heard by a ray of the cone, and the full range where there is none. Rays are
 exact (they start at the transducer), so that a wall straight ahead of a transducer is read exactly; a wall
@@ -24,15 +24,18 @@ from typing import NamedTuple
 
 import numpy as np
 
+from colony.sim.chance import CROSS_TALK, chance
 from colony.sim.compiled import Bools2, Floats, Floats2, Ints2, compiled, inlined
 from colony.sim.config import AHEAD, CHANNELS, SPACING_DEG, RobotConfig
+from colony.sim.people import Crowd
 
 RAY_STEP_DEG = 3.0
 """The angle between neighboring rays of a cone; the axis is always one."""
 
 _RETRO_COSINE = math.sin(math.radians(10.0))  # corners count as right angles up to ten degrees
 _NOTHING = -1
-_ROBOT = -2
+_HULL = -2  # of a robot or a person
+_LEAST_FALSE_MM = 300.0
 _EDGE = 1e-9  # rays meet walls up to this part beyond their ends: no leak where two walls meet
 
 
@@ -43,7 +46,7 @@ class Fan(NamedTuple):
         origin_u, origin_v: (24,), the transducers in mm.
         ray_u, ray_v: (24, rays), unit vectors; the middle one is the axis.
         depth: (24, rays), how far each ray goes, in mm.
-        target: (24, rays), what stops it: the number of a wall, a robot, or nothing.
+        target: (24, rays), what stops it: the number of a wall, a hull, or nothing.
         deepest: (24,), the greatest depth of each cone.
     """
 
@@ -68,6 +71,13 @@ class Ears(NamedTuple):
     noise_mm: float
     noise_part: float
     infrared_range: float
+
+
+class Talk(NamedTuple):
+    """With which probability a reading is false, and the seed of that."""
+
+    probability: float
+    seed: int
 
 
 def _rays_on_a_side(config: RobotConfig) -> int:
@@ -193,8 +203,8 @@ def _cast_at_wall(
 
 
 @inlined
-def _cast_at_robot(u: float, v: float, radius: float, half_beam: float, fan: Fan) -> None:
-    """Let another robot at (u, v) stop the rays that reach it first."""
+def _cast_at_hull(u: float, v: float, radius: float, half_beam: float, fan: Fan) -> None:
+    """Let a robot or a person at (u, v) stop the rays that reach it first."""
     # The arc sine of up to one half (hulls do not overlap) is less than pi / 3 times as much.
     bearing, half_width = math.atan2(v, u), math.pi / 3.0 * radius / math.sqrt(u * u + v * v)
     channel, count = _cones(bearing - half_width, bearing + half_width, half_beam)
@@ -209,7 +219,7 @@ def _cast_at_robot(u: float, v: float, radius: float, half_beam: float, fan: Fan
                 before = fan.depth[channel, ray]
                 first = (ahead > 0.0) & (under_root > 0.0) & (reach < before)
                 fan.depth[channel, ray] = reach if first else before
-                fan.target[channel, ray] = _ROBOT if first else fan.target[channel, ray]
+                fan.target[channel, ray] = _HULL if first else fan.target[channel, ray]
         channel = 0 if channel == CHANNELS - 1 else channel + 1
 
 
@@ -236,16 +246,20 @@ def _meet_walls(x: float, y: float, sine: float, cosine: float, walls: Floats2, 
 
 
 @inlined
-def _meet_robots(robot: int, poses: Floats2, sine: float, cosine: float, ears: Ears, fan: Fan) -> None:
-    """Stop the rays of a robot where they meet another one."""
+def _meet_hulls(
+    robot: int, poses: Floats2, sine: float, cosine: float, crowd: Crowd, ears: Ears, fan: Fan
+) -> None:
+    """Stop the rays of a robot where they meet another one, or somebody."""
     for channel in range(CHANNELS):
         fan.deepest[channel] = fan.depth[channel].max()
-    farthest = (ears.full_range + fan.origin_u[AHEAD] + ears.radius) ** 2
-    for other in range(poses.shape[0]):
-        dx, dy = poses[other, 0] - poses[robot, 0], poses[other, 1] - poses[robot, 1]
-        if other != robot and dx * dx + dy * dy < farthest:
+    robots = poses.shape[0]
+    for other in range(robots + crowd.places.shape[0]):
+        hull = poses[other] if other < robots else crowd.places[other - robots]
+        radius = ears.radius if other < robots else crowd.radius
+        dx, dy = hull[0] - poses[robot, 0], hull[1] - poses[robot, 1]
+        if other != robot and dx * dx + dy * dy < (ears.full_range + fan.origin_u[AHEAD] + radius) ** 2:
             u, v = dy * cosine - dx * sine, -dx * cosine - dy * sine
-            _cast_at_robot(u, v, ears.radius, ears.half_beam_rad, fan)
+            _cast_at_hull(u, v, radius, ears.half_beam_rad, fan)
 
 
 @inlined
@@ -285,7 +299,7 @@ def _nearest_echo(
     nearest = ears.full_range
     for ray in range(fan.ray_u.shape[1]):
         reach, met = fan.depth[channel, ray], fan.target[channel, ray]
-        if reach < nearest and met == _ROBOT:
+        if reach < nearest and met == _HULL:
             nearest = reach
         elif reach < nearest:
             u, v = fan.ray_u[channel, ray], fan.ray_v[channel, ray]
@@ -294,23 +308,26 @@ def _nearest_echo(
     return nearest
 
 
+@inlined
+def _talked_over(talk: Talk, step: int, channel: int, reading: float) -> float:
+    """A reading, or the sound of another transducer in its place."""
+    if chance(talk.seed, CROSS_TALK, step, channel) < talk.probability and reading > _LEAST_FALSE_MM:
+        part = chance(talk.seed, CROSS_TALK, step, channel + CHANNELS)
+        reading = _LEAST_FALSE_MM + part * (reading - _LEAST_FALSE_MM)
+    return reading
+
+
 @compiled
 def sense(
-    poses: Floats2,
-    walls: Floats2,
-    reflectors: Bools2,
-    ears: Ears,
-    fan: Fan,
-    noise: Floats2,
-    at: int,
-    sonar: Floats2,
-    infrared: Bools2,
-) -> None:
+    poses: Floats2, walls: Floats2, reflectors: Bools2, crowd: Crowd, ears: Ears, talk: Talk, step: int,
+    fan: Fan, noise: Floats2, at: int, sonar: Floats2, infrared: Bools2,
+) -> None:  # fmt: skip
     """Cast the rays of all robots and listen to what they meet.
 
     Args:
         poses: (robots, 3), x and y in mm, heading in degrees.
-        walls, reflectors: as `wall_table` and `corner_reflectors` give them.
+        walls, reflectors: as `wall_table` and `corner_reflectors` give them, without those that are silent.
+        step: how many steps were made so far; each has cross-talk of its own.
         noise: (robots, k), standard normal; those of the 24 transducers begin at column `at`.
         sonar: (robots, 24), gets the readings in mm.
         infrared: (robots, 24), gets whether there is something on the axis, heard or not.
@@ -319,12 +336,14 @@ def sense(
         x, y, heading = poses[robot, 0], poses[robot, 1], math.radians(poses[robot, 2])
         sine, cosine = math.sin(heading), math.cos(heading)
         _meet_walls(x, y, sine, cosine, walls, ears, fan)
-        if poses.shape[0] > 1:
-            _meet_robots(robot, poses, sine, cosine, ears, fan)
+        if poses.shape[0] + crowd.places.shape[0] > 1:
+            _meet_hulls(robot, poses, sine, cosine, crowd, ears, fan)
         for channel in range(CHANNELS):
             reading = _nearest_echo(channel, x, y, sine, cosine, walls, reflectors, ears, fan)
             if reading < ears.full_range:
                 reading += noise[robot, at + channel] * (ears.noise_mm + ears.noise_part * reading)
                 reading = min(max(reading, ears.least), ears.full_range)
+            if talk.probability > 0.0:
+                reading = _talked_over(talk, step, channel + 2 * CHANNELS * robot, reading)
             sonar[robot, channel] = reading
             infrared[robot, channel] = fan.depth[channel, fan.ray_u.shape[1] // 2] <= ears.infrared_range

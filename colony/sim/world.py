@@ -1,8 +1,9 @@
 """A building with robots in it: commands and time go in, sensor readings and poses come out.
 
 The world does no I/O and has no clock: time passes when `World.advance` is called. All randomness comes from
-one seed, through a generator a robot, so that the same calls give the same run bit for bit, and what a robot
-draws depends neither on the other robots nor on which sensors are read.
+two seeds. That of the world is for the robots' own errors, through a generator a robot, so that the same
+calls give the same run bit for bit, and what a robot draws depends neither on the other robots nor on which
+sensors are read. That of a scenery is for what goes wrong in the building (docs/hazards.md).
 """
 
 from __future__ import annotations
@@ -15,11 +16,19 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from colony.sim.base import SLICE_S, Bases, Drive, move
+from colony.sim.chance import SEEDS
+from colony.sim.compass import disturbance_deg
 from colony.sim.config import CHANNELS, RobotConfig
-from colony.sim.sonar import corner_reflectors, ears_of, fan_of, sense, wall_table
+from colony.sim.floor import floor_of, slip
+from colony.sim.people import X, Y, crowd_of, make_way, walk
+from colony.sim.placing import check_room, checked_poses, checked_walls
+from colony.sim.scenery import Scenery, bare
+from colony.sim.sonar import Talk, corner_reflectors, ears_of, fan_of, sense, wall_table
 
 MAX_STEP_S = 10.0
-MAX_ROBOTS = 10_000
+TURN_S = 0.05
+"""Where people walk or wheels slip, this happens at least so often."""
+
 _NOISE_BLOCK = 512
 
 
@@ -55,7 +64,7 @@ class _Snapshot(NamedTuple):
 
 
 class World:
-    """Robots of one kind among walls.
+    """Robots of one kind among walls, or in a building as it is in one run.
 
     Robots are numbered from 0 in the order of `poses`; they see and stop each other. A robot stands still
     until it is commanded, and keeps its last command.
@@ -64,7 +73,7 @@ class World:
     def __init__(
         self,
         *,
-        walls: ArrayLike,
+        walls: ArrayLike | Scenery,
         poses: Sequence[tuple[float, float, float]],
         config: RobotConfig | None = None,
         seed: int = 0,
@@ -72,20 +81,20 @@ class World:
         """Build a world.
 
         Args:
-            walls: (n, 4), segments x0, y0, x1, y1 in mm; x is east and y north.
-            poses: one (x, y, heading) a robot, in mm and degrees counterclockwise from north.
+            walls: (n, 4), segments x0, y0, x1, y1 in mm; x is east and y north. Or a building in one run,
+                with its people, joints and whatever else goes wrong in it.
+            poses: one (x, y, heading) a robot, in mm and degrees counterclockwise from north. People who
+                stand there begin elsewhere.
             config: what the robots are like; RoME by default.
-            seed: where all randomness comes from.
+            seed: where the randomness of the robots' own errors comes from.
 
         Raises:
             ValueError: shapes are wrong, numbers not finite, or a robot would overlap a wall or another one.
         """
         self.config = config or RobotConfig()
-        self._walls = wall_table(_checked_walls(walls))
-        self._reflectors = corner_reflectors(self._walls)
-        places = _checked_poses(poses)
+        scenery = walls if isinstance(walls, Scenery) else bare(checked_walls(walls))
+        places = checked_poses(poses)
         count = len(places)
-        _check_room(places, self._walls, self.config.radius_mm)
         self._generators = [np.random.default_rng(s) for s in np.random.SeedSequence(seed).spawn(count)]
         errors = np.array([generator.standard_normal(2) for generator in self._generators])
         self._noise = np.empty((count, 0))
@@ -95,13 +104,19 @@ class World:
             odometry=places.copy(),
             speeds=np.zeros((count, 2)),
             commands=np.zeros((count, 2)),
-            scales=1.0 + self.config.wheel_scale * errors,
+            scales=scenery.encoder_scale * (1.0 + self.config.wheel_scale * errors),
             distances=np.zeros(count),
             contacts=np.zeros((count, 2), dtype=np.bool_),
             bumps=np.zeros(count, dtype=np.int64),
-            wall_room=np.empty(len(self._walls), dtype=np.int64),
+            impacts=np.zeros(count),
+            wall_room=np.empty(0, dtype=np.int64),
             robot_room=np.empty(count, dtype=np.int64),
+            person_room=np.empty(0, dtype=np.int64),
         )
+        self._build(scenery.walls, scenery.silent)
+        check_room(places, self._walls, self.config.radius_mm)
+        self._furnish(scenery)
+        self._steps = 0
         self._drive = Drive(
             radius=self.config.radius_mm,
             wheel_base=self.config.wheel_base_mm,
@@ -116,6 +131,24 @@ class World:
         self._sonar_noise_at = self._draw(CHANNELS)
         self._sensed = False
         self._snapshot: _Snapshot | None = None
+
+    def _build(self, walls: NDArray[np.float64], silent: NDArray[np.bool_]) -> None:
+        has_length = np.hypot(*(walls[:, 2:] - walls[:, :2]).T) > 0.0
+        self._walls = wall_table(walls[has_length])
+        self._heard = wall_table(walls[has_length & ~silent])
+        self._reflectors = corner_reflectors(self._heard)
+        self._bases = self._bases._replace(wall_room=np.empty(len(self._walls), dtype=np.int64))
+
+    def _furnish(self, scenery: Scenery) -> None:
+        """Put there what a building has besides walls."""
+        events = scenery.seed % SEEDS
+        self._floor = floor_of(scenery.joints, scenery.slip, robots=len(self), seed=events)
+        self._crowd = crowd_of(scenery.people, seed=events)
+        make_way(self._crowd, self._bases.poses)
+        self._bases = self._bases._replace(person_room=np.empty(len(scenery.people), dtype=np.int64))
+        self._eventful = bool(scenery.people or scenery.joints)
+        self._talk = Talk(scenery.cross_talk, events)
+        self._iron = scenery.iron
 
     def __len__(self) -> int:
         """How many robots there are."""
@@ -142,12 +175,25 @@ class World:
         """
         if not 0.0 < dt_s <= MAX_STEP_S:
             raise ValueError(f"cannot advance by {dt_s} s; expected a time above 0, up to {MAX_STEP_S:g} s")
-        slices = math.ceil(dt_s / SLICE_S - 1e-9)
-        at = self._draw(CHANNELS + 2 * slices)
+        turns = math.ceil(dt_s / TURN_S - 1e-9) if self._eventful else 1
+        slices = math.ceil(dt_s / turns / SLICE_S - 1e-9)
+        at = self._draw(CHANNELS + 2 * turns * slices)
         self._sonar_noise_at = at
-        move(self._bases, self._drive, self._walls, self._noise, at + CHANNELS, slices, dt_s)
+        for turn in range(turns):
+            self._turn(dt_s / turns, slices, at + CHANNELS + 2 * turn * slices)
+        self._steps += 1
         self._sensed = False
         self._snapshot = None
+
+    def _turn(self, dt_s: float, slices: int, noise_at: int) -> None:
+        """Let people walk, then robots drive, then their wheels slip."""
+        bases, before = self._bases, None
+        if self._eventful:
+            before = bases.poses.copy()
+            walk(self._crowd, bases.poses, self._drive.radius, dt_s)
+        move(bases, self._drive, self._walls, self._crowd, self._noise, noise_at, slices, dt_s)
+        if before is not None:
+            slip(self._floor, before, bases.poses, bases.speeds, bases.odometry)
 
     def sonar(self, robot: int) -> NDArray[np.float64]:
         """What the sonars read, (24,) float64 in mm: 12 ahead, 18 left, 0 back, 6 right."""
@@ -162,12 +208,30 @@ class World:
         return seen
 
     def bumper(self, robot: int) -> Bumper:
-        """Which halves of a robot's hull are touched by a wall or another robot."""
+        """Which halves of a robot's hull are touched by a wall, a person or another robot."""
         return Bumper(*self._now().contacts[self._index(robot)])
 
     def bumps(self, robot: int) -> int:
         """How often a robot has run into something so far; a contact that lasts counts once."""
         return int(self._bases.bumps[self._index(robot)])
+
+    def contact_speed(self, robot: int) -> float:
+        """How fast a robot was itself when it ran into something, in mm/s: the worst of its contacts so far.
+
+        0 where it has touched nothing.
+        """
+        return float(self._bases.impacts[self._index(robot)])
+
+    def compass(self, robot: int) -> float:
+        """What a compass on a robot reads: its heading in degrees, in [0, 360), off by what iron does to it
+        where the robot stands (thesis Figure 6.2)."""
+        x, y, heading = self.true_pose(robot)
+        return (heading + disturbance_deg(self._iron, x, y)) % 360.0
+
+    @property
+    def people(self) -> NDArray[np.float64]:
+        """Where people are: a copy, (people, 2), x and y in mm of their middles."""
+        return self._crowd.places[:, [X, Y]]
 
     def distance(self, robot: int) -> float:
         """How far a robot has driven so far, forward and backward, in mm."""
@@ -197,7 +261,7 @@ class World:
         Raises:
             ValueError: a number is not finite.
         """
-        self._bases.odometry[self._index(robot)] = _checked_poses([pose])[0]
+        self._bases.odometry[self._index(robot)] = checked_poses([pose])[0]
         self._snapshot = None
 
     @property
@@ -208,15 +272,46 @@ class World:
     def place(self, robot: int, pose: tuple[float, float, float]) -> None:
         """Carry a robot to `pose` and put it down there, standing; its odometry does not notice.
 
+        People who are there make way.
+
         Raises:
             ValueError: a number is not finite, or the robot would overlap a wall or another robot.
         """
         robot = self._index(robot)
         poses = self._bases.poses.copy()
-        poses[robot] = _checked_poses([pose])[0]
-        _check_room(poses, self._walls, self.config.radius_mm)
+        poses[robot] = checked_poses([pose])[0]
+        check_room(poses, self._walls, self.config.radius_mm)
+        make_way(self._crowd, poses[robot : robot + 1])
         self._bases.poses[robot] = poses[robot]
         self._bases.speeds[robot] = 0.0
+        self._sensed = False
+        self._snapshot = None
+
+    def rebuild(self, walls: NDArray[np.float64], silent: NDArray[np.bool_]) -> None:
+        """Put other walls, (n, 4) in mm, in place of those that there are; `silent` says which are not heard.
+
+        Everything else stays as it is. A wall that is put into a robot lets it out, and not farther in.
+        """
+        self._build(walls, silent)
+        self._sensed = False
+
+    def enter(self, scenery: Scenery, poses: Sequence[tuple[float, float, float]]) -> None:
+        """Carry all robots into another building, and put them down there, standing, at `poses`.
+
+        Their odometry does not notice, and their encoders stay as they are.
+
+        Raises:
+            ValueError: there are not as many poses as robots, or one has no room; then nothing has changed.
+        """
+        places = checked_poses(poses)
+        if len(places) != len(self):
+            raise ValueError(f"found {len(places)} poses; expected one for each robot, {len(self)}")
+        solid = scenery.walls[np.hypot(*(scenery.walls[:, 2:] - scenery.walls[:, :2]).T) > 0.0]
+        check_room(places, wall_table(solid), self.config.radius_mm)
+        self._bases.poses[:] = places
+        self._bases.speeds[:] = 0.0
+        self._build(scenery.walls, scenery.silent)
+        self._furnish(scenery)
         self._sensed = False
         self._snapshot = None
 
@@ -251,9 +346,12 @@ class World:
         if not self._sensed:
             sense(
                 self._bases.poses,
-                self._walls,
+                self._heard,
                 self._reflectors,
+                self._crowd,
                 self._ears,
+                self._talk,
+                self._steps,
                 self._fan,
                 self._noise,
                 self._sonar_noise_at,
@@ -262,41 +360,3 @@ class World:
             )
             self._infrared[:, self._unwired] = False
             self._sensed = True
-
-
-def _check_room(poses: NDArray[np.float64], walls: NDArray[np.float64], radius: float) -> None:
-    """Refuse robots that begin inside a wall or another robot."""
-    for i, (x, y, _) in enumerate(poses):
-        start, along = walls[:, :2] - (x, y), walls[:, 4:6]
-        part = np.clip(-(start * along).sum(axis=1), 0.0, walls[:, 6])
-        distances = np.hypot(*(start + part[:, None] * along).T)
-        if (distances < radius).any():
-            found = f"robot {i} at ({x:.0f}, {y:.0f}) is {distances.min():.0f} mm from a wall"
-            raise ValueError(f"{found}; expected at least {radius:.0f} mm")
-        apart = np.hypot(*(poses[:i, :2] - (x, y)).T)
-        if (apart < 2 * radius).any():
-            raise ValueError(f"robot {i} at ({x:.0f}, {y:.0f}) overlaps robot {int(apart.argmin())}")
-
-
-def _checked_walls(walls: ArrayLike) -> NDArray[np.float64]:
-    """A copy of the walls, without those that have no length."""
-    checked = np.array(walls, dtype=np.float64, order="C")
-    if checked.size == 0:
-        return np.empty((0, 4))
-    if checked.ndim != 2 or checked.shape[1] != 4:
-        raise ValueError(f"walls have the shape {checked.shape}; expected (n, 4)")
-    if not np.isfinite(checked).all():
-        raise ValueError("a wall is not finite")
-    return np.ascontiguousarray(checked[np.hypot(*(checked[:, 2:] - checked[:, :2]).T) > 0.0])
-
-
-def _checked_poses(poses: Sequence[tuple[float, float, float]]) -> NDArray[np.float64]:
-    checked = np.array(poses, dtype=np.float64)
-    if checked.ndim != 2 or checked.shape[1] != 3 or len(checked) > MAX_ROBOTS:
-        raise ValueError(
-            f"the poses have the shape {checked.shape}; expected (n, 3), n from 1 to {MAX_ROBOTS}"
-        )
-    if not np.isfinite(checked).all():
-        raise ValueError("a pose is not finite")
-    checked[:, 2] %= 360.0
-    return checked

@@ -18,6 +18,7 @@ from colony.ir.types import Array, Bool, Enum, Quantity, Scalar, ScalarValue, Ty
 from colony.source import Span
 from colony.verify.interpreter import Interpreter
 from colony.verify.interpreter_boundary import default_of
+from colony.verify.written import written
 
 FailureKind = Literal["false", "says nothing", "contract broken", "no array to set an element in"]
 
@@ -151,10 +152,10 @@ class _Run:
         if value is not True:
             kind: FailureKind = "says nothing" if value is None else "false"
             found = tuple(self.found(expectation, outcome))
-            self.fail(kind, (key, kind), expectation.span, t_ns, _written(expectation), found)
+            self.fail(kind, (key, kind), expectation.span, t_ns, written(expectation), found)
 
     def broken(self, contract: Contract, t_ns: int, outcome: Outcome) -> None:
-        text = _written(contract.expression)
+        text = written(contract.expression)
         expected = f"`{contract.name}: {text}`" if text else f"`{contract.name}`"
         found = tuple(self.found(contract.expression, outcome))
         self.fail("contract broken", contract.name, contract.span, t_ns, expected, found)
@@ -248,11 +249,6 @@ def _leaves(expression: ir.Expression) -> Iterator[ir.Expression]:
         yield expression
     for child in below:
         yield from _leaves(child)
-
-
-def _written(expression: ir.Expression) -> str:
-    """The text of an expression, on one line."""
-    return " ".join(expression.span.text.split())
 
 
 # --- values for people ---------------------------------------------------------------------------

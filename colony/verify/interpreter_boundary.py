@@ -130,7 +130,7 @@ class PythonRunner:
         try:
             cls = getattr(import_module(module.module_path), module.class_name)
             self._object = cls(**dict(module.params))
-        except Exception as problem:
+        except (Exception, SystemExit) as problem:
             path = f"{module.module_path}:{module.class_name}"
             message = f"`{path}` cannot be imported and built: {type(problem).__name__}: {problem}"
             hint = "it is looked for beside the behavior and in this folder; its params are given by keyword"

@@ -10,6 +10,7 @@ import io
 import math
 import os
 from collections.abc import Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Literal
 
@@ -25,15 +26,21 @@ from matplotlib.path import Path as Outline
 from numpy.typing import NDArray
 
 from colony.nav.stickrep import EdgeKind, Map
-from colony.nav.stickrep_geometry import Point, corners
+from colony.nav.stickrep_geometry import Point, corners, link_places, shared_lights
 from colony.nav.walls import Walls, lights_of, walls_of
+from colony.view.map_names import FONT_POINTS, WEIGHTS, Box, Name, Rank, place_names
 
 PictureFormat = Literal["png", "svg"]
 
 _INK, _MUTED, _PAPER, _FLOOR = "#2b2f36", "#7a8290", "#eceef1", "#ffffff"
-_DOOR, _ELEVATOR, _LIGHT = "#c8752a", "#7a4fb5", "#f2c53d"
+_DOOR, _ELEVATOR, _LIGHT, _LINK = "#c8752a", "#7a4fb5", "#f2c53d", "#0f8f86"
 _PATHS = ("#1769d6", "#0f9d76", "#c2335f", "#5d6b00", "#8a3fb8", "#00879e")
-_LONG_SIDE_INCHES = 12.0
+_LEAST_INCHES, _MOST_INCHES = 11.0, 24.0
+_MM_PER_INCH = 6_500.0  # pictures of large buildings are larger, so that names are legible
+_EDGE_POINTS = 16.0
+_TITLE_POINTS, _STRIP_POINTS = 40.0, 28.0
+_LEGEND_MARK_POINTS, _LETTER_POINTS = 38.0, 4.6  # at most, in the legend
+_SCALE_PART = 6.0
 _DPI = 150
 
 
@@ -68,19 +75,14 @@ def draw_map(
         names: what the robots are called in the legend.
     """
     walls = walls_of(drawn)
-    low_x, low_y, high_x, high_y = walls.bounds
-    margin = 0.06 * max(high_x - low_x, high_y - low_y)
-    rows = _legend_rows(high_x - low_x + 2 * margin, margin, len(paths))
-    bottom = low_y - (1.6 + 0.45 * (rows - 1)) * margin
-    figure, axes = _sheet(low_x - margin, bottom, high_x + margin, high_y + 1.2 * margin)
+    sheet, placed = _sheet_for(drawn, walls)
+    figure = Figure(dpi=_DPI, facecolor=_PAPER)
+    axes = figure.add_axes((0.0, 0.0, 1.0, 1.0))
     _draw_floor(axes, drawn)
     _draw_edges(axes, walls)
-    lights = lights_of(drawn)
-    axes.plot(
-        lights[:, 0], lights[:, 1], "o", color=_LIGHT, markersize=5, markeredgecolor="#b08a10",
-        markeredgewidth=0.6, label="ceiling light", zorder=3,
-    )  # fmt: skip
-    _draw_names(axes, drawn, margin)
+    _draw_links(axes, drawn)
+    _draw_lights(axes, drawn)
+    _draw_names(axes, placed)
     if paths:
         for i, path in enumerate(paths):
             name = names[i] if i < len(names) else ("robot" if len(paths) == 1 else f"robot {i}")
@@ -89,29 +91,86 @@ def draw_map(
             _draw_path(axes, path, _PATHS[i % len(_PATHS)], label)
     else:
         _draw_start(axes, drawn)
-    _draw_scale(axes, low_x, low_y - 0.85 * margin, high_x - low_x)
+    _draw_scale(axes, sheet)
     axes.text(
-        low_x, high_y + 0.75 * margin, title or drawn.name,
+        sheet.low_x, sheet.above(_TITLE_POINTS / 2), title or drawn.name,
         fontsize=13, color=_INK, weight="bold", va="center",
     )  # fmt: skip
-    beside = rows == 1
-    axes.legend(
-        loc="center right" if beside else "upper left", ncols=12 if beside else 2,
-        bbox_to_anchor=(high_x, low_y - 0.85 * margin) if beside else (low_x, low_y - 1.15 * margin),
-        bbox_transform=axes.transData, borderaxespad=0, fontsize=8, frameon=False, labelcolor=_INK,
-        handlelength=1.6, columnspacing=1.4,
-    )  # fmt: skip
+    _fit(figure, axes, sheet, _draw_legend(axes, sheet))
     return figure
 
 
-_ENTRY_INCHES = 1.6
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Sheet:
+    """The scale of a picture, and the part of the plane that the building and its names take, in mm."""
+
+    low_x: float
+    low_y: float
+    high_x: float
+    high_y: float
+    mm_per_point: float
+
+    @property
+    def width_points(self) -> float:
+        """Of the building and its names."""
+        return (self.high_x - self.low_x) / self.mm_per_point
+
+    def above(self, points: float) -> float:
+        """The y that is so far above the building and its names."""
+        return self.high_y + points * self.mm_per_point
+
+    def below(self, points: float) -> float:
+        """The y that is so far below the building and its names."""
+        return self.low_y - points * self.mm_per_point
 
 
-def _legend_rows(width: float, margin: float, paths: int) -> int:
-    """How many rows of the legend: one beside the scale bar if there is room, else two columns below it."""
-    entries = 4 + min(max(paths, 1), len(_PATHS))
-    inches = _LONG_SIDE_INCHES * width / max(width, margin / 0.06)
-    return 1 if entries * _ENTRY_INCHES < 0.75 * inches else 1 + (entries + 1) // 2
+def _sheet_for(drawn: Map, walls: Walls) -> tuple[_Sheet, tuple[Name, ...]]:
+    """The sheet for a map, and where its names are on it."""
+    low_x, low_y, high_x, high_y = walls.bounds
+    long_side = max(high_x - low_x, high_y - low_y)
+    scale = long_side / (72.0 * min(max(_LEAST_INCHES, long_side / _MM_PER_INCH), _MOST_INCHES))
+    names = place_names(drawn, scale)
+    boxes = [Box(low_x, low_y, high_x, high_y), *(name.box for name in names)]
+    sheet = _Sheet(
+        low_x=min(box.low_x for box in boxes),
+        low_y=min(box.low_y for box in boxes),
+        high_x=max(box.high_x for box in boxes),
+        high_y=max(box.high_y for box in boxes),
+        mm_per_point=scale,
+    )
+    return sheet, names
+
+
+def _draw_legend(axes: Axes, sheet: _Sheet) -> float:
+    """Explain the marks, beside the scale bar if there is room, else in rows below it.
+
+    Returns:
+        How much of the sheet is used below the building and its names, in points.
+    """
+    labels = axes.get_legend_handles_labels()[1]
+    widths = [_LEGEND_MARK_POINTS + _LETTER_POINTS * len(label) for label in labels]
+    beside = sum(widths) < sheet.width_points * (1.0 - 1.0 / _SCALE_PART) - 50.0
+    columns = len(labels) if beside else max(1, min(4, int(sheet.width_points / max(widths))))
+    axes.legend(
+        loc="center right" if beside else "upper left", ncols=columns,
+        bbox_to_anchor=(sheet.high_x, sheet.below(_STRIP_POINTS / 2))
+        if beside else (sheet.low_x, sheet.below(_STRIP_POINTS)),
+        bbox_transform=axes.transData, borderaxespad=0, fontsize=FONT_POINTS, frameon=False,
+        labelcolor=_INK, handlelength=1.6, columnspacing=1.4,
+    )  # fmt: skip
+    return _STRIP_POINTS if beside else _STRIP_POINTS * (2.0 + 0.6 * math.ceil(len(labels) / columns))
+
+
+def _fit(figure: Figure, axes: Axes, sheet: _Sheet, below_points: float) -> None:
+    """Give a figure its size, and show in it just what is drawn, to scale."""
+    edge = _EDGE_POINTS * sheet.mm_per_point
+    low_x, high_x = sheet.low_x - edge, sheet.high_x + edge
+    low_y, high_y = sheet.below(below_points), sheet.above(_TITLE_POINTS)
+    per_inch = 72.0 * sheet.mm_per_point
+    figure.set_size_inches((high_x - low_x) / per_inch, (high_y - low_y) / per_inch)
+    axes.set_xlim(low_x, high_x)
+    axes.set_ylim(low_y, high_y)
+    axes.axis("off")
 
 
 def encode_picture(figure: Figure, form: PictureFormat) -> bytes:
@@ -126,19 +185,6 @@ def encode_picture(figure: Figure, form: PictureFormat) -> bytes:
         canvas = FigureCanvasAgg(figure)
         canvas.print_png(image, metadata={"Software": None})
     return image.getvalue()
-
-
-def _sheet(low_x: float, low_y: float, high_x: float, high_y: float) -> tuple[Figure, Axes]:
-    """An empty figure that shows just this part of the plane, to scale."""
-    width, height = high_x - low_x, high_y - low_y
-    scale = _LONG_SIDE_INCHES / max(width, height)
-    figure = Figure(figsize=(width * scale, max(height * scale, 2.5)), dpi=_DPI, facecolor=_PAPER)
-    axes = figure.add_axes((0.0, 0.0, 1.0, 1.0))
-    axes.set_xlim(low_x, high_x)
-    axes.set_ylim(low_y, high_y)
-    axes.set_aspect("equal", adjustable="datalim")
-    axes.axis("off")
-    return figure, axes
 
 
 def _draw_floor(axes: Axes, drawn: Map) -> None:
@@ -168,44 +214,42 @@ def _draw_edges(axes: Axes, walls: Walls) -> None:
             axes.add_collection(lines)
 
 
-_NAME_SPACING = 0.035
-"""Names nearer to each other than this part of the building's longer side are left out."""
+_NAME_COLORS: dict[Rank, str] = {"elevator": _ELEVATOR, "door": _MUTED, "corner": _INK}
 
 
-def _draw_names(axes: Axes, drawn: Map, margin: float) -> None:
-    """Write the names of nodes behind their walls: corners first, then doors, as far as there is room."""
-    low_x, low_y, high_x, high_y = walls_of(drawn).bounds
-    apart = _NAME_SPACING * max(high_x - low_x, high_y - low_y)
-    wanted: list[tuple[int, str, Point, Point]] = []
-    for ring in drawn.rings:
-        nodes = corners(ring)
-        for i, (node, edge) in enumerate(zip(ring.nodes, ring.edges, strict=True)):
-            here, there, last = nodes[i], nodes[(i + 1) % len(nodes)], nodes[i - 1]
-            after, before = _left_of(here, there), _left_of(last, here)
-            if node.corner:
-                wanted.append((0, node.name, here, Point(after.x + before.x, after.y + before.y)))
-            elif edge.kind is not EdgeKind.WALL:
-                middle = Point((here.x + there.x) / 2, (here.y + there.y) / 2)
-                wanted.append((1, _without_side(node.name), middle, after))
-    placed: list[Point] = []
-    for rank, name, at, out in sorted(wanted, key=lambda w: w[0]):
-        length = math.hypot(out.x, out.y) or 1.0
-        spot = Point(at.x + 0.32 * margin * out.x / length, at.y + 0.32 * margin * out.y / length)
-        if all(math.hypot(spot.x - p.x, spot.y - p.y) >= apart for p in placed):
-            placed.append(spot)
-            color, weight = (_INK, "bold") if rank == 0 else (_MUTED, "normal")
-            axes.text(spot.x, spot.y, name, fontsize=8, color=color, weight=weight, ha="center", va="center")
+def _draw_names(axes: Axes, names: Sequence[Name]) -> None:
+    """Write the names of corners, doors and elevators behind their walls."""
+    for name in names:
+        axes.text(
+            name.at.x, name.at.y, name.text, fontsize=FONT_POINTS, color=_NAME_COLORS[name.rank],
+            weight=WEIGHTS[name.rank], ha="center", va="center", rotation=90.0 if name.upright else 0.0,
+        )  # fmt: skip
 
 
-def _without_side(name: str) -> str:
-    """A door's name from that of its left jamb: `101L` gives `101`."""
-    return name[:-1] if len(name) > 1 and name[-1] == "L" else name
+def _draw_lights(axes: Axes, drawn: Map) -> None:
+    """Discs for the lights of the corridors, diamonds for those of the turning spaces."""
+    lights = lights_of(drawn)
+    shared = sum(len(shared_lights(ring) or ()) for ring in drawn.rings)
+    own = len(lights) - shared
+    for chosen, marker, label in (
+        (lights[:own], "o", "ceiling light"),
+        (lights[own:], "D", "light of a turning space"),
+    ):
+        if len(chosen):
+            axes.plot(
+                chosen[:, 0], chosen[:, 1], marker, color=_LIGHT, markersize=5, markeredgecolor="#b08a10",
+                markeredgewidth=0.6, label=label, zorder=3,
+            )  # fmt: skip
 
 
-def _left_of(here: Point, there: Point) -> Point:
-    """The unit vector behind a wall, on the left of who walks along it."""
-    length = math.hypot(there.x - here.x, there.y - here.y)
-    return Point(-(there.y - here.y) / length, (there.x - here.x) / length)
+def _draw_links(axes: Axes, drawn: Map) -> None:
+    """A line between the two places of each link."""
+    places = link_places(drawn)
+    if places:
+        lines = LineCollection(
+            list(places), colors=_LINK, linewidths=1.2, linestyles=(0, (2, 2)), label="link", zorder=2.5
+        )
+        axes.add_collection(lines)
 
 
 def _draw_path(axes: Axes, path: NDArray[np.float64], color: str, name: str) -> None:
@@ -230,10 +274,12 @@ def _draw_start(axes: Axes, drawn: Map) -> None:
     )  # fmt: skip
 
 
-def _draw_scale(axes: Axes, x: float, y: float, width: float) -> None:
-    """A scale bar of a round length, about a sixth of the building."""
-    rough = width / 6.0
+def _draw_scale(axes: Axes, sheet: _Sheet) -> None:
+    """A scale bar of a round length, at most a sixth of the building."""
+    rough = (sheet.high_x - sheet.low_x) / _SCALE_PART
     power = 10.0 ** math.floor(math.log10(rough))
     length = max(step * power for step in (1.0, 2.0, 5.0) if step * power <= rough)
+    x, y = sheet.low_x, sheet.below(_STRIP_POINTS / 2)
     axes.plot([x, x + length], [y, y], color=_INK, linewidth=2.0, solid_capstyle="butt", zorder=3)
-    axes.text(x + length + 0.012 * width, y, f"{length / 1000.0:g} m", fontsize=9, color=_INK, va="center")
+    beside = x + length + 8.0 * sheet.mm_per_point
+    axes.text(beside, y, f"{length / 1000.0:g} m", fontsize=9, color=_INK, va="center")

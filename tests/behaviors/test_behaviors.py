@@ -183,7 +183,7 @@ def test_hallway_comes_to_the_end_and_waits_there(building: Path, run: Run) -> N
 
 
 def test_hallway_turns_to_the_goal_and_stops_at_its_distance(run: Run) -> None:
-    arguments = ("--set", "GoalHeading=90", "--set", "GoalDistance=3")
+    arguments = ("--set", "GoalDirection=90", "--set", "GoalDistance=3000")
     report = run(ROOT / "behaviors" / "hallway.colony", ROOT / "maps" / "loop.stickrep", 20, *arguments)
     assert seconds_by(report, "check_goal") > 4.0  # half a turn, at 30 degrees a second
     assert 3_000.0 < report["distance_mm"] < 3_400.0

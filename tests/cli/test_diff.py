@@ -6,7 +6,8 @@ from pathlib import Path
 import pytest
 
 from tests.cli.conftest import ROOT, Colony
-from tests.verify.difference.programs import ROBOT, go
+from tests.verify.difference.programs import ROBOT
+from tests.verify.small_robot import go
 
 ROAM = (
     go("cruise", "true")

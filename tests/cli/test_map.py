@@ -37,6 +37,45 @@ def test_a_summary_for_programs(colony: Colony, tmp_path: Path) -> None:
     assert not (tmp_path / "loop.png").exists()
 
 
+def test_links_floors_and_elevators(colony: Colony) -> None:
+    code, out, err = colony("map", MAPS / "msu_engineering_3.stickrep", "--no-picture")
+    assert (code, err) == (0, "")
+    lines = out.splitlines()
+    assert lines[0].startswith("msu_engineering_3, floor 3: 124.0 m by 116.0 m; doors: 108, elevators: 2, ")
+    assert lines[-4:] == [
+        "  links: 34; a path may lead over all rings",
+        "  paths keep the wall on the left",
+        "  elevator acs.elev.L of floor 3 is acs.elev.L of floor 2 (msu_engineering_2)",
+        "  elevator old.elev.L of floor 3 is old.elev.L of floor 2 (msu_engineering_2)",
+    ]
+
+
+def test_links_floors_and_elevators_for_programs(colony: Colony) -> None:
+    path = MAPS / "msu_engineering_2.stickrep"
+    summary = json.loads(colony("map", path, "--no-picture", "--format", "json").out)
+    assert (summary["floor"], summary["travel"], summary["links"]) == ("2", "wall-on-left", 16)
+    assert summary["linked_rings"] == [["1", "2", "3"]]
+    assert summary["other_floors"] == [{"map": "msu_engineering_3", "floor": "3"}]
+    assert summary["rides"][0] == {
+        "from": {"map": "msu_engineering_2", "node": "acs.elev.L"},
+        "to": {"map": "msu_engineering_3", "node": "acs.elev.L"},
+    }
+
+
+def test_rings_that_are_not_linked(colony: Colony, tmp_path: Path) -> None:
+    text = (MAPS / "loop.stickrep").read_text()
+    (tmp_path / "apart.stickrep").write_text(text[: text.index("\nlink ")])
+    out = colony("map", "apart.stickrep", "--no-picture").out
+    assert out.splitlines()[-1] == "  links: 0; a path stays on outline, or on block"
+
+
+def test_the_other_floors_are_checked(colony: Colony, tmp_path: Path) -> None:
+    (tmp_path / "alone.stickrep").write_text((MAPS / "msu_engineering_2.stickrep").read_text())
+    code, out, err = colony("map", "alone.stickrep")
+    assert (code, out) == (2, "")
+    assert err.count("error[M029]") == 2
+
+
 def test_a_bad_map_gets_all_its_errors_with_their_places(colony: Colony, tmp_path: Path) -> None:
     text = (MAPS / "hallway.stickrep").read_text()
     (tmp_path / "bad.stickrep").write_text(text.replace("101L    D", "101L    X").replace("103R ", "103L "))

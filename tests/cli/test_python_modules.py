@@ -77,3 +77,19 @@ def test_leaving_is_told(colony: Colony, kind: str) -> None:
     code, out, err = colony(*command("exiting", kind), stdin='{"t": 0, "bumper": false}\n')
     assert (code, out) == (1, "")
     assert err.endswith("colony: error: a module in Python ended the process: SystemExit: 3\n")
+
+
+@pytest.mark.usefixtures("modules")
+def test_verdicts_come_before_a_module_that_leaves_when_it_is_imported(
+    colony: Colony, tmp_path: Path
+) -> None:
+    (tmp_path / "cli_leaving.py").write_text("raise SystemExit(3)\n")
+    file = tmp_path / "leaving.colony"
+    file.write_text(
+        PROGRAM.replace("NAME", "cli_leaving") + "contract still: drive is idle or plan is active\n"
+    )
+    code, out, err = colony("verify", "--examples", "3", file)
+    assert code == 1
+    assert f"{file}: proved   still\n" in out
+    assert f"{file}:6:" in err
+    assert "error[P001]: `cli_leaving:Plan` cannot be imported and built: SystemExit: 3" in err

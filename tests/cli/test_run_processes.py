@@ -187,7 +187,7 @@ BAD_OPTIONS: list[tuple[tuple[str, ...], str]] = [
     (("--map", MAP, "--connect"), "--connect is for a robot that is there"),
     (("--map", MAP, "--fsync"), "--fsync goes with --processes"),
     (("--map", MAP, "--camera", "90"), "--camera goes with --processes"),
-    (("--map", MAP, "--processes", "--camera", "left=up"), "found `left=up`"),
+    (("--map", MAP, "--processes", "--camera", "left=down"), "found `left=down`"),
     (("--map", MAP, "--processes", "--robot", "a/b"), "`a/b` cannot be the name of a robot"),
     (("--connect", "tls/x:7447"), "also wants --security"),
     (("--connect", "tcp/x:7447", "--security", "f"), "would go in the clear"),

@@ -138,6 +138,7 @@ def test_a_written_test_fails_in_colony_test_until_the_contract_holds(colony: Co
     code, _, err = colony("verify", "--write-test", behavior)
     assert code == 1
     assert 'wrote the test "counterexample: lasts"' in err
+    assert "--write-test" not in err
     after = behavior.read_text()
     assert after.startswith(before)
     assert after[len(before) :] == (

@@ -3,8 +3,10 @@ from __future__ import annotations
 from benchmarks.networks import chain, ladder
 from colony.compile.elaborate import elaborate
 from colony.compile.eliminate_inhibition import eliminate_inhibition
+from colony.compile.forward_traversal import forward_traversal
 from colony.compile.guard_text import GuardText
-from colony.compile.network import ModuleLeaf
+from colony.compile.guards import Recently
+from colony.compile.network import Inhibitor, ModuleLeaf, Network, Suppressor
 from colony.compile.suppression import GatedSuppressor, Link, SuppressionNetwork
 from tests.compile.wiring_notation import program
 
@@ -82,3 +84,30 @@ def test_the_result_is_linear_in_the_network() -> None:
     for make in (chain, ladder):
         sizes = [len(eliminate_inhibition(elaborate(make(size))).guards) for size in (1_000, 4_000)]
         assert sizes[1] <= 4.1 * sizes[0]
+
+
+def test_the_shortest_time_constant_counts() -> None:
+    nodes = (ModuleLeaf(module="a"), ModuleLeaf(module="b"), Suppressor(dominant=0, inferior=1, window_ns=1))
+    network = eliminate_inhibition(Network(nodes=nodes, outputs=(("drive", 2),)))
+    node = network.nodes[root(network).node]
+    assert isinstance(node, GatedSuppressor)
+    assert written(network, node.inferior.gate) == "not recently(a, 0.000001 ms)"
+
+
+def test_nodes_have_no_time_constant_unless_it_is_given() -> None:
+    nodes = (
+        ModuleLeaf(module="a"),
+        ModuleLeaf(module="b"),
+        Inhibitor(dominant=0, inferior=1),
+        Suppressor(dominant=0, inferior=2),
+    )
+    network = eliminate_inhibition(Network(nodes=nodes, outputs=(("drive", 3),)))
+    assert not any(isinstance(guard, Recently) for guard in network.guards)
+    assert (network.wires, network.observed) == ((), ())
+
+
+def test_a_network_may_do_without_names() -> None:
+    alone = eliminated("drive = a inhibits b")
+    bare = SuppressionNetwork(nodes=alone.nodes, guards=alone.guards, outputs=alone.outputs)
+    assert (bare.wires, bare.observed) == ((), ())
+    assert forward_traversal(bare).actuators == forward_traversal(alone).actuators

@@ -61,6 +61,13 @@ def test_a_command_within_limits_and_range() -> None:
     assert low.step(Frame(2, quiet | {"x": 0.0}))[:2] == (False, None)
 
 
+def test_a_command_that_does_not_win_is_not_bounded() -> None:
+    low = _client("low")
+    first = {"x": 20.0, "y": 1.0, "z": 1.0, "b": True}
+    silent = low.step(Frame(0, first))
+    assert (silent.active, silent.values, silent.records) == (False, None, (("sensor clamped", "x"),))
+
+
 def test_a_command_that_is_not_finite() -> None:
     high = _client("high")
     frame = {"x": 0.0, "y": float("inf"), "z": 1.0, "b": True}

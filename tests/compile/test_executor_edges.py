@@ -95,10 +95,15 @@ def test_a_class_that_cannot_be_built_is_named_with_what_to_do() -> None:
         ({"module_path": "colony.nowhere"}, "colony.nowhere:Moody", "ModuleNotFoundError"),
         ({"class_name": "Nobody"}, "colony.verify.strategies_python:Nobody", "AttributeError"),
         ({"params": (("color", 1.0),)}, "colony.verify.strategies_python:Moody", "TypeError"),
+        (
+            {"module_path": "tests.verify.scripted_modules", "class_name": "Leaving", "params": ()},
+            "tests.verify.scripted_modules:Leaving",
+            "SystemExit",
+        ),
     )
     for change, path, problem in cases:
         with pytest.raises(Failure) as failure:
-            build(replace(call, **change))  # type: ignore[arg-type]
+            build(replace(call, **change))
         (found,) = failure.value.diagnostics
         assert found.code == "P001"
         assert found.span == call.span

@@ -236,3 +236,34 @@ def test_the_client_of_a_python_module(monkeypatch: pytest.MonkeyPatch) -> None:
     other.memory = client.memory
     for each in (client, other):
         assert each.step(_frame(0.3)).values == (3.0, True, 67.0)
+
+
+OBSERVED = f"""
+robot r {{
+  sensor x : number from DServer.x
+  actuator out {{ v : number range 0 .. 1 }} to DServer.Out idle hold
+}}
+module seen from python "{__name__}:Told" {{ reads x }}
+module also from python "{__name__}:Told" {{ reads x }}
+module over {{ when x > 0 do out(v = x) }}
+network {{ out = over }}
+"""
+
+
+def test_what_no_decision_asks_for_is_called_all_the_same_and_before_the_decision(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    _tell(monkeypatch, 42)
+    outcomes = _outcomes(OBSERVED, [Frame(0, {"x": 5.0}), Frame(50_000_000, {"x": 0.5})])
+    errors = (("python error", "seen"), ("python error", "also"))
+    assert [o.records for o in outcomes] == [(*errors, ("command clamped", "out.v")), errors]
+    assert Told.given == [(t, {"x": x}) for t, x in ((0.0, 5.0), (0.05, 0.5)) for _ in range(2)]
+
+
+def test_an_observer_alone_is_called_too(monkeypatch: pytest.MonkeyPatch) -> None:
+    _tell(monkeypatch, 42)
+    text = OBSERVED.replace(
+        "network { out = over }", "contract c: seen is active or x > 0\nnetwork { out = over }"
+    )
+    (outcome,) = _outcomes(text, [Frame(0, {"x": 0.0})])
+    assert outcome.breaches == ("c",)

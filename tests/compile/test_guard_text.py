@@ -2,7 +2,7 @@ from __future__ import annotations
 
 import pytest
 
-from colony.compile.guard_text import GuardText, duration_text
+from colony.compile.guard_text import INLINE, GuardText, duration_text
 from colony.compile.guards import Always, And, Guard, ModuleActive, Never, Not, Or, Recently
 
 MS = 1_000_000
@@ -42,6 +42,22 @@ def test_writing(guards: tuple[Guard, ...], expected: str) -> None:
 
 def test_a_clients_own_activity_is_first_and_called_p() -> None:
     assert GuardText((*MODULES, Not(A), And((3, C)))).text(4, own="c") == "P and not a"
+
+
+def test_its_activity_is_called_p_where_it_is_negated_too() -> None:
+    text = GuardText((*MODULES, Not(A), Not(B), And((3, 4, C)), Not(5)))
+    assert text.text(6, own="c") == "not P or a or b"
+
+
+def test_a_negated_name_counts_as_two_terms() -> None:
+    guards: list[Guard] = [ModuleActive(f"m{i}") for i in range(INLINE + 1)]
+    long = len(guards)
+    guards += [Or(tuple(range(INLINE + 1))), Not(long)]
+    guards += [And((long + 1, *range(INLINE - 2))), Not(long + 2)]
+    fits = " and ".join(f"m{i}" for i in range(INLINE - 2))
+    assert GuardText(guards).text(long + 3) == f"not ({fits} and not $1)"
+    guards[long + 2] = And((long + 1, *range(INLINE - 1)))
+    assert GuardText(guards).text(long + 3) == "not $1"
 
 
 def test_long_parts_have_names_and_the_whole_is_linear() -> None:

@@ -148,3 +148,9 @@ def test_nothing_is_left_to_do_on_the_result() -> None:
     clients = compile_program(random_program(100, seed=3)).clients
     again = simplify(clients)
     assert len(again.guards) <= len(clients.guards)
+
+
+def test_what_nothing_uses_is_left_out_the_first_module_too() -> None:
+    client = Client(module="m1", priority=1, guard=B, exclusive=B)
+    one = ClientList(guards=MODULES, actuators=(ActuatorClients(actuator="drive", clients=(client,)),))
+    assert simplify(one).guards == (ModuleActive("m1"),)

@@ -384,10 +384,18 @@ def test_unused_parts_of_imported_files_are_no_warning(files: Files) -> None:
         + "network { drive = used }",
     )
     found = [(d.code, d.message) for d in check_file(files.folder / "main.colony").diagnostics]
-    assert found == [
-        ("W001", "module `spare` reaches no actuator"),
-        ("W002", "nothing drives actuator `lamp`"),
-    ]
+    assert found == [("W001", "module `spare` reaches no actuator")]
+
+
+def test_of_an_imported_robot_only_what_holds_may_be_left_undriven(files: Files) -> None:
+    files.write(
+        main='import "rome.colony"\nmodule m { when true do lamp(on = true, level = 0) }\n'
+        "network { lamp = m }",
+        other='import "rome.colony"\n' + MODULE.format("m") + "network { drive = m }",
+    )
+    found = [(d.code, d.message) for d in check_file(files.folder / "main.colony").diagnostics]
+    assert found == [("W002", "nothing drives actuator `drive`")]
+    assert check_file(files.folder / "other.colony").diagnostics == ()
 
 
 def test_a_long_chain_of_imports(files: Files) -> None:

@@ -8,8 +8,8 @@ from typing import get_args
 
 from hypothesis import strategies as st
 
-from colony.nav.stickrep import Edge, EdgeKind, Light, LightOffsets, Map, Node, Pose, Ring
-from colony.nav.stickrep_reader import LENGTH_UNITS
+from colony.nav.stickrep import Edge, EdgeKind, Light, LightOffsets, Map, Node, Pose, Ring, Travel
+from colony.nav.stickrep_fields import LENGTH_UNITS
 
 HEADER = "stickrep 1\nmap room\nstart 50 50 0\n"
 ROOM = HEADER + (
@@ -44,6 +44,8 @@ def sound_maps(draw: st.DrawFn) -> Map:
         tolerance_mm=draw(st.floats(1.0, 100.0)),
         unit=draw(st.sampled_from(sorted(LENGTH_UNITS))),
         light_offsets=draw(st.sampled_from(get_args(LightOffsets))),
+        floor=draw(names),
+        travel=draw(st.sampled_from(get_args(Travel))),
     )
 
 

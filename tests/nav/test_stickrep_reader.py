@@ -10,7 +10,8 @@ from hypothesis import strategies as st
 
 from colony.diagnostics import Failure, headline, render
 from colony.nav.stickrep import EdgeKind, Light, Map, Pose
-from colony.nav.stickrep_reader import MAX_BYTES, load_map, read_map
+from colony.nav.stickrep_file import MAX_BYTES
+from colony.nav.stickrep_reader import load_map, read_map
 from colony.source import Source
 from tests.nav.maps_for_tests import HEADER, ROOM
 
@@ -225,6 +226,40 @@ def test_an_invalid_byte_is_located(tmp_path: Path) -> None:
 def test_any_text_is_a_map_or_a_located_failure(text: str) -> None:
     with suppress(Failure):
         assert read(ROOM + text).name == "room"
+
+
+joint_words = st.sampled_from(
+    [
+        "link",
+        "elevator",
+        "floor",
+        "travel",
+        "A",
+        "B",
+        "C+30",
+        "p0",
+        "p1+10",
+        "p2",
+        "+",
+        "A+",
+        "+1",
+        "1e9",
+        "x y",
+        "\n",
+    ]
+)
+
+
+@given(st.lists(joint_words, max_size=12))
+def test_any_links_and_elevators_are_a_map_or_a_located_failure(words: list[str]) -> None:
+    block = "ring block 40 40 270\n" + "".join(f"90 p{i} W 0 20\n" for i in range(4))
+    text = ROOM + block + "link " + " ".join(words)
+    try:
+        read(text)
+    except Failure as failure:
+        for problem in failure.diagnostics:
+            assert problem.span.source.text == text
+            assert render(problem)
 
 
 def test_a_pipe_is_refused_rather_than_waited_for(tmp_path: Path) -> None:

@@ -1,5 +1,6 @@
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -42,6 +43,16 @@ def test_the_maps_that_come_along_survive(name: str) -> None:
     assert read(write_map(loaded)) == loaded
 
 
+@pytest.mark.parametrize("unit", ["mm", "cm", "m", "ft"])
+def test_links_survive_in_every_unit(unit: str) -> None:
+    loaded = load_map(MAPS / "loop.stickrep")
+    back = read(write_map(replace(loaded, unit=unit)))
+    for link, original in zip(back.links, loaded.links, strict=True):
+        for site, before in zip(link, original, strict=True):
+            assert site.node == before.node
+            assert site.offset_mm == pytest.approx(before.offset_mm, abs=1e-3)
+
+
 @settings(suppress_health_check=[HealthCheck.too_slow], deadline=None)
 @given(sound_maps())
 def test_writing_what_was_read_is_a_fixed_point(drawn: Map) -> None:
@@ -56,6 +67,7 @@ def test_writing_what_was_read_is_a_fixed_point(drawn: Map) -> None:
 def test_nothing_is_lost_but_the_seventh_decimal(drawn: Map) -> None:
     back = read(write_map(drawn))
     assert (back.name, back.unit, back.light_offsets) == (drawn.name, drawn.unit, drawn.light_offsets)
+    assert (back.floor, back.travel) == (drawn.floor, drawn.travel)
     assert back.start[:2] == pytest.approx(drawn.start[:2], abs=1e-3)
     for ring, original in zip(back.rings, drawn.rings, strict=True):
         assert [(n.name, n.corner) for n in ring.nodes] == [(n.name, n.corner) for n in original.nodes]

@@ -56,3 +56,20 @@ def test_what_is_no_memory_says_what_is_wrong_with_it() -> None:
         with pytest.raises(BadMemory, match=text):
             decode_memory(data)
     assert encode_memory(ClientMemory(5, {"a": 1.0})) == b"\x92\x05\x81\xa1a\xcb?\xf0\x00\x00\x00\x00\x00\x00"
+
+
+def test_an_epoch_is_begun_once() -> None:
+    node = back_off()
+    for start, first in ((0, 0), (7, 7)):
+        for k in range(first, first + 7):
+            got = take(node, tick(k, start=start), base(k))
+            assert len(only(Request, got)) == 1
+        assert node.frontier == (start, first + 6)
+
+
+def test_within_an_epoch_memory_is_given_away_and_after_its_end_no_more() -> None:
+    node = back_off()
+    got = [m for k in range(11) for m in take(node, tick(k), base(k), now_ns=k * FRAME)]
+    assert [m.k for m in got if isinstance(m, Checkpoint)] == [10]
+    got = [m for k in range(11, 21) for m in take(node, tick(k, start=11), base(k), now_ns=k * FRAME)]
+    assert not only(Checkpoint, got), "the new epoch is not half a second old"

@@ -12,8 +12,8 @@ from colony.runtime.library import clock as library
 from colony.runtime.liveness import Answers, Liveness
 from colony.runtime.messages import Announcement, Fetch, Ready, Restart, Send, ServerFrame, Wake, WakeAt
 from colony.runtime.roll import Roll
+from tests.runtime.clock_stage import CLIENTS, MS, Leader, Stage, deployed, verdict
 from tests.runtime.runtime_programs import drive, roam, robot
-from tests.runtime.test_clock import CLIENTS, MS, Leader, Stage, deployed, verdict
 
 
 def two_actuators() -> Program:

@@ -10,7 +10,7 @@ from colony.runtime.library.clock import deploy
 from colony.runtime.messages import Send, ServerFrame, Tick
 from colony.runtime.servers.runtime_server import RuntimeServer, random_of_frame
 from tests.runtime.asking import Asker, Trouble
-from tests.runtime.test_clock import deployed
+from tests.runtime.clock_stage import deployed
 
 
 def chance(server: RuntimeServer, k: int) -> object:

@@ -3,14 +3,17 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
 
 from colony.sim.camera import Camera, CameraConfig
+from colony.sim.ceiling import CeilingCamera
 from colony.sim.config import IDEAL
 from colony.sim.devices import MOST_BEHIND_NS, WATCHDOG_NS, Devices
 from colony.sim.scene import scene
+from colony.sim.scenery import CeilingLight, bare
 from colony.sim.world import World
 
 MS = 1_000_000
@@ -155,3 +158,14 @@ def test_logical_time_passes_by_itself_only_when_told() -> None:
     for dt_ns in (0, -5, 3600 * S):
         with pytest.raises(ValueError, match="cannot advance"):
             one.pass_time(dt_ns)
+
+
+def test_a_camera_looks_up_from_where_its_robot_is() -> None:
+    lamp = CeilingLight(x_mm=0.0, y_mm=0.0, heading_deg=0.0)
+    below = replace(bare(np.array(NORTH_WALL)), lights=(lamp,))
+    world = World(walls=below, poses=((0.0, 0.0, 0.0), (3000.0, 0.0, 0.0)), config=IDEAL)
+    one = Devices(world, ("under", "beside"), {"up": CeilingCamera(below)}, now_ns=7)
+    under, beside = one.image(0, "up"), one.image(1, "up")
+    assert (under.t_ns, under.height, under.width, under.channels) == (7, 120, 240, 1)
+    assert under.pixels == CeilingCamera(below).image((0.0, 0.0, 0.0), 7).tobytes()
+    assert max(under.pixels) > 200 > max(beside.pixels)

@@ -27,3 +27,8 @@ class Scripted:
 class Unbuildable:
     def __init__(self) -> None:
         raise OSError("no such device")
+
+
+class Leaving:
+    def __init__(self) -> None:
+        raise SystemExit(3)

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import pytest
+
 from colony.diagnostics import headline, render
 from colony.dsl.load import load_text
 from colony.verify.examples import ExampleResult, failures_as_diagnostics, run_examples
@@ -104,6 +106,21 @@ def test_contracts_are_checked_in_every_frame() -> None:
         'error[T003]: in "t" at 0 s, and in 2 more frames: '
         "contract `slow: drive.speed < 0.2 m/s` does not hold; found: drive by cruise, speed = 300 mm/s"
     )
+
+
+@pytest.mark.parametrize(
+    ("condition", "quoted"),
+    [
+        ("drive.speed < 1 m/s and (sum(sonar) < 1 m)", "drive.speed < 1 m/s and (sum(sonar) < 1 m)"),
+        ("((ahead + 0 m) * 1) < 1 m", "((ahead + 0 m) * 1) < 1 m"),
+        ("not (bumper or ((ahead > 1 m)))", "not (bumper or ((ahead > 1 m)))"),
+        ("bumper or  # :-)\n  ahead < 1 m", "bumper or ahead < 1 m"),
+    ],
+)
+def test_conditions_are_quoted_with_all_of_their_parentheses(condition: str, quoted: str) -> None:
+    behavior = f"{BEHAVIOR}contract c: {condition}\n"
+    [message] = failed('test "t" { at 0 s given sonar = 3 m, bumper = false }', behavior)
+    assert f"contract `c: {quoted}` does not hold" in message
 
 
 def test_an_element_can_be_set_only_in_an_array_that_is_there() -> None:

@@ -145,7 +145,13 @@ def test_an_error_with_a_rate_is_recorded_when_it_happens_and_silent_when_it_is_
 
 
 @pytest.mark.parametrize(
-    "path", ["no_such:X", "tests.verify.scripted_modules:Missing", "scripted_modules:Unbuildable"]
+    "path",
+    [
+        "no_such:X",
+        "tests.verify.scripted_modules:Missing",
+        "tests.verify.scripted_modules:Unbuildable",
+        "tests.verify.scripted_modules:Leaving",
+    ],
 )
 def test_a_class_that_cannot_be_built_is_a_located_error(path: str) -> None:
     text = f'module m from python "{path}" {{ commands out }}\nnetwork {{ out = m }}'

@@ -5,7 +5,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.collections import LineCollection
 
+from colony.nav.stickrep_geometry import link_places
 from colony.nav.stickrep_reader import load_map
 from colony.view.map_picture import draw_map, encode_picture, picture_format
 
@@ -22,7 +24,8 @@ def test_a_picture_names_corners_and_doors_and_explains_its_marks() -> None:
     legend = axes.get_legend()
     assert legend is not None
     labels = [text.get_text() for text in legend.get_texts()]
-    assert labels == ["wall", "door", "elevator", "ceiling light", "robot (○ start, ■ end)"]
+    marks = ["wall", "door", "elevator", "link", "ceiling light", "light of a turning space"]
+    assert labels == [*marks, "robot (○ start, ■ end)"]
 
 
 def test_a_map_alone_shows_its_start() -> None:
@@ -31,15 +34,31 @@ def test_a_map_alone_shows_its_start() -> None:
     assert legend.get_texts()[-1].get_text() == "start"
 
 
-def test_names_do_not_lie_on_each_other() -> None:
-    figure = draw_map(LOOP)
+def test_only_what_is_there_is_explained() -> None:
+    legend = draw_map(load_map(MAPS / "hallway.stickrep")).axes[0].get_legend()
+    assert legend is not None
+    labels = [text.get_text() for text in legend.get_texts()]
+    assert labels == ["wall", "door", "elevator", "ceiling light", "start"]
+
+
+def test_links_are_drawn_between_their_places() -> None:
+    [links] = [c for c in draw_map(LOOP).axes[0].collections if c.get_label() == "link"]
+    assert isinstance(links, LineCollection)
+    drawn = [segment.tolist() for segment in links.get_segments()]
+    assert drawn == [[list(one), list(other)] for one, other in link_places(LOOP)]
+    assert drawn[0] == [[0.0, 0.0], [2540.0, 2540.0]]
+
+
+@pytest.mark.parametrize("name", ["loop", "narrow", "atrium", "msu_engineering_2", "msu_engineering_3"])
+def test_names_do_not_lie_on_each_other(name: str) -> None:
+    figure = draw_map(load_map(MAPS / f"{name}.stickrep"))
     renderer = FigureCanvasAgg(figure).get_renderer()
     boxes = [text.get_window_extent(renderer) for text in figure.axes[0].texts]
     assert not any(a.overlaps(b) for i, a in enumerate(boxes) for b in boxes[:i])
 
 
 def test_everything_is_inside_the_picture() -> None:
-    for name in ("hallway", "loop"):
+    for name in ("hallway", "loop", "atrium", "msu_engineering_3"):
         figure = draw_map(load_map(MAPS / f"{name}.stickrep"), [WAY] * 8)
         renderer = FigureCanvasAgg(figure).get_renderer()
         legend = figure.axes[0].get_legend()
@@ -48,6 +67,14 @@ def test_everything_is_inside_the_picture() -> None:
             box = artist.get_window_extent(renderer)
             assert figure.bbox.x0 <= box.x0 < box.x1 <= figure.bbox.x1
             assert figure.bbox.y0 <= box.y0 < box.y1 <= figure.bbox.y1
+
+
+def test_a_picture_is_to_scale() -> None:
+    for name in ("hallway", "narrow"):
+        figure = draw_map(load_map(MAPS / f"{name}.stickrep"))
+        (low_x, high_x), (low_y, high_y) = figure.axes[0].get_xlim(), figure.axes[0].get_ylim()
+        width, height = figure.get_size_inches()
+        assert (high_x - low_x) / width == pytest.approx((high_y - low_y) / height)
 
 
 def test_svg_is_the_same_byte_for_byte() -> None:

@@ -38,7 +38,7 @@ def load(source: str) -> PythonExecutor:
     try:
         exec(code, namespace)
         return PythonExecutor(namespace["Program"]())
-    except Exception as problem:
+    except (Exception, SystemExit) as problem:
         message = f"a module in Python cannot be imported and built: {type(problem).__name__}: {problem}"
         hint = "it is looked for beside the behavior and in this folder; its params are given by keyword"
         raise Failure([error("P001", NOWHERE, message, hint)]) from problem

@@ -237,7 +237,9 @@ class _Check:
                     self.report.diagnostics.append(warning("W001", part.span, message, hint))
         driven = {w.actuator for w in wires}
         for actuator in robot.actuators:
-            if actuator.name not in driven and self._wires_anything():
+            # What an imported robot merely offers: left alone, it is sent nothing.
+            offered = actuator.idle is None and actuator.span.source is not own
+            if actuator.name not in driven and not offered and self._wires_anything():
                 message = f"nothing drives actuator `{actuator.name}`"
                 hint = f"assign to it: `network {{ {actuator.name} = ... }}`"
                 self.report.diagnostics.append(warning("W002", actuator.span, message, hint))

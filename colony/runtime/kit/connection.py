@@ -18,17 +18,17 @@ import time
 from collections import deque
 from collections.abc import Iterator, Mapping
 from contextlib import ExitStack, suppress
-from functools import lru_cache
 from pathlib import Path
 from queue import Empty, SimpleQueue
 from threading import TIMEOUT_MAX, Lock
 from types import TracebackType
 from typing import Any, Generic, TypeVar
 
-import msgspec
-
+from colony.runtime.kit.answers import TIMEOUT_S as TIMEOUT_S
+from colony.runtime.kit.answers import read_result as read_result
+from colony.runtime.kit.answers import waiting_time as waiting_time
 from colony.runtime.kit.conversation import Outcome
-from colony.runtime.kit.errors import CallRefused, ConnectionProblem, TimedOut
+from colony.runtime.kit.errors import ConnectionProblem, TimedOut
 from colony.runtime.kit.hub import Hub
 from colony.runtime.kit.wire import Wire
 from colony.runtime.library.ask import Ask
@@ -36,9 +36,6 @@ from colony.runtime.live.place import Credentials
 from colony.runtime.messages import Notice
 
 T = TypeVar("T")
-
-TIMEOUT_S = 5.0
-"""For how long an answer is waited for, unless something else is said."""
 
 STARTING_S = 2.0
 """For how long a server may be missing that is about to start."""
@@ -274,22 +271,6 @@ def connect(
         return connection
 
 
-def waiting_time(ask: Ask[Any], asked_s: float | None, usual_s: float) -> float:
-    """For how long to wait for an answer: as asked, else as usual, or longer where the call needs it.
-
-    Raises:
-        TypeError: this is nothing that can be asked.
-    """
-    if not isinstance(ask, Ask):
-        hint = ": call it" if callable(ask) else ""
-        raise TypeError(
-            f"cannot ask {ask!r}{hint}; expected what a function of a library gives, robot.go(200)"
-        )
-    if asked_s is not None:
-        return asked_s
-    return usual_s if ask.wait_s is None else max(usual_s, ask.wait_s)
-
-
 def opening_times(timeout_s: float) -> tuple[float, ...]:
     """For how long to wait for a server to open: first as for one that may be about to start, and then, if it
     turns out to be there, for the rest."""
@@ -303,26 +284,6 @@ def timed_out(wire: Wire, ask: Ask[Any], timeout_s: float) -> TimedOut:
     if not wire.is_open:
         text += "; the connection was lost, and could not be opened again yet"
     return TimedOut(f"{text} (it said: {wire.complaint})" if wire.complaint else text)
-
-
-def read_result(server: str, ask: Ask[T], outcome: Outcome) -> T:
-    """The result of a call.
-
-    Raises:
-        CallRefused, ConnectionLost: there is none.
-    """
-    if isinstance(outcome, ConnectionProblem):
-        raise outcome
-    try:
-        result: T = _decoder(ask.reply).decode(outcome)
-    except msgspec.DecodeError as problem:
-        raise CallRefused("reply", f"{server}.{ask.method} gave a strange result: {problem}") from None
-    return result
-
-
-@lru_cache(maxsize=256)
-def _decoder(result: Any) -> msgspec.msgpack.Decoder[Any]:
-    return msgspec.msgpack.Decoder(result)
 
 
 def program_name() -> str:

@@ -70,10 +70,10 @@ def told(reason: Reason) -> str:
     return f"{_place(reason)}: {reason.text}" if reason.span.source.text else reason.text
 
 
-def finding(result: Result, file: str) -> Diagnostic | None:
+def finding(result: Result, file: str | None) -> Diagnostic | None:
     """An error for a contract that is refuted, a warning for one that is unknown; nothing for one proved.
 
-    `file` is what was verified: what the hint names.
+    `file` is what was verified, to which the hint offers to add the run; None where that is done anyway.
     """
     contract = result.contract
     match result:
@@ -92,7 +92,7 @@ def finding(result: Result, file: str) -> Diagnostic | None:
             assert_never(result)
 
 
-def _hint(trace: Trace, file: str) -> str:
+def _hint(trace: Trace, file: str | None) -> str | None:
     """What to do about a counterexample; one with an infinite reading no test can hold."""
     infinite = (
         name
@@ -103,6 +103,8 @@ def _hint(trace: Trace, file: str) -> str:
     name = next(infinite, None)
     if name is not None:
         return f"`{name}` is infinite there: give it a `range`, which bounds what comes in"
+    if file is None:
+        return None
     return f"`colony verify --write-test {quote(file)}` adds the run to it as a test"
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from typing import Self
 
 from colony.ir.frame import Outcome
 from colony.ir.program import Contract
@@ -12,6 +13,12 @@ from colony.verify.symbolic.system import Reason
 
 RESOURCES_A_SECOND = 7_200_000
 """What z3 counts in a second or so."""
+
+_SAFETY = 4
+"""How much longer than asked for the clock may show before work is given up."""
+
+_LONGER = 6
+"""How much longer than a proof may look back a counterexample may be."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -27,6 +34,16 @@ class Options:
     longest: int = 24
     resources: int = 10 * RESOURCES_A_SECOND
     seconds: float = 40.0
+
+    @classmethod
+    def within(cls, seconds: float, *, depth: int) -> Self:
+        """As hard as about `seconds` allow, with counterexamples in proportion to `depth`."""
+        return cls(
+            depth=depth,
+            longest=max(_LONGER * depth, 2),
+            resources=max(1, round(seconds * RESOURCES_A_SECOND)),
+            seconds=_SAFETY * seconds,
+        )
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -61,8 +61,3 @@ def named(names: Sequence[str], word: str = "or") -> str:
     if len(quoted) < 2:
         return "".join(quoted)
     return f"{', '.join(quoted[:-1])} {word} {quoted[-1]}"
-
-
-def written(e: ir.Expression) -> str:
-    """The text of an expression, on one line."""
-    return " ".join(e.span.text.split())

@@ -7,7 +7,8 @@ from collections.abc import Iterator, Set
 from colony.diagnostics import Diagnostic, warning
 from colony.ir.expression import Expression
 from colony.verify.lints.case import Case
-from colony.verify.lints.claims import active, all_of, fresh, implies, negation, written
+from colony.verify.lints.claims import active, all_of, fresh, implies, negation
+from colony.verify.written import written
 
 
 def never(module: str) -> str:

@@ -166,6 +166,13 @@ def test_odd_text_in_names_of_files_stays_in_comments() -> None:
     load(source)
 
 
+def test_names_stand_in_comments_as_they_are() -> None:
+    program = load_text(WANDER.replace("avoid", "Xeno_XX"), "X.colony")
+    assert re.search(
+        r":  # Xeno_XX, priority 2, X\.colony:\d+$", generate(program, compile_program(program).clients), re.M
+    )
+
+
 def test_a_program_that_was_made_without_text_has_no_places() -> None:
     program = roam()
     source = generate(program, compile_program(program).clients)

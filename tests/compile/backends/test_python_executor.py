@@ -61,3 +61,9 @@ def test_a_module_in_python_that_is_not_there() -> None:
     assert found.hint == (
         "it is looked for beside the behavior and in this folder; its params are given by keyword"
     )
+
+
+def test_a_module_in_python_that_leaves_the_process_when_it_is_built() -> None:
+    text = f'{ROBOT} module p from python "tests.verify.scripted_modules:Leaving" {{ reads b }}'
+    with pytest.raises(Failure, match="cannot be imported and built: SystemExit: 3"):
+        load(source(text))

@@ -32,6 +32,7 @@ def test_a_refuted_contract_is_an_error_at_its_place() -> None:
     assert (said.code, said.severity, said.span.text) == ("V010", "error", "d")
     assert "is broken at 0.05 s of a run of 2 frames; found: bump = false" in said.message
     assert said.hint == "`colony verify --write-test 'a b.colony'` adds the run to it as a test"
+    assert finding(found, None) == replace(said, hint=None)
 
 
 def test_an_infinite_reading_wants_a_range() -> None:

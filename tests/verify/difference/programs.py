@@ -7,27 +7,14 @@ from colony.ir.program import Program
 from colony.verify.contracts.results import RESOURCES_A_SECOND, Options
 from colony.verify.difference import Different, Result, difference
 from colony.verify.interpreter import Interpreter
+from tests.verify.small_robot import robot
 
-ROBOT = """
-robot r {
-  sensor sonar  : mm range 0 .. 10000 from PServer.sonar
-  sensor bumper : bool from RServer.bumper
-  sensor level  : number range 0 .. 100 default 0 from DServer.Level
-  actuator drive { velocity : mm/s range -600 .. 600, turn : deg/s range -90 .. 90 }
-           to RServer.drive idle drive(velocity = 0, turn = 0)
-  actuator lamp { on : bool } to DServer.Lamp idle hold
-}
-"""
+ROBOT = robot("actuator lamp { on : bool } to DServer.Lamp idle hold")
 QUICK = Options(depth=2, longest=6, resources=2 * RESOURCES_A_SECOND)
 
 
 def program(text: str) -> Program:
     return load_text(ROBOT + text)
-
-
-def go(name: str, when: str, velocity: str = "300 mm/s", turn: str = "0") -> str:
-    """A module that drives."""
-    return f"module {name} {{ when {when} do drive(velocity = {velocity}, turn = {turn}) }}\n"
 
 
 def compare(a: str, b: str, *ignore: str) -> Result:

@@ -9,7 +9,8 @@ import pytest
 from colony.diagnostics import Failure
 from colony.dsl.load import load_file, load_text
 from colony.verify.difference import Different, Same, Undecided, difference
-from tests.verify.difference.programs import QUICK, compare, go, program, verdict
+from tests.verify.difference.programs import QUICK, compare, program, verdict
+from tests.verify.small_robot import go
 
 ROOT = Path(__file__).parent.parent.parent.parent
 CRUISE = go("cruise", "true")
@@ -253,7 +254,7 @@ MUTANTS = [
     ("wander", "held(near, 400 ms)", "held(near, 500 ms)"),
     ("teleop", "suppresses[2 s]", "suppresses[2.1 s]"),
     ("allen", "-45 deg/s, 45 deg/s", "-45 deg/s, 46 deg/s"),
-    ("hallway", "param rate = 10 deg/s", "param rate = 11 deg/s"),
+    ("hallway", "param cruising = 500 mm/s", "param cruising = 501 mm/s"),
     ("herbert", "param turning  = 100", "param turning  = 101"),
     ("figure_4_14", "A { when a do left(priority = 4)", "A { when a do left(priority = 3.5)"),
 ]

@@ -4,21 +4,9 @@ from __future__ import annotations
 
 from colony.dsl.load import load_text
 from colony.verify.lints import lint
+from tests.verify.small_robot import robot
 
-ROBOT = """
-robot r {
-  sensor sonar  : mm range 0 .. 10000 from PServer.sonar
-  sensor bumper : bool from RServer.bumper
-  sensor level  : number range 0 .. 100 default 0 from DServer.Level
-  actuator drive { velocity : mm/s range -600 .. 600, turn : deg/s range -90 .. 90 }
-           to RServer.drive idle drive(velocity = 0, turn = 0)
-}
-"""
-
-
-def go(name: str, when: str, velocity: str = "300 mm/s", turn: str = "0") -> str:
-    """A module that drives."""
-    return f"module {name} {{ when {when} do drive(velocity = {velocity}, turn = {turn}) }}\n"
+ROBOT = robot()
 
 
 USES = "contract uses: fresh(sonar) or fresh(bumper) or level >= 0 or level < 0\n"

@@ -8,7 +8,8 @@ import pytest
 
 from colony.dsl.load import load_file, load_text
 from colony.verify.lints import lint
-from tests.verify.lints.programs import ROBOT, USES, codes, found, go
+from tests.verify.lints.programs import ROBOT, USES, codes, found
+from tests.verify.small_robot import go
 
 BLIND = "module blind { when not (fresh(sonar) and fresh(bumper)) }\n"
 

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import pytest
 
-from tests.verify.lints.programs import codes, found, go
+from tests.verify.lints.programs import codes, found
+from tests.verify.small_robot import go
 
 BLIND = "module blind { when not (fresh(sonar) and fresh(bumper)) }\n"
 SAFE = "network { drive = blind inhibits (%s) }\n"

@@ -1,0 +1,165 @@
+"""`colony plan`: the path from one room to another, in the modes of the Navigator."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import click
+
+from colony.cli.exit_codes import EXIT_MISUSE
+from colony.cli.outputs import check_output, write_whole
+from colony.cli.reporting import report, say
+
+if TYPE_CHECKING:
+    from colony.nav.building import Building
+    from colony.nav.plan import Place, Plan, Segment
+    from colony.nav.stickrep import Travel
+
+
+@click.command("plan", short_help="plan a path from room to room")
+@click.argument("path", metavar="MAP")
+@click.argument("origin", metavar="FROM")
+@click.argument("goal", metavar="TO")
+@click.option(
+    "-o",
+    "--output",
+    type=click.Path(dir_okay=False, path_type=Path),
+    metavar="PATH",
+    help="Draw the path on the map; .png or .svg says how. The floor on which it begins.",
+)
+@click.option(
+    "--travel",
+    type=click.Choice(["either", "wall-on-left"]),
+    help="Which way paths follow the walls, in place of what the map says.",
+)
+@click.option("--format", "format_", type=click.Choice(["text", "json"]), default="text", show_default=True)
+def command(
+    path: str, origin: str, goal: str, output: Path | None, travel: Travel | None, format_: str
+) -> None:
+    """Plan the shortest path in the StickRep map MAP from one node to another.
+
+    FROM and TO are jambs of doors (376L), or doors (376), which stand for the nearer of their jambs. Where
+    elevators lead to other maps, `2:250` and `msu_engineering_2:250` are the room 250 there.
+
+    The modes: L along ceiling lights, E into a turning space, C out of it, D to the goal, V through an
+    elevator. The confidence is what the published runs of the thesis say of such a path (section 6.3).
+
+    Exit code 0 for a plan, 2 where there is none.
+
+    \b
+    Example:
+      colony plan maps/msu_engineering_3.stickrep 350R 376L
+      colony plan maps/loop.stickrep 201 216 -o plan.png
+    """
+    from colony.diagnostics import Failure
+    from colony.nav.building import load_building
+    from colony.nav.route import NoPlan, plan
+
+    if output is not None and output.suffix.lower() not in (".png", ".svg"):
+        message = f"cannot draw into `{output}`; expected a file ending in .png or .svg"
+        raise click.UsageError(message, click.get_current_context())
+    try:
+        building = load_building(path)
+    except Failure as failure:
+        report(failure.diagnostics)
+        raise click.exceptions.Exit(EXIT_MISUSE) from None
+    try:
+        planned = plan(building, origin, goal, travel=travel)
+    except NoPlan as problem:
+        say(f"{path}: error: {problem}")
+        raise click.exceptions.Exit(EXIT_MISUSE) from None
+    if output is not None:
+        check_output(output, [path])
+        _draw(building, planned, output)
+    if format_ == "json":
+        import json
+
+        click.echo(json.dumps({**_summary(planned), "picture": str(output) if output else None}, indent=2))
+    else:
+        click.echo(_text(planned, floors=len({s.end.floor for s in planned.segments}) > 1))
+        if output is not None:
+            click.echo(f"drawn in {output}")
+
+
+def _draw(building: Building, planned: Plan, target: Path) -> None:
+    from colony.view.map_picture import encode_picture, picture_format
+    from colony.view.plan_picture import draw_plan
+
+    drawn = building.map_named(planned.segments[0].start.floor)
+    write_whole(target, encode_picture(draw_plan(drawn, planned), picture_format(target)))
+
+
+_SEED = 1994
+"""Of the interval of the confidence, so that a plan is always shown with the same one."""
+
+
+def _confidence(planned: Plan) -> tuple[float, float, float] | None:
+    """The confidence by the published automaton and its interval; None for a path that it has not."""
+    from colony.nav.confidence import PUBLISHED, PUBLISHED_ARCS
+    from colony.nav.confidence_estimate import PUBLISHED_COUNTS, string_interval
+
+    confidence = PUBLISHED.confidence(planned.modes)
+    interval = string_interval(PUBLISHED_COUNTS, planned.modes, seed=_SEED, arcs=PUBLISHED_ARCS)
+    return None if confidence is None or interval is None else (float(confidence), *interval)
+
+
+def _summary(planned: Plan) -> dict[str, object]:
+    confidence = _confidence(planned)
+    return {
+        "origin": planned.origin,
+        "goal": planned.goal,
+        "distance_mm": round(planned.distance_mm, 3),
+        "way_mm": round(planned.way_mm, 3),
+        "modes": planned.modes,
+        "confidence": None if confidence is None else round(confidence[0], 6),
+        "confidence_interval": None if confidence is None else [round(c, 4) for c in confidence[1:]],
+        "segments": [_segment(segment) for segment in planned.segments],
+    }
+
+
+def _segment(segment: Segment) -> dict[str, object]:
+    return {
+        "mode": chr(segment.kind),
+        "heading_deg": round(segment.heading_deg, 3),
+        "from": {
+            "x_mm": round(segment.start.x_mm, 1),
+            "y_mm": round(segment.start.y_mm, 1),
+            "floor": segment.start.floor,
+        },
+        "to": {
+            "x_mm": round(segment.end.x_mm, 1),
+            "y_mm": round(segment.end.y_mm, 1),
+            "floor": segment.end.floor,
+        },
+        "length_mm": round(segment.length_mm, 1),
+        "width_mm": round(segment.width_mm, 1),
+        "lights_mm": [round(light, 1) for light in segment.lights_mm],
+    }
+
+
+def _place(place: Place) -> dict[str, object]:
+    return {"x_mm": round(place.x_mm, 1), "y_mm": round(place.y_mm, 1), "floor": place.floor}
+
+
+def _text(planned: Plan, floors: bool) -> str:
+    confidence = _confidence(planned)
+    known = "unknown, the thesis has no such path"
+    if confidence is not None:
+        known = "{:.4f} (95 % interval: {:.2f} to {:.2f})".format(*confidence)
+    lines = [
+        f"{planned.origin} to {planned.goal}: {planned.distance_mm / 1000:.3f} m, "
+        f"{planned.way_mm / 1000:.1f} m to travel",
+        f"modes: {planned.modes}; confidence: {known}",
+        "",
+        "mode  heading           from (m)             to (m)   length  lights",
+    ]
+    for segment in planned.segments:
+        ends = [f"({p.x_mm / 1000:.2f}, {p.y_mm / 1000:.2f})" for p in (segment.start, segment.end)]
+        lights = f"{len(segment.lights_mm):6}" if segment.lights_mm else "     -"
+        row = (
+            f"{chr(segment.kind):4}  {segment.heading_deg:5.0f}°  {ends[0]:>18} {ends[1]:>18}  "
+            f"{segment.length_mm / 1000:5.1f} m  {lights}"
+        )
+        lines.append(f"{row}  {segment.end.floor}" if floors else row)
+    return "\n".join(lines)

@@ -1,0 +1,51 @@
+"""The options that say how hard a prover shall try."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from typing import TypeVar, cast
+
+import click
+
+_MOST = 1e6
+
+_Command = TypeVar("_Command", bound=Callable[..., object])
+
+
+def depth_option(longer: str) -> Callable[[_Command], _Command]:
+    """`--depth`; `longer` names the runs that may be longer than it."""
+    return click.option(
+        "--depth",
+        type=click.IntRange(0, 64),
+        default=4,
+        show_default=True,
+        help=f"How many frames back a proof by induction may look; {longer} may be six times as long.",
+    )
+
+
+def timeout_option(default: float, each: str = "") -> Callable[[_Command], _Command]:
+    """`--timeout`, in seconds; `each` says for what each it is where there are several."""
+    steps = "counted in steps of the prover, so that results are the same everywhere."
+    return click.option(
+        "--timeout",
+        type=ProverSeconds(),
+        default=default,
+        show_default=True,
+        metavar="SECONDS",
+        help=f"For each {each}, about; {steps}" if each else f"About; {steps}",
+    )
+
+
+class ProverSeconds(click.FloatRange):
+    """Seconds of at most 11 days, above 0 unless `none` says that no time at all is allowed, too."""
+
+    def __init__(self, *, none: bool = False) -> None:
+        super().__init__(min=0, max=_MOST, min_open=not none)
+
+    def convert(self, value: str | float, param: click.Parameter | None, ctx: click.Context | None) -> float:
+        """The number; what is no number at all (`nan`), and neither below nor above any, is refused too."""
+        seconds = float(super().convert(cast(float, value), param, ctx))
+        if math.isnan(seconds):
+            self.fail(f"{value} is not in the range {self._describe_range()}", param, ctx)
+        return seconds

@@ -1,0 +1,128 @@
+"""An experiment: a list of runs, each with many seeds, run once and kept."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from hashlib import sha256
+from pathlib import Path
+
+from colony.experiment.auditing import AuditedRun, audit, audited
+from colony.experiment.behavior import behavior_of
+from colony.experiment.lists import ListedRun
+from colony.experiment.parallel import Engine
+from colony.experiment.record import RunKey, RunResult
+from colony.experiment.results import Results
+from colony.experiment.runs import RunSpec, run
+from colony.experiment.variants import VARIANTS, VariantName
+from colony.sim.hazards import Hazard, Hazards
+
+_SOURCES = ("experiment", "nav", "runtime", "sim", "vision")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Experiment:
+    """What is run.
+
+    Attributes:
+        name: of the list.
+        map_path: the building.
+        runs: the list, or what was chosen of it.
+        seeds: each run is run with each of them.
+        variant: what drives.
+        hazards: what goes wrong.
+    """
+
+    name: str
+    map_path: Path
+    runs: tuple[ListedRun, ...]
+    seeds: tuple[int, ...]
+    variant: VariantName
+    hazards: Hazards
+
+    @property
+    def label(self) -> str:
+        """The variant with what is switched off: "ours/no-people"."""
+        off = [f"no-{name}" for name, hazard in HAZARD_NAMES.items() if hazard not in self.hazards.on]
+        if len(off) == len(HAZARD_NAMES):
+            off = ["no-hazards"]
+        return "/".join([self.variant, *([",".join(off)] if off else [])])
+
+    def specs(self) -> tuple[RunSpec, ...]:
+        """All of its runs, seed by seed."""
+        return tuple(
+            RunSpec(
+                key=RunKey(self.name, run.number, seed, self.label),
+                map_path=self.map_path,
+                origin=run.origin,
+                goal=run.goal,
+                hazards=self.hazards,
+            )
+            for seed in self.seeds
+            for run in self.runs
+        )
+
+    def made_with(self) -> str:
+        """Names all that results depend on besides their keys: program, map, hazards, and our own code."""
+        digest = sha256()
+        digest.update(behavior_of(VARIANTS[self.variant].behavior).source.encode())
+        digest.update(repr(replace(self.hazards, on=frozenset())).encode())
+        digest.update(self.map_path.read_bytes())
+        package = Path(__file__).parents[1]
+        for folder in _SOURCES:
+            for path in sorted((package / folder).rglob("*.py")):
+                digest.update(path.read_bytes())
+        return digest.hexdigest()
+
+
+HAZARD_NAMES = {hazard.name.lower().replace("_", "-"): hazard for hazard in Hazard}
+"""The hazards by the names that users give them."""
+
+Tell = Callable[[int, int, RunResult], None]
+"""Is told how many of how many runs are done, and the result of the newest."""
+
+
+def conduct(
+    experiment: Experiment, results: Results, engine: Engine, *, tell: Tell = lambda done, of, result: None
+) -> None:
+    """Run what is not there yet; each result is kept as it comes.
+
+    Raises:
+        NoPlan, Failure: a run cannot be planned, or the map or behavior is bad.
+        ResultsError: the results cannot be kept, or others are in their place.
+        WorkersLost: the work cannot be done where it should.
+    """
+    results.expect(experiment.name, experiment.label, experiment.made_with())
+    specs, there = experiment.specs(), results.keys()
+    missing = [spec for spec in specs if spec.key not in there]
+    for done, result in enumerate(engine.results(run, missing), len(specs) - len(missing) + 1):
+        results.put(result)
+        tell(done, len(specs), result)
+
+
+TellAudit = Callable[[int, int, AuditedRun], None]
+"""Is told how many of how many runs are audited, and the newest."""
+
+
+def conduct_audit(
+    experiment: Experiment,
+    engine: Engine,
+    part: float,
+    *,
+    tell: TellAudit = lambda done, of, run: None,
+) -> tuple[AuditedRun, ...]:
+    """Hold `part` of the runs, at least one, against the reference interpreter; in the order of the runs."""
+    specs = experiment.specs()
+    chosen = [spec for spec in specs if audited(spec, part)] or list(specs[:1])
+    found = []
+    for done, one in enumerate(engine.results(audit, chosen), 1):
+        found.append(one)
+        tell(done, len(chosen), one)
+    return tuple(sorted(found, key=lambda one: one.key))
+
+
+def of_experiment(experiment: Experiment, results: Results) -> tuple[RunResult, ...]:
+    """Its results, by number and seed: of the runs and seeds that it has."""
+    numbers, seeds = {run.number for run in experiment.runs}, set(experiment.seeds)
+    kept = results.of(experiment.name, experiment.label)
+    return tuple(r for r in kept if r.key.number in numbers and r.key.seed in seeds)

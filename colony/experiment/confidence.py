@@ -1,0 +1,73 @@
+"""The confidence automaton of thesis section 6.3, with the probabilities that results of runs show."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from colony.experiment.record import RunResult
+from colony.experiment.tables import markdown
+from colony.nav.confidence import PUBLISHED, TABLE_6_5
+from colony.nav.confidence_estimate import (
+    Count,
+    RunModes,
+    clopper_pearson,
+    counts_of,
+    estimated,
+    string_interval,
+)
+
+
+def run_modes(results: Sequence[RunResult]) -> list[RunModes]:
+    """What became of the modes of each run."""
+    return [
+        RunModes(
+            modes=r.letters,
+            completed=len(r.letters) if r.reached else min(r.completed, len(r.letters) - 1),
+            first_light_found=r.first_light,
+        )
+        for r in results
+    ]
+
+
+def event_table(results: Sequence[RunResult]) -> str:
+    """The probability of each event, with its exact 95 % interval, beside the published one."""
+    rows = []
+    for event, (good, trials) in counts_of(run_modes(results)).items():
+        if trials == 0:
+            continue
+        low, high = clopper_pearson(Count(good, trials))
+        published = PUBLISHED.events[event]
+        rows.append(
+            [
+                event.value,
+                f"{good} of {trials}",
+                f"{good / trials:.4f}",
+                f"{low:.4f} to {high:.4f}",
+                f"{float(published):.4f}",
+            ]
+        )
+    return markdown(["event", "seen", "probability", "95 % interval", "published"], rows)
+
+
+def path_table(results: Sequence[RunResult], *, seed: int = 0) -> str:
+    """The confidence of the paths of Table 6.5, beside the published one."""
+    counts = counts_of(run_modes(results))
+    if any(trials == 0 for _, trials in counts.values()):
+        return ""
+    automaton = estimated(counts)
+    rows = []
+    for origin, goal, modes, printed in TABLE_6_5:
+        confidence = automaton.confidence(modes)
+        interval = string_interval(counts, modes, seed=seed)
+        assert confidence is not None
+        assert interval is not None
+        rows.append(
+            [
+                f"{origin} to {goal}",
+                modes,
+                f"{float(confidence):.4f}",
+                f"{interval.low:.4f} to {interval.high:.4f}",
+                f"{printed:.4f}",
+            ]
+        )
+    return markdown(["path", "modes", "confidence", "95 % interval", "published"], rows)

@@ -1,0 +1,62 @@
+"""Work over a Dask cluster, on this machine or on many. Imports dask only when it is used."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import ExitStack
+from importlib import import_module
+from typing import Any, TypeVar
+
+from colony.experiment.parallel import WorkersLost
+
+T = TypeVar("T")
+R = TypeVar("R")
+
+REACHED_S = 10.0
+"""For how long a scheduler is looked for."""
+
+
+class DaskEngine:
+    """Does the work on the workers of a cluster.
+
+    Args:
+        address: of its scheduler, `tcp://HOST:8786`; "" begins one on this machine, which ends with the work.
+        workers: how many processes that has; by default one a core.
+    """
+
+    def __init__(self, address: str = "", workers: int | None = None) -> None:
+        self._address = address
+        self._workers = workers
+
+    def results(self, work: Callable[[T], R], items: Sequence[T]) -> Iterator[R]:
+        try:
+            distributed: Any = import_module("distributed")
+        except ImportError:
+            raise WorkersLost(
+                "dask is not installed; `pip install 'dask[distributed]'` installs it"
+            ) from None
+        with ExitStack() as holds:
+            client = self._client(distributed, holds)
+            try:
+                futures = client.map(work, items, pure=False)
+                for future in distributed.as_completed(futures):
+                    result: R = future.result()
+                    yield result
+                    future.release()
+            except distributed.KilledWorker as problem:
+                raise WorkersLost(f"workers of the cluster died: {problem}") from None
+
+    def _client(self, distributed: Any, holds: ExitStack) -> Any:
+        if self._address:
+            try:
+                return holds.enter_context(distributed.Client(self._address, timeout=REACHED_S))
+            except OSError as problem:
+                where = f"there is no Dask scheduler at {self._address}"
+                raise WorkersLost(
+                    f"{where}: {problem}; expected an address such as tcp://HOST:8786"
+                ) from None
+        cluster = distributed.LocalCluster(
+            n_workers=self._workers, threads_per_worker=1, processes=True, dashboard_address=None
+        )
+        holds.enter_context(cluster)
+        return holds.enter_context(distributed.Client(cluster))

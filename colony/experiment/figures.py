@@ -1,0 +1,129 @@
+"""Figures of many runs: rates with their intervals, percentiles, and how they stand to what was promised."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from colony.experiment.record import RunResult
+from colony.nav.confidence_estimate import Count, wilson
+from colony.nav.published_runs import PUBLISHED_RUNS, Wing
+
+MM_S_TO_M_MIN = 0.06
+
+
+def percentile(values: Sequence[float], part: float) -> float:
+    """The value that `part` of all do not exceed, between neighbors in proportion; NaN of none."""
+    if not values:
+        return math.nan
+    ordered = sorted(values)
+    at = part * (len(ordered) - 1)
+    below = math.floor(at)
+    above = min(below + 1, len(ordered) - 1)
+    return ordered[below] + (at - below) * (ordered[above] - ordered[below])
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Target:
+    """What was promised, what came of it, and whether it is met."""
+
+    what: str
+    found: str
+    promised: str
+    met: bool
+
+
+CONTACT_MM_S = 50.0
+"""What touches something at this speed or less does no harm."""
+
+
+def targets(results: Sequence[RunResult], *, published: bool) -> tuple[Target, ...]:
+    """How results stand to what was promised.
+
+    Args:
+        published: they are of the published runs, which have wings, instead of a list of somebody's own.
+    """
+    if not results:
+        return ()
+    found = [_reached(results, 0.99 if published else 0.95)]
+    if published:
+        found.append(_worst(results))
+    found.append(_distance("along the corridor", [abs(r.along_mm) for r in results if r.reached]))
+    found.append(_distance("as the crow flies", [r.off_mm for r in results if r.reached]))
+    if published:
+        found += [_speed(results, "old", 17.9), _speed(results, "new", 10.3)]
+    return (*found, _contacts(results))
+
+
+def wing_of(result: RunResult) -> Wing:
+    """Where a published run was done."""
+    return PUBLISHED_RUNS[result.key.number - 1].wing
+
+
+def _reached(results: Sequence[RunResult], promised: float) -> Target:
+    reached, count = sum(r.reached for r in results), len(results)
+    low, high = wilson(Count(reached, count))
+    interval = f"95 % interval {100 * low:.1f} to {100 * high:.1f} %"
+    return Target(
+        what="runs that reached the goal",
+        found=f"{reached} of {count}, {percent(reached, count)} ({interval})",
+        promised=f"at least {100 * promised:g} %",
+        met=reached >= promised * count,
+    )
+
+
+def _worst(results: Sequence[RunResult]) -> Target:
+    tried: dict[int, list[bool]] = {}
+    for result in results:
+        tried.setdefault(result.key.number, []).append(result.reached)
+    number = min(tried, key=lambda n: (sum(tried[n]) / len(tried[n]), n))
+    reached, count = sum(tried[number]), len(tried[number])
+    return Target(
+        what="the worst of the runs",
+        found=f"run {number}: {reached} of {count}, {percent(reached, count)}",
+        promised="at least 90 %",
+        met=reached >= 0.9 * count,
+    )
+
+
+def _distance(how: str, distances: Sequence[float]) -> Target:
+    found = percentile(distances, 0.95)
+    return Target(
+        what=f"distance to the goal {how}, 95th percentile",
+        found=f"{found / 1000:.3f} m",
+        promised="at most 0.3 m",
+        met=found <= 300.0,
+    )
+
+
+def _speed(results: Sequence[RunResult], wing: Wing, promised: float) -> Target:
+    speeds = [r.mean_mm_s * MM_S_TO_M_MIN for r in results if r.reached and wing_of(r) == wing]
+    if not speeds:
+        return Target(
+            what=f"mean speed, {wing} wing", found="no run", promised=f"{promised:g} m/min", met=True
+        )
+    mean = sum(speeds) / len(speeds)
+    return Target(
+        what=f"mean speed, {wing} wing",
+        found=f"{mean:.1f} m/min (slowest {min(speeds):.1f}, fastest {max(speeds):.1f})",
+        promised=f"at least {promised:g} m/min",
+        met=mean >= promised,
+    )
+
+
+def _contacts(results: Sequence[RunResult]) -> Target:
+    hard = [r for r in results if r.contacts.fastest_mm_s > CONTACT_MM_S]
+    touched = sum(r.contacts.number for r in results)
+    fastest = max((r.contacts.fastest_mm_s for r in results), default=0.0)
+    return Target(
+        what=f"runs with a contact above {CONTACT_MM_S:g} mm/s",
+        found=f"{len(hard)} (contacts in all: {touched}, the fastest at {fastest:.0f} mm/s)",
+        promised="none",
+        met=not hard,
+    )
+
+
+def percent(part: int, whole: int) -> str:
+    """A rate for people."""
+    return f"{100 * part / whole:.1f} %" if whole else "none"

@@ -1,0 +1,58 @@
+"""Which of a building's hazards lay on a robot's way, in words."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from colony.nav.plan import Plan
+from colony.sim.scenery import Scenery
+
+_BESIDE_MM = 3000.0
+"""A door or a person farther than this from the way is in another corridor."""
+
+
+def hazards_met(scenery: Scenery, walls: NDArray[np.float64], plan: Plan, slips: int) -> str:
+    """What was drawn for the way of a plan, and what came of it: "lights: 1 out; doors open: 3; slips: 1".
+
+    Args:
+        walls: (n, 4), the edges of the map in mm, in the order in which the scenery numbers them.
+        slips: how often the wheels slipped.
+    """
+    legs = np.array([(*s.start[:2], *s.end[:2]) for s in plan.segments], dtype=np.float64)
+    lights = [(light.x_mm, light.y_mm, light.brightness) for light in scenery.lights]
+    near = _near([light[:2] for light in lights], legs, _BESIDE_MM / 3)
+    levels = [light[2] for light, on_way in zip(lights, near, strict=True) if on_way]
+    middles = (walls[:, :2] + walls[:, 2:]) / 2.0
+    glass = _count(middles[list(scenery.glass)], legs, 2 * _BESIDE_MM)
+    doors = _count(middles[[door.edge for door in scenery.doors]], legs, _BESIDE_MM)
+    suns = _count([(sun.x_mm, sun.y_mm) for sun in scenery.sun], legs, _BESIDE_MM)
+    starts = [person.track.at(person.along_mm, person.offset_mm) for person in scenery.people]
+    people = _count([(at.x, at.y) for at in starts], legs, _BESIDE_MM)
+    joints = [((j.x0_mm + j.x1_mm) / 2, (j.y0_mm + j.y1_mm) / 2) for j in scenery.joints]
+    found = {
+        "lights out": sum(level == 0.0 for level in levels),
+        "lights dim": sum(0.0 < level < 1.0 for level in levels),
+        "bands of sun": suns,
+        "glass unheard": glass,
+        "doors open": doors,
+        "people": people,
+        "joints": _count(joints, legs, _BESIDE_MM),
+        "slips": slips,
+    }
+    return ", ".join(f"{name}: {count}" for name, count in found.items() if count)
+
+
+def _count(places: object, legs: NDArray[np.float64], beside_mm: float) -> int:
+    return int(_near(places, legs, beside_mm).sum())
+
+
+def _near(places: object, legs: NDArray[np.float64], beside_mm: float) -> NDArray[np.bool_]:
+    """Which places, (n, 2), are no farther than that from any of the legs, (m, 4)."""
+    at = np.array(places, dtype=np.float64).reshape(-1, 1, 2)
+    start, along = legs[:, :2], legs[:, 2:] - legs[:, :2]
+    squares = np.maximum((along**2).sum(axis=1), 1.0)
+    part = np.clip(((at - start) * along).sum(axis=2) / squares, 0.0, 1.0)
+    apart = at - (start + part[..., None] * along)
+    near: NDArray[np.bool_] = (np.hypot(apart[..., 0], apart[..., 1]) <= beside_mm).any(axis=1)
+    return near

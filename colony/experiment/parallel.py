@@ -1,0 +1,86 @@
+"""Work on all cores: the same function over many items, results as they come.
+
+An engine decides where the work is done and nothing else: what an item gives depends on the item alone, so
+results are the same however many workers there are and in whatever order they finish.
+"""
+
+from __future__ import annotations
+
+import multiprocessing
+import os
+import signal
+from collections.abc import Callable, Iterator, Sequence
+from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
+from concurrent.futures.process import BrokenProcessPool
+from itertools import islice
+from typing import Protocol, TypeVar
+
+T = TypeVar("T")
+R = TypeVar("R")
+
+_AHEAD = 3
+"""Items that wait for each worker: enough to keep it busy."""
+
+
+class WorkersLost(Exception):
+    """A worker died in the midst of its work; the message tells what may help."""
+
+
+class Engine(Protocol):
+    """Does work somewhere."""
+
+    def results(self, work: Callable[[T], R], items: Sequence[T]) -> Iterator[R]:
+        """What `work` gives for each item, in the order in which they are done. Both can be pickled.
+
+        Raises:
+            WorkersLost: they cannot be done.
+        """
+        ...
+
+
+class SerialEngine:
+    """Does the work in this process, in order."""
+
+    def results(self, work: Callable[[T], R], items: Sequence[T]) -> Iterator[R]:
+        return map(work, items)
+
+
+class PoolEngine:
+    """Does the work in `workers` processes of this machine, by default one a core."""
+
+    def __init__(self, workers: int | None = None) -> None:
+        self.workers = workers or os.cpu_count() or 1
+
+    def results(self, work: Callable[[T], R], items: Sequence[T]) -> Iterator[R]:
+        context = multiprocessing.get_context("spawn")
+        before = set(multiprocessing.active_children())
+        count = max(1, min(self.workers, len(items)))
+        pool = ProcessPoolExecutor(count, mp_context=context, initializer=_leave_interrupts)
+        try:
+            queue = iter(items)
+            running = {pool.submit(work, item) for item in islice(queue, _AHEAD * count)}
+            while running:
+                done, running = wait(running, return_when=FIRST_COMPLETED)
+                running |= {pool.submit(work, item) for item in islice(queue, len(done))}
+                yield from _results_of(done)
+        except BrokenProcessPool:
+            raise WorkersLost(
+                "a worker process died, perhaps for want of memory; what was finished is kept: run it again, "
+                "with fewer --workers"
+            ) from None
+        except BaseException:  # the work under way is given up, not waited for
+            for process in set(multiprocessing.active_children()) - before:
+                process.terminate()
+            raise
+        finally:
+            pool.shutdown(wait=True, cancel_futures=True)
+
+
+def _results_of(done: set[Future[R]]) -> Iterator[R]:
+    for future in done:
+        yield future.result()
+
+
+def _leave_interrupts() -> None:
+    """Ctrl-C reaches every process of a terminal; only the first is to act on it."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)

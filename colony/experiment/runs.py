@@ -1,0 +1,179 @@
+"""One run, from its specification to its result: a plan driven in a building with hazards.
+
+A specification can be pickled and says everything: the same one gives the same result, bit for bit, in
+whatever process and on whatever machine of one kind.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from functools import lru_cache
+from pathlib import Path
+
+from colony.experiment.behavior import behavior_of
+from colony.experiment.hazards_met import hazards_met
+from colony.experiment.local_cameras import CeilingShot, LocalCamera
+from colony.experiment.local_scripts import ScriptFailed
+from colony.experiment.loop import Loop, Watch
+from colony.experiment.record import Failure, RunKey, RunResult
+from colony.experiment.variants import CEILING_CAMERA, PLANNER, VARIANTS, Variant
+from colony.experiment.watching import Watcher
+from colony.nav.plan import Plan
+from colony.nav.route import plan
+from colony.nav.stickrep import Map
+from colony.nav.stickrep_reader import load_map
+from colony.nav.walls import Walls, walls_of
+from colony.sim.ceiling import CeilingCamera
+from colony.sim.hazards import Hazards, draw
+from colony.sim.scenery import Scenery
+from colony.sim.world import World
+
+AT_GOAL_MM = 1000.0
+"""A robot that is farther from the goal has not reached it, whatever it believes."""
+
+CORNER_S = 10.0
+"""What a corner is expected to take besides the way."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class RunSpec:
+    """What to run: `key.variant` names the variant; all chance comes from `key.seed` and `key.number`."""
+
+    key: RunKey
+    map_path: Path
+    origin: str
+    goal: str
+    hazards: Hazards
+
+
+@lru_cache(maxsize=4)
+def _floor(path: Path) -> tuple[Map, Walls]:
+    floor = load_map(path)
+    return floor, walls_of(floor)
+
+
+@lru_cache(maxsize=256)
+def _plan(path: Path, origin: str, goal: str) -> Plan:
+    return plan(_floor(path)[0], origin, goal)
+
+
+def plan_of(spec: RunSpec) -> Plan:
+    """What is to be driven.
+
+    Raises:
+        NoPlan: there is no such way.
+        Failure: the map is bad.
+    """
+    return _plan(spec.map_path, spec.origin, spec.goal)
+
+
+def chance_of(key: RunKey) -> int:
+    """The seed of a run: another one for each number and seed, and the same for all variants."""
+    return (key.seed * 1_000_003 + key.number * 7_919 + 12_345) % (1 << 31)
+
+
+class Run:
+    """A run that can be driven frame by frame. Mutable: all of it.
+
+    Raises:
+        NoPlan, Failure: see `plan_of`.
+    """
+
+    def __init__(self, spec: RunSpec, *, watch: Watch | None = None) -> None:
+        self.spec = spec
+        self.variant: Variant = VARIANTS[spec.key.variant.partition("/")[0]]
+        floor, self._walls = _floor(spec.map_path)
+        self.plan = plan_of(spec)
+        seed = chance_of(spec.key)
+        self.scenery: Scenery = draw(spec.hazards, floor, seed=seed)
+        first = self.plan.segments[0]
+        pose = (first.start.x_mm, first.start.y_mm, first.heading_deg)
+        self.world = World(walls=self.scenery, poses=[pose], seed=seed)
+        ceiling = CeilingCamera(self.scenery)
+        camera = LocalCamera(CEILING_CAMERA, lambda now_ns: CeilingShot(ceiling, self.world, now_ns))
+        self.loop = Loop(
+            behavior_of(self.variant.behavior),
+            self.world,
+            self.variant.scripts(self.plan, self._walls),
+            cameras=(camera,),
+            seed=seed,
+            watch=watch,
+        )
+        self.watcher = Watcher(self.plan, self.loop, self.expected_s)
+        self.failure: Failure | None = None
+        self.remark = ""
+
+    @property
+    def expected_s(self) -> float:
+        """How long it takes where nothing goes wrong."""
+        return self.plan.way_mm / self.variant.mm_s + CORNER_S * self.plan.modes.count("c") + CORNER_S
+
+    def step(self) -> bool:
+        """One frame; False when the run is over."""
+        try:
+            self.loop.frame()
+        except ScriptFailed as problem:
+            self.failure, self.remark = "script", str(problem)
+            return False
+        failure = self.watcher.look()
+        if failure:
+            self.failure = failure
+        elif self.loop.scripts.ended(PLANNER):
+            self.failure = "" if self.off_mm <= AT_GOAL_MM else "astray"
+        return self.failure is None
+
+    def close(self) -> None:
+        """Stop the robot and end all scripts."""
+        self.loop.close()
+
+    @property
+    def off_mm(self) -> float:
+        """How far the robot really is from the goal."""
+        pose, goal = self.world.true_pose(0), self.plan.segments[-1].end
+        return math.hypot(pose.x_mm - goal.x_mm, pose.y_mm - goal.y_mm)
+
+    @property
+    def along_mm(self) -> float:
+        """How far the robot really is beyond the goal, along the last segment."""
+        pose, last = self.world.true_pose(0), self.plan.segments[-1]
+        heading = math.radians(last.heading_deg)
+        dx, dy = pose.x_mm - last.end.x_mm, pose.y_mm - last.end.y_mm
+        return -math.sin(heading) * dx + math.cos(heading) * dy
+
+    def result(self) -> RunResult:
+        """What came of it so far."""
+        watcher = self.watcher
+        return RunResult(
+            key=self.spec.key,
+            origin=self.plan.origin,
+            goal=self.plan.goal,
+            failure=self.failure or "",
+            failed_mode=watcher.mode if self.failure else "",
+            remark=self.remark,
+            along_mm=self.along_mm,
+            off_mm=self.off_mm,
+            distance_mm=self.plan.distance_mm,
+            travelled_mm=self.world.distance(0),
+            time_s=self.loop.now_ns / 1e9,
+            top_mm_s=watcher.top_mm_s,
+            modes=watcher.modes(),
+            letters=self.plan.modes,
+            completed=watcher.completed,
+            first_light=watcher.first_light,
+            lights=watcher.lights,
+            contacts=watcher.contacts,
+            hazards=hazards_met(self.scenery, self._walls.segments, self.plan, watcher.slips),
+            path=tuple(watcher.path),
+        )
+
+
+def run(spec: RunSpec) -> RunResult:
+    """Drive a run to its end."""
+    driven = Run(spec)
+    try:
+        while driven.step():
+            pass
+        return driven.result()
+    finally:
+        driven.close()

@@ -1,0 +1,114 @@
+"""Tables of results in Markdown, for a terminal and for pages alike: ours beside the published ones."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from colony.experiment.figures import MM_S_TO_M_MIN, percentile, targets
+from colony.experiment.lists import ListedRun
+from colony.experiment.record import MODES, RunResult
+from colony.nav.published_runs import PublishedRun
+
+
+def table(runs: Sequence[ListedRun], results: Sequence[RunResult]) -> str:
+    """A row a run: over all of its seeds, beside what was published of it.
+
+    How far beyond the goal the robot stood is measured along the last leg, as published; negative is short of
+    it. How far off it stood counts what it is to the side, too.
+    """
+    published = any(run.published is not None for run in runs)
+    by_number: dict[int, list[RunResult]] = {}
+    for result in results:
+        by_number.setdefault(result.key.number, []).append(result)
+    head = ["run", "from", "to", "m", "reached", "beyond, median", "off, p95", "time", "m/min", "L", "C", "D"]
+    if published:
+        head += ["published: beyond", "time", "m/min", "L", "C", "D"]
+    rows = [_row(run, by_number[run.number], published) for run in runs if run.number in by_number]
+    return markdown(head, rows)
+
+
+def target_table(results: Sequence[RunResult], *, published: bool) -> str:
+    """How the results stand to what was promised."""
+    rows = [
+        [t.what, t.found, t.promised, "met" if t.met else "**missed**"]
+        for t in targets(results, published=published)
+    ]
+    return markdown(["what", "found", "promised", ""], rows)
+
+
+def failure_table(results: Sequence[RunResult]) -> str:
+    """A row a run that failed; "" where none did."""
+    rows = [
+        [
+            str(r.key.number),
+            str(r.key.seed),
+            r.origin,
+            r.goal,
+            r.failure,
+            r.failed_mode,
+            f"{r.off_mm / 1000:.1f} m",
+            clock_time(r.time_s),
+            r.remark or r.hazards,
+        ]
+        for r in results
+        if not r.reached
+    ]
+    head = ["run", "seed", "from", "to", "failure", "mode", "off", "after", "remark"]
+    return markdown(head, rows) if rows else ""
+
+
+def clock_time(seconds: float) -> str:
+    """Minutes and seconds, as published: 5:26."""
+    minutes, rest = divmod(round(seconds), 60)
+    return f"{minutes}:{rest:02}"
+
+
+def _row(run: ListedRun, results: list[RunResult], published: bool) -> list[str]:
+    reached = [r for r in results if r.reached]
+    cells = [
+        str(run.number),
+        run.origin,
+        run.goal,
+        f"{results[0].distance_mm / 1000:.1f}",
+        f"{len(reached)}/{len(results)}",
+        f"{percentile([r.along_mm for r in reached], 0.5) / 1000:+.2f} m" if reached else "-",
+        f"{percentile([r.off_mm for r in reached], 0.95) / 1000:.2f} m" if reached else "-",
+        clock_time(percentile([r.time_s for r in reached], 0.5)) if reached else "-",
+        f"{percentile([r.mean_mm_s for r in reached], 0.5) * MM_S_TO_M_MIN:.1f}" if reached else "-",
+        *_modes(results),
+    ]
+    return cells + (_published(run.published) if published else [])
+
+
+def _modes(results: list[RunResult]) -> list[str]:
+    """How often each mode was completed in the mean, and how often it was needed."""
+    cells = []
+    for place in range(len(MODES)):
+        done = sum(r.modes[place].completed for r in results) / len(results)
+        cells.append(f"{done:.4g}/{results[0].modes[place].needed}")
+    return cells
+
+
+def _published(run: PublishedRun | None) -> list[str]:
+    if run is None:
+        return [""] * 6
+    letter = run.failed_mode.upper() if run.failed_mode is not None else ""
+    modes = [
+        f"{done}{'*' if mode == letter else ''}/{needed}"
+        for mode, done, needed in zip(MODES, run.done, run.needed, strict=True)
+    ]
+    if run.beyond_goal_mm is None or run.seconds is None:
+        return ["failed", "", "", *modes]
+    speed = run.distance_mm / run.seconds * MM_S_TO_M_MIN
+    return [f"{run.beyond_goal_mm / 1000:+.3g} m", clock_time(run.seconds), f"{speed:.1f}", *modes]
+
+
+def markdown(head: list[str], rows: list[list[str]]) -> str:
+    """A table of Markdown whose columns are aligned in the text, too."""
+    widths = [max(len(row[i]) for row in (head, *rows)) for i in range(len(head))]
+    lines = [
+        " | ".join(cell.ljust(width) for cell, width in zip(row, widths, strict=True))
+        for row in (head, *rows)
+    ]
+    rule = "|".join("-" * (width + 2) for width in widths)
+    return "\n".join([f"| {lines[0]} |", f"|{rule}|", *(f"| {line} |" for line in lines[1:])])

@@ -1,0 +1,193 @@
+"""Who watches a run: how far it came, what it touched, whether it gets on at all."""
+
+from __future__ import annotations
+
+import math
+
+from colony.experiment.loop import Loop
+from colony.experiment.record import MODES, Contacts, Failure, LightCount, Mode, ModeCount
+from colony.ir.types import Value
+from colony.nav.plan import Plan, Segment
+from colony.nav.shared import CEILING_LIGHT, GOAL_NUMBER, GOAL_REACHED, GoalKind
+from colony.runtime.servers.publishing import Fields
+from colony.sim.world import Pose
+
+STUCK_NS = 60_000_000_000
+"""For how long a robot may stay in one place on one goal: people stand before it for a quarter of that."""
+
+PLACE_MM = 500.0
+"""The radius of one place."""
+
+PATIENCE = 3.0
+"""How many times the expected time a run may take."""
+
+BELOW_LIGHT_MM = 1500.0
+"""A light that is counted farther from it than this was not it: lights are 5 to 6 m apart."""
+
+SLIP_MM = 20.0
+"""Where the odometry counts so much more in a frame than was driven, wheels have slipped."""
+
+PATH_NS = 1_000_000_000
+
+
+def mode_of(kind: GoalKind) -> Mode:
+    """The mode as the tables count it; entering and leaving a corner are one."""
+    match kind:
+        case GoalKind.LIGHTS:
+            return "L"
+        case GoalKind.CORNER | GoalKind.ENTER_CORNER:
+            return "C"
+        case GoalKind.DEAD_RECKONING | GoalKind.ELEVATOR | GoalKind.NONE:
+            return "D"
+
+
+class Watcher:
+    """Looks at a run after every frame. Mutable: what it has seen.
+
+    Args:
+        plan: what is driven; goal number n is its segment n - 1.
+        loop: the run.
+        expected_s: how long the plan takes where nothing goes wrong.
+    """
+
+    def __init__(self, plan: Plan, loop: Loop, expected_s: float) -> None:
+        self._plan, self._loop = plan, loop
+        self._limit_ns = round(PATIENCE * expected_s * 1e9)
+        self._goal = 0
+        self._reached = 0
+        self._place = loop.world.true_pose(0)
+        self._since_ns = 0
+        self._light = 0
+        self._counted: dict[int, set[int]] = {}
+        self._false = 0
+        self._pose, self._counts = loop.world.true_pose(0), loop.world.odometry(0)
+        self.slips = 0
+        self.top_mm_s = 0.0
+        self.path: list[tuple[int, int]] = []
+
+    def look(self) -> Failure:
+        """Take in what the frame that is over has brought; gives why it makes no sense to go on."""
+        loop = self._loop
+        now_ns, world = loop.now_ns, loop.world
+        self.top_mm_s = max(self.top_mm_s, abs(world.speed(0).velocity_mm_s))
+        pose, counts = world.true_pose(0), world.odometry(0)
+        self.slips += abs(_apart(pose, self._pose) - _apart(counts, self._counts)) > SLIP_MM
+        self._pose, self._counts = pose, counts
+        if now_ns % PATH_NS == 0:
+            self.path.append((round(pose.x_mm), round(pose.y_mm)))
+        goal = self._look_at_goals()
+        if goal or _apart(pose, self._place) > PLACE_MM:
+            self._place, self._since_ns = pose, now_ns
+        if now_ns - self._since_ns > STUCK_NS:
+            return "stuck"
+        return "too long" if now_ns > self._limit_ns else ""
+
+    @property
+    def mode(self) -> Mode:
+        """The mode of the present goal."""
+        segments = self._plan.segments
+        return mode_of(segments[min(max(self._goal, 1), len(segments)) - 1].kind)
+
+    @property
+    def contacts(self) -> Contacts:
+        """What it touched so far."""
+        world = self._loop.world
+        return Contacts(world.bumps(0), world.contact_speed(0))
+
+    @property
+    def lights(self) -> LightCount:
+        """The lights of the legs begun so far; on the present one those that were passed."""
+        seen = missed = 0
+        for goal in range(1, min(self._goal, len(self._plan.segments)) + 1):
+            segment = self._plan.segments[goal - 1]
+            counted = self._counted.get(goal, set())
+            passed = segment.lights_mm if goal < self._goal else self._passed(segment)
+            seen += len(counted)
+            missed += sum(number not in counted for number in range(len(passed)))
+        return LightCount(seen, missed, self._false)
+
+    def modes(self) -> tuple[ModeCount, ModeCount, ModeCount]:
+        """How often each mode was entered and completed so far."""
+        counts = {mode: [0, 0, 0] for mode in MODES}
+        for first, last, mode in _groups(self._plan):
+            count = counts[mode]
+            count[0] += self._goal >= first
+            count[1] += self._reached >= last
+            count[2] += 1
+        lights, corners, end = (ModeCount(*counts[mode]) for mode in MODES)
+        return lights, corners, end
+
+    @property
+    def completed(self) -> int:
+        """How many modes were completed, one after the other."""
+        return sum(self._reached >= last for _, last, _ in _groups(self._plan))
+
+    @property
+    def first_light(self) -> bool:
+        """Whether a light of the present goal was found."""
+        return bool(self._counted.get(self._goal))
+
+    # --- what it sees --------------------------------------------------------------------------------
+
+    def _look_at_goals(self) -> bool:
+        """Whether there is a new goal."""
+        held = self._loop.data.fields(self._loop.now_ns)
+        number = _whole(held, GOAL_NUMBER)
+        new = number != self._goal
+        if new:
+            self._goal, self._light = number, 0
+        self._reached = max(self._reached, _whole(held, GOAL_REACHED))
+        light = _whole(held, CEILING_LIGHT)
+        if light != self._light:
+            for counted in range(self._light, light):
+                self._light_counted(counted)
+            self._light = light
+        return new
+
+    def _light_counted(self, number: int) -> None:
+        segment = self._segment()
+        if segment is None or segment.kind is not GoalKind.LIGHTS:
+            return
+        along = _along(segment, self._loop)
+        if number < len(segment.lights_mm) and abs(along - segment.lights_mm[number]) < BELOW_LIGHT_MM:
+            self._counted.setdefault(self._goal, set()).add(number)
+        else:
+            self._false += 1
+
+    def _segment(self) -> Segment | None:
+        segments = self._plan.segments
+        return segments[self._goal - 1] if 0 < self._goal <= len(segments) else None
+
+    def _passed(self, segment: Segment) -> tuple[float, ...]:
+        along = _along(segment, self._loop) - BELOW_LIGHT_MM
+        return tuple(light for light in segment.lights_mm if light < along)
+
+
+def _groups(plan: Plan) -> list[tuple[int, int, Mode]]:
+    """Each mode of a plan: its first and its last goal, from 1; corners have up to two."""
+    groups: list[tuple[int, int, Mode]] = []
+    for number, segment in enumerate(plan.segments, 1):
+        entered = number > 1 and plan.segments[number - 2].kind is GoalKind.ENTER_CORNER
+        if segment.kind is GoalKind.CORNER and entered:
+            groups[-1] = (groups[-1][0], number, "C")
+        else:
+            groups.append((number, number, mode_of(segment.kind)))
+    return groups
+
+
+def _apart(one: Pose, other: Pose) -> float:
+    return math.hypot(one.x_mm - other.x_mm, one.y_mm - other.y_mm)
+
+
+def _along(segment: Segment, loop: Loop) -> float:
+    """How far the robot really is from a segment's start, along it, in mm."""
+    heading, pose = math.radians(segment.heading_deg), loop.world.true_pose(0)
+    dx, dy = pose.x_mm - segment.start.x_mm, pose.y_mm - segment.start.y_mm
+    return -math.sin(heading) * dx + math.cos(heading) * dy
+
+
+def _whole(held: Fields, name: str) -> int:
+    """A variable that counts; 0 where it is not set, or no number."""
+    sample = held.get(name)
+    value: Value = 0.0 if sample is None else sample.value
+    return int(value) if isinstance(value, float) and math.isfinite(value) else 0

@@ -1,0 +1,98 @@
+"""The Navigator's clerk: takes and gives the semaphores that a compiled network does not know.
+
+The Planner's $GoalData becomes a GoalNumber, one higher for each goal, and when the network says in
+GoalReached that it has reached this very goal, $RobotStatus is upped (thesis section 5.3). A goal that comes
+while another one is pursued takes its place, and the other one is never answered: its Planner is gone.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Generator
+from typing import Any
+
+from colony.nav.shared import (
+    CEILING_LIGHT,
+    GOAL_DATA,
+    GOAL_DISTANCE,
+    GOAL_NUMBER,
+    GOAL_REACHED,
+    GOAL_TYPE,
+    ROBOT_STATUS,
+    GoalKind,
+)
+from colony.runtime.kit.errors import CallRefused
+from colony.runtime.kit.script import Script, Step, do, sleep
+from colony.runtime.library import data
+
+PERIOD_S = 0.05
+"""How often it is asked whether the goal was reached: once a frame."""
+
+TRACKER_S = 1.0
+"""For how long CTracker has time to take notice of new lights."""
+
+
+def clerk(*, period_s: float = PERIOD_S) -> Script:
+    """Hand goals from the Planner to the network and its answers back; never ends."""
+    for name in (GOAL_DATA, ROBOT_STATUS):
+        yield from do("DServer", data.create_semaphore(name, 0))
+    number = int((yield from _value(GOAL_NUMBER)) or 0)
+    replaced = False
+    while True:
+        if not replaced:
+            yield from do("DServer", data.wait(GOAL_DATA))
+        yield from _await_tracker(period_s)
+        number += 1
+        yield from do("DServer", data.set(GOAL_NUMBER, number))
+        replaced = yield from _pursued(number, period_s)
+        if not replaced:
+            yield from do("DServer", data.signal(ROBOT_STATUS))
+
+
+def _pursued(number: int, period_s: float) -> Generator[Step, Any, bool]:
+    """Until the goal is reached (False), or there is another one in its place (True)."""
+    while (yield from _value(GOAL_REACHED)) != number:
+        # Waiting for the next goal is the pause between two looks.
+        if (yield from _taken(GOAL_DATA, period_s)):
+            return True
+    return False
+
+
+def _await_tracker(period_s: float) -> Generator[Step, Any, None]:
+    """Where lights are the goal, hold it back until CeilingLight is not that of the goal before.
+
+    CTracker sets it to 0 when it has taken its data, and a network that saw the goal first would take the old
+    count for the new one, and the goal for reached.
+    """
+    told = yield from _values(GOAL_TYPE, GOAL_DISTANCE, CEILING_LIGHT)
+    if told is None or told[GOAL_TYPE] != GoalKind.LIGHTS:
+        return
+    begun_ns = now_ns = yield from sleep(0.0)
+    while told[CEILING_LIGHT] >= told[GOAL_DISTANCE] and now_ns - begun_ns < TRACKER_S * 1e9:
+        now_ns = yield from sleep(period_s)
+        told[CEILING_LIGHT] = yield from do("DServer", data.get(CEILING_LIGHT))
+
+
+def _value(name: str) -> Generator[Step, Any, Any]:
+    """A variable, or None where it was never set."""
+    told = yield from _values(name)
+    return None if told is None else told[name]
+
+
+def _values(*names: str) -> Generator[Step, Any, dict[str, Any] | None]:
+    """Variables at one moment, or None where one was never set."""
+    try:
+        return (yield from do("DServer", data.get_many(names)))
+    except CallRefused as refused:
+        if refused.code not in ("unknown", "unset"):
+            raise
+        return None
+
+
+def _taken(semaphore: str, wait_s: float) -> Generator[Step, Any, bool]:
+    try:
+        yield from do("DServer", data.wait(semaphore, timeout_s=wait_s))
+    except CallRefused as refused:
+        if refused.code != "timeout":
+            raise
+        return False
+    return True

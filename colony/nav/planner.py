@@ -1,0 +1,170 @@
+"""The Path Planner's local part: a client that gives the Navigator the segments of a plan, one by one (thesis
+sections 5.3 and 5.8).
+
+For each segment it sets GoalType, GoalDirection and GoalDistance, ups $GoalData, and waits for $RobotStatus.
+A segment of lights is also for CTracker, which has LightOffset and $TrackData, and for the Local Mapper,
+which has $StartMap: there the Planner waits for $EndLMode, too, and reads Overshoot.
+
+How far a goal is can be told in two ways. By the pose, it is what is left of the segment from where the robot
+believes to be, which others keep correcting. By reckoning, as in the thesis, it is the segment's length, less
+the overshoot of the lights before it; the thesis did that from December 1993 on, and before not even that.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Generator
+from itertools import pairwise
+from typing import Any, Literal, NamedTuple, assert_never
+
+from colony.nav.plan import Plan, Segment
+from colony.nav.shared import (
+    END_L_MODE,
+    GOAL_DATA,
+    GOAL_DIRECTION,
+    GOAL_DISTANCE,
+    GOAL_TYPE,
+    LIGHT_OFFSET,
+    OVERSHOOT,
+    ROBOT_STATUS,
+    SEMAPHORES,
+    START_MAP,
+    TRACK_DATA,
+    GoalKind,
+)
+from colony.nav.stickrep_geometry import Point, direction
+from colony.runtime.kit.errors import CallRefused
+from colony.runtime.kit.script import Script, Step, do
+from colony.runtime.library import data, robot
+
+Positions = Literal["pose", "reckoning"]
+"""How distances are told: from where the robot believes to be, or from nominal lengths and overshoots."""
+
+OnSegment = Callable[[int, Segment], None]
+"""Is told the number, from 0, of each segment that begins."""
+
+
+class Goal(NamedTuple):
+    """What the Navigator is told; `offsets_mm` is for CTracker."""
+
+    kind: GoalKind
+    direction_deg: float
+    distance: float
+    offsets_mm: tuple[float, ...] = ()
+
+
+def goal_of(segment: Segment, progress_mm: float) -> Goal:
+    """The goal of a segment for a robot that is so far after its start.
+
+    Lights that are behind are left out. Where nothing is left of a segment its goal is 0 mm away, which the
+    Navigator has reached at once: so the goals of a plan are as many as its segments, and in their order.
+
+    Raises:
+        ValueError: no robot can go along a segment of this kind.
+    """
+    match segment.kind:
+        case GoalKind.LIGHTS:
+            ahead = [light - progress_mm for light in segment.lights_mm if light > progress_mm]
+            if not ahead:
+                return Goal(GoalKind.DEAD_RECKONING, segment.heading_deg, 0.0)
+            offsets = (ahead[0], *(after - before for before, after in pairwise(ahead)))
+            return Goal(segment.kind, segment.heading_deg, len(ahead), offsets)
+        case GoalKind.CORNER | GoalKind.DEAD_RECKONING | GoalKind.ENTER_CORNER:
+            return Goal(segment.kind, segment.heading_deg, max(segment.length_mm - progress_mm, 0.0))
+        case GoalKind.ELEVATOR:
+            return Goal(segment.kind, segment.heading_deg, 0.0)
+        case GoalKind.NONE:
+            raise ValueError("expected a segment that leads somewhere; found one of the kind NONE")
+        case _:
+            assert_never(segment.kind)
+
+
+def progress_along(segment: Segment, x_mm: float, y_mm: float) -> float:
+    """How far after a segment's start a place is, along its heading, in mm."""
+    unit = direction(segment.heading_deg)
+    return (x_mm - segment.start.x_mm) * unit.x + (y_mm - segment.start.y_mm) * unit.y
+
+
+def landing(ride: Segment, x_mm: float, y_mm: float) -> Point:
+    """Where a robot stands that has left an elevator, in terms of the floor it is on.
+
+    Args:
+        x_mm, y_mm: its place as it is reckoned, as if the ride had led back to the floor where it began.
+    """
+    unit = direction(ride.turn_deg)
+    x, y = x_mm - ride.start.x_mm, y_mm - ride.start.y_mm
+    return Point(ride.end.x_mm + unit.y * x + unit.x * y, ride.end.y_mm - unit.x * x + unit.y * y)
+
+
+def planner(
+    plan: Plan,
+    *,
+    positions: Positions = "pose",
+    compensate: bool = True,
+    on_segment: OnSegment | None = None,
+) -> Script:
+    """Lead the robot along a plan; ends when it has arrived and was told to stand.
+
+    Args:
+        positions: how distances are told.
+        compensate: with `reckoning`, take the overshoot of lights off the distance that follows.
+        on_segment: is told of each segment that begins.
+    """
+    for name in SEMAPHORES:
+        yield from do("DServer", data.create_semaphore(name, 0))
+    # What a Planner that was ended half-way never took is not an answer to this one.
+    yield from _drain(ROBOT_STATUS)
+    yield from _drain(END_L_MODE)
+    reckoned_mm = 0.0
+    for number, segment in enumerate(plan.segments):
+        if on_segment is not None:
+            on_segment(number, segment)
+        progress_mm = reckoned_mm
+        if positions == "pose":
+            here = yield from do("RServer", robot.position())
+            progress_mm = progress_along(segment, here.x, here.y)
+        goal = goal_of(segment, progress_mm)
+        overshoot_mm = yield from _pursue(goal)
+        reckoned_mm = overshoot_mm if compensate else 0.0
+        if segment.kind is GoalKind.ELEVATOR:
+            yield from _change_floor(segment)
+    yield from do("DServer", data.set(GOAL_TYPE, int(GoalKind.NONE)))
+
+
+def _drain(semaphore: str) -> Generator[Step, Any, None]:
+    while True:
+        try:
+            yield from do("DServer", data.wait(semaphore, timeout_s=0.0))
+        except CallRefused as refused:
+            if refused.code != "timeout":
+                raise
+            return
+
+
+def _pursue(goal: Goal) -> Generator[Step, Any, float]:
+    """Give a goal and wait until it is reached; how far the robot was beyond it then, as far as is known."""
+    values: dict[str, object] = {
+        GOAL_TYPE: int(goal.kind),
+        GOAL_DIRECTION: goal.direction_deg,
+        GOAL_DISTANCE: goal.distance,
+    }
+    lights = goal.kind is GoalKind.LIGHTS
+    if lights:
+        values[LIGHT_OFFSET] = list(goal.offsets_mm)
+    yield from do("DServer", data.set_many(values))
+    if lights:
+        yield from do("DServer", data.signal(TRACK_DATA))
+        yield from do("DServer", data.signal(START_MAP))
+    yield from do("DServer", data.signal(GOAL_DATA))
+    overshoot_mm = 0.0
+    if lights:
+        yield from do("DServer", data.wait(END_L_MODE))
+        overshoot_mm = float((yield from do("DServer", data.get(OVERSHOOT))))
+    yield from do("DServer", data.wait(ROBOT_STATUS))
+    return overshoot_mm
+
+
+def _change_floor(ride: Segment) -> Generator[Step, Any, None]:
+    """The base reckoned as if it had stayed on its floor; from here on it counts in the other floor's map."""
+    here = yield from do("RServer", robot.position())
+    there = landing(ride, here.x, here.y)
+    yield from do("RServer", robot.adjust_position(there.x - here.x, there.y - here.y, ride.turn_deg))

@@ -1,0 +1,245 @@
+"""Where a robot is, by its odometry and by what its sonars hear of the walls of the map.
+
+An extended Kalman filter over x, y, the heading, and the curvature by which the odometry is wrong: wheels of
+unequal size turn a robot that believes that it goes straight. A reading counts the less the more it surprises
+(Huber), and not at all beyond a gate, so that people, open doors and cross-talk do no harm. What surprises
+most of the sonars at once is a wheel that slipped: then headings all around are tried. Source: Thrun, Burgard
+and Fox, Probabilistic Robotics (2005), chapters 3 and 7; Leonard and Durrant-Whyte 1992.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from colony.nav.echoes import Expected, Floats, Mirrors, Ring
+
+
+class Step(NamedTuple):
+    """How a robot moved, in its own frame at the beginning: ahead and to the left in mm, turned in radians
+    counterclockwise."""
+
+    ahead_mm: float
+    left_mm: float
+    turned_rad: float
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Uncertainty:
+    """Standard deviations of the filter.
+
+    Attributes:
+        start_mm, start_deg, start_deg_m: at first, of the position, the heading and the drift a meter.
+        way: of the distance, a part of it, on each step.
+        way_mm: of the position, on the first meter; sqrt(d) times as much on d meters.
+        drift_deg: of the heading, likewise.
+        turn: of the heading, a part of what is turned in a step.
+        drift_change_deg_m: of the drift a meter, on the first meter, likewise.
+        most_mm: no position is less certain than this: lights correct it too.
+    """
+
+    start_mm: float = 60.0
+    start_deg: float = 2.0
+    start_deg_m: float = 1.5
+    way: float = 0.02
+    way_mm: float = 15.0
+    drift_deg: float = 0.9
+    turn: float = 0.02
+    drift_change_deg_m: float = 0.1
+    most_mm: float = 250.0
+
+
+_HUBER = 1.5
+_GATE = 3.5
+_AS_EXPECTED = 1.5
+_STILL = 1e-6
+_FEWEST = 3
+_AGREEMENT_RATE = 0.3
+_LOST = 0.65
+
+_TRIED_STEP_RAD = math.radians(5.0)
+_TRIED_RAD = tuple(sign * n * _TRIED_STEP_RAD for n in range(8) for sign in ((1, -1) if n else (1,)))
+_TRIED_MM = 60.0
+_ASIDE = 0.2  # so far off its way, a mm, goes a robot whose wheels slipped
+_CONFIRMED = 0.8
+_FITS = 2
+_FEWEST_TO_RELOCATE = 7
+_EXPLAINED = 0.5
+_BETTER = 0.02  # of two headings that explain a scan alike the nearer one is taken
+_EXPLAINED_SIGMA = 2.5
+_MUCH_BETTER = 0.2
+_AFTER_MM = 50.0
+_AFTER_RAD = math.radians(3.0)
+
+
+class PoseFilter:
+    """The pose of a robot and how sure it is. Mutable: x, y in mm, the heading in radians counterclockwise
+    from north, the drift in radians a mm, and their covariance."""
+
+    def __init__(
+        self, ring: Ring, pose: tuple[float, float, float], noise: Uncertainty | None = None
+    ) -> None:
+        """Begin at a pose: x, y in mm and the heading in degrees."""
+        self._ring = ring
+        self._noise = noise or Uncertainty()
+        self.state = np.array([pose[0], pose[1], math.radians(pose[2]), 0.0])
+        self.covariance = np.zeros((4, 4))
+        self.agreement = 1.0
+        self._unconfirmed_mm = 0.0
+        self.reset(pose)
+
+    def reset(self, pose: tuple[float, float, float]) -> None:
+        """Begin anew at a pose; what is known of the drift stays."""
+        noise = self._noise
+        drift = self.covariance[3, 3] or (math.radians(noise.start_deg_m) / 1e3) ** 2
+        self.state[:3] = pose[0], pose[1], math.radians(pose[2])
+        start_rad = math.radians(noise.start_deg)
+        self.covariance = np.diag([noise.start_mm**2, noise.start_mm**2, start_rad**2, drift])
+        self.agreement = 1.0
+        self._unconfirmed_mm = 0.0
+
+    def move(self, step: Step) -> Step:
+        """Take in how the odometry says that the robot moved; gives that without the drift."""
+        ahead, left, turned = step
+        way = math.hypot(ahead, left)
+        if way < _STILL and abs(turned) < _STILL:
+            return step
+        self._unconfirmed_mm += way
+        noise = self._noise
+        signed = math.copysign(way, ahead)
+        drift = self.state[3] * signed
+        middle = self.state[2] + drift / 2.0
+        sine, cosine = math.sin(middle), math.cos(middle)
+        x, y = -ahead * sine - left * cosine, ahead * cosine - left * sine
+        self.state[0] += x
+        self.state[1] += y
+        self.state[2] += turned + drift
+        change = np.eye(4)
+        change[0, 2], change[1, 2] = -y, x
+        change[0, 3], change[1, 3], change[2, 3] = -y * signed / 2.0, x * signed / 2.0, signed
+        self.covariance = change @ self.covariance @ change.T
+        meters = way / 1e3
+        spread = noise.way_mm**2 * meters + (noise.way * way) ** 2
+        self.covariance[0, 0] += spread
+        self.covariance[1, 1] += spread
+        self.covariance[2, 2] += math.radians(noise.drift_deg) ** 2 * meters + (noise.turn * turned) ** 2
+        self.covariance[3, 3] += (math.radians(noise.drift_change_deg_m) / 1e3) ** 2 * meters
+        self._keep_bounded()
+        return Step(ahead, left, turned + drift)
+
+    def shift(self, x_mm: float, y_mm: float, turn_rad: float) -> None:
+        """Somebody corrected the odometry by so much: the robot did not move, its pose is another one."""
+        self.state[0] += x_mm
+        self.state[1] += y_mm
+        self.state[2] += turn_rad
+
+    def _keep_bounded(self) -> None:
+        """Shrink the covariance along an axis that became less certain than it can be."""
+        for i in (0, 1):
+            if self.covariance[i, i] > self._noise.most_mm**2:
+                part = self._noise.most_mm / math.sqrt(self.covariance[i, i])
+                self.covariance[i, :] *= part
+                self.covariance[:, i] *= part
+
+    @property
+    def is_lost(self) -> bool:
+        """Whether most of what was to be heard of late was not."""
+        return self.agreement < _LOST
+
+    def listen(self, mirrors: Mirrors, ranges: Floats, blur_rad: float = 0.0) -> None:
+        """Take in a scan: (24,) in mm. `blur_rad`: by how much the heading may be off for this scan alone."""
+        expected = self._ring.expect(mirrors, *self.state[:3])
+        used = np.flatnonzero(np.isfinite(expected.sigma))
+        if len(used) >= _FEWEST:
+            kept = self._update(expected, ranges, used, blur_rad)
+            self.agreement += _AGREEMENT_RATE * (kept - self.agreement)
+            if len(used) >= _FEWEST_TO_RELOCATE and kept >= _CONFIRMED:
+                self._unconfirmed_mm = 0.0
+
+    def relocate(self, mirrors: Mirrors, ranges: Floats) -> bool:
+        """Try headings all around by one scan, and take one that explains most of it; False where none does.
+
+        The position must be about right, as far as it can be since walls were last where they belong: a wheel
+        that slips turns a robot more than it moves it.
+        """
+        saved = self.state.copy(), self.covariance.copy()
+        best, found = _EXPLAINED, None
+        for turn in _TRIED_RAD:
+            self.state = saved[0].copy()
+            self.state[2] += turn
+            explained = self._explained(mirrors, ranges, saved[1][3, 3])
+            if explained > best:
+                best, found = explained + _BETTER, self.state
+        self.state, self.covariance = saved
+        if found is None:
+            return False
+        self.agreement = max(self.agreement, _LOST)
+        off = found - self.state
+        if abs(off[2]) < _AFTER_RAD and math.hypot(off[0], off[1]) < _AFTER_MM:
+            return False  # what is wrong is nothing that another pose mends
+        self.state[:3] = found[:3]
+        self._doubt(_AFTER_MM, _AFTER_RAD)
+        return True
+
+    def consider(self, pose: tuple[float, float, float], mirrors: Mirrors, ranges: Floats) -> bool:
+        """Go on from another pose, x and y in mm and the heading in degrees, if it explains a scan better;
+        False where it does not."""
+        saved = self.state.copy(), self.covariance.copy()
+        now = self._explained(mirrors, ranges, saved[1][3, 3])
+        self.state = np.array([pose[0], pose[1], math.radians(pose[2]), saved[0][3]])
+        then = self._explained(mirrors, ranges, saved[1][3, 3])
+        found, (self.state, self.covariance) = self.state, saved
+        if then < max(now + _MUCH_BETTER, _EXPLAINED):
+            return False
+        self.state[:3] = found[:3]
+        self._doubt(_AFTER_MM, _AFTER_RAD)
+        self.agreement = _LOST
+        return True
+
+    def _doubt(self, sigma_mm: float, sigma_rad: float) -> None:
+        """Make the pose this uncertain at least; what is known of the drift stays."""
+        kept = np.diag(self.covariance)
+        floor = (sigma_mm**2, sigma_mm**2, sigma_rad**2, 0.0)
+        self.covariance = np.diag(np.maximum(kept, floor))
+
+    def _explained(self, mirrors: Mirrors, ranges: Floats, drift: float) -> float:
+        """How much of a scan the state explains, after it was fitted to it: from 0 to 1 for each reading."""
+        off_mm = min(_TRIED_MM + _ASIDE * self._unconfirmed_mm, self._noise.most_mm)
+        self.covariance = np.diag([off_mm**2, off_mm**2, _TRIED_STEP_RAD**2, drift])
+        for _ in range(_FITS):
+            expected = self._ring.expect(mirrors, *self.state[:3])
+            used = np.flatnonzero(np.isfinite(expected.sigma))
+            if len(used) < _FEWEST_TO_RELOCATE:
+                return 0.0
+            self._update(expected, ranges, used, 0.0)
+        expected = self._ring.expect(mirrors, *self.state[:3])
+        sure = np.isfinite(expected.sigma)
+        if int(sure.sum()) < _FEWEST_TO_RELOCATE:
+            return 0.0
+        off = (ranges[sure] - expected.ranges[sure]) / (_EXPLAINED_SIGMA * expected.sigma[sure])
+        return float(np.maximum(1.0 - off * off, 0.0).mean())
+
+    def _update(self, expected: Expected, ranges: Floats, used: NDArray[np.intp], blur_rad: float) -> float:
+        """Correct the state by one scan; gives which part of the walls was read as expected."""
+        jacobian = np.zeros((len(used), 4))
+        jacobian[:, :3] = expected.jacobian[used]
+        surprise = ranges[used] - expected.ranges[used]
+        own = expected.sigma[used] ** 2 + (jacobian[:, 2] * blur_rad) ** 2
+        spread = own + np.einsum("ij,jk,ik->i", jacobian, self.covariance, jacobian)
+        size = np.abs(surprise) / np.sqrt(spread)
+        kept = size < _GATE
+        if kept.any():
+            weight = np.minimum(1.0, _HUBER / np.maximum(size[kept], _STILL)) / own[kept]
+            rows = jacobian[kept]
+            # In the form of information: four unknowns, however many readings.
+            scale = np.sqrt(np.diag(self.covariance))
+            prior = np.linalg.inv(self.covariance / np.outer(scale, scale))
+            rows = rows * scale
+            posterior = np.linalg.inv(prior + rows.T @ (weight[:, None] * rows))
+            self.state += scale * (posterior @ (rows.T @ (weight * surprise[kept])))
+            self.covariance = posterior * np.outer(scale, scale)
+        return float((size < _AS_EXPECTED).mean())

@@ -1,0 +1,53 @@
+"""What a call's outcome means to who made it, however it was carried there."""
+
+from __future__ import annotations
+
+from functools import lru_cache
+from typing import Any, TypeVar
+
+import msgspec
+
+from colony.runtime.kit.conversation import Outcome
+from colony.runtime.kit.errors import CallRefused, ConnectionProblem
+from colony.runtime.library.ask import Ask
+
+T = TypeVar("T")
+
+TIMEOUT_S = 5.0
+"""For how long an answer is waited for, unless something else is said."""
+
+
+def waiting_time(ask: Ask[Any], asked_s: float | None, usual_s: float) -> float:
+    """For how long to wait for an answer: as asked, else as usual, or longer where the call needs it.
+
+    Raises:
+        TypeError: this is nothing that can be asked.
+    """
+    if not isinstance(ask, Ask):
+        hint = ": call it" if callable(ask) else ""
+        raise TypeError(
+            f"cannot ask {ask!r}{hint}; expected what a function of a library gives, robot.go(200)"
+        )
+    if asked_s is not None:
+        return asked_s
+    return usual_s if ask.wait_s is None else max(usual_s, ask.wait_s)
+
+
+def read_result(server: str, ask: Ask[T], outcome: Outcome) -> T:
+    """The result of a call.
+
+    Raises:
+        CallRefused, ConnectionLost: there is none.
+    """
+    if isinstance(outcome, ConnectionProblem):
+        raise outcome
+    try:
+        result: T = _decoder(ask.reply).decode(outcome)
+    except msgspec.DecodeError as problem:
+        raise CallRefused("reply", f"{server}.{ask.method} gave a strange result: {problem}") from None
+    return result
+
+
+@lru_cache(maxsize=256)
+def _decoder(result: Any) -> msgspec.msgpack.Decoder[Any]:
+    return msgspec.msgpack.Decoder(result)

@@ -1,0 +1,100 @@
+"""A script (`script.py`) over live connections: the very same program beside a robot's processes.
+
+with Session.open("rome") as rome:
+    run_script(rome, planner(plan), name="planner")
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import ExitStack, closing, contextmanager
+from threading import Event, Thread
+from typing import Any
+
+from colony.runtime.kit.connection import TIMEOUT_S, Connection, Session
+from colony.runtime.kit.errors import ConnectionProblem
+from colony.runtime.kit.script import Do, Script, Sleep
+
+_LOOK_S = 0.1
+"""How often it is looked whether the script has ended by itself."""
+
+
+def run_script(
+    session: Session,
+    script: Script,
+    *,
+    name: str,
+    priority: int = 0,
+    clock: Callable[[], int] = time.monotonic_ns,
+    stop: Event | None = None,
+    timeout_s: float = TIMEOUT_S,
+) -> bool:
+    """Run a script to its end; True, or False where `stop` was set before.
+
+    A connection to a server is opened when the script first asks something of it, and all are closed in the
+    end, whatever that is. What goes wrong with a call is raised in the script; what the script does not catch
+    is raised here.
+
+    Args:
+        session: what this process has with the robot.
+        script: a generator that has not begun.
+        name: what its connections go by.
+        priority: of its connections.
+        clock: the robot's time in nanoseconds; on the robot's own machine that is the monotonic clock.
+        stop: ends the script, also while it waits for an answer.
+        timeout_s: for how long answers are waited for where a call says nothing else.
+    """
+    ended = stop if stop is not None else Event()
+    with ExitStack() as holds:
+        holds.enter_context(closing(script))
+        connections: dict[str, Connection] = {}
+        if stop is not None:
+            holds.enter_context(_closed_by(stop, connections))
+
+        def connection(server: str) -> Connection:
+            found = connections.get(server)
+            if found is None:
+                opened = session.connect(server, name=name, priority=priority, timeout_s=timeout_s)
+                found = connections[server] = holds.enter_context(opened)
+            return found
+
+        value: Any = None
+        problem: ConnectionProblem | None = None
+        while not ended.is_set():
+            try:
+                step = script.send(value) if problem is None else script.throw(problem)
+            except StopIteration:
+                return True
+            value = problem = None
+            match step:
+                case Sleep(seconds=seconds):
+                    ended.wait(max(0.0, seconds))
+                    value = clock()
+                case Do(server=server, ask=ask):
+                    try:
+                        value = connection(server).do(ask)
+                    except ConnectionProblem as found:
+                        problem = found
+        return False
+
+
+@contextmanager
+def _closed_by(stop: Event, connections: Mapping[str, Connection]) -> Iterator[None]:
+    """While it lasts, `stop` closes the connections: who waits for an answer waits no more."""
+    done = Event()
+
+    def watch() -> None:
+        while not done.is_set():
+            if stop.wait(_LOOK_S):
+                for connection in tuple(connections.values()):
+                    connection.close()
+                return
+
+    watcher = Thread(target=watch, daemon=True, name="script's end")
+    watcher.start()
+    try:
+        yield
+    finally:
+        done.set()
+        watcher.join()

@@ -1,0 +1,49 @@
+"""Chance by counting: a number that depends on a seed and on what it is for, and on nothing else.
+
+Where a generator is asked one number after the other, who asks first changes what the next one gets. Here the
+event itself is the question (the third crossing of a joint, pixel 7 of the image taken at 2.5 s), so that the
+same event has the same chance whatever else happens. The mixing is splitmix64's (Steele, Lea, Flood 2014).
+
+These helpers are part of compiled functions in other files, whose kept code is renewed when those files
+change, and not when this one does.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from colony.sim.compiled import inlined
+
+SLIPS, CROSS_TALK, PEOPLE, PIXELS = range(4)
+"""What chance is asked for: the first argument after the seed."""
+
+SEEDS = 2**62
+"""Seeds are taken modulo this: compiled functions know 64-bit numbers only."""
+
+
+@inlined
+def mixed(seed: int, stream: int, event: int, part: int) -> np.uint64:
+    """64 random bits for a part of an event."""
+    bits = np.uint64(seed) * np.uint64(0x9E3779B97F4A7C15) + np.uint64(stream) * np.uint64(0xD1B54A32D192ED03)
+    bits ^= bits >> np.uint64(29)
+    bits = (bits + np.uint64(event)) * np.uint64(0xBF58476D1CE4E5B9)
+    bits ^= bits >> np.uint64(27)
+    bits = (bits + np.uint64(part)) * np.uint64(0x94D049BB133111EB)
+    bits ^= bits >> np.uint64(31)
+    bits *= np.uint64(0xBF58476D1CE4E5B9)
+    return bits ^ (bits >> np.uint64(32))
+
+
+@inlined
+def chance(seed: int, stream: int, event: int, part: int) -> float:
+    """Uniform in [0, 1)."""
+    return float(mixed(seed, stream, event, part) >> np.uint64(11)) * 2.0**-53
+
+
+@inlined
+def deviate(seed: int, stream: int, event: int, part: int) -> float:
+    """Standard normal, from parts `part` and `part` + 1 (Box and Muller 1958)."""
+    radius = math.sqrt(-2.0 * math.log(1.0 - chance(seed, stream, event, part)))
+    return radius * math.cos(2.0 * math.pi * chance(seed, stream, event, part + 1))

@@ -1,0 +1,49 @@
+"""Checks of where walls and robots are put: shapes, finite numbers, and room for every robot."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+MOST_ROBOTS = 10_000
+
+
+def check_room(poses: NDArray[np.float64], walls: NDArray[np.float64], radius: float) -> None:
+    """Refuse robots that begin inside a wall or another robot."""
+    for i, (x, y, _) in enumerate(poses):
+        start, along = walls[:, :2] - (x, y), walls[:, 4:6]
+        part = np.clip(-(start * along).sum(axis=1), 0.0, walls[:, 6])
+        distances = np.hypot(*(start + part[:, None] * along).T)
+        if (distances < radius).any():
+            found = f"robot {i} at ({x:.0f}, {y:.0f}) is {distances.min():.0f} mm from a wall"
+            raise ValueError(f"{found}; expected at least {radius:.0f} mm")
+        apart = np.hypot(*(poses[:i, :2] - (x, y)).T)
+        if (apart < 2 * radius).any():
+            raise ValueError(f"robot {i} at ({x:.0f}, {y:.0f}) overlaps robot {int(apart.argmin())}")
+
+
+def checked_walls(walls: ArrayLike) -> NDArray[np.float64]:
+    """A copy of the walls, without those that have no length."""
+    checked = np.array(walls, dtype=np.float64, order="C")
+    if checked.size == 0:
+        return np.empty((0, 4))
+    if checked.ndim != 2 or checked.shape[1] != 4:
+        raise ValueError(f"walls have the shape {checked.shape}; expected (n, 4)")
+    if not np.isfinite(checked).all():
+        raise ValueError("a wall is not finite")
+    return np.ascontiguousarray(checked[np.hypot(*(checked[:, 2:] - checked[:, :2]).T) > 0.0])
+
+
+def checked_poses(poses: Sequence[tuple[float, float, float]]) -> NDArray[np.float64]:
+    """A copy of the poses, headings in [0, 360)."""
+    checked = np.array(poses, dtype=np.float64)
+    if checked.ndim != 2 or checked.shape[1] != 3 or len(checked) > MOST_ROBOTS:
+        raise ValueError(
+            f"the poses have the shape {checked.shape}; expected (n, 3), n from 1 to {MOST_ROBOTS}"
+        )
+    if not np.isfinite(checked).all():
+        raise ValueError("a pose is not finite")
+    checked[:, 2] %= 360.0
+    return checked

@@ -1,0 +1,103 @@
+"""The rooms behind the doors of a map, as far as they are seen through a door that stands open.
+
+A map ends at its doors. Behind each there is a room here, three meters deep and a little wider than the door,
+or less where another wall of the map is in the way: rooms never reach into corridors. A wide door has two
+leaves.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from itertools import pairwise
+
+import numpy as np
+from numpy.typing import NDArray
+
+DEPTH_MM = 3000.0
+
+_ASIDE_MM = 500.0  # so much of a room lies to either side of its door
+_BRICK_MM = 150.0  # between a room and what is behind its walls
+_TWO_LEAVES_MM = 1400.0  # a wider door has two
+_BEHIND_MM = 20.0
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Room:
+    """The room behind a door that leads from (x0_mm, y0_mm) to (x1_mm, y1_mm) with the room to its left.
+
+    `before_mm` and `after_mm` are how far it goes on beside the door, at its beginning and its end.
+    """
+
+    x0_mm: float
+    y0_mm: float
+    x1_mm: float
+    y1_mm: float
+    depth_mm: float
+    before_mm: float
+    after_mm: float
+
+
+def room_behind(walls: NDArray[np.float64], door: int) -> Room | None:
+    """The room behind a door, among walls (n, 4) in mm; None where there is no room to open the door."""
+    x0, y0, x1, y1 = walls[door].tolist()
+    width = math.hypot(x1 - x0, y1 - y0)
+    ex, ey = (x1 - x0) / width, (y1 - y0) / width
+    nx, ny = -ey, ex
+    others = np.delete(walls, door, axis=0)
+
+    def free(along: float, deep: float, ux: float, uy: float) -> float:
+        return _ray(others, x0 + along * ex + deep * nx, y0 + along * ey + deep * ny, ux, uy) - _BRICK_MM
+
+    columns = np.linspace(-_ASIDE_MM, width + _ASIDE_MM, 9).tolist()
+    depth = min(DEPTH_MM, *(free(along, _BEHIND_MM, nx, ny) for along in columns))
+    if depth < _leaf_mm(width) + _BRICK_MM:
+        return None
+    rows = (_BEHIND_MM, depth / 2, depth)
+    before = min(_ASIDE_MM, *(free(0.0, deep, -ex, -ey) for deep in rows))
+    after = min(_ASIDE_MM, *(free(width, deep, ex, ey) for deep in rows))
+    return Room(
+        x0_mm=x0, y0_mm=y0, x1_mm=x1, y1_mm=y1,
+        depth_mm=depth, before_mm=max(before, 0.0), after_mm=max(after, 0.0),
+    )  # fmt: skip
+
+
+def opened(room: Room, angle_deg: float, hinge_first: bool) -> list[tuple[float, float, float, float]]:
+    """The segments in place of the door when it stands open: the walls of the room, then the leaf, or two.
+
+    `hinge_first` says whether a single leaf hangs where the door begins, or where it ends.
+    """
+    width = math.hypot(room.x1_mm - room.x0_mm, room.y1_mm - room.y0_mm)
+    ex, ey = (room.x1_mm - room.x0_mm) / width, (room.y1_mm - room.y0_mm) / width
+
+    def place(along: float, deep: float) -> tuple[float, float]:
+        return room.x0_mm + along * ex - deep * ey, room.y0_mm + along * ey + deep * ex
+
+    corners = [
+        (0.0, 0.0), (-room.before_mm, 0.0), (-room.before_mm, room.depth_mm),
+        (width + room.after_mm, room.depth_mm), (width + room.after_mm, 0.0), (width, 0.0),
+    ]  # fmt: skip
+    segments = [(*place(*one), *place(*other)) for one, other in pairwise(corners) if one != other]
+    leaf = _leaf_mm(width)
+    across, deep = leaf * math.cos(math.radians(angle_deg)), leaf * math.sin(math.radians(angle_deg))
+    if leaf < width or hinge_first:
+        segments.append((*place(0.0, 0.0), *place(across, deep)))
+    if leaf < width or not hinge_first:
+        segments.append((*place(width - across, deep), *place(width, 0.0)))
+    return segments
+
+
+def _leaf_mm(width: float) -> float:
+    return width / 2 if width > _TWO_LEAVES_MM else width
+
+
+def _ray(walls: NDArray[np.float64], x: float, y: float, ux: float, uy: float) -> float:
+    """How far it is from (x, y) to the first wall in a direction, in mm; infinity where there is none."""
+    ax, ay = walls[:, 0] - x, walls[:, 1] - y
+    ex, ey = walls[:, 2] - walls[:, 0], walls[:, 3] - walls[:, 1]
+    with np.errstate(divide="ignore", invalid="ignore"):
+        across = ux * ey - uy * ex
+        distance = (ax * ey - ay * ex) / across
+        part = (ax * uy - ay * ux) / across
+    hit = (distance > 0.0) & (part >= 0.0) & (part <= 1.0)
+    return float(distance[hit].min()) if hit.any() else math.inf

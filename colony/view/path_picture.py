@@ -1,0 +1,69 @@
+"""Pictures of experiments: the ways that robots took, and how far from their goals they came to stand."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+from matplotlib.collections import LineCollection
+from matplotlib.figure import Figure
+from matplotlib.ticker import MaxNLocator
+
+from colony.nav.stickrep import Map
+from colony.view.map_picture import draw_map, encode_picture
+
+_REACHED, _FAILED, _INK, _PAPER = "#1769d6", "#c2335f", "#2b2f36", "#eceef1"
+_BIN_MM = 20.0
+_DPI = 150
+
+
+class Drive(NamedTuple):
+    """A way, x and y in mm, and whether it led to the goal."""
+
+    path: Sequence[tuple[int, int]]
+    reached: bool
+    seed: int
+
+
+def draw_paths(drawn: Map, drives: Sequence[Drive], title: str) -> Figure:
+    """A map with the ways of many runs on it: those that failed on top, a cross where each ended."""
+    figure = draw_map(drawn, [np.empty((0, 2))], title, ["runs"])
+    axes = figure.axes[0]
+    for legend in [axes.get_legend(), *figure.legends]:
+        if legend is not None:
+            legend.remove()
+    for reached, color, width, alpha in ((True, _REACHED, 0.8, 0.5), (False, _FAILED, 1.2, 0.9)):
+        some = [np.array(d.path, dtype=float) for d in drives if d.reached is reached and len(d.path) > 1]
+        axes.add_collection(
+            LineCollection(some, colors=color, linewidths=width, alpha=alpha, zorder=6, capstyle="round")
+        )
+        ends = np.array([path[-1] for path in some]).reshape(-1, 2)
+        axes.scatter(
+            ends[:, 0], ends[:, 1], marker="o" if reached else "x", s=14, c=color, zorder=7, linewidths=1.2
+        )
+    return figure
+
+
+def draw_errors(along_mm: Sequence[float], title: str) -> Figure:
+    """A histogram of how far beyond their goals robots came to stand; up to a meter."""
+    figure = Figure(figsize=(8.0, 4.0), dpi=_DPI, facecolor=_PAPER, layout="constrained")
+    axes = figure.add_subplot()
+    values = np.clip(np.array(along_mm, dtype=float), -1000.0, 1000.0)
+    reach = max(200.0, _BIN_MM * math.ceil(np.abs(values).max(initial=0.0) / _BIN_MM))
+    axes.hist(
+        values / 1000.0, bins=list(np.arange(-reach, reach + _BIN_MM, _BIN_MM) / 1000.0), color=_REACHED
+    )
+    axes.axvline(0.0, color=_INK, linewidth=0.8)
+    axes.set_xlabel("beyond the goal, along the last leg (m)", color=_INK)
+    axes.set_ylabel("runs", color=_INK)
+    axes.yaxis.set_major_locator(MaxNLocator(integer=True))
+    axes.set_title(f"{title}: {len(values)} runs that reached the goal", color=_INK, loc="left")
+    axes.spines[["top", "right"]].set_visible(False)
+    return figure
+
+
+def encode(figure: Figure) -> bytes:
+    """A PNG; the same for the same picture, byte for byte."""
+    return encode_picture(figure, "png")

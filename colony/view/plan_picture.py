@@ -1,0 +1,73 @@
+"""Pictures of plans: the way on the map, with the mode of each segment and the lights that are tracked."""
+
+from __future__ import annotations
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+
+from colony.nav.plan import Plan, Segment
+from colony.nav.shared import GoalKind
+from colony.nav.stickrep import Map
+from colony.view.map_picture import draw_map
+
+_COLORS = {
+    GoalKind.LIGHTS: "#1769d6",
+    GoalKind.ENTER_CORNER: "#0f9d76",
+    GoalKind.CORNER: "#c2335f",
+    GoalKind.DEAD_RECKONING: "#5d6b00",
+    GoalKind.ELEVATOR: "#7a4fb5",
+}
+_LETTER_APART_MM = 1400.0
+"""A segment that is shorter has no room for its letter."""
+
+
+def draw_plan(drawn: Map, plan: Plan, title: str | None = None) -> Figure:
+    """A figure of what of a plan is on one floor: L, E, C and D are the modes of the Navigator.
+
+    Args:
+        drawn: the map of the floor.
+        plan: made with that map, or with a building that it is a floor of.
+        title: what to write above.
+    """
+    segments = [s for s in plan.segments if drawn.name in (s.start.floor, s.end.floor)]
+    stretches = _stretches(segments, drawn.name)
+    figure = draw_map(drawn, stretches, title or f"{plan.origin} to {plan.goal}", ["plan"])
+    axes = figure.axes[0]
+    for segment in segments:
+        if segment.start.floor == segment.end.floor:
+            _draw_segment(axes, segment)
+    return figure
+
+
+def _stretches(segments: list[Segment], floor: str) -> list[np.ndarray]:
+    """The parts of the way on one floor, each in one go."""
+    parts: list[list[tuple[float, float]]] = [[]]
+    for segment in segments:
+        if segment.start.floor == floor:
+            if not parts[-1]:
+                parts[-1].append((segment.start.x_mm, segment.start.y_mm))
+            if segment.end.floor == floor:
+                parts[-1].append((segment.end.x_mm, segment.end.y_mm))
+                continue
+        parts.append([])
+    return [np.array(part, dtype=np.float64) for part in parts if part]
+
+
+def _draw_segment(axes: Axes, segment: Segment) -> None:
+    (x0, y0, _), (x1, y1, _) = segment.start, segment.end
+    color = _COLORS[segment.kind]
+    axes.plot([x0, x1], [y0, y1], "-", color=color, linewidth=3.0, solid_capstyle="butt", zorder=4.5)
+    length = segment.length_mm
+    for light in segment.lights_mm:
+        at = light / length
+        axes.plot(
+            x0 + at * (x1 - x0), y0 + at * (y1 - y0), "o",
+            markerfacecolor="none", markeredgecolor=color, markersize=9, zorder=5,
+        )  # fmt: skip
+    if length >= _LETTER_APART_MM:
+        axes.text(
+            (x0 + x1) / 2, (y0 + y1) / 2, chr(segment.kind), fontsize=7, weight="bold", color="white",
+            ha="center", va="center", zorder=7,
+            bbox={"boxstyle": "circle,pad=0.2", "facecolor": color, "edgecolor": "white"},
+        )  # fmt: skip

@@ -1,0 +1,91 @@
+"""The geometry of the camera that looks up at the ceiling (thesis section 5.6, Table 5.3, Figure 5.15).
+
+It stands upright on the robot: a column of its image is a line across the robot, columns growing forward, and
+a row is a line along it, rows growing to the right. So the ceiling lights of a corridor wander through each
+row from its end to its beginning while the robot goes along below them.
+
+The simulator's ceiling is rendered with the same geometry; a test holds one against the other.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+LIGHT_LENGTH_MM = 600.0
+"""Of a ceiling light, along the corridor."""
+
+LIGHT_WIDTH_MM = 1200.0
+"""Of a ceiling light, across the corridor."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class CeilingCamera:
+    """A camera that looks straight up, `height_mm` below the ceiling.
+
+    Attributes:
+        columns, rows: of the image, in pixels.
+        length_deg, across_deg: the full angles that the columns and the rows see, below 180.
+        height_mm: from the lens to the ceiling.
+        ahead_mm, left_mm: where it is mounted, from the robot's center.
+
+    Positions in the image are in pixels, pixel i reaching from i - 0.5 to i + 0.5; offsets on the ceiling are
+    in mm ahead and to the left of the robot's center.
+
+    Raises:
+        ValueError: a number is not in its range.
+    """
+
+    columns: int = 240
+    rows: int = 120
+    length_deg: float = 60.0
+    across_deg: float = 48.0
+    height_mm: float = 1350.0
+    ahead_mm: float = 0.0
+    left_mm: float = 0.0
+
+    def __post_init__(self) -> None:
+        if min(self.columns, self.rows) < 4:
+            raise ValueError(f"an image of {self.columns} x {self.rows} pixels; expected at least 4 x 4")
+        for name in ("length_deg", "across_deg"):
+            if not 0.0 < getattr(self, name) < 180.0:
+                raise ValueError(f"{name} is {getattr(self, name)!r}; expected an angle in (0, 180)")
+        if not 0.0 < self.height_mm < math.inf:
+            raise ValueError(f"height_mm is {self.height_mm!r}; expected a finite height above 0")
+        if not (math.isfinite(self.ahead_mm) and math.isfinite(self.left_mm)):
+            raise ValueError(f"mounted at {self.ahead_mm!r}, {self.left_mm!r}; expected finite offsets in mm")
+
+    @property
+    def mm_a_column(self) -> float:
+        """What a column covers of the ceiling, along the robot."""
+        return 2.0 * self.height_mm * math.tan(math.radians(self.length_deg / 2.0)) / self.columns
+
+    @property
+    def mm_a_row(self) -> float:
+        """What a row covers of the ceiling, across the robot."""
+        return 2.0 * self.height_mm * math.tan(math.radians(self.across_deg / 2.0)) / self.rows
+
+    @property
+    def scan_rows(self) -> tuple[int, int, int]:
+        """The three scan lines: at 1/4, 1/2 and 3/4 of the image's height."""
+        return self.rows // 4, self.rows // 2, 3 * self.rows // 4
+
+    def ahead_of(self, column: float) -> float:
+        """How far ahead of the robot's center this column of the image sees the ceiling, in mm."""
+        return self.ahead_mm + self.mm_a_column * (column - (self.columns - 1) / 2.0)
+
+    def left_of(self, row: float) -> float:
+        """How far to the left of the robot's center this row of the image sees the ceiling, in mm."""
+        return self.left_mm + self.mm_a_row * ((self.rows - 1) / 2.0 - row)
+
+    def column_of(self, ahead_mm: float) -> float:
+        """Which column sees the ceiling so far ahead; it may be outside of the image."""
+        return (self.columns - 1) / 2.0 + (ahead_mm - self.ahead_mm) / self.mm_a_column
+
+    def row_of(self, left_mm: float) -> float:
+        """Which row sees the ceiling so far to the left; it may be outside of the image."""
+        return (self.rows - 1) / 2.0 - (left_mm - self.left_mm) / self.mm_a_row
+
+
+UPWARD = CeilingCamera()
+"""The camera of the thesis's robot: 1.2 m by 1.56 m of the ceiling, in 120 rows of 240 pixels."""

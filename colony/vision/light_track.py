@@ -1,0 +1,255 @@
+"""Counting the ceiling lights of a straight way, and what they say of the robot's place (thesis section 5.6).
+
+The map tells where along the way the lights are. A light that the camera sees is *valid* where its place, by
+the robot's progress and by how far ahead it is, agrees with one of the map. How far it may be off is 3
+standard deviations of the robot's place, which grow with the way since the last valid light, and what a wheel
+loses that slips; it is always less than half of the way from light to light, so that two are never confused.
+
+A light counts when the robot's center is below it. One that is out is passed by dead reckoning, when the
+robot is beyond all places where it could be, save those that the camera has in view and finds dark.
+
+Lights that are where none is expected are strays: a reflection, or the robot is lost. When two strays in a
+row are as far apart as two lights of the map, that decides: the robot is lost, and knows where it is again.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
+from itertools import combinations, pairwise
+from statistics import median
+from typing import NamedTuple
+
+from colony.vision.along_track import Reckoning, Scale
+from colony.vision.scan_lines import STEEPEST_DEG, Light
+
+LIGHT_SIGMA_MM = 20.0
+"""How well the map knows where a light is."""
+
+SEEN_SIGMA_MM = 15.0
+"""How well one image tells how far ahead a light is: pixels, and the time between image and odometry."""
+
+SLIP_MM = 160.0
+"""What two slips of the wheels lose."""
+
+_IN_VIEW_MM = 420.0  # a light whose center is no further ahead or behind is wholly in view
+_DARK_LOOKS = 3  # how many looks that find no light show that it is out
+_SPACING_PART = 0.45
+_MOST_ERRORS, _MOST_TURNS = 5, 3  # only the newest count: others correct the position in between, too
+_STRAY_MM = 200.0
+_STRAY_TIMES = 2
+_PAIR_MM, _PAIR_PART = 120.0, 0.03
+_LOST_SIGMA_MM = 60.0
+_WIDEST_MM = 2_500.0
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class LightGoal:
+    """A way along `direction_deg` (0 north, 90 west) from a point in mm, below lights at these distances."""
+
+    direction_deg: float
+    x_mm: float
+    y_mm: float
+    lights_mm: tuple[float, ...]
+
+    @property
+    def ahead(self) -> tuple[float, float]:
+        """The unit vector of the direction, x east and y north."""
+        heading = math.radians(self.direction_deg)
+        return -math.sin(heading), math.cos(heading)
+
+    def progress(self, x_mm: float, y_mm: float) -> float:
+        """How far a point is along the direction, in mm from the start."""
+        east, north = self.ahead
+        return (x_mm - self.x_mm) * east + (y_mm - self.y_mm) * north
+
+    def tilt(self, heading_deg: float) -> float:
+        """A heading less the direction, in degrees counterclockwise, from -180 to 180."""
+        return math.remainder(heading_deg - self.direction_deg, 360.0)
+
+
+class Seen(NamedTuple):
+    """What an image shows, and the robot's reported progress and tilt when it was taken."""
+
+    lights: tuple[Light, ...]
+    progress_mm: float
+    tilt_deg: float
+
+
+class Passing(NamedTuple):
+    """The robot's center came below a light: the `number`th of its goal, from 1, `beyond_mm` ago.
+
+    `valid` says that the light was seen; `turned_deg` how far the reported heading is off, None: not told.
+    """
+
+    number: int
+    valid: bool
+    beyond_mm: float
+    turned_deg: float | None = None
+
+
+class _Stray(NamedTuple):
+    place_mm: float
+    times: int
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class LightTrack:
+    """How far a goal is done, and what was seen of the light that comes next.
+
+    Attributes:
+        reckoning: of the progress, at the last light.
+        passed: how many lights were passed.
+        errors_mm: what images of the next light said of the error of the reported progress; those that show
+            it whole, once there is one.
+        turned_deg: what they said of that of the heading.
+        sure: an image showed the next light whole.
+        dark_looks: how many images should have shown it, and did not.
+    """
+
+    goal: LightGoal
+    reckoning: Reckoning
+    passed: int = 0
+    errors_mm: tuple[float, ...] = ()
+    turned_deg: tuple[float, ...] = ()
+    sure: bool = False
+    dark_looks: int = 0
+    strays: tuple[_Stray, ...] = field(default=())
+
+    @classmethod
+    def start(cls, goal: LightGoal, scale: Scale) -> LightTrack:
+        """At the start of a goal, with what is known of the odometry's scale."""
+        return cls(goal=goal, reckoning=Reckoning(scale=scale))
+
+    @property
+    def done(self) -> bool:
+        """All lights were passed."""
+        return self.passed >= len(self.goal.lights_mm)
+
+    def reckoned(self, progress_mm: float) -> Reckoning:
+        """What is known where the reported progress is this, with what was seen of the next light."""
+        moved = self.reckoning.moved(progress_mm)
+        if not self.errors_mm:
+            return moved
+        variance = LIGHT_SIGMA_MM**2 + SEEN_SIGMA_MM**2 / len(self.errors_mm)
+        return moved.fixed(median(self.errors_mm), variance)
+
+    def seen(self, seen: Seen) -> LightTrack:
+        """The same, after an image."""
+        if self.done:
+            return self
+        reckoning = self.reckoning.moved(seen.progress_mm)
+        track = self
+        for light in seen.lights:
+            track = track._with(light, seen, reckoning)
+        ahead = self.goal.lights_mm[self.passed] - self.reckoned(seen.progress_mm).progress_mm
+        upright = abs(seen.tilt_deg) <= STEEPEST_DEG
+        if upright and abs(ahead) <= _IN_VIEW_MM and track.errors_mm == self.errors_mm:
+            track = replace(track, dark_looks=track.dark_looks + 1)
+        return track
+
+    def passing(self, progress_mm: float) -> tuple[LightTrack, Passing | None]:
+        """The same, and the light that the robot's center came below, if it did."""
+        if self.done:
+            return self, None
+        valid = self.sure or len(self.errors_mm) > 1
+        reckoning = self.reckoned(progress_mm) if valid else self.reckoning.moved(progress_mm)
+        beyond = reckoning.progress_mm - self.goal.lights_mm[self.passed]
+        if beyond < (0.0 if valid else self._dark_way(reckoning)):
+            return self, None
+        told = len(self.turned_deg) == _MOST_TURNS
+        number = self.passed + 1
+        track = replace(
+            self,
+            reckoning=reckoning,
+            passed=number,
+            errors_mm=(),
+            turned_deg=(),
+            sure=False,
+            dark_looks=0,
+            strays=() if valid else self.strays,
+        )
+        return track, Passing(number, valid, beyond, median(self.turned_deg) if told else None)
+
+    def told(self, correction_mm: float) -> LightTrack:
+        """The same, after what is reported was corrected by so much along the way."""
+        return replace(
+            self,
+            reckoning=self.reckoning.told(correction_mm),
+            errors_mm=tuple(error - correction_mm for error in self.errors_mm),
+            strays=tuple(stray._replace(place_mm=stray.place_mm + correction_mm) for stray in self.strays),
+        )
+
+    def to_next(self, progress_mm: float) -> float | None:
+        """How far it still is to the next light, in mm; None: there is none."""
+        if self.done:
+            return None
+        return self.goal.lights_mm[self.passed] - self.reckoned(progress_mm).progress_mm
+
+    def _dark_way(self, reckoning: Reckoning) -> float:
+        """How far beyond the place of a light that was not seen the robot must be."""
+        in_view = _IN_VIEW_MM if self.dark_looks >= _DARK_LOOKS else 0.0
+        return max(0.0, tolerance_mm(reckoning, self.goal.lights_mm) - in_view)
+
+    def _with(self, light: Light, seen: Seen, reckoning: Reckoning) -> LightTrack:
+        """The same, after one light of an image."""
+        place = reckoning.progress_mm + light.ahead_mm
+        lights = self.goal.lights_mm
+        nearest = min(range(len(lights)), key=lambda i: abs(lights[i] - place))
+        if abs(lights[nearest] - place) > tolerance_mm(reckoning, lights):
+            return self._with_stray(light, seen)
+        if nearest != self.passed:
+            return self  # one that was passed already, or one of which there is time to think later
+        if self.sure and not light.whole:
+            return self  # half a light tells no more of what was seen whole
+        error = lights[nearest] - light.ahead_mm - seen.progress_mm
+        errors = (*self.errors_mm, error) if self.sure or not light.whole else (error,)
+        turned = self.turned_deg
+        if light.tilt_deg is not None and light.whole:
+            turned = (*turned, light.tilt_deg - seen.tilt_deg)
+        return replace(
+            self,
+            errors_mm=errors[-_MOST_ERRORS:],
+            turned_deg=turned[-_MOST_TURNS:],
+            sure=self.sure or light.whole,
+        )
+
+    def _with_stray(self, light: Light, seen: Seen) -> LightTrack:
+        """The same, after a light where none is expected, and found again if it is the second one."""
+        if not light.whole:
+            return self
+        place = seen.progress_mm + light.ahead_mm
+        strays = self.strays
+        if strays and abs(strays[-1].place_mm - place) < _STRAY_MM:
+            last = strays[-1]
+            strays = (*strays[:-1], _Stray((last.place_mm + place) / 2.0, last.times + 1))
+        else:
+            strays = (*strays[-1:], _Stray(place, 1))
+        error = _lost_by(strays, self.goal.lights_mm)
+        if error is None:
+            return replace(self, strays=strays)
+        anchored = self.reckoning.moved(seen.progress_mm).anchored(error, _LOST_SIGMA_MM)
+        return replace(self, reckoning=anchored, strays=(), errors_mm=(), sure=False, dark_looks=0)
+
+
+def tolerance_mm(reckoning: Reckoning, lights_mm: Sequence[float]) -> float:
+    """How far a light may be from its place in the map, to be that one."""
+    spacings = [after - before for before, after in pairwise(lights_mm)]
+    most = min([_WIDEST_MM, *(_SPACING_PART * spacing for spacing in spacings)])
+    return min(most, 3.0 * math.hypot(reckoning.sigma_mm, LIGHT_SIGMA_MM) + SLIP_MM)
+
+
+def _lost_by(strays: tuple[_Stray, ...], lights_mm: Sequence[float]) -> float | None:
+    """The error of the reported progress by which two strays are two lights, the least one; None: none."""
+    if len(strays) < 2 or min(stray.times for stray in strays) < _STRAY_TIMES:
+        return None
+    first, second = (stray.place_mm for stray in strays)
+    apart = second - first
+    errors = [
+        b - second
+        for a, b in combinations(lights_mm, 2)
+        if abs((b - a) - apart) <= _PAIR_MM + _PAIR_PART * abs(apart)
+    ]
+    least = min(errors, key=abs, default=math.inf)
+    return least if abs(least) <= _WIDEST_MM else None

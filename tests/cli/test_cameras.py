@@ -1,0 +1,79 @@
+"""`--camera`: which servers there are, where each looks, and what the one that looks up sees."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+from colony.cli.run_options import BadOption, cameras
+from colony.runtime.kit.connection import Connection
+from colony.runtime.kit.errors import CallRefused
+from colony.runtime.library import camera
+from tests.cli.conftest import Colony
+from tests.cli.machine import MAP, ROBOT, Machine, until
+
+
+@pytest.mark.parametrize(
+    ("texts", "looking"),
+    [
+        ((), {}),
+        (("90",), {"CServer": 90.0}),
+        (("up",), {"CServer": "up"}),
+        (("left=90", "CServerUp=up"), {"CServer_left": 90.0, "CServerUp": "up"}),
+        (("roof=up", "0.5 rad"), {"CServer_roof": "up", "CServer": pytest.approx(28.648, abs=1e-3)}),
+    ],
+)
+def test_a_camera_has_a_server_and_a_direction(texts: tuple[str, ...], looking: dict[str, object]) -> None:
+    assert cameras(texts) == looking
+
+
+@pytest.mark.parametrize("text", ["down", "left=", "=up", "a b=up", "up=", "361", "90 mm", "CServer Up=up"])
+def test_what_is_no_camera_is_refused(text: str) -> None:
+    with pytest.raises(BadOption, match=f"found `{text}`; expected degrees, `up`, or a name"):
+        cameras((text,))
+
+
+@pytest.mark.parametrize("texts", [("up", "90"), ("a=up", "a=9"), ("CServerUp=up", "CServerUp=0")])
+def test_two_cameras_have_two_names(texts: tuple[str, ...]) -> None:
+    with pytest.raises(BadOption, match="two "):
+        cameras(texts)
+
+
+def test_hazards_are_of_the_building(colony: Colony) -> None:
+    refused = colony("serve", "PServer", "--robot", "r", "--hazards", "1")
+    assert refused.code == 2
+    assert "--hazards goes with Simulator or all, not with PServer" in refused.err
+
+
+@pytest.fixture
+def machine(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Machine]:
+    made = Machine(tmp_path)
+    for name in ("COLONY_RUN_DIR", "XDG_STATE_HOME"):
+        monkeypatch.setenv(name, made.environment[name])
+    yield made
+    made.close()
+
+
+def test_a_server_shows_the_ceiling_above_the_robot(machine: Machine) -> None:
+    options = ("--robot", ROBOT, "--map", MAP, "--camera", "CServerUp=up", "--hazards", "3")
+    served = machine.start("serve", "all", *options)
+    until(lambda: served.ended() or "CServerUp" in machine.directory.running(), "the camera's server runs")
+    assert not served.ended(), served.err
+    with machine.session() as session, session.connect("CServerUp", name="test", priority=1) as connection:
+        until(lambda: _has_an_image(connection), "there is an image")
+        size = connection.do(camera.size())
+        assert (size.height, size.width, size.channels) == (120, 240, 1)
+        row = camera.array(connection.do(camera.grab_rows(60)))
+        assert row.shape == (1, 240)
+        assert 20.0 < row.mean() < 250.0
+        assert row.std() > 1.0
+
+
+def _has_an_image(connection: Connection) -> bool:
+    try:
+        connection.do(camera.grab())
+    except CallRefused:
+        return False
+    return True

@@ -1,0 +1,141 @@
+"""The same program and scripts in the loop of experiments and among the real servers in virtual time."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+
+from colony.compile.pipeline import compile_program
+from colony.dsl.load import load_text
+from colony.experiment.behavior import behavior_from
+from colony.experiment.local_cameras import LocalCamera
+from colony.experiment.loop import Loop
+from colony.ir.frame import Decision, Frame
+from colony.runtime.images import Image
+from colony.runtime.kit.script import Script
+from colony.runtime.kit.script_node import ScriptNode
+from colony.runtime.observer import FrameLog
+from colony.runtime.servers.cserver import CServer
+from colony.runtime.session import Session
+from colony.runtime.virtual import VirtualClock
+from colony.sim.drivers import Plant, simulated_drivers
+from colony.sim.world import World
+
+PROGRAM = """
+robot tester {
+  frame    50 ms
+  sensor   sonar[24] : mm         range 0 .. 10000          from PServer.sonar            within 300 ms
+  sensor   infrared[24] : bool                              from PServer.infrared         within 300 ms
+  sensor   front_bumper : bool                              from RServer.front_bumper     within 300 ms
+  sensor   x : m                                            from RServer.x                within 300 ms
+  sensor   heading : deg          range 0 .. 360            from RServer.heading          within 300 ms
+  sensor   random : number        range 0 .. 1              from Runtime.random
+  sensor   wanted : mm/s          range -600 .. 600         from DServer.Wanted           within 400 ms
+  sensor   turning : deg/s        range -90 .. 90           default 0 from DServer.Turning
+  actuator drive { velocity : mm/s range -600 .. 600, turn : deg/s range -90 .. 90 }
+           to RServer.drive       idle drive(velocity = 0, turn = 0)
+  actuator report { where : m, chance : number }  to DServer.Report  idle hold
+  actuator count { number : number }              to DServer.Count   idle hold
+}
+module go    { when fresh(wanted)      do drive(velocity = wanted, turn = turning) }
+module tell  { when sonar[12] < 9000 mm do report(where = x, chance = random) }
+module steps {
+  state n : number = 0
+  next n = n + 1
+  when infrared[12] or not front_bumper  do count(number = n)
+}
+network {
+  drive  = go
+  report = tell
+  count  = steps
+}
+"""
+
+WALLS = [(-3e3, -2e3, 9e3, -2e3), (9e3, -2e3, 9e3, 2e3), (9e3, 2e3, -3e3, 2e3), (-3e3, 2e3, -3e3, -2e3)]
+FRAME_NS = 50_000_000
+CAMERA = "CServerUp"
+
+Decided = tuple[Frame, tuple[Decision, ...]]
+"""What the network read in a frame, and what it decided."""
+
+Log = list[tuple[object, ...]]
+Scripts = Callable[[Mapping[str, Log]], Mapping[str, Script]]
+"""Scripts by name, each of which notes in its log what it saw."""
+
+
+def frame_of(t_ns: int) -> int:
+    """Nodes run a nanosecond after the beginning of a frame."""
+    return t_ns // FRAME_NS
+
+
+def _world() -> World:
+    return World(walls=WALLS, poses=[(0.0, 0.0, 270.0)], seed=5)
+
+
+def _image(t_ns: int, x_mm: float) -> Image:
+    pixels = bytes((t_ns // FRAME_NS + round(x_mm) + i) % 256 for i in range(12))
+    return Image(t_ns=t_ns, height=3, width=4, channels=1, pixels=pixels)
+
+
+def in_loop(make: Scripts, logs: Mapping[str, Log], frames: int) -> list[Decided]:
+    """What the network decided, frame by frame."""
+    decided: list[Decided] = []
+    world = _world()
+    camera = LocalCamera(CAMERA, lambda now_ns: _image(now_ns, world.true_pose(0).x_mm))
+    loop = Loop(
+        behavior_from(load_text(PROGRAM)),
+        world,
+        make(logs),
+        cameras=(camera,),
+        seed=3,
+        watch=lambda frame, outcome: decided.append((frame, outcome.decisions)),
+    )
+    for _ in range(frames):
+        loop.frame()
+    loop.close()
+    return decided
+
+
+class _Camera:
+    def __init__(self, plant: Plant) -> None:
+        self._plant = plant
+
+    def grab(self) -> Image:
+        now = self._plant.catch_up()
+        return _image(now, self._plant.world.true_pose(0).x_mm)
+
+
+class _Decisions:
+    def __init__(self) -> None:
+        self.decided: list[Decided] = []
+
+    def take(self, log: FrameLog) -> None:
+        assert not log.disagreements
+        self.decided.append((log.frame, log.expected.decisions))
+
+    def close(self) -> None:
+        """It holds nothing."""
+
+
+def among_servers(make: Scripts, logs: Mapping[str, Log], frames: int, order_seed: int) -> list[Decided]:
+    """The same, among the real servers, with messages of one moment in an order drawn from `order_seed`."""
+    program = load_text(PROGRAM)
+    clock = VirtualClock()
+    plant = Plant(_world(), lambda: clock() // FRAME_NS * FRAME_NS)
+    sink = _Decisions()
+    servers = ("DServer", "RServer", "PServer", CAMERA)
+    scripts = [ScriptNode(name, s, servers, delay_ns=1) for name, s in make(logs).items()]
+    session = Session(
+        program,
+        compile_program(program).clients,
+        simulated_drivers(plant),
+        clock=clock,
+        seed=3,
+        sinks=(sink,),
+        order_seed=order_seed,
+        nodes=(CServer(_Camera(plant), keep=40, address=CAMERA), *scripts),
+    )
+    session.run(frames * FRAME_NS)
+    for script in scripts:
+        if script.problem is not None:
+            raise script.problem
+    return sink.decided

@@ -1,0 +1,83 @@
+"""Lists of runs."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from colony.experiment.lists import (
+    PUBLISHED_MAP,
+    ListProblem,
+    chosen,
+    own_list,
+    published_list,
+    random_list,
+    rooms_of,
+)
+from colony.nav.route import plan
+from colony.nav.stickrep_reader import load_map
+
+FLOOR = load_map(PUBLISHED_MAP)
+
+
+def test_the_forty_published_runs() -> None:
+    runs = published_list()
+    assert [run.number for run in runs] == list(range(1, 41))
+    assert (runs[0].origin, runs[0].goal) == ("350R", "376L")
+    assert (runs[39].origin, runs[39].goal) == ("A365L", "301R")
+    assert all(run.published is not None for run in runs)
+
+
+def test_ones_own_list(tmp_path: Path) -> None:
+    path = tmp_path / "rounds.csv"
+    path.write_text("From, To\n350R,376L\n\n 341L , 311R \n")
+    runs = own_list(path, FLOOR)
+    assert [(run.number, run.origin, run.goal) for run in runs] == [(1, "350R", "376L"), (2, "341L", "311R")]
+
+
+@pytest.mark.parametrize(
+    ("text", "told"),
+    [
+        ("", "no runs; expected lines such as 350R,376L"),
+        ("from,to\n", "no runs"),
+        ("350R\n", r"rounds.csv:1: 1 fields; expected 2"),
+        ("from,to\n350R,376L\n350R,376X\n", r"rounds.csv:3: .*goal `376X`"),
+        ("350R,350R\n", r"rounds.csv:1: `350R` and `350R` are one place"),
+    ],
+)
+def test_bad_lists_are_told_with_their_line(tmp_path: Path, text: str, told: str) -> None:
+    path = tmp_path / "rounds.csv"
+    path.write_text(text)
+    with pytest.raises(ListProblem, match=told):
+        own_list(path, FLOOR)
+
+
+def test_a_list_that_cannot_be_read(tmp_path: Path) -> None:
+    with pytest.raises(ListProblem, match="cannot be read"):
+        own_list(tmp_path / "none.csv", FLOOR)
+
+
+def test_random_pairs_are_the_same_for_a_seed_and_can_be_driven() -> None:
+    runs = random_list(FLOOR, 30, 1)
+    assert runs == random_list(FLOOR, 30, 1)
+    assert runs != random_list(FLOOR, 30, 2)
+    assert len({(run.origin, run.goal) for run in runs}) > 25
+    assert set(rooms_of(FLOOR)) > {run.origin for run in runs}
+    for run in runs[:5]:
+        assert plan(FLOOR, run.origin, run.goal).segments
+
+
+def test_rooms_are_named_once() -> None:
+    rooms = rooms_of(FLOOR)
+    assert "350L" in rooms
+    assert "350R" not in rooms
+    assert len(rooms) == len(set(rooms)) > 60
+
+
+def test_runs_are_chosen_by_their_numbers() -> None:
+    runs = published_list()
+    assert [run.number for run in chosen(runs, "1-3, 22")] == [1, 2, 3, 22]
+    for text, told in (("", "names no runs"), ("x", "names no runs"), ("41", "no run 41"), ("3-1", "no run")):
+        with pytest.raises(ListProblem, match=told):
+            chosen(runs, text)

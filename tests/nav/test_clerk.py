@@ -1,0 +1,109 @@
+"""The Navigator's clerk."""
+
+from __future__ import annotations
+
+from colony.nav.clerk import TRACKER_S, clerk
+from colony.nav.shared import (
+    CEILING_LIGHT,
+    GOAL_DATA,
+    GOAL_DISTANCE,
+    GOAL_NUMBER,
+    GOAL_REACHED,
+    GOAL_TYPE,
+    ROBOT_STATUS,
+    GoalKind,
+)
+from tests.nav.script_stage import Stage
+
+
+def waiting() -> Stage:
+    stage = Stage(clerk=clerk())
+    stage.run(0.1)
+    assert stage.semaphores == {GOAL_DATA: 0, ROBOT_STATUS: 0}
+    assert GOAL_NUMBER not in stage.variables
+    return stage
+
+
+def test_goals_are_numbered_and_answered_when_they_are_reached() -> None:
+    stage = waiting()
+    for number in (1, 2, 3):
+        stage.signal(GOAL_DATA)
+        stage.run(1.0)
+        assert stage.variables[GOAL_NUMBER] == number
+        assert stage.semaphores[ROBOT_STATUS] == number - 1
+        stage.variables[GOAL_REACHED] = number
+        stage.run(0.2)
+        assert stage.semaphores[ROBOT_STATUS] == number
+
+
+def test_an_answer_to_an_earlier_goal_is_none() -> None:
+    stage = waiting()
+    stage.variables[GOAL_REACHED] = 7
+    stage.signal(GOAL_DATA)
+    stage.run(1.0)
+    assert stage.semaphores[ROBOT_STATUS] == 0
+
+
+def test_it_looks_once_a_frame() -> None:
+    stage = waiting()
+    stage.signal(GOAL_DATA)
+    stage.run(0.1)
+    before = stage.now_ns
+    stage.variables[GOAL_REACHED] = 1
+    while not stage.semaphores[ROBOT_STATUS]:
+        stage.run(0.05)
+    assert stage.now_ns - before <= 100_000_000
+
+
+def test_a_goal_in_place_of_another_takes_its_turn_at_once() -> None:
+    stage = waiting()
+    stage.signal(GOAL_DATA)
+    stage.run(1.0)
+    stage.signal(GOAL_DATA)
+    stage.run(0.1)
+    assert stage.variables[GOAL_NUMBER] == 2
+    stage.variables[GOAL_REACHED] = 1
+    stage.run(1.0)
+    assert stage.semaphores[ROBOT_STATUS] == 0
+    stage.variables[GOAL_REACHED] = 2
+    stage.run(0.2)
+    assert stage.semaphores[ROBOT_STATUS] == 1
+
+
+def test_a_clerk_that_starts_again_goes_on_counting() -> None:
+    stage = Stage()
+    stage.variables[GOAL_NUMBER] = 41
+    stage.variables[GOAL_REACHED] = 41
+    stage.start("clerk", clerk())
+    stage.run(0.1)
+    stage.signal(GOAL_DATA)
+    stage.run(1.0)
+    assert stage.variables[GOAL_NUMBER] == 42
+    assert stage.semaphores[ROBOT_STATUS] == 0
+
+
+def test_lights_are_held_back_until_the_old_count_is_gone() -> None:
+    stage = waiting()
+    stage.variables |= {GOAL_TYPE: int(GoalKind.LIGHTS), GOAL_DISTANCE: 3, CEILING_LIGHT: 11}
+    stage.signal(GOAL_DATA)
+    stage.run(0.5)
+    assert GOAL_NUMBER not in stage.variables
+    stage.variables[CEILING_LIGHT] = 0
+    stage.run(0.15)
+    assert stage.variables[GOAL_NUMBER] == 1
+
+
+def test_lights_are_not_held_back_for_ever() -> None:
+    stage = waiting()
+    stage.variables |= {GOAL_TYPE: int(GoalKind.LIGHTS), GOAL_DISTANCE: 1, CEILING_LIGHT: 1}
+    stage.signal(GOAL_DATA)
+    stage.run(TRACKER_S + 0.2)
+    assert stage.variables[GOAL_NUMBER] == 1
+
+
+def test_other_goals_do_not_wait_for_lights() -> None:
+    stage = waiting()
+    stage.variables |= {GOAL_TYPE: int(GoalKind.ENTER_CORNER), GOAL_DISTANCE: 3, CEILING_LIGHT: 11}
+    stage.signal(GOAL_DATA)
+    stage.run(0.1)
+    assert stage.variables[GOAL_NUMBER] == 1

@@ -1,0 +1,230 @@
+"""The Planner's script: what it tells the Navigator and CTracker, and in which order."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import replace
+from typing import Any
+
+import pytest
+
+from colony.nav.plan import Place, Plan, Segment
+from colony.nav.planner import Goal, goal_of, landing, planner, progress_along
+from colony.nav.shared import (
+    CEILING_LIGHT,
+    END_L_MODE,
+    GOAL_DATA,
+    GOAL_DIRECTION,
+    GOAL_DISTANCE,
+    GOAL_TYPE,
+    LIGHT_OFFSET,
+    OVERSHOOT,
+    ROBOT_STATUS,
+    SEMAPHORES,
+    START_MAP,
+    TRACK_DATA,
+    GoalKind,
+)
+from colony.runtime.kit.script import Script, do
+from colony.runtime.library import data
+from tests.nav.script_stage import Stage
+
+
+def at(x: float, y: float, floor: str = "f") -> Place:
+    return Place(x, y, floor)
+
+
+def segment(kind: GoalKind, heading: float, start: Place, end: Place, *lights: float) -> Segment:
+    return Segment(kind=kind, heading_deg=heading, start=start, end=end, width_mm=2500.0, lights_mm=lights)
+
+
+LIGHTS = segment(GoalKind.LIGHTS, 0.0, at(0, 0), at(0, 8000), 2000.0, 5000.0, 8000.0)
+ENTER = segment(GoalKind.ENTER_CORNER, 0.0, at(0, 8000), at(0, 12000))
+LEAVE = segment(GoalKind.CORNER, 90.0, at(0, 12000), at(-2000, 12000))
+LAST = segment(GoalKind.DEAD_RECKONING, 90.0, at(-2000, 12000), at(-6000, 12000))
+PLAN = Plan(origin="a", goal="b", segments=(LIGHTS, ENTER, LEAVE, LAST), distance_mm=18000.0, modes="lcd")
+
+
+def obedient(stage: list[Stage], error: Callable[[Goal], tuple[float, float]]) -> Script:
+    """In place of Navigator and CTracker: at each goal the robot is `error` ahead and to the left of it."""
+    for name in SEMAPHORES:
+        yield from do("DServer", data.create_semaphore(name, 0))
+    while True:
+        yield from do("DServer", data.wait(GOAL_DATA))
+        told = yield from do("DServer", data.get_many((GOAL_TYPE, GOAL_DIRECTION, GOAL_DISTANCE)))
+        kind, heading, distance = told[GOAL_TYPE], told[GOAL_DIRECTION], told[GOAL_DISTANCE]
+        way = distance
+        if kind == GoalKind.LIGHTS:
+            yield from do("DServer", data.wait(TRACK_DATA))
+            yield from do("DServer", data.wait(START_MAP))
+            way = sum((yield from do("DServer", data.get(LIGHT_OFFSET))))
+        ahead, left = error(Goal(GoalKind(kind), heading, distance))
+        angle = math.radians(heading)
+        robot = stage[0]
+        robot.x += -math.sin(angle) * (way + ahead) - math.cos(angle) * left
+        robot.y += math.cos(angle) * (way + ahead) - math.sin(angle) * left
+        if kind == GoalKind.LIGHTS:
+            yield from do("DServer", data.set_many({OVERSHOOT: ahead, CEILING_LIGHT: distance}))
+            yield from do("DServer", data.signal(END_L_MODE))
+        yield from do("DServer", data.signal(ROBOT_STATUS))
+
+
+def driven(plan: Plan, ahead: float = 0.0, left: float = 0.0, **options: Any) -> Stage:
+    """A whole plan, with a robot that is always so far beyond its goals."""
+    stage: list[Stage] = []
+    made = Stage(robot=obedient(stage, lambda goal: (ahead, left)), planner=planner(plan, **options))
+    stage.append(made)
+    made.run(10.0)
+    assert made.ended == {"planner"}
+    return made
+
+
+def goals(stage: Stage) -> list[tuple[str, float, float]]:
+    """Mode, direction and distance of each goal that was set."""
+    found = []
+    for names, values in stage.told("planner", "set_many"):
+        told = dict(zip(names, values, strict=True))
+        found.append((chr(told[GOAL_TYPE]), told[GOAL_DIRECTION], told[GOAL_DISTANCE]))
+    return found
+
+
+def test_a_plan_is_told_segment_by_segment() -> None:
+    seen: list[tuple[int, Segment]] = []
+    stage = driven(PLAN, on_segment=lambda number, segment: seen.append((number, segment)))
+    assert goals(stage) == [("L", 0.0, 3), ("E", 0.0, 4000.0), ("C", 90.0, 2000.0), ("D", 90.0, 4000.0)]
+    assert seen == list(enumerate(PLAN.segments))
+    assert (stage.x, stage.y) == pytest.approx((-6000.0, 12000.0))
+    assert stage.variables[GOAL_TYPE] == GoalKind.NONE
+
+
+def test_it_makes_the_semaphores_and_uses_none_but_those_of_the_table() -> None:
+    stage = driven(PLAN)
+    assert stage.told("planner", "create") == [(name, 0) for name in SEMAPHORES]
+    assert [name for name, _ in stage.told("planner", "signal")] == [
+        TRACK_DATA, START_MAP, GOAL_DATA, GOAL_DATA, GOAL_DATA, GOAL_DATA,
+    ]  # fmt: skip
+    written = {name for names, _ in stage.told("planner", "set_many") for name in names}
+    written |= {name for names, _ in stage.told("planner", "set") for name in names}
+    assert written == {GOAL_TYPE, GOAL_DIRECTION, GOAL_DISTANCE, LIGHT_OFFSET}
+
+
+def test_what_a_goal_is_stands_before_it_is_announced() -> None:
+    """Who is woken by a semaphore reads at once."""
+    stage = driven(PLAN)
+    by_planner = [(how, name) for by, how, name, _ in stage.calls if by == "planner" and how != "create"]
+    first = [how for how, name in by_planner[:4]]
+    assert first == ["set_many", "signal", "signal", "signal"]
+    assert [name for _, name in by_planner[1:4]] == [TRACK_DATA, START_MAP, GOAL_DATA]
+    assert stage.variables[LIGHT_OFFSET] == [2000.0, 3000.0, 3000.0]
+
+
+def test_by_the_pose_each_goal_is_what_is_left() -> None:
+    stage = driven(PLAN, ahead=150.0)
+    # Each overshoot is taken off the next goal of the same leg. Behind the corner it is one to the side.
+    assert goals(stage) == [("L", 0.0, 3), ("E", 0.0, 3850.0), ("C", 90.0, 2000.0), ("D", 90.0, 3850.0)]
+    assert stage.x == pytest.approx(-6150.0)
+
+
+def test_by_reckoning_only_the_overshoot_of_lights_is_taken_off() -> None:
+    stage = driven(PLAN, ahead=150.0, positions="reckoning")
+    assert goals(stage) == [("L", 0.0, 3), ("E", 0.0, 3850.0), ("C", 90.0, 2000.0), ("D", 90.0, 4000.0)]
+    stage = driven(PLAN, ahead=150.0, positions="reckoning", compensate=False)
+    assert goals(stage)[1] == ("E", 0.0, 4000.0)
+
+
+def test_by_reckoning_nobody_asks_where_the_robot_is() -> None:
+    """The thesis's Planner knows lengths and overshoots only: a wrong position changes nothing."""
+    stage: list[Stage] = []
+    made = Stage(robot=obedient(stage, lambda goal: (0.0, 0.0)), planner=planner(PLAN, positions="reckoning"))
+    stage.append(made)
+    made.x, made.y = 777.0, -999.0
+    made.run(10.0)
+    assert goals(made) == [("L", 0.0, 3), ("E", 0.0, 4000.0), ("C", 90.0, 2000.0), ("D", 90.0, 4000.0)]
+
+
+def test_a_corner_is_turned_where_nothing_is_left_to_drive() -> None:
+    short = replace(PLAN, segments=(ENTER, LEAVE, LAST))
+    stage: list[Stage] = []
+
+    def drifting(goal: Goal) -> tuple[float, float]:
+        return (0.0, 2500.0) if goal.kind is GoalKind.ENTER_CORNER else (0.0, 0.0)
+
+    made = Stage(robot=obedient(stage, drifting), planner=planner(short))
+    stage.append(made)
+    made.y = 8000.0
+    made.run(10.0)
+    assert goals(made) == [("E", 0.0, 4000.0), ("C", 90.0, 0.0), ("D", 90.0, 3500.0)]
+
+
+def test_a_goal_that_is_behind_is_reached_at_once() -> None:
+    """Also lights: so goals are counted as segments are."""
+    stage = driven(replace(PLAN, segments=(LIGHTS, ENTER, LIGHTS)), ahead=5000.0)
+    assert goals(stage) == [("L", 0.0, 3), ("E", 0.0, 0.0), ("D", 0.0, 0.0)]
+    assert len(stage.told("planner", "signal")) == 2 + 3
+    assert stage.variables[GOAL_TYPE] == GoalKind.NONE
+
+
+def test_a_segment_leads_somewhere() -> None:
+    with pytest.raises(ValueError, match="found one of the kind NONE"):
+        goal_of(replace(LAST, kind=GoalKind.NONE), 0.0)
+
+
+@pytest.mark.parametrize(
+    ("progress", "expected"),
+    [
+        (0.0, (3, (2000.0, 3000.0, 3000.0))),
+        (-400.0, (3, (2400.0, 3000.0, 3000.0))),
+        (2500.0, (2, (2500.0, 3000.0))),
+        (7999.0, (1, (1.0,))),
+        (8000.0, (0.0, ())),
+    ],
+)
+def test_lights_that_are_behind_are_not_tracked(
+    progress: float, expected: tuple[float, tuple[float, ...]]
+) -> None:
+    goal = goal_of(LIGHTS, progress)
+    assert (goal.distance, goal.offsets_mm) == expected
+
+
+def test_progress_is_along_the_segment() -> None:
+    assert progress_along(LEAVE, -500.0, 12345.0) == pytest.approx(500.0)
+    assert progress_along(LAST, 0.0, 12000.0) == pytest.approx(-2000.0)
+
+
+def test_a_planner_takes_no_answer_that_was_meant_for_another() -> None:
+    stage: list[Stage] = []
+    made = Stage(
+        robot=obedient(stage, lambda goal: (0.0, 0.0)), planner=planner(replace(PLAN, segments=(LAST,)))
+    )
+    stage.append(made)
+    made.semaphores = dict.fromkeys(SEMAPHORES, 0) | {ROBOT_STATUS: 2, END_L_MODE: 1}
+    made.x, made.y = -2000.0, 12000.0
+    made.run(10.0)
+    assert made.semaphores[ROBOT_STATUS] == made.semaphores[END_L_MODE] == 0
+    assert made.x == pytest.approx(-6000.0)
+
+
+RIDE = Segment(
+    kind=GoalKind.ELEVATOR,
+    heading_deg=270.0,
+    start=at(1000, 2000, "one"),
+    end=at(5000, 5000, "two"),
+    width_mm=1000.0,
+    turn_deg=90.0,
+)
+
+
+def test_after_a_ride_the_robot_is_on_the_other_floor() -> None:
+    # It came out 100 mm west of where it went in, looking west; there west is where here south is.
+    stage: list[Stage] = []
+    made = Stage(
+        robot=obedient(stage, lambda goal: (0.0, 0.0)), planner=planner(replace(PLAN, segments=(RIDE,)))
+    )
+    stage.append(made)
+    made.x, made.y, made.heading = 900.0, 2000.0, 90.0
+    made.run(10.0)
+    assert goals(made) == [("V", 270.0, 0.0)]
+    assert (made.x, made.y, made.heading) == pytest.approx((5000.0, 4900.0, 180.0))
+    assert landing(RIDE, 1000.0, 2000.0) == pytest.approx((5000.0, 5000.0))
+    assert RIDE.length_mm == 0.0

@@ -1,0 +1,87 @@
+"""Scripts over live connections, among real servers over zenoh."""
+
+from __future__ import annotations
+
+import threading
+from collections.abc import Iterator
+
+import pytest
+
+from colony.runtime.kit.connection import Connection, Session
+from colony.runtime.kit.errors import CallRefused, ServerNotFound
+from colony.runtime.kit.script import Script, do, sleep
+from colony.runtime.kit.script_live import run_script
+from colony.runtime.library import data
+from colony.runtime.servers.dserver import DServer
+from tests.runtime.live_stage import ROBOT, hosted, run_directory, until
+
+
+@pytest.fixture
+def session() -> Iterator[Session]:
+    with run_directory() as environment, hosted(environment, [DServer()]):
+        with Session.open(ROBOT, environment=environment) as opened:
+            yield opened
+
+
+def test_a_script_asks_sleeps_and_ends(session: Session) -> None:
+    seen: list[object] = []
+
+    def script() -> Script:
+        seen.append((yield from do("DServer", data.create_semaphore("$Go", 1))))
+        yield from do("DServer", data.set("Answer", [42, 0.5]))
+        seen.append((yield from do("DServer", data.get("Answer"))))
+        before = yield from sleep(0.0)
+        after = yield from sleep(0.02)
+        seen.append(after - before >= 20_000_000)
+
+    assert run_script(session, script(), name="asker")
+    assert seen == [True, [42, 0.5], True]
+
+
+def test_refusals_are_raised_in_the_script(session: Session) -> None:
+    codes: list[str] = []
+
+    def script() -> Script:
+        for server, ask in (("DServer", data.get("Nothing")), ("DServer", data.wait("$Nothing"))):
+            try:
+                yield from do(server, ask)
+            except CallRefused as refused:
+                codes.append(refused.code)
+        yield from do("Nobody", data.get("Nothing"))
+
+    with pytest.raises(ServerNotFound):
+        run_script(session, script(), name="asker", timeout_s=0.2)
+    assert codes == ["unknown", "unknown"]
+
+
+def test_a_script_that_waits_for_ever_can_be_stopped(session: Session) -> None:
+    stop, ended = threading.Event(), threading.Event()
+    cleaned: list[str] = []
+
+    def script() -> Script:
+        try:
+            yield from do("DServer", data.create_semaphore("$Never", 0))
+            yield from do("DServer", data.wait("$Never"))
+        finally:
+            cleaned.append("cleaned")
+
+    def run() -> None:
+        assert run_script(session, script(), name="waiter", stop=stop) is False
+        ended.set()
+
+    thread = threading.Thread(target=run)
+    thread.start()
+    with session.connect("DServer") as other:
+        until(lambda: _waiting(other, "$Never") == 1, "the script waits")
+        stop.set()
+        until(ended.is_set, "the script ended")
+        thread.join()
+        assert cleaned == ["cleaned"]
+        until(lambda: _waiting(other, "$Never") == 0, "its place in the queue is free")
+
+
+def _waiting(connection: Connection, name: str) -> int:
+    try:
+        return len(connection.do(data.semaphore(name)).waiting)
+    except CallRefused:
+        return -1
