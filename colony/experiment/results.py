@@ -16,7 +16,7 @@ from colony.experiment.record import Contacts, LightCount, ModeCount, RunKey, Ru
 
 VERSION = 1
 
-_COLUMNS = {
+COLUMNS = {
     "runs": "TEXT NOT NULL",
     "number": "INTEGER NOT NULL",
     "seed": "INTEGER NOT NULL",
@@ -52,6 +52,8 @@ _COLUMNS = {
     "hazards": "TEXT NOT NULL",
     "path": "BLOB NOT NULL",
 }
+"""The columns of the table `run`, with their types."""
+
 _KEY = ("runs", "number", "seed", "variant")
 
 
@@ -88,7 +90,7 @@ class Results:
             name for (name,) in self._file.execute("SELECT name FROM sqlite_master WHERE type = 'table'")
         }
         if not tables:
-            columns = ", ".join(f"{name} {kind}" for name, kind in _COLUMNS.items())
+            columns = ", ".join(f"{name} {kind}" for name, kind in COLUMNS.items())
             self._file.execute("BEGIN IMMEDIATE")
             self._file.execute(f"CREATE TABLE run ({columns}, PRIMARY KEY ({', '.join(_KEY)})) WITHOUT ROWID")
             self._file.execute(_MADE)
@@ -119,7 +121,7 @@ class Results:
         Raises:
             ResultsError: the file cannot be written.
         """
-        marks = ", ".join("?" * len(_COLUMNS))
+        marks = ", ".join("?" * len(COLUMNS))
         try:
             self._file.execute(f"INSERT OR REPLACE INTO run VALUES ({marks})", _row(result))
         except sqlite3.Error as problem:
@@ -131,7 +133,7 @@ class Results:
 
     def of(self, runs: str, variant: str) -> tuple[RunResult, ...]:
         """The results of a list and variant, by number and seed."""
-        query = f"SELECT {', '.join(_COLUMNS)} FROM run WHERE runs = ? AND variant = ? ORDER BY number, seed"
+        query = f"SELECT {', '.join(COLUMNS)} FROM run WHERE runs = ? AND variant = ? ORDER BY number, seed"
         return tuple(map(_result, self._file.execute(query, (runs, variant))))
 
     def close(self) -> None:

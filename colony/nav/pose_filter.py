@@ -53,17 +53,24 @@ class Uncertainty:
     most_mm: float = 250.0
 
 
+# In standard deviations: from where a reading counts less, where not at all, up to where it is as expected.
 _HUBER = 1.5
 _GATE = 3.5
 _AS_EXPECTED = 1.5
-_STILL = 1e-6
-_FEWEST = 3
-_AGREEMENT_RATE = 0.3
-_LOST = 0.65
+# Readings that change by so much a radian tell of a slip; those of walls straight ahead of a sonar do not.
+_TURNING_MM = 200.0
+_FEWEST_TURNING = 4
 
+_STILL = 1e-6
+_FEWEST = 3  # readings that tell anything; fewer are mostly a stretch of wall between two openings
+_AGREEMENT_RATE = 0.3  # a few scans, so that people who pass do not count as being lost
+_LOST = 0.65  # open doors and people spoil up to a third of the readings
+
+# Relocation: headings up to 35 degrees away, each fitted to the scan from half-way to the next one.
 _TRIED_STEP_RAD = math.radians(5.0)
 _TRIED_RAD = tuple(sign * n * _TRIED_STEP_RAD for n in range(8) for sign in ((1, -1) if n else (1,)))
 _TRIED_MM = 60.0
+_FARTHEST = 2.5
 _ASIDE = 0.2  # so far off its way, a mm, goes a robot whose wheels slipped
 _CONFIRMED = 0.8
 _FITS = 2
@@ -71,6 +78,7 @@ _FEWEST_TO_RELOCATE = 7
 _EXPLAINED = 0.5
 _BETTER = 0.02  # of two headings that explain a scan alike the nearer one is taken
 _EXPLAINED_SIGMA = 2.5
+_WORTH_IT = 0.15  # more than one person explains
 _MUCH_BETTER = 0.2
 _AFTER_MM = 50.0
 _AFTER_RAD = math.radians(3.0)
@@ -167,12 +175,13 @@ class PoseFilter:
         that slips turns a robot more than it moves it.
         """
         saved = self.state.copy(), self.covariance.copy()
-        best, found = _EXPLAINED, None
+        best, found = max(_EXPLAINED, self._fit(mirrors, ranges) + _WORTH_IT), None
         for turn in _TRIED_RAD:
             self.state = saved[0].copy()
             self.state[2] += turn
             explained = self._explained(mirrors, ranges, saved[1][3, 3])
-            if explained > best:
+            x, y = self.state[:2] - saved[0][:2]
+            if explained > best and math.hypot(x, y) < _FARTHEST * self._aside_mm:
                 best, found = explained + _BETTER, self.state
         self.state, self.covariance = saved
         if found is None:
@@ -206,16 +215,24 @@ class PoseFilter:
         floor = (sigma_mm**2, sigma_mm**2, sigma_rad**2, 0.0)
         self.covariance = np.diag(np.maximum(kept, floor))
 
+    @property
+    def _aside_mm(self) -> float:
+        """How far the position may be off where the way was lost, as a standard deviation."""
+        return min(_TRIED_MM + _ASIDE * self._unconfirmed_mm, self._noise.most_mm)
+
     def _explained(self, mirrors: Mirrors, ranges: Floats, drift: float) -> float:
         """How much of a scan the state explains, after it was fitted to it: from 0 to 1 for each reading."""
-        off_mm = min(_TRIED_MM + _ASIDE * self._unconfirmed_mm, self._noise.most_mm)
-        self.covariance = np.diag([off_mm**2, off_mm**2, _TRIED_STEP_RAD**2, drift])
+        self.covariance = np.diag([self._aside_mm**2, self._aside_mm**2, _TRIED_STEP_RAD**2, drift])
         for _ in range(_FITS):
             expected = self._ring.expect(mirrors, *self.state[:3])
             used = np.flatnonzero(np.isfinite(expected.sigma))
             if len(used) < _FEWEST_TO_RELOCATE:
                 return 0.0
             self._update(expected, ranges, used, 0.0)
+        return self._fit(mirrors, ranges)
+
+    def _fit(self, mirrors: Mirrors, ranges: Floats) -> float:
+        """How much of a scan the state explains as it is."""
         expected = self._ring.expect(mirrors, *self.state[:3])
         sure = np.isfinite(expected.sigma)
         if int(sure.sum()) < _FEWEST_TO_RELOCATE:
@@ -242,4 +259,7 @@ class PoseFilter:
             posterior = np.linalg.inv(prior + rows.T @ (weight[:, None] * rows))
             self.state += scale * (posterior @ (rows.T @ (weight * surprise[kept])))
             self.covariance = posterior * np.outer(scale, scale)
-        return float((size < _AS_EXPECTED).mean())
+        as_expected = size < _AS_EXPECTED
+        turning = as_expected[np.abs(jacobian[:, 2]) > _TURNING_MM]
+        part = float(as_expected.mean())
+        return part if len(turning) < _FEWEST_TURNING else min(part, float(turning.mean()))

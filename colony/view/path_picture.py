@@ -34,7 +34,7 @@ def draw_paths(drawn: Map, drives: Sequence[Drive], title: str) -> Figure:
     for legend in [axes.get_legend(), *figure.legends]:
         if legend is not None:
             legend.remove()
-    for reached, color, width, alpha in ((True, _REACHED, 0.8, 0.5), (False, _FAILED, 1.2, 0.9)):
+    for reached, color, width, alpha in ((True, _REACHED, 1.2, 0.6), (False, _FAILED, 1.8, 0.9)):
         some = [np.array(d.path, dtype=float) for d in drives if d.reached is reached and len(d.path) > 1]
         axes.add_collection(
             LineCollection(some, colors=color, linewidths=width, alpha=alpha, zorder=6, capstyle="round")

@@ -35,8 +35,11 @@ def test_there_are_behaviors_and_maps() -> None:
     assert {f.stem for f in FILES} >= {
         "rome",
         "wander",
+        "corridor",
+        "goals",
         "hallway",
         "navigator",
+        "thesis_navigator",
         "allen",
         "herbert",
         "teleop",
@@ -189,10 +192,19 @@ def test_hallway_turns_to_the_goal_and_stops_at_its_distance(run: Run) -> None:
     assert 3_000.0 < report["distance_mm"] < 3_400.0
 
 
-def test_the_navigator_stands_until_it_has_a_goal(run: Run) -> None:
-    behavior, building = ROOT / "behaviors" / "navigator.colony", ROOT / "maps" / "loop.stickrep"
+GOAL = ("--set", f"GoalType={ord('D')}", "--set", "GoalDirection=90", "--set", "GoalDistance=4000")
+
+
+@pytest.mark.parametrize(("name", "beyond_mm"), [("navigator", 30.0), ("thesis_navigator", 300.0)])
+def test_the_navigator_stands_until_it_has_a_goal_and_stops_there(
+    name: str, beyond_mm: float, run: Run
+) -> None:
+    behavior, building = ROOT / "behaviors" / f"{name}.colony", ROOT / "maps" / "loop.stickrep"
     assert run(behavior, building, 3)["distance_mm"] == 0.0
-    assert run(behavior, building, 20, "--set", "GoalHeading=90")["distance_mm"] > 3_000.0
+    report = run(behavior, building, 30, *GOAL)
+    assert 3_970.0 < report["distance_mm"] < 4_000.0 + beyond_mm
+    [told] = [a for a in report["actuators"] if a["actuator"] == "report"]
+    assert next(share["seconds"] for share in told["shares"] if share["module"] == "tell") > 1.0
 
 
 def test_the_operator_drives_while_the_stick_is_held(run: Run) -> None:

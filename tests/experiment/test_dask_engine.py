@@ -6,24 +6,34 @@ import pytest
 
 from colony.experiment import dask_engine
 from colony.experiment.dask_engine import DaskEngine
-from colony.experiment.parallel import PoolEngine, SerialEngine, WorkersLost
+from colony.experiment.lists import PUBLISHED_MAP
+from colony.experiment.parallel import SerialEngine, WorkersLost
+from colony.experiment.record import RunKey
+from colony.experiment.runs import RunSpec, run
+from colony.sim.hazards import Hazards
 
 pytest.importorskip("distributed")
 
 
-def _work(item: int) -> tuple[int, float]:
-    return item, item**0.5
-
-
 def test_a_local_cluster_of_two_workers_gives_the_same_results() -> None:
-    items = list(range(40))
-    expected = list(SerialEngine().results(_work, items))
-    assert sorted(DaskEngine(workers=2).results(_work, items)) == expected
-    assert sorted(PoolEngine(2).results(_work, items)) == expected
+    specs = [
+        RunSpec(
+            key=RunKey("short", number, seed, "ours"),
+            map_path=PUBLISHED_MAP,
+            origin=origin,
+            goal=goal,
+            hazards=Hazards(),
+        )
+        for number, (origin, goal) in enumerate((("A342L", "A340R"), ("A339L", "A338R")), 1)
+        for seed in (1, 2)
+    ]
+    expected = list(SerialEngine().results(run, specs))
+    found = list(DaskEngine(workers=2).results(run, specs))
+    assert sorted(found, key=lambda one: one.key) == expected
 
 
 def test_a_scheduler_that_is_not_there(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(dask_engine, "REACHED_S", 0.5)
     engine = DaskEngine("tcp://127.0.0.1:9")
     with pytest.raises(WorkersLost, match=r"no Dask scheduler at tcp://127.0.0.1:9"):
-        list(engine.results(_work, [1]))
+        list(engine.results(abs, [1]))

@@ -34,6 +34,8 @@ def test_targets_of_the_published_runs() -> None:
     assert found["mean speed, old wing"].found.startswith("29.3 m/min")
     assert not found["mean speed, new wing"].met
     assert found["mean speed, new wing"].found.startswith("10.0 m/min")
+    assert found["top speed of a run"].found == "0.50 to 0.50 m/s"
+    assert found["top speed of a run"].met
     contacts = found["runs with a contact above 50 mm/s"]
     assert contacts.found == "1 (contacts in all: 3, the fastest at 220 mm/s)"
     assert not contacts.met
@@ -42,9 +44,17 @@ def test_targets_of_the_published_runs() -> None:
 def test_soft_contacts_do_no_harm_and_lists_of_ones_own_have_no_wings() -> None:
     soft = replace(REACHED, contacts=Contacts(2, 50.0))
     found = targets([soft] * 19 + [STUCK], published=False)
-    assert [target.met for target in found] == [True, True, True, False]
-    assert [target.met for target in targets([soft], published=False)] == [True] * 4
+    assert [target.met for target in found] == [True, True, True, True, False]
+    assert [target.met for target in targets([soft], published=False)] == [True] * 5
     assert targets([], published=True) == ()
+
+
+def test_where_no_run_reached_its_goal_nothing_is_met() -> None:
+    found = {target.what: target for target in targets([result(1, 1, STUCK)], published=True)}
+    assert found["mean speed, old wing"].found == "no run reached its goal"
+    assert not found["mean speed, old wing"].met
+    assert "mean speed, new wing" not in found
+    assert not found["distance to the goal as the crow flies, 95th percentile"].met
 
 
 def test_the_first_27_runs_are_of_the_old_wing() -> None:

@@ -1,0 +1,109 @@
+"""One frame of the loop: what is read, decided and carried out, in which order and in which units."""
+
+from __future__ import annotations
+
+import pytest
+
+from colony.dsl.load import load_text
+from colony.experiment.behavior import behavior_from
+from colony.experiment.loop import Loop
+from colony.ir.frame import Frame, Outcome
+from colony.runtime.kit.script import Script, do, sleep
+from colony.runtime.library import data, robot
+from colony.sim.config import IDEAL
+from colony.sim.world import World
+from tests.experiment.conformance_stage import PROGRAM, WALLS
+
+
+class Stage:
+    """The tester's loop, and the frames it has had. Mutable."""
+
+    def __init__(self, *scripts: Script, x_mm: float = 0.0) -> None:
+        self.frames: list[tuple[Frame, Outcome]] = []
+        self.world = World(walls=WALLS, poses=[(x_mm, 0.0, 270.0)], config=IDEAL)
+        self.loop = Loop(
+            behavior_from(load_text(PROGRAM)),
+            self.world,
+            {str(i): script for i, script in enumerate(scripts)},
+            watch=lambda frame, outcome: self.frames.append((frame, outcome)),
+        )
+
+    def run(self, frames: int) -> None:
+        for _ in range(frames):
+            self.loop.frame()
+
+    def reading(self, sensor: str) -> list[object]:
+        return [frame.readings.get(sensor) for frame, _ in self.frames]
+
+
+def _set_once(name: str, value: object, after_s: float) -> Script:
+    yield from sleep(after_s)
+    yield from do("DServer", data.set(name, value))
+
+
+def test_variables_are_read_in_the_next_frame_and_grow_old() -> None:
+    stage = Stage(_set_once("Wanted", 200, 0.1))
+    stage.run(14)
+    # Set in frame 2; `within 400 ms` of then are the frames up to the tenth.
+    assert stage.reading("wanted") == [None] * 3 + [200.0] * 8 + [None] * 3
+    assert [outcome.decisions[0].by for _, outcome in stage.frames] == [None] * 3 + ["go"] * 8 + [None] * 3
+    assert stage.world.speed(0).velocity_mm_s < 200.0  # it is stopping again
+
+
+def test_readings_are_in_declared_units_and_lists_are_no_numbers() -> None:
+    stage = Stage(_set_once("Wanted", [1.0, 2.0], 0.0), x_mm=1500.0)
+    stage.run(3)
+    assert stage.reading("x") == [1.5] * 3
+    assert stage.reading("wanted")[1] == (1.0, 2.0)
+    assert stage.frames[1][1].decisions[0].by is None
+    assert ("sensor fault", "wanted") in [tuple(record) for record in stage.frames[1][1].records]
+
+
+def test_what_the_network_sets_scripts_read_in_the_same_frame() -> None:
+    read: list[object] = []
+
+    def script() -> Script:
+        while True:
+            read.append((yield from do("DServer", data.get("Count"))))
+            yield from sleep(0.05)
+
+    stage = Stage(script())
+    stage.run(4)
+    assert read == [0.0, 1.0, 2.0, 3.0]
+
+
+def test_nothing_is_driven_into_a_pressed_bumper() -> None:
+    def push() -> Script:
+        while True:
+            yield from do("DServer", data.set("Wanted", 300))
+            yield from sleep(0.1)
+
+    speeds: list[object] = []
+
+    def look() -> Script:
+        yield from sleep(2.5)
+        speeds.append((yield from do("RServer", robot.bumper())))
+        speeds.append((yield from do("RServer", robot.speed_setting())))
+
+    stage = Stage(push(), look(), x_mm=8450.0)
+    stage.run(60)
+    assert stage.world.bumper(0).front
+    assert speeds == [robot.Bumpers(front=True, rear=False), 0.0]
+
+
+def test_closing_stops_the_robot_and_the_scripts() -> None:
+    ends: list[str] = []
+
+    def push() -> Script:
+        try:
+            yield from do("DServer", data.set("Wanted", 300))
+            yield from sleep(100.0)
+        finally:
+            ends.append("ended")
+
+    stage = Stage(push())
+    stage.run(6)
+    stage.loop.close()
+    assert ends == ["ended"]
+    stage.world.advance(2.0)
+    assert stage.world.speed(0).velocity_mm_s == pytest.approx(0.0)

@@ -1,0 +1,158 @@
+"""What is noted of a run while it is driven."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+import pytest
+
+from colony.dsl.load import load_text
+from colony.experiment.behavior import behavior_from
+from colony.experiment.loop import Loop
+from colony.experiment.record import Contacts, LightCount, ModeCount
+from colony.experiment.watching import Watcher, mode_of
+from colony.nav.plan import Place, Plan, Segment
+from colony.nav.shared import CEILING_LIGHT, GOAL_NUMBER, GOAL_REACHED, GoalKind
+from colony.runtime.kit.script import Script, do, sleep
+from colony.runtime.library import data
+from colony.sim.config import IDEAL
+from colony.sim.scenery import Joint, Scenery, Slip, bare
+from colony.sim.world import World
+from tests.experiment.conformance_stage import PROGRAM
+
+
+def _segment(kind: GoalKind, start: float, end: float, *lights: float) -> Segment:
+    return Segment(
+        kind=kind,
+        heading_deg=270.0,
+        start=Place(start, 0.0, "floor"),
+        end=Place(end, 0.0, "floor"),
+        width_mm=4000.0,
+        lights_mm=lights,
+    )
+
+
+PLAN = Plan(
+    origin="a",
+    goal="b",
+    segments=(
+        _segment(GoalKind.LIGHTS, 0.0, 8000.0, 3000.0, 8000.0),
+        _segment(GoalKind.ENTER_CORNER, 8000.0, 9000.0),
+        _segment(GoalKind.CORNER, 9000.0, 10_000.0),
+        _segment(GoalKind.DEAD_RECKONING, 10_000.0, 12_000.0),
+    ),
+    distance_mm=12_000.0,
+    modes="lcd",
+)
+
+
+class Stage:
+    """A robot that drives east at half a meter a second, and a watcher of it. Mutable."""
+
+    def __init__(self, *scripts: Script, scenery: Scenery | None = None, wall_mm: float = 50_000.0) -> None:
+        walls = [(wall_mm, -2e3, wall_mm, 2e3), (-5e3, 2e3, -5e3, -2e3)]
+        world = World(walls=scenery or walls, poses=[(0.0, 0.0, 270.0)], config=IDEAL)
+        self.loop = Loop(
+            behavior_from(load_text(PROGRAM)),
+            world,
+            {str(i): script for i, script in enumerate(scripts)},
+            variables={"Wanted": 500.0},
+        )
+        self.watcher = Watcher(PLAN, self.loop, 100.0)
+
+    def drive(self, until: Callable[[], bool], most: int = 8000) -> str:
+        for _ in range(most):
+            self.loop.frame()
+            failure = self.watcher.look()
+            if failure or until():
+                return failure
+        raise AssertionError("it did not come so far")
+
+
+def _goals(*steps: tuple[float, dict[str, int]]) -> Script:
+    """Set variables, each so many seconds after the one before."""
+    for seconds, values in steps:
+        yield from sleep(seconds)
+        yield from do("DServer", data.set_many(values))
+
+
+def test_modes_are_counted_as_they_are_entered_and_completed() -> None:
+    stage = Stage(
+        _goals(
+            (1.0, {GOAL_NUMBER: 1}),
+            (1.0, {GOAL_REACHED: 1, GOAL_NUMBER: 2}),
+            (1.0, {GOAL_REACHED: 2, GOAL_NUMBER: 3}),
+            (1.0, {GOAL_REACHED: 3, GOAL_NUMBER: 4}),
+            (1.0, {GOAL_REACHED: 4}),
+        )
+    )
+    found = []
+    for t_s in (0.5, 1.5, 2.5, 3.5, 4.5, 5.5):
+        stage.drive(lambda t_s=t_s: stage.loop.now_ns >= t_s * 1e9)  # type: ignore[misc]
+        entered = tuple(mode.entered for mode in stage.watcher.modes())
+        completed = tuple(mode.completed for mode in stage.watcher.modes())
+        found.append((entered, completed, stage.watcher.completed, stage.watcher.mode))
+    assert found == [
+        ((0, 0, 0), (0, 0, 0), 0, "L"),
+        ((1, 0, 0), (0, 0, 0), 0, "L"),
+        ((1, 1, 0), (1, 0, 0), 1, "C"),
+        ((1, 1, 0), (1, 0, 0), 1, "C"),
+        ((1, 1, 1), (1, 1, 0), 2, "D"),
+        ((1, 1, 1), (1, 1, 1), 3, "D"),
+    ]
+    assert stage.watcher.modes()[1] == ModeCount(1, 1, 1)
+
+
+def test_lights_are_seen_missed_or_false_by_where_the_robot_is() -> None:
+    # At half a meter a second the lights hang 6 and 16 seconds away.
+    right = Stage(_goals((0.05, {GOAL_NUMBER: 1}), (6.3, {CEILING_LIGHT: 1}), (10.3, {CEILING_LIGHT: 2})))
+    right.drive(lambda: right.loop.now_ns >= 19e9)
+    assert right.watcher.lights == LightCount(2, 0, 0)
+    assert right.watcher.first_light
+    early = Stage(_goals((0.05, {GOAL_NUMBER: 1}), (1.0, {CEILING_LIGHT: 1})))
+    early.drive(lambda: early.loop.now_ns >= 2e9)
+    assert early.watcher.lights == LightCount(0, 0, 1)
+    early.drive(lambda: early.loop.now_ns >= 13e9)
+    assert early.watcher.lights == LightCount(0, 1, 1)  # the first was passed, the second is still ahead
+    assert not early.watcher.first_light
+    left = Stage(_goals((0.05, {GOAL_NUMBER: 1}), (6.0, {CEILING_LIGHT: 1}), (1.0, {GOAL_NUMBER: 2})))
+    left.drive(lambda: left.loop.now_ns >= 8e9)
+    assert left.watcher.lights == LightCount(1, 1, 0)
+
+
+def test_a_wall_is_a_contact_and_then_the_robot_is_stuck() -> None:
+    stage = Stage(wall_mm=3000.0)
+    assert stage.drive(lambda: False) == "stuck"
+    contacts = stage.watcher.contacts
+    assert contacts.number >= 1
+    assert contacts.fastest_mm_s == pytest.approx(500.0, abs=20.0)
+    assert stage.watcher.top_mm_s == pytest.approx(500.0, abs=1.0)
+    assert Stage().watcher.contacts == Contacts(0, 0.0)
+    assert 60e9 <= stage.loop.now_ns <= 70e9
+
+
+def test_new_goals_are_progress_for_a_robot_that_stands() -> None:
+    stage = Stage(_goals(*((30.0, {GOAL_NUMBER: number}) for number in (1, 2, 3))), wall_mm=1000.0)
+    assert stage.drive(lambda: False) == "stuck"
+    assert stage.loop.now_ns >= 150e9
+
+
+def test_patience_ends_after_three_times_what_was_expected() -> None:
+    stage = Stage(wall_mm=1e6)
+    assert stage.drive(lambda: False) == "too long"
+    assert stage.loop.now_ns == pytest.approx(300e9, abs=1e8)
+
+
+def test_slips_are_noticed_where_wheels_count_what_is_not_driven() -> None:
+    slip = Slip(probability=1.0, turn_deg=0.0, least_mm=30.0, most_mm=80.0)
+    plain = bare(np.array([[50e3, -2e3, 50e3, 2e3]]))
+    joints = tuple(Joint(x0_mm=x, y0_mm=-2e3, x1_mm=x, y1_mm=2e3) for x in (2e3, 4e3, 7e3))
+    scenery = Scenery(seed=1, walls=plain.walls, silent=plain.silent, joints=joints, slip=slip)
+    stage = Stage(scenery=scenery)
+    stage.drive(lambda: stage.loop.world.true_pose(0).x_mm > 8000.0)
+    assert stage.watcher.slips == 3
+
+
+def test_every_kind_of_goal_has_a_mode() -> None:
+    assert "".join(mode_of(kind) for kind in sorted(GoalKind)) == "DCDCLD"

@@ -1,0 +1,65 @@
+"""docs/experiments.md: it has every column, failure and option, and a place for each of its tables."""
+
+from __future__ import annotations
+
+import re
+from dataclasses import replace
+from pathlib import Path
+from typing import get_args
+
+import pytest
+
+from colony.cli.experiment import command
+from colony.experiment.conduct import Experiment
+from colony.experiment.lists import PUBLISHED_MAP, published_list
+from colony.experiment.record import Failure
+from colony.experiment.results import COLUMNS
+from colony.sim.hazards import Hazards
+
+ROOT = Path(__file__).parent.parent
+PAGE = (ROOT / "docs" / "experiments.md").read_text(encoding="utf-8")
+QUOTED = set(re.findall(r"`([^`]+)`", PAGE))
+
+
+def test_every_column_is_explained() -> None:
+    explained = QUOTED | {f"{mode}_{what}" for mode in "cd" for what in ("entered", "completed", "needed")}
+    assert not set(COLUMNS) - explained
+
+
+def test_every_failure_is_explained() -> None:
+    told = re.findall(r"^\| ([a-z ]+) \| [a-z]", PAGE, re.MULTILINE)
+    assert set(get_args(Failure)) - {""} <= set(told)
+
+
+def test_every_option_that_is_shown_exists() -> None:
+    options = {name for parameter in command.params for name in (*parameter.opts, *parameter.secondary_opts)}
+    shown = {
+        word
+        for line in re.findall(r"colony experiment ([^`\n]*)", PAGE)
+        for word in line.split()
+        if word.startswith("-")
+    }
+    assert shown
+    assert shown <= options
+
+
+@pytest.mark.parametrize("hazards", [Hazards(), Hazards.none()])
+def test_there_is_a_place_for_each_table(hazards: Hazards) -> None:
+    ours = Experiment(
+        name="thesis",
+        map_path=PUBLISHED_MAP,
+        runs=published_list(),
+        seeds=(1,),
+        variant="thesis",
+        hazards=hazards,
+    )
+    labels = [ours.label, *([replace(ours, variant="ours").label] if hazards.on else [])]
+    for label in labels:
+        begin, end = f"<!-- thesis {label} -->", f"<!-- end of thesis {label} -->"
+        assert PAGE.count(begin) == PAGE.count(end) == 1
+        assert PAGE.index(begin) < PAGE.index(end)
+
+
+def test_its_pictures_are_there() -> None:
+    for name in re.findall(r"!\[[^]]*\]\(([^)]+)\)", PAGE):
+        assert (ROOT / "docs" / name).is_file()
