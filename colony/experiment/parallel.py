@@ -9,10 +9,12 @@ from __future__ import annotations
 import multiprocessing
 import os
 import signal
+import threading
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
 from concurrent.futures.process import BrokenProcessPool
 from itertools import islice
+from multiprocessing.process import BaseProcess
 from typing import Protocol, TypeVar
 
 T = TypeVar("T")
@@ -55,7 +57,7 @@ class PoolEngine:
         context = multiprocessing.get_context("spawn")
         before = set(multiprocessing.active_children())
         count = max(1, min(self.workers, len(items)))
-        pool = ProcessPoolExecutor(count, mp_context=context, initializer=_leave_interrupts)
+        pool = ProcessPoolExecutor(count, mp_context=context, initializer=_begin_worker)
         try:
             queue = iter(items)
             running = {pool.submit(work, item) for item in islice(queue, _AHEAD * count)}
@@ -81,6 +83,15 @@ def _results_of(done: set[Future[R]]) -> Iterator[R]:
         yield future.result()
 
 
-def _leave_interrupts() -> None:
-    """Ctrl-C reaches every process of a terminal; only the first is to act on it."""
+def _begin_worker() -> None:
+    """Ctrl-C reaches every process of a terminal, and only the first is to act on it; but when that one is
+    gone, however it ended, nobody wants the work any more."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
+    parent = multiprocessing.parent_process()
+    if parent is not None:
+        threading.Thread(target=_end_with, args=(parent,), daemon=True).start()
+
+
+def _end_with(parent: BaseProcess) -> None:
+    parent.join()
+    os._exit(1)

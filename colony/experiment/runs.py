@@ -92,15 +92,16 @@ class Run:
         self.world = World(walls=self.scenery, poses=[pose], seed=seed)
         ceiling = CeilingCamera(self.scenery)
         camera = LocalCamera(CEILING_CAMERA, lambda now_ns: CeilingShot(ceiling, self.world, now_ns))
+        begun: list[int] = []
         self.loop = Loop(
             behavior_of(self.variant.behavior),
             self.world,
-            self.variant.scripts(self.plan, self._walls),
+            self.variant.scripts(self.plan, self._walls, lambda number, segment: begun.append(number)),
             cameras=(camera,),
             seed=seed,
             watch=watch,
         )
-        self.watcher = Watcher(self.plan, self.loop, self.expected_s)
+        self.watcher = Watcher(self.plan, self.loop, self.expected_s, begun)
         self.failure: Failure | None = None
         self.remark = ""
 
@@ -121,6 +122,7 @@ class Run:
             self.failure = failure
         elif self.loop.scripts.ended(PLANNER):
             self.failure = "" if self.off_mm <= AT_GOAL_MM else "astray"
+            self.watcher.done = not self.failure
         return self.failure is None
 
     def close(self) -> None:

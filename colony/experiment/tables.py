@@ -105,6 +105,7 @@ def _published(run: PublishedRun | None) -> list[str]:
 
 def markdown(head: list[str], rows: list[list[str]]) -> str:
     """A table of Markdown whose columns are aligned in the text, too."""
+    head, *rows = ([_cell(text) for text in row] for row in (head, *rows))
     widths = [max(len(row[i]) for row in (head, *rows)) for i in range(len(head))]
     lines = [
         " | ".join(cell.ljust(width) for cell, width in zip(row, widths, strict=True))
@@ -112,3 +113,7 @@ def markdown(head: list[str], rows: list[list[str]]) -> str:
     ]
     rule = "|".join("-" * (width + 2) for width in widths)
     return "\n".join([f"| {lines[0]} |", f"|{rule}|", *(f"| {line} |" for line in lines[1:])])
+
+
+def _cell(text: str) -> str:
+    return " ".join(text.split()).replace("|", "\\|")

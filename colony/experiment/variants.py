@@ -10,7 +10,7 @@ from typing import Literal
 from colony.nav.clerk import clerk
 from colony.nav.local_mapper import local_mapper
 from colony.nav.plan import Plan
-from colony.nav.planner import planner
+from colony.nav.planner import OnSegment, planner
 from colony.nav.walls import Walls
 from colony.runtime.kit.script import Script
 from colony.vision.light_tracker import light_tracker
@@ -36,14 +36,14 @@ class Variant:
     behavior: Path
     mm_s: float
 
-    def scripts(self, plan: Plan, walls: Walls) -> Mapping[str, Script]:
+    def scripts(self, plan: Plan, walls: Walls, on_segment: OnSegment | None = None) -> Mapping[str, Script]:
         """The clients around the Navigator, in the order in which they run in a moment."""
         thesis = self.name == "thesis"
         return {
             "clerk": clerk(),
             "tracker": light_tracker(thesis=thesis),
             "mapper": local_mapper(walls, thesis=thesis),
-            PLANNER: planner(plan, positions="reckoning" if thesis else "pose"),
+            PLANNER: planner(plan, positions="reckoning" if thesis else "pose", on_segment=on_segment),
         }
 
 

@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 
 from colony.experiment.loop import Loop
 from colony.experiment.record import MODES, Contacts, Failure, LightCount, Mode, ModeCount
-from colony.ir.types import Value
 from colony.nav.plan import Plan, Segment
-from colony.nav.shared import CEILING_LIGHT, GOAL_NUMBER, GOAL_REACHED, GoalKind
-from colony.runtime.servers.publishing import Fields
+from colony.nav.shared import CEILING_LIGHT, GoalKind
 from colony.sim.world import Pose
 
 STUCK_NS = 60_000_000_000
@@ -45,20 +44,22 @@ class Watcher:
     """Looks at a run after every frame. Mutable: what it has seen.
 
     Args:
-        plan: what is driven; goal number n is its segment n - 1.
+        plan: what is driven.
         loop: the run.
         expected_s: how long the plan takes where nothing goes wrong.
+        begun: the numbers of the segments that the planner has begun, from 0; it goes on growing.
     """
 
-    def __init__(self, plan: Plan, loop: Loop, expected_s: float) -> None:
-        self._plan, self._loop = plan, loop
+    def __init__(self, plan: Plan, loop: Loop, expected_s: float, begun: Sequence[int]) -> None:
+        self._plan, self._loop, self._begun = plan, loop, begun
         self._limit_ns = round(PATIENCE * expected_s * 1e9)
-        self._goal = 0
-        self._reached = 0
+        self._seen = 0
+        self._began_mm: dict[int, float] = {}
+        self.done = False
         self._place = loop.world.true_pose(0)
         self._since_ns = 0
         self._light = 0
-        self._counted: dict[int, set[int]] = {}
+        self._counted: dict[int, set[float]] = {}
         self._false = 0
         self._pose, self._counts = loop.world.true_pose(0), loop.world.odometry(0)
         self.slips = 0
@@ -83,10 +84,14 @@ class Watcher:
         return "too long" if now_ns > self._limit_ns else ""
 
     @property
+    def _segment(self) -> int:
+        """The number of the present segment, -1 before the first one."""
+        return self._begun[-1] if self._begun else -1
+
+    @property
     def mode(self) -> Mode:
-        """The mode of the present goal."""
-        segments = self._plan.segments
-        return mode_of(segments[min(max(self._goal, 1), len(segments)) - 1].kind)
+        """The mode of the present segment."""
+        return mode_of(self._plan.segments[max(self._segment, 0)].kind)
 
     @property
     def contacts(self) -> Contacts:
@@ -98,12 +103,13 @@ class Watcher:
     def lights(self) -> LightCount:
         """The lights of the legs begun so far; on the present one those that were passed."""
         seen = missed = 0
-        for goal in range(1, min(self._goal, len(self._plan.segments)) + 1):
-            segment = self._plan.segments[goal - 1]
-            counted = self._counted.get(goal, set())
-            passed = segment.lights_mm if goal < self._goal else self._passed(segment)
+        for number in self._begun:
+            segment, counted = self._plan.segments[number], self._counted.get(number, set())
+            over = number != self._segment or self.done
+            upto = math.inf if over else _along(segment, self._loop) - BELOW_LIGHT_MM
+            due = {light for light in segment.lights_mm if self._began_mm.get(number, 0.0) < light < upto}
             seen += len(counted)
-            missed += sum(number not in counted for number in range(len(passed)))
+            missed += len(due - counted)
         return LightCount(seen, missed, self._false)
 
     def modes(self) -> tuple[ModeCount, ModeCount, ModeCount]:
@@ -111,63 +117,63 @@ class Watcher:
         counts = {mode: [0, 0, 0] for mode in MODES}
         for first, last, mode in _groups(self._plan):
             count = counts[mode]
-            count[0] += self._goal >= first
-            count[1] += self._reached >= last
+            count[0] += self._segment >= first
+            count[1] += self._is_over(last)
             count[2] += 1
         lights, corners, end = (ModeCount(*counts[mode]) for mode in MODES)
         return lights, corners, end
 
+    def _is_over(self, segment: int) -> bool:
+        return self.done or self._segment > segment
+
     @property
     def completed(self) -> int:
         """How many modes were completed, one after the other."""
-        return sum(self._reached >= last for _, last, _ in _groups(self._plan))
+        return sum(self._is_over(last) for _, last, _ in _groups(self._plan))
 
     @property
     def first_light(self) -> bool:
-        """Whether a light of the present goal was found."""
-        return bool(self._counted.get(self._goal))
+        """Whether a light of the present segment was found."""
+        return bool(self._counted.get(self._segment))
 
     # --- what it sees --------------------------------------------------------------------------------
 
     def _look_at_goals(self) -> bool:
-        """Whether there is a new goal."""
-        held = self._loop.data.fields(self._loop.now_ns)
-        number = _whole(held, GOAL_NUMBER)
-        new = number != self._goal
+        """Whether there is a new segment."""
+        new = len(self._begun) != self._seen
         if new:
-            self._goal, self._light = number, 0
-        self._reached = max(self._reached, _whole(held, GOAL_REACHED))
-        light = _whole(held, CEILING_LIGHT)
-        if light != self._light:
-            for counted in range(self._light, light):
-                self._light_counted(counted)
+            self._seen, self._light = len(self._begun), 0
+            segment = self._plan.segments[self._segment]
+            self._began_mm[self._segment] = _along(segment, self._loop)
+        sample = self._loop.data.fields(self._loop.now_ns).get(CEILING_LIGHT)
+        light = int(sample.value) if sample is not None and isinstance(sample.value, float) else 0
+        if new and light:
+            self._light = light  # the count of the leg before, until CTracker has taken notice
+        elif light != self._light:
+            for _ in range(self._light, light):
+                self._light_counted()
             self._light = light
         return new
 
-    def _light_counted(self, number: int) -> None:
-        segment = self._segment()
+    def _light_counted(self) -> None:
+        """One more was counted: the nearest one, if it is near and was not counted yet."""
+        number = self._segment
+        segment = self._plan.segments[number] if number >= 0 else None
         if segment is None or segment.kind is not GoalKind.LIGHTS:
             return
-        along = _along(segment, self._loop)
-        if number < len(segment.lights_mm) and abs(along - segment.lights_mm[number]) < BELOW_LIGHT_MM:
-            self._counted.setdefault(self._goal, set()).add(number)
+        along, counted = _along(segment, self._loop), self._counted.setdefault(number, set())
+        nearest = min(segment.lights_mm, key=lambda light: abs(light - along))
+        if abs(nearest - along) < BELOW_LIGHT_MM and nearest not in counted:
+            counted.add(nearest)
         else:
             self._false += 1
 
-    def _segment(self) -> Segment | None:
-        segments = self._plan.segments
-        return segments[self._goal - 1] if 0 < self._goal <= len(segments) else None
-
-    def _passed(self, segment: Segment) -> tuple[float, ...]:
-        along = _along(segment, self._loop) - BELOW_LIGHT_MM
-        return tuple(light for light in segment.lights_mm if light < along)
-
 
 def _groups(plan: Plan) -> list[tuple[int, int, Mode]]:
-    """Each mode of a plan: its first and its last goal, from 1; corners have up to two."""
+    """Each mode of a plan: its first and its last segment; corners have up to two."""
     groups: list[tuple[int, int, Mode]] = []
-    for number, segment in enumerate(plan.segments, 1):
-        entered = number > 1 and plan.segments[number - 2].kind is GoalKind.ENTER_CORNER
+    for number, segment in enumerate(plan.segments):
+        entered = number > 0 and plan.segments[number - 1].kind is GoalKind.ENTER_CORNER
         if segment.kind is GoalKind.CORNER and entered:
             groups[-1] = (groups[-1][0], number, "C")
         else:
@@ -184,10 +190,3 @@ def _along(segment: Segment, loop: Loop) -> float:
     heading, pose = math.radians(segment.heading_deg), loop.world.true_pose(0)
     dx, dy = pose.x_mm - segment.start.x_mm, pose.y_mm - segment.start.y_mm
     return -math.sin(heading) * dx + math.cos(heading) * dy
-
-
-def _whole(held: Fields, name: str) -> int:
-    """A variable that counts; 0 where it is not set, or no number."""
-    sample = held.get(name)
-    value: Value = 0.0 if sample is None else sample.value
-    return int(value) if isinstance(value, float) and math.isfinite(value) else 0

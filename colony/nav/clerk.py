@@ -3,6 +3,10 @@
 The Planner's $GoalData becomes a GoalNumber, one higher for each goal, and when the network says in
 GoalReached that it has reached this very goal, $RobotStatus is upped (thesis section 5.3). A goal that comes
 while another one is pursued takes its place, and the other one is never answered: its Planner is gone.
+
+A clerk that is started anew goes on where one before it was ended: a goal that has its number and no answer
+is pursued, and answered even if it was reached meanwhile. What it held between $GoalData and GoalNumber, or
+between GoalAnswered and $RobotStatus, is lost: then the robot stands, and wants a new Planner.
 """
 
 from __future__ import annotations
@@ -12,6 +16,7 @@ from typing import Any
 
 from colony.nav.shared import (
     CEILING_LIGHT,
+    GOAL_ANSWERED,
     GOAL_DATA,
     GOAL_DISTANCE,
     GOAL_NUMBER,
@@ -36,25 +41,29 @@ def clerk(*, period_s: float = PERIOD_S) -> Script:
     for name in (GOAL_DATA, ROBOT_STATUS):
         yield from do("DServer", data.create_semaphore(name, 0))
     number = int((yield from _value(GOAL_NUMBER)) or 0)
-    replaced = False
+    pursued = number != int((yield from _value(GOAL_ANSWERED)) or 0)
     while True:
-        if not replaced:
+        if pursued and (yield from _reached(number, period_s)):
+            # In this order: an answer that is lost stops the robot, one too many would lead it astray.
+            yield from do("DServer", data.set(GOAL_ANSWERED, number))
+            yield from do("DServer", data.signal(ROBOT_STATUS))
+            pursued = False
+        if not pursued:
             yield from do("DServer", data.wait(GOAL_DATA))
         yield from _await_tracker(period_s)
         number += 1
         yield from do("DServer", data.set(GOAL_NUMBER, number))
-        replaced = yield from _pursued(number, period_s)
-        if not replaced:
-            yield from do("DServer", data.signal(ROBOT_STATUS))
+        pursued = True
 
 
-def _pursued(number: int, period_s: float) -> Generator[Step, Any, bool]:
-    """Until the goal is reached (False), or there is another one in its place (True)."""
-    while (yield from _value(GOAL_REACHED)) != number:
+def _reached(number: int, period_s: float) -> Generator[Step, Any, bool]:
+    """Until the goal is reached (True), or there is another one in its place (False)."""
+    while True:
         # Waiting for the next goal is the pause between two looks.
         if (yield from _taken(GOAL_DATA, period_s)):
+            return False
+        if (yield from _value(GOAL_REACHED)) == number:
             return True
-    return False
 
 
 def _await_tracker(period_s: float) -> Generator[Step, Any, None]:

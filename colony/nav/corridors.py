@@ -26,6 +26,9 @@ from colony.nav.walls import walls_of
 NARROWEST_MM, WIDEST_MM = 1000.0, 4500.0
 """How wide a corridor may be: what is wider is a hall, in which two walls do not guide a robot."""
 
+STAND_MM = 500.0
+"""No robot is sent nearer to the wall with which a corridor ends: its hull has a radius of 0.4 m."""
+
 _LEAST_FACING_MM = 300.0
 _PARALLEL = math.cos(math.radians(3.0))
 _COLLINEAR_MM = 350.0
@@ -60,6 +63,12 @@ class Corridor:
         """How far after `start` a place is, measured along the middle line, in mm."""
         unit = direction(self.heading_deg)
         return (x - self.start.x) * unit.x + (y - self.start.y) * unit.y
+
+    def abreast(self, x: float, y: float) -> float:
+        """How far after `start` a robot in the middle is abreast of a place, or as nearly so as the walls let
+        it be with which the corridor ends, in mm."""
+        off = min(STAND_MM, self.length_mm / 2)
+        return min(max(self.along(x, y), off), self.length_mm - off)
 
     def beside(self, x: float, y: float) -> float:
         """How far to the left of the middle line a place is, in mm."""

@@ -25,7 +25,8 @@ class Segment:
     from `start`, rising, and `end` is below the last one. A corner segment begins in the middle of the
     turning space, with a turn to its heading, and ends where the robot is in the next corridor. `width_mm`
     is the corridor's. An elevator segment leads from before its doors, which `heading_deg` faces, to before
-    them on another floor, whose map has them `turn_deg` further counterclockwise.
+    them on another floor, whose map has them `turn_deg` further counterclockwise; its `width_mm` is that of
+    the doors, and `doors_mm` how far they are from its start and from its end.
     """
 
     kind: GoalKind
@@ -35,6 +36,7 @@ class Segment:
     width_mm: float
     lights_mm: tuple[float, ...] = ()
     turn_deg: float = 0.0
+    doors_mm: tuple[float, float] = (0.0, 0.0)
 
     @property
     def length_mm(self) -> float:

@@ -8,6 +8,12 @@ which has $StartMap: there the Planner waits for $EndLMode, too, and reads Overs
 How far a goal is can be told in two ways. By the pose, it is what is left of the segment from where the robot
 believes to be, which others keep correcting. By reckoning, as in the thesis, it is the segment's length, less
 the overshoot of the lights before it; the thesis did that from December 1993 on, and before not even that.
+
+Where a Planner dies, the robot goes on to the present goal and stands there. Another one begins with a plan
+from where the robot is: its first goal takes the place of what is pursued, and answers that nobody took are
+thrown away. GoalType NONE, set by somebody else, halts the robot while the Planner goes on waiting. It is no
+pause: the Navigator would measure the whole distance anew. To stop for good, end the Planner, then set GoalType
+to NONE; to go on, start another Planner.
 """
 
 from __future__ import annotations
@@ -35,6 +41,9 @@ from colony.nav.stickrep_geometry import Point, direction
 from colony.runtime.kit.errors import CallRefused
 from colony.runtime.kit.script import Script, Step, do
 from colony.runtime.library import data, robot
+
+INTO_ELEVATOR_MM = 900.0
+"""How far behind its doors a robot stands in an elevator: in the middle of a cabin that is 1.8 m deep."""
 
 Positions = Literal["pose", "reckoning"]
 """How distances are told: from where the robot believes to be, or from nominal lengths and overshoots."""
@@ -71,7 +80,8 @@ def goal_of(segment: Segment, progress_mm: float) -> Goal:
         case GoalKind.CORNER | GoalKind.DEAD_RECKONING | GoalKind.ENTER_CORNER:
             return Goal(segment.kind, segment.heading_deg, max(segment.length_mm - progress_mm, 0.0))
         case GoalKind.ELEVATOR:
-            return Goal(segment.kind, segment.heading_deg, 0.0)
+            to_doors_mm = max(segment.doors_mm[0] - progress_mm, 0.0)
+            return Goal(segment.kind, segment.heading_deg, to_doors_mm + INTO_ELEVATOR_MM)
         case GoalKind.NONE:
             raise ValueError("expected a segment that leads somewhere; found one of the kind NONE")
         case _:
@@ -85,14 +95,20 @@ def progress_along(segment: Segment, x_mm: float, y_mm: float) -> float:
 
 
 def landing(ride: Segment, x_mm: float, y_mm: float) -> Point:
-    """Where a robot stands that has left an elevator, in terms of the floor it is on.
+    """Where a robot stands that has left an elevator, in mm on the map of the floor it is on.
+
+    It is as far from the doors as it would be on the other floor; the corridor may be wider here.
 
     Args:
         x_mm, y_mm: its place as it is reckoned, as if the ride had led back to the floor where it began.
     """
-    unit = direction(ride.turn_deg)
+    unit, ahead = direction(ride.turn_deg), direction(ride.heading_deg + ride.turn_deg)
     x, y = x_mm - ride.start.x_mm, y_mm - ride.start.y_mm
-    return Point(ride.end.x_mm + unit.y * x + unit.x * y, ride.end.y_mm - unit.x * x + unit.y * y)
+    nearer = ride.doors_mm[1] - ride.doors_mm[0]
+    return Point(
+        ride.end.x_mm + unit.y * x + unit.x * y + nearer * ahead.x,
+        ride.end.y_mm - unit.x * x + unit.y * y + nearer * ahead.y,
+    )
 
 
 def planner(
@@ -111,9 +127,9 @@ def planner(
     """
     for name in SEMAPHORES:
         yield from do("DServer", data.create_semaphore(name, 0))
-    # What a Planner that was ended half-way never took is not an answer to this one.
-    yield from _drain(ROBOT_STATUS)
-    yield from _drain(END_L_MODE)
+    # What a Planner that was ended half-way has announced, and nobody took, is not meant any more.
+    for name in (START_MAP, TRACK_DATA, GOAL_DATA):
+        yield from _drain(name)
     reckoned_mm = 0.0
     for number, segment in enumerate(plan.segments):
         if on_segment is not None:
@@ -151,6 +167,9 @@ def _pursue(goal: Goal) -> Generator[Step, Any, float]:
     if lights:
         values[LIGHT_OFFSET] = list(goal.offsets_mm)
     yield from do("DServer", data.set_many(values))
+    # Nothing is asked now: what is there answers a goal of a Planner that was ended.
+    yield from _drain(ROBOT_STATUS)
+    yield from _drain(END_L_MODE)
     if lights:
         yield from do("DServer", data.signal(TRACK_DATA))
         yield from do("DServer", data.signal(START_MAP))

@@ -46,8 +46,9 @@ def plan(source: Map | Building, origin: str, goal: str, *, travel: Travel | Non
     known = _known(layouts)
     starts, goals = _spots(layouts, known, origin, "start"), _spots(layouts, known, goal, "goal")
     if set(starts) == set(goals):
-        raise NoPlan(f"`{origin}` and `{goal}` are one place", "name a start and a goal that differ")
-    lifts = _lifts(building, known)
+        message = f"{_quoted(origin)} and {_quoted(goal)} are one place"
+        raise NoPlan(message, "name a start and a goal that differ")
+    lifts = _lifts(building)
     ways = [
         (_length(way), start, end, way)
         for start in starts
@@ -101,29 +102,42 @@ def _spots(layouts: tuple[Layout, ...], known: Known, name: str, what: str) -> t
         found = [spot for spot in found if spot.floor == 0]
     maps = [layouts[f].source.name for f in sorted({spot.floor for spot in found})]
     if len(maps) > 1:
-        message = f"the {what} `{name}` is on several floors: {', '.join(f'`{m}`' for m in maps)}"
-        raise NoPlan(message, f"say which one: `{maps[0]}:{name}`")
+        message = f"the {what} {_quoted(name)} is on several floors: {', '.join(f'`{m}`' for m in maps)}"
+        raise NoPlan(message, f"say which one: `{maps[0]}:{name.rpartition(':')[2]}`")
     if found:
         return tuple(found)
     close = [f"`{one}`" for one in _similar(name, known)]
     where = " or ".join(f"`{layout.source.name}`" for layout in layouts)
     hint = f"did you mean {' or '.join(close)}?" if close else "`colony map` draws the names"
-    raise NoPlan(f"there is no {what} `{name}` in the map {where}", hint)
+    raise NoPlan(f"there is no {what} {_quoted(name)} in the map {where}", hint)
+
+
+def _quoted(name: str) -> str:
+    """A name as a message quotes it: in one line, shortened."""
+    shown = name if name.isprintable() else ascii(name)[1:-1]
+    return f"`{shown if len(shown) <= 40 else shown[:37] + '...'}`"
 
 
 def _similar(name: str, known: Known) -> list[str]:
-    """Up to three names of doors, or of nodes that are no jambs, that are much like this one."""
+    """The same name in other letters, or up to three names of doors, or of nodes that are no jambs, that are
+    much like this one."""
+    folded = [one for one in known if one.lower() == name.lower()]
+    if folded:
+        return folded[:3]
     doors = {one.removesuffix(jamb) for one in known for jamb in JAMBS if one.endswith(jamb)} - {""}
     others = {one for one in known if not any(one.removesuffix(jamb) in doors for jamb in JAMBS)}
     by_letters = {one.lower(): one for one in sorted(doors | others)}
     return [by_letters[one] for one in get_close_matches(name.lower()[:60], by_letters, n=3)]
 
 
-def _lifts(building: Building, known: Known) -> tuple[Lift, ...]:
-    return tuple(
-        Lift(*(known[f"{landing.map}:{landing.node}"][0] for landing in (ride.one, ride.other)))
-        for ride in building.rides
-    )
+def _lifts(building: Building) -> tuple[Lift, ...]:
+    spots = {
+        (floor.name, node.name): Spot(f, r, n)
+        for f, floor in enumerate(building.maps)
+        for r, ring in enumerate(floor.rings)
+        for n, node in enumerate(ring.nodes)
+    }
+    return tuple(Lift(spots[ride.one], spots[ride.other]) for ride in building.rides)
 
 
 def _no_way(layouts: tuple[Layout, ...], start: Spot, goal: Spot, travel: Travel | None) -> NoPlan:
@@ -134,8 +148,8 @@ def _no_way(layouts: tuple[Layout, ...], start: Spot, goal: Spot, travel: Travel
             return NoPlan(message, "a corridor has two walls that face each other, 1 m to 4.5 m apart")
     one, other = layouts[start.floor].source, layouts[goal.floor].source
     if one is not other:
-        message += f": no elevator leads from `{one.name}` to `{other.name}`"
-        return NoPlan(message, "write a line `elevator` into both maps")
+        message += f": the way from `{one.name}` to `{other.name}` has no elevator that can be reached"
+        return NoPlan(message, "see whether an elevator's doors open into a corridor that meets the others")
     if (travel or one.travel) == "wall-on-left" and start.ring != goal.ring:
         rings = (one.rings[start.ring].name, one.rings[goal.ring].name)
         message += f": one is on ring `{rings[0]}`, the other on `{rings[1]}`, and no links join these"
@@ -194,7 +208,7 @@ def _doors(layout: Layout, spot: Spot) -> Point:
 
 
 def _ride(layouts: tuple[Layout, ...], lift: Lift) -> Segment:
-    places, headings = [], []
+    places, headings, ways = [], [], []
     for spot in (lift.one, lift.other):
         layout = layouts[spot.floor]
         k = layout.corridor_of_node(spot.ring, spot.node)
@@ -203,7 +217,8 @@ def _ride(layouts: tuple[Layout, ...], lift: Lift) -> Segment:
             raise NoPlan(message, "a corridor has two walls that face each other, 1 m to 4.5 m apart")
         corridor = layout.corridors[k]
         doors = _doors(layout, spot)
-        places.append(Place(*corridor.at(corridor.along(*doors)), layout.source.name))
+        places.append(Place(*corridor.at(corridor.abreast(*doors)), layout.source.name))
+        ways.append(abs(corridor.beside(*doors)))
         # The elevator is behind its doors, on the left of who walks along the wall.
         headings.append((layout.headings_deg[spot.ring][spot.node] + 90.0) % 360.0)
     ring = layouts[lift.one.floor].source.rings[lift.one.ring]
@@ -215,4 +230,5 @@ def _ride(layouts: tuple[Layout, ...], lift: Lift) -> Segment:
         end=places[1],
         width_mm=ring.edges[lift.one.node].length_mm,
         turn_deg=(headings[1] - headings[0]) % 360.0,
+        doors_mm=(ways[0], ways[1]),
     )

@@ -236,7 +236,7 @@ def _add_corridors(graph: Any, floor: int, layout: Layout, ends: list[Spot]) -> 
         k = layout.corridor_of_node(spot.ring, spot.node)
         if k is not None:
             at = layout.nodes[spot.ring][spot.node]
-            place = _MiddlePlace(floor, k, round(layout.corridors[k].along(*at), 3))
+            place = _MiddlePlace(floor, k, round(layout.corridors[k].abreast(*at), 3))
             along[k].add(place)
             _step(graph, spot, place, 0.0, k)
             _step(graph, place, spot, 0.0, k)

@@ -77,7 +77,7 @@ def legs_of(corridors: tuple[Corridor, ...], origin: Point, goal: Point) -> tupl
         bends.append(middle)
     chain = [corridors[i] for i in order]
     first, last = chain[0], chain[-1]
-    ends = [first.at(first.along(*origin)), *bends, last.at(last.along(*goal))]
+    ends = [first.at(first.abreast(*origin)), *bends, last.at(last.abreast(*goal))]
     legs = []
     for i, corridor in enumerate(chain):
         before = chain[i - 1].width_mm / 2 if i > 0 else 0.0

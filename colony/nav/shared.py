@@ -15,8 +15,12 @@
 | CeilingLight  |         | read      | write    | read        |
 | Overshoot     | read    |           | write    |             |
 
-Two more belong to the Navigator alone, GoalNumber and GoalReached. It is a compiled network, which knows
-variables and no semaphores, and a clerk that takes and gives these in its place (`colony/nav/clerk.py`).
+CTracker also reads GoalDirection, along which it corrects the position, and GoalType. A Planner that starts
+downs what one before it has upped and nobody took.
+
+Three more variables belong to the Navigator alone: GoalNumber, GoalReached and GoalAnswered. It is a compiled
+network, which knows variables and no semaphores, and a clerk that takes and gives these in its place
+(`colony/nav/clerk.py`). TrackStart is CTracker's own (`colony/vision/track_goals.py`).
 """
 
 from __future__ import annotations
@@ -56,6 +60,13 @@ robot was when this changed."""
 
 GOAL_REACHED = "GoalReached"
 """Set by the network: the GoalNumber of the goal that it has reached."""
+
+GOAL_ANSWERED = "GoalAnswered"
+"""Set by the clerk: the GoalNumber of the last goal for which it upped $RobotStatus."""
+
+TRACK_START = "TrackStart"
+"""Set by CTracker: where the robot was when a goal of lights was taken, x and y in mm; an empty list when its
+last light was passed."""
 
 
 class GoalKind(IntEnum):

@@ -115,7 +115,7 @@ def check_map(problems: Problems, checked: Map, places: Places) -> None:
     for ring, nodes, ring_places in zip(checked.rings, outlines, places.rings, strict=True):
         if not in_free_space(outlines, *_right_of_longest(ring, nodes)):
             message = f"ring `{ring.name}` has its free space on the left; expected its walls there"
-            hint = "trace an outline clockwise, and a block that stands in it counterclockwise"
+            hint = _MISPLACED[trace(ring).total_turn_deg > 0.0]
             problems.report("M024", ring_places.header, message, hint)
     if len(problems) > before:
         return
@@ -123,6 +123,15 @@ def check_map(problems: Problems, checked: Map, places: Places) -> None:
         message = "the start is not in free space; expected it inside an outline and outside its blocks"
         hint = "`start X Y HEADING` counts from the same origin as `ring NAME X Y HEADING`"
         problems.report("M022", places.start, message, hint)
+
+
+_MISPLACED = {
+    False: "it is traced clockwise, as an outline; a block that stands in another ring is traced "
+    "counterclockwise, and two outlines must not overlap",
+    True: "it is traced counterclockwise, as a block, and must stand in an outline's free space; an outline is "
+    "traced clockwise",
+}
+"""What to do about a ring with its free space on the wrong side, by whether it turns left."""
 
 
 def _right_of_longest(ring: Ring, nodes: tuple[Point, ...]) -> Point:

@@ -133,7 +133,10 @@ class _Reader:
     def _is_stickrep(self, first: list[Word] | None) -> bool:
         hint = f"a map begins with the line `stickrep {FORMAT_VERSION}`"
         if first is None:
-            self.problems.report("M003", Span(self.source, 0, 0), "found no map, the text is empty", hint)
+            found = "there are only comments" if self.source.text.strip() else "the text is empty"
+            if "\r" in self.source.text and "\n" not in self.source.text:
+                hint = "its lines end in CR alone: save the file with LF, or CR and LF, at the end of lines"
+            self.problems.report("M003", Span(self.source, 0, 0), f"found no map, {found}", hint)
             return False
         if first[0].text != "stickrep":
             message = f"expected `stickrep {FORMAT_VERSION}`; found {first[0].shown}"

@@ -118,9 +118,10 @@ class LightTrack:
     strays: tuple[_Stray, ...] = field(default=())
 
     @classmethod
-    def start(cls, goal: LightGoal, scale: Scale) -> LightTrack:
-        """At the start of a goal, with what is known of the odometry's scale."""
-        return cls(goal=goal, reckoning=Reckoning(scale=scale))
+    def start(cls, goal: LightGoal, scale: Scale, passed: int = 0) -> LightTrack:
+        """At the start of a goal, or at one of its lights, with what is known of the odometry's scale."""
+        at_mm = goal.lights_mm[passed - 1] if passed else 0.0
+        return cls(goal=goal, reckoning=Reckoning(at_mm=at_mm, scale=scale), passed=passed)
 
     @property
     def done(self) -> bool:

@@ -3,7 +3,9 @@
 
 It waits for $TrackData, reads the lights to come from LightOffset, and looks at the ceiling every `period_s`.
 CeilingLight is how many lights were passed; at each, $LightDet is upped. After the last one Overshoot is how
-far beyond it the robot is, and $EndLMode is upped.
+far beyond it the robot is, and $EndLMode is upped. A tracker that is started anew goes on where one before
+it was ended (`track_goals.py`); lights are given up where the robot has a goal of another kind meanwhile, from
+another Planner.
 
 The map knows the place of a light to centimeters, so each valid light also corrects the position at RServer
 along the corridor, and its tilted edges the heading. From light to light the scale of the odometry is
@@ -21,28 +23,25 @@ import math
 from collections import deque
 from collections.abc import Generator, Sequence
 from dataclasses import dataclass
-from itertools import accumulate
 from typing import Any
 
 from colony.nav.shared import (
     CEILING_LIGHT,
     END_L_MODE,
-    GOAL_DIRECTION,
-    GOAL_DISTANCE,
     LIGHT_DETECTED,
-    LIGHT_OFFSET,
     OVERSHOOT,
     TRACK_DATA,
+    TRACK_START,
 )
-from colony.runtime.kit.errors import CallRefused
 from colony.runtime.kit.script import Script, Step, do, sleep
 from colony.runtime.library import data, robot
 from colony.runtime.library.robot import Position
 from colony.vision.along_track import Scale
 from colony.vision.ceiling_camera import UPWARD, CeilingCamera
 from colony.vision.light_looks import SILENT, Looker, cameras_looker, children_looker, hurry
-from colony.vision.light_track import LightGoal, LightTrack, Passing, Seen
+from colony.vision.light_track import LightTrack, Passing, Seen
 from colony.vision.thesis_track import ThesisTrack
+from colony.vision.track_goals import Unfinished, is_given_up, new_goal, take_goal, unfinished_goal
 
 PERIOD_S, THESIS_PERIOD_S = 0.25, 0.5
 """From one look at the ceiling to the next. Half a second is 250 mm at full speed."""
@@ -136,13 +135,16 @@ def _tracker(looker: Looker, settings: TrackerSettings, cameras: Sequence[str]) 
     for name in (TRACK_DATA, LIGHT_DETECTED, END_L_MODE):
         yield from do("DServer", data.create_semaphore(name, 0))
     scale = Scale()
-    again = False
+    again = yield from new_goal(0.0)
+    left = None if again else (yield from unfinished_goal())
     while True:
-        if not again:
+        if left is None and not again:
             yield from _awaited_goal(scale if settings.correct else None)
-        goal = yield from _goal()
-        yield from do("DServer", data.set(CEILING_LIGHT, 0))
-        track: Track = ThesisTrack(goal=goal) if settings.thesis else LightTrack.start(goal, scale)
+        goal, passed = left or Unfinished((yield from take_goal()), 0)
+        left = None
+        track: Track = (
+            ThesisTrack.start(goal, passed) if settings.thesis else LightTrack.start(goal, scale, passed)
+        )
         tracking = _Tracking(track, looker, settings)
         again = yield from tracking.run()
         scale = tracking.scale(scale)
@@ -154,7 +156,7 @@ def _awaited_goal(scale: Scale | None) -> Generator[Step, Any, None]:
         yield from do("DServer", data.wait(TRACK_DATA))
         return
     last = yield from do("RServer", robot.position())
-    while not (yield from _new_goal(IDLE_S)):
+    while not (yield from new_goal(IDLE_S)):
         now = yield from do("RServer", robot.position())
         dx, dy = scale.error * (now.x - last.x), scale.error * (now.y - last.y)
         if math.hypot(now.x - last.x, now.y - last.y) > LEAP_MM:  # it was told to be elsewhere
@@ -163,34 +165,6 @@ def _awaited_goal(scale: Scale | None) -> Generator[Step, Any, None]:
         if max(abs(dx), abs(dy)) >= LEAST_CORRECTION_MM:
             yield from do("RServer", robot.adjust_position(dx, dy, 0.0))
             last = Position(x=now.x + dx, y=now.y + dy, heading=now.heading, t_ns=now.t_ns)
-
-
-def _new_goal(wait_s: float) -> Generator[Step, Any, bool]:
-    try:
-        yield from do("DServer", data.wait(TRACK_DATA, timeout_s=wait_s))
-    except CallRefused as refused:
-        if refused.code != "timeout":
-            raise
-        return False
-    return True
-
-
-def _goal() -> Generator[Step, Any, LightGoal]:
-    """The goal that the Planner set, from where the robot is."""
-    here = yield from do("RServer", robot.position())
-    told = yield from do("DServer", data.get_many((GOAL_DISTANCE, LIGHT_OFFSET, GOAL_DIRECTION)))
-    count, offsets = told[GOAL_DISTANCE], told[LIGHT_OFFSET]
-    if not isinstance(offsets, list) or len(offsets) != count:
-        raise ValueError(
-            f"{GOAL_DISTANCE} is {count!r} and {LIGHT_OFFSET} {offsets!r} where {TRACK_DATA} was upped; "
-            "expected a list with an offset in mm for each light: set both before"
-        )
-    return LightGoal(
-        direction_deg=float(told[GOAL_DIRECTION]),
-        x_mm=here.x,
-        y_mm=here.y,
-        lights_mm=tuple(accumulate(float(offset) for offset in offsets)),
-    )
 
 
 class _Tracking:
@@ -209,16 +183,20 @@ class _Tracking:
         return self._track.reckoning.scale if isinstance(self._track, LightTrack) else known
 
     def run(self) -> Generator[Step, Any, bool]:
-        """Until all lights were passed; True: until there was a new goal in place of this one."""
+        """Until all lights were passed or given up; True: until there was a new goal in place of this one."""
         if self._track.done:
-            yield from do("DServer", data.set(OVERSHOOT, 0.0))
+            yield from do("DServer", data.set_many({OVERSHOOT: 0.0, TRACK_START: []}))
             yield from do("DServer", data.signal(END_L_MODE))
             return False
         wait_s = 0.0
         while True:
             now_ns = yield from sleep(wait_s)
-            if (yield from self._is_replaced(now_ns)):
-                return True
+            if self._is_time_to_ask(now_ns):
+                if (yield from new_goal(0.0)):
+                    return True
+                if (yield from is_given_up()):
+                    yield from do("DServer", data.set(TRACK_START, []))
+                    return False
             wait_s = self._settings.period_s
             try:
                 here = yield from do("RServer", robot.position())
@@ -234,18 +212,20 @@ class _Tracking:
                 self._track, passing = self._track.passing(progress)
                 if passing is None:
                     break
+                if self._track.done and (yield from new_goal(0.0)):
+                    return True  # whose Planner must not be told of the end of this one
                 yield from self._tell(passing)
             if self._track.done:
                 return False
             wait_s = self._wait_s()
 
-    def _is_replaced(self, now_ns: int) -> Generator[Step, Any, bool]:
+    def _is_time_to_ask(self, now_ns: int) -> bool:
         if self._asked_ns is None:
             self._asked_ns = now_ns
         if now_ns - self._asked_ns < ASK_AGAIN_S * 1e9:
             return False
         self._asked_ns = now_ns
-        return (yield from _new_goal(0.0))
+        return True
 
     def _look(self, here: Position) -> Generator[Step, Any, None]:
         """Take in what the cameras show. From where the robot stands, one look tells all."""
@@ -268,7 +248,7 @@ class _Tracking:
             yield from self._correct(passing.turned_deg)
         values: dict[str, object] = {CEILING_LIGHT: passing.number}
         if self._track.done:
-            values[OVERSHOOT] = passing.beyond_mm
+            values |= {OVERSHOOT: passing.beyond_mm, TRACK_START: []}
         yield from do("DServer", data.set_many(values))
         yield from do("DServer", data.signal(LIGHT_DETECTED))
         if self._track.done:

@@ -35,6 +35,11 @@ class ThesisTrack:
     light: bool = False
     found: Passing | None = None
 
+    @classmethod
+    def start(cls, goal: LightGoal, passed: int = 0) -> ThesisTrack:
+        """At the start of a goal, or at one of its lights."""
+        return cls(goal=goal, passed=passed, since_mm=goal.lights_mm[passed - 1] if passed else 0.0)
+
     @property
     def done(self) -> bool:
         """All lights count as passed."""

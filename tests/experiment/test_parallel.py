@@ -5,8 +5,11 @@ from __future__ import annotations
 import multiprocessing
 import os
 import signal
+import subprocess
+import sys
 import time
 from collections.abc import Generator
+from pathlib import Path
 
 import pytest
 
@@ -57,3 +60,43 @@ def test_who_gives_up_does_not_wait_for_what_is_under_way() -> None:
         results.throw(KeyboardInterrupt())
     assert time.monotonic() - before < 30.0
     assert not multiprocessing.active_children()
+
+
+@pytest.mark.skipif(os.name != "posix", reason="there is no SIGKILL")
+def test_workers_end_with_a_parent_that_is_killed() -> None:
+    program = (
+        "from colony.experiment.parallel import PoolEngine\n"
+        "from tests.experiment.test_parallel import own_pid\n"
+        "if __name__ == '__main__':\n"
+        "    for pid in PoolEngine(2).results(own_pid, range(10_000)):\n"
+        "        print(pid, flush=True)\n"
+    )
+    root = Path(__file__).parents[2]
+    with subprocess.Popen(
+        [sys.executable, "-c", program],
+        stdout=subprocess.PIPE,
+        text=True,
+        cwd=root,
+        env={**os.environ, "PYTHONPATH": str(root)},
+    ) as parent:
+        assert parent.stdout is not None
+        worker = int(parent.stdout.readline())
+        parent.kill()
+    end = time.monotonic() + 20.0
+    while _lives(worker):
+        assert time.monotonic() < end, "the worker lives on"
+        time.sleep(0.02)
+
+
+def own_pid(item: int) -> int:
+    time.sleep(0.01)
+    return os.getpid()
+
+
+def _lives(pid: int) -> bool:
+    try:
+        os.kill(pid, 0)
+        state = Path(f"/proc/{pid}/stat")
+        return not state.parent.parent.is_dir() or state.read_text().rpartition(")")[2].split()[0] != "Z"
+    except (ProcessLookupError, FileNotFoundError):
+        return False

@@ -21,6 +21,7 @@ from colony.experiment.runs import Run, RunSpec, chance_of, run
 from colony.experiment.variants import OURS, Variant
 from colony.ir.frame import Decision, Frame, Outcome
 from colony.nav.plan import Plan
+from colony.nav.planner import OnSegment
 from colony.nav.walls import Walls
 from colony.runtime.kit.script import Script, do, sleep
 from colony.runtime.library import robot
@@ -98,8 +99,10 @@ def _with_scripts(monkeypatch: pytest.MonkeyPatch, **others: Script) -> None:
     """Let some of the scripts be others."""
 
     class Other(Variant):
-        def scripts(self, plan: Plan, walls: Walls) -> Mapping[str, Script]:
-            return {**OURS.scripts(plan, walls), **others}
+        def scripts(
+            self, plan: Plan, walls: Walls, on_segment: OnSegment | None = None
+        ) -> Mapping[str, Script]:
+            return {**OURS.scripts(plan, walls, on_segment), **others}
 
     other = Other(name="ours", behavior=OURS.behavior, mm_s=OURS.mm_s)
     monkeypatch.setattr(variants, "VARIANTS", {"ours": other})

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
+from typing import Literal
 
 import numpy as np
 import pytest
@@ -10,10 +11,10 @@ import pytest
 from colony.dsl.load import load_text
 from colony.experiment.behavior import behavior_from
 from colony.experiment.loop import Loop
-from colony.experiment.record import Contacts, LightCount, ModeCount
+from colony.experiment.record import Contacts, LightCount
 from colony.experiment.watching import Watcher, mode_of
 from colony.nav.plan import Place, Plan, Segment
-from colony.nav.shared import CEILING_LIGHT, GOAL_NUMBER, GOAL_REACHED, GoalKind
+from colony.nav.shared import CEILING_LIGHT, GoalKind
 from colony.runtime.kit.script import Script, do, sleep
 from colony.runtime.library import data
 from colony.sim.config import IDEAL
@@ -46,20 +47,26 @@ PLAN = Plan(
     modes="lcd",
 )
 
+Step = tuple[float, Literal["segment", "light"], int]
+"""After so many seconds this segment begins, or so many lights have been counted."""
+
 
 class Stage:
     """A robot that drives east at half a meter a second, and a watcher of it. Mutable."""
 
-    def __init__(self, *scripts: Script, scenery: Scenery | None = None, wall_mm: float = 50_000.0) -> None:
+    def __init__(
+        self, *steps: Step, scenery: Scenery | None = None, wall_mm: float = 50_000.0, east_mm: float = 0.0
+    ) -> None:
+        begun: list[int] = []
         walls = [(wall_mm, -2e3, wall_mm, 2e3), (-5e3, 2e3, -5e3, -2e3)]
-        world = World(walls=scenery or walls, poses=[(0.0, 0.0, 270.0)], config=IDEAL)
+        world = World(walls=scenery or walls, poses=[(east_mm, 0.0, 270.0)], config=IDEAL)
         self.loop = Loop(
             behavior_from(load_text(PROGRAM)),
             world,
-            {str(i): script for i, script in enumerate(scripts)},
+            {"leader": _leader(steps, begun)},
             variables={"Wanted": 500.0},
         )
-        self.watcher = Watcher(PLAN, self.loop, 100.0)
+        self.watcher = Watcher(PLAN, self.loop, 100.0, begun)
 
     def drive(self, until: Callable[[], bool], most: int = 8000) -> str:
         for _ in range(most):
@@ -70,29 +77,25 @@ class Stage:
         raise AssertionError("it did not come so far")
 
 
-def _goals(*steps: tuple[float, dict[str, int]]) -> Script:
-    """Set variables, each so many seconds after the one before."""
-    for seconds, values in steps:
+def _leader(steps: Sequence[Step], begun: list[int]) -> Script:
+    """Begin segments and count lights, each so many seconds after the step before."""
+    for seconds, what, number in steps:
         yield from sleep(seconds)
-        yield from do("DServer", data.set_many(values))
+        if what == "segment":
+            begun.append(number)
+            yield from do("DServer", data.set(CEILING_LIGHT, 0))
+        else:
+            yield from do("DServer", data.set(CEILING_LIGHT, number))
 
 
 def test_modes_are_counted_as_they_are_entered_and_completed() -> None:
-    stage = Stage(
-        _goals(
-            (1.0, {GOAL_NUMBER: 1}),
-            (1.0, {GOAL_REACHED: 1, GOAL_NUMBER: 2}),
-            (1.0, {GOAL_REACHED: 2, GOAL_NUMBER: 3}),
-            (1.0, {GOAL_REACHED: 3, GOAL_NUMBER: 4}),
-            (1.0, {GOAL_REACHED: 4}),
-        )
-    )
+    stage = Stage(*((1.0, "segment", number) for number in range(4)))
     found = []
-    for t_s in (0.5, 1.5, 2.5, 3.5, 4.5, 5.5):
+    for t_s in (0.5, 1.5, 2.5, 3.5, 4.5):
         stage.drive(lambda t_s=t_s: stage.loop.now_ns >= t_s * 1e9)  # type: ignore[misc]
-        entered = tuple(mode.entered for mode in stage.watcher.modes())
-        completed = tuple(mode.completed for mode in stage.watcher.modes())
-        found.append((entered, completed, stage.watcher.completed, stage.watcher.mode))
+        found.append(_modes(stage.watcher))
+    stage.watcher.done = True
+    found.append(_modes(stage.watcher))
     assert found == [
         ((0, 0, 0), (0, 0, 0), 0, "L"),
         ((1, 0, 0), (0, 0, 0), 0, "L"),
@@ -101,24 +104,40 @@ def test_modes_are_counted_as_they_are_entered_and_completed() -> None:
         ((1, 1, 1), (1, 1, 0), 2, "D"),
         ((1, 1, 1), (1, 1, 1), 3, "D"),
     ]
-    assert stage.watcher.modes()[1] == ModeCount(1, 1, 1)
+    assert [mode.needed for mode in stage.watcher.modes()] == [1, 1, 1]
+
+
+def _modes(watcher: Watcher) -> tuple[object, ...]:
+    modes = watcher.modes()
+    entered, completed = (tuple(getattr(mode, name) for mode in modes) for name in ("entered", "completed"))
+    return entered, completed, watcher.completed, watcher.mode
+
+
+def _lights(*steps: Step, until_s: float, east_mm: float = 0.0) -> Watcher:
+    stage = Stage((0.05, "segment", 0), *steps, east_mm=east_mm)
+    stage.drive(lambda: stage.loop.now_ns >= until_s * 1e9)
+    return stage.watcher
 
 
 def test_lights_are_seen_missed_or_false_by_where_the_robot_is() -> None:
     # At half a meter a second the lights hang 6 and 16 seconds away.
-    right = Stage(_goals((0.05, {GOAL_NUMBER: 1}), (6.3, {CEILING_LIGHT: 1}), (10.3, {CEILING_LIGHT: 2})))
-    right.drive(lambda: right.loop.now_ns >= 19e9)
-    assert right.watcher.lights == LightCount(2, 0, 0)
-    assert right.watcher.first_light
-    early = Stage(_goals((0.05, {GOAL_NUMBER: 1}), (1.0, {CEILING_LIGHT: 1})))
-    early.drive(lambda: early.loop.now_ns >= 2e9)
-    assert early.watcher.lights == LightCount(0, 0, 1)
-    early.drive(lambda: early.loop.now_ns >= 13e9)
-    assert early.watcher.lights == LightCount(0, 1, 1)  # the first was passed, the second is still ahead
-    assert not early.watcher.first_light
-    left = Stage(_goals((0.05, {GOAL_NUMBER: 1}), (6.0, {CEILING_LIGHT: 1}), (1.0, {GOAL_NUMBER: 2})))
-    left.drive(lambda: left.loop.now_ns >= 8e9)
-    assert left.watcher.lights == LightCount(1, 1, 0)
+    right = _lights((6.3, "light", 1), (10.3, "light", 2), until_s=19.0)
+    assert right.lights == LightCount(2, 0, 0)
+    assert right.first_light
+    early = _lights((1.0, "light", 1), until_s=2.0)
+    assert early.lights == LightCount(0, 0, 1)
+    passed = _lights((1.0, "light", 1), until_s=13.0)
+    assert passed.lights == LightCount(0, 1, 1)  # the second is still ahead
+    assert not passed.first_light
+    twice = _lights((6.0, "light", 1), (0.5, "light", 2), until_s=8.0)
+    assert twice.lights == LightCount(1, 0, 1)
+    left = _lights((6.0, "light", 1), (1.0, "segment", 1), until_s=8.0)
+    assert left.lights == LightCount(1, 1, 0)
+
+
+def test_lights_behind_the_robot_when_the_leg_begins_are_not_missed() -> None:
+    begun_late = _lights((8.6, "light", 1), until_s=13.0, east_mm=4000.0)
+    assert begun_late.lights == LightCount(1, 0, 0)
 
 
 def test_a_wall_is_a_contact_and_then_the_robot_is_stuck() -> None:
@@ -133,7 +152,7 @@ def test_a_wall_is_a_contact_and_then_the_robot_is_stuck() -> None:
 
 
 def test_new_goals_are_progress_for_a_robot_that_stands() -> None:
-    stage = Stage(_goals(*((30.0, {GOAL_NUMBER: number}) for number in (1, 2, 3))), wall_mm=1000.0)
+    stage = Stage(*((30.0, "segment", number) for number in (0, 1, 2)), wall_mm=1000.0)
     assert stage.drive(lambda: False) == "stuck"
     assert stage.loop.now_ns >= 150e9
 

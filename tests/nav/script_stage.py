@@ -53,6 +53,7 @@ class Stage:
         self.ended.add(name)
         self._waiting = [w for w in self._waiting if w[0] != name]
         self._sleeping = [s for s in self._sleeping if s[1] != name]
+        self._ready = deque(ready for ready in self._ready if ready[0] != name)
 
     def start(self, name: str, script: Script) -> None:
         """Run one more."""

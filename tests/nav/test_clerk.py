@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+import pytest
+
 from colony.nav.clerk import TRACKER_S, clerk
 from colony.nav.shared import (
     CEILING_LIGHT,
+    GOAL_ANSWERED,
     GOAL_DATA,
     GOAL_DISTANCE,
     GOAL_NUMBER,
@@ -72,13 +75,47 @@ def test_a_goal_in_place_of_another_takes_its_turn_at_once() -> None:
 
 def test_a_clerk_that_starts_again_goes_on_counting() -> None:
     stage = Stage()
-    stage.variables[GOAL_NUMBER] = 41
-    stage.variables[GOAL_REACHED] = 41
+    stage.variables |= {GOAL_NUMBER: 41, GOAL_REACHED: 41, GOAL_ANSWERED: 41}
     stage.start("clerk", clerk())
     stage.run(0.1)
     stage.signal(GOAL_DATA)
     stage.run(1.0)
     assert stage.variables[GOAL_NUMBER] == 42
+    assert stage.semaphores[ROBOT_STATUS] == 0
+
+
+@pytest.mark.parametrize("meanwhile", [False, True])
+def test_a_clerk_that_starts_again_answers_the_goal_that_is_pursued(meanwhile: bool) -> None:
+    """Else the Planner would wait for ever. It is reached after the new one begins, or before that."""
+    stage = waiting()
+    stage.signal(GOAL_DATA)
+    stage.run(1.0)
+    stage.close("clerk")
+    stage.run(1.0)
+    if meanwhile:
+        stage.variables[GOAL_REACHED] = 1
+    stage.start("clerk", clerk())
+    stage.run(1.0)
+    stage.variables[GOAL_REACHED] = 1
+    stage.run(1.0)
+    assert stage.variables[GOAL_NUMBER] == stage.variables[GOAL_ANSWERED] == 1
+    assert stage.semaphores[ROBOT_STATUS] == 1
+    stage.signal(GOAL_DATA)
+    stage.run(1.0)
+    assert stage.variables[GOAL_NUMBER] == 2
+    assert stage.semaphores[ROBOT_STATUS] == 1
+
+
+def test_a_clerk_that_starts_again_answers_nobody_for_a_goal_that_was_replaced() -> None:
+    stage = waiting()
+    stage.signal(GOAL_DATA)
+    stage.run(1.0)
+    stage.close("clerk")
+    stage.variables[GOAL_REACHED] = 1
+    stage.signal(GOAL_DATA)  # another Planner's
+    stage.start("clerk", clerk())
+    stage.run(1.0)
+    assert stage.variables[GOAL_NUMBER] == 2
     assert stage.semaphores[ROBOT_STATUS] == 0
 
 

@@ -10,7 +10,7 @@ from typing import Any
 import pytest
 
 from colony.nav.plan import Place, Plan, Segment
-from colony.nav.planner import Goal, goal_of, landing, planner, progress_along
+from colony.nav.planner import INTO_ELEVATOR_MM, Goal, goal_of, landing, planner, progress_along
 from colony.nav.shared import (
     CEILING_LIGHT,
     END_L_MODE,
@@ -59,6 +59,8 @@ def obedient(stage: list[Stage], error: Callable[[Goal], tuple[float, float]]) -
             yield from do("DServer", data.wait(TRACK_DATA))
             yield from do("DServer", data.wait(START_MAP))
             way = sum((yield from do("DServer", data.get(LIGHT_OFFSET))))
+        if kind == GoalKind.ELEVATOR:
+            way = 0.0  # in, and out again
         ahead, left = error(Goal(GoalKind(kind), heading, distance))
         angle = math.radians(heading)
         robot = stage[0]
@@ -198,11 +200,30 @@ def test_a_planner_takes_no_answer_that_was_meant_for_another() -> None:
         robot=obedient(stage, lambda goal: (0.0, 0.0)), planner=planner(replace(PLAN, segments=(LAST,)))
     )
     stage.append(made)
-    made.semaphores = dict.fromkeys(SEMAPHORES, 0) | {ROBOT_STATUS: 2, END_L_MODE: 1}
+    left_over = (ROBOT_STATUS, END_L_MODE, START_MAP, TRACK_DATA, GOAL_DATA)
+    made.semaphores = dict.fromkeys(SEMAPHORES, 0) | dict.fromkeys(left_over, 2)
     made.x, made.y = -2000.0, 12000.0
+    made.close("robot")
+    made.run(0.1)
+    assert [made.semaphores[name] for name in left_over] == [0, 0, 0, 0, 1]
+    made.start("robot", obedient(stage, lambda goal: (0.0, 0.0)))
     made.run(10.0)
-    assert made.semaphores[ROBOT_STATUS] == made.semaphores[END_L_MODE] == 0
     assert made.x == pytest.approx(-6000.0)
+    assert made.ended == {"planner"}
+
+
+def test_an_answer_that_comes_late_is_none_to_the_next_goal() -> None:
+    """The clerk may just have been about to answer the goal of the Planner before."""
+    stage = Stage(planner=planner(PLAN, on_segment=lambda number, _: stage.signal(ROBOT_STATUS)))
+    stage.semaphores = dict.fromkeys(SEMAPHORES, 0)
+    stage.run(1.0)
+    stage.variables[OVERSHOOT] = 0.0
+    stage.signal(END_L_MODE)
+    stage.run(1.0)
+    assert [told[0] for told in goals(stage)] == ["L"]
+    stage.signal(ROBOT_STATUS)
+    stage.run(1.0)
+    assert [told[0] for told in goals(stage)] == ["L", "E"]
 
 
 RIDE = Segment(
@@ -212,6 +233,7 @@ RIDE = Segment(
     end=at(5000, 5000, "two"),
     width_mm=1000.0,
     turn_deg=90.0,
+    doors_mm=(1200.0, 1500.0),
 )
 
 
@@ -224,7 +246,15 @@ def test_after_a_ride_the_robot_is_on_the_other_floor() -> None:
     stage.append(made)
     made.x, made.y, made.heading = 900.0, 2000.0, 90.0
     made.run(10.0)
-    assert goals(made) == [("V", 270.0, 0.0)]
-    assert (made.x, made.y, made.heading) == pytest.approx((5000.0, 4900.0, 180.0))
-    assert landing(RIDE, 1000.0, 2000.0) == pytest.approx((5000.0, 5000.0))
+    # 100 mm more to the doors, and into the cabin.
+    assert goals(made) == [("V", 270.0, 1200.0 + 100.0 + INTO_ELEVATOR_MM)]
+    # The doors there are north of it, and the corridor is 300 mm wider on this side of them.
+    assert (made.x, made.y, made.heading) == pytest.approx((5000.0, 5200.0, 180.0))
+    assert landing(RIDE, 1000.0, 2000.0) == pytest.approx((5000.0, 5300.0))
     assert RIDE.length_mm == 0.0
+
+
+def test_an_elevator_is_entered_however_near_its_doors_are() -> None:
+    """A goal of 0 mm would make the Navigator turn around before them."""
+    assert goal_of(RIDE, 5000.0).distance == INTO_ELEVATOR_MM
+    assert goal_of(replace(RIDE, doors_mm=(0.0, 0.0)), 0.0).distance == INTO_ELEVATOR_MM

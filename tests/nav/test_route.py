@@ -9,14 +9,14 @@ from pathlib import Path
 
 import pytest
 
-from colony.nav.building import Building, load_building
+from colony.nav.building import Building, Ride, load_building
 from colony.nav.confidence import TABLE_6_5
 from colony.nav.corridors import corridors_of
 from colony.nav.plan import Plan
 from colony.nav.published_runs import PUBLISHED_RUNS, PublishedRun
 from colony.nav.route import NoPlan, plan
 from colony.nav.shared import GoalKind
-from colony.nav.stickrep import EdgeKind, Map
+from colony.nav.stickrep import EdgeKind, Map, Ring
 from colony.nav.stickrep_geometry import corners, in_free_space
 
 MAPS = Path(__file__).resolve().parents[2] / "maps"
@@ -179,8 +179,47 @@ def test_names_are_looked_for_on_the_floor_that_was_asked_for() -> None:
 
 def test_floors_without_an_elevator_are_apart() -> None:
     both = Building(maps=building("msu_engineering_3").maps)
-    with pytest.raises(NoPlan, match="no elevator leads from `msu_engineering_3` to `msu_engineering_2`"):
+    with pytest.raises(NoPlan, match="from `msu_engineering_3` to `msu_engineering_2` has no elevator that"):
         plan(both, "350R", "264L")
+
+
+def test_a_floor_may_have_the_name_of_another_map() -> None:
+    """`2:x` then is on both; the elevators are found all the same."""
+    three, two = building("msu_engineering_3").maps
+    names = {three.name: "2", two.name: "3"}
+    renamed = Building(
+        maps=tuple(replace(floor, name=names[floor.name]) for floor in (three, two)),
+        rides=tuple(
+            Ride(*(landing._replace(map=names[landing.map]) for landing in ride))
+            for ride in building("msu_engineering_3").rides
+        ),
+    )
+    found = plan(renamed, "372R", "264L")
+    assert found.modes == plan(building("msu_engineering_3"), "372R", "264L").modes
+    with pytest.raises(NoPlan, match="say which one: `3:lift`"):
+        lifts = tuple(
+            replace(floor, rings=(_with_node(floor.rings[0], "lift"), *floor.rings[1:]))
+            for floor in renamed.maps
+        )
+        plan(Building(maps=(floor("loop"), *reversed(lifts))), "201L", "2:lift")
+
+
+def _with_node(ring: Ring, name: str) -> Ring:
+    """The ring with another name for its first node."""
+    return replace(ring, nodes=(replace(ring.nodes[0], name=name), *ring.nodes[1:]))
+
+
+def test_a_name_that_is_none_is_quoted_in_one_short_line() -> None:
+    with pytest.raises(NoPlan) as problem:
+        plan(floor("loop"), "x" * 5000 + "\n", "205L")
+    assert len(problem.value.message) < 100
+    with pytest.raises(NoPlan, match=r"no goal `a\\nb` in the map"):
+        plan(floor("loop"), "205L", "a\nb")
+
+
+def test_a_name_in_other_letters_is_the_one_that_is_meant() -> None:
+    with pytest.raises(NoPlan, match="did you mean `205L`"):
+        plan(floor("loop"), "205l", "201L")
 
 
 # --- what every plan is ---------------------------------------------------------------------------------

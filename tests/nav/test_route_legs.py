@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from colony.nav.corridors import Corridor
+from colony.nav.corridors import STAND_MM, Corridor
 from colony.nav.route_legs import LEAVE_MM, LIGHT_AHEAD_MM, Apart, Leg, legs_of, segments_of
 from colony.nav.stickrep_geometry import Point
 
@@ -94,11 +94,19 @@ def test_lights_of_turning_spaces_at_the_ends_of_a_leg_are_not_tracked() -> None
 
 def test_who_stands_in_the_turning_space_goes_back_to_its_middle() -> None:
     """On an outer wall a jamb may lie beyond the middle of the space in which the path turns."""
-    text, letters = modes((SOUTH, WEST), Point(-800.0, -900.0), Point(0.0, 9000.0))
-    assert (text, letters) == ("E800 C1500 D7500 ", "cd")
-    legs = legs_of((SOUTH, WEST), Point(-800.0, 0.0), Point(0.0, 9000.0))
+    text, letters = modes((SOUTH, WEST), Point(-400.0, -900.0), Point(0.0, 9000.0))
+    assert (text, letters) == ("E400 C1500 D7500 ", "cd")
+    legs = legs_of((SOUTH, WEST), Point(-400.0, 0.0), Point(0.0, 9000.0))
     assert not isinstance(legs, Apart)
     assert legs[0].heading_deg == 270.0
+
+
+def test_nobody_stands_in_the_wall_with_which_a_corridor_ends() -> None:
+    """Where a way begins or ends at a corner of the walls."""
+    assert modes((SOUTH,), SOUTH.end, Point(9000.0, 0.0))[0] == f"D{9000 - SOUTH.end.x - STAND_MM:.0f} "
+    assert modes((WEST,), Point(0.0, 9000.0), WEST.end)[0] == f"D{WEST.end.y - STAND_MM - 9000:.0f} "
+    nook = corridor((0.0, 0.0), (800.0, 0.0), width=1200.0)
+    assert modes((nook,), nook.start, nook.end)[0] == "D0 "
 
 
 def test_a_dead_end_that_a_ring_leads_into_is_left_out() -> None:

@@ -267,3 +267,26 @@ def test_a_pipe_is_refused_rather_than_waited_for(tmp_path: Path) -> None:
     os.mkfifo(pipe)
     with pytest.raises(Failure, match=r"pipe\.stickrep:1:1: error\[M001\].*not a regular file"):
         load_map(pipe)
+
+
+def hints(text: str) -> list[str | None]:
+    with pytest.raises(Failure) as caught:
+        read(text)
+    return [d.hint for d in caught.value.diagnostics]
+
+
+def test_two_outlines_that_overlap_are_told_apart_from_one_that_is_traced_backward() -> None:
+    room = "-270 {0}1 W 0 100\n-270 {0}2 W 0 100\n-270 {0}3 W 0 100\n-270 {0}4 W 0 100\n"
+    slid = HEADER + "ring a 0 0 0\n" + room.format("a") + "ring b 20 0 0\n" + room.format("b")
+    assert found(slid) == ["9:1 M024"]
+    assert "two outlines must not overlap" in str(hints(slid))
+    backward = HEADER + "ring a 0 0 270\n" + room.format("a").replace("-270", "90")
+    assert "an outline is traced clockwise" in str(hints(backward))
+
+
+def test_a_text_with_the_line_ends_of_another_age() -> None:
+    text = "# a map\n" + ROOM
+    assert read(text.replace("\n", "\r\n")) == read(ROOM)
+    assert found(text.replace("\n", "\r")) == ["1:1 M003"]
+    assert "CR alone" in str(hints(text.replace("\n", "\r")))
+    assert "CR alone" not in str(hints("# only\n# comments\n"))

@@ -18,9 +18,12 @@ from tests.runtime.live_stage import ROBOT, hosted, run_directory, until
 
 @pytest.fixture
 def session() -> Iterator[Session]:
-    with run_directory() as environment, hosted(environment, [DServer()]):
-        with Session.open(ROBOT, environment=environment) as opened:
-            yield opened
+    with (
+        run_directory() as environment,
+        hosted(environment, [DServer()]),
+        Session.open(ROBOT, environment=environment) as opened,
+    ):
+        yield opened
 
 
 def test_a_script_asks_sleeps_and_ends(session: Session) -> None:

@@ -190,6 +190,15 @@ class Stage:
         assert isinstance(state, data.SemaphoreState)
         return state
 
+    def variable(self, name: str) -> Any:
+        """A variable at DServer."""
+        return msgspec.msgpack.decode(self.data.variables.value(name).data)
+
+    def tell(self, name: str, value: object) -> None:
+        """Set a variable at DServer, as somebody else does it."""
+        raw = msgspec.Raw(msgspec.msgpack.encode(value))
+        self.data.handlers["set"](ASKED, data.Set(name=name, value=raw), type(None), 0)
+
     def camera_period_s(self, name: str) -> float:
         """How often a camera takes an image."""
         (camera,) = (camera for camera in self._cameras if camera.address == name)

@@ -7,7 +7,19 @@ from typing import Any
 import pytest
 
 from colony.experiment.local_scripts import ScriptFailed
-from colony.nav.shared import LIGHT_DETECTED
+from colony.nav.shared import (
+    CEILING_LIGHT,
+    END_L_MODE,
+    GOAL_DIRECTION,
+    GOAL_DISTANCE,
+    GOAL_TYPE,
+    LIGHT_DETECTED,
+    LIGHT_OFFSET,
+    TRACK_START,
+    GoalKind,
+)
+from colony.runtime.kit.errors import CallRefused
+from colony.runtime.kit.script import Script, sleep
 from colony.runtime.library.robot import Position
 from colony.vision.ceiling_camera import UPWARD
 from colony.vision.light_tracker import light_tracker, position_at
@@ -136,6 +148,77 @@ def test_a_goal_without_lights_is_done_at_once() -> None:
 def test_a_goal_that_replaces_another_is_taken() -> None:
     stage = driven(ceiling(), Robot(), goals=((60_000.0,), PLACES), patience_s=1.0)
     assert numbers(stage) == [0, 1, 2, 3, 4, 5]
+
+
+def test_a_tracker_that_starts_again_goes_on_counting() -> None:
+    """It is killed half-way to each light, and the next one begins two seconds later."""
+    for thesis in (False, True):
+        stage = Stage(ceiling(), Robot(scale=1.005), {"tracker": killed(thesis=thesis)}, seed=3, goals=(PLACES,))
+        stage.run(120.0)
+        assert numbers(stage) == [0, 1, 2, 3, 4, 5]
+        ((at, overshoot),) = stage.log.overshoots
+        assert at - overshoot == pytest.approx(PLACES[-1], abs=150.0)
+        assert stage.variable(TRACK_START) == []
+
+
+def killed(**kinds: Any) -> Script:
+    """Trackers of which none lives for more than so many steps, one after the other."""
+    for _ in range(40):
+        tracker = light_tracker(**kinds)
+        yield from _some_of(tracker, 120)
+        tracker.close()
+        yield from sleep(2.0)
+
+
+def _some_of(script: Script, steps: int) -> Script:
+    answer: Any = None
+    problem: Exception | None = None
+    for _ in range(steps):
+        step = script.send(answer) if problem is None else script.throw(problem)
+        answer = problem = None
+        try:
+            answer = yield step
+        except CallRefused as refused:
+            problem = refused
+
+
+def test_lights_are_given_up_for_a_goal_of_another_kind() -> None:
+    """Its Planner was ended, and another one has begun, which leads to a goal without lights."""
+    stage = Stage(ceiling(), Robot(), {"tracker": light_tracker()}, seed=1, goals=(PLACES,))
+    stage.run(10.0)
+    stage.tell(GOAL_TYPE, int(GoalKind.NONE))
+    stage.run(10.0)
+    assert numbers(stage) == [0, 1]
+    stage.tell(GOAL_TYPE, int(GoalKind.DEAD_RECKONING))
+    stage.run(100.0)
+    assert numbers(stage) == [0, 1]
+    assert stage.semaphore(END_L_MODE).value == 0
+    assert stage.variable(TRACK_START) == []
+
+
+@pytest.mark.parametrize(
+    "other",
+    [
+        {GOAL_TYPE: int(GoalKind.DEAD_RECKONING)},
+        {GOAL_DISTANCE: 3000.0},
+        {TRACK_START: []},
+        {CEILING_LIGHT: len(PLACES)},
+    ],
+)
+def test_what_is_no_unfinished_goal_is_let_be(other: dict[str, object]) -> None:
+    stage = Stage(ceiling(), Robot(), {"tracker": light_tracker()}, seed=1, goals=())
+    unfinished: dict[str, object] = {
+        GOAL_TYPE: int(GoalKind.LIGHTS),
+        GOAL_DISTANCE: len(PLACES),
+        GOAL_DIRECTION: 0.0,
+        LIGHT_OFFSET: [PLACES[0], *[5500.0] * 4],
+        CEILING_LIGHT: 0,
+        TRACK_START: [0.0, 0.0],
+    }
+    for name, value in (unfinished | other).items():
+        stage.tell(name, value)
+    stage.run(15.0, all_of_it=True)
+    assert numbers(stage) == [(unfinished | other)[CEILING_LIGHT]]
 
 
 def test_a_goal_that_is_none_is_refused_in_words() -> None:
