@@ -77,7 +77,7 @@ def command(
 
         click.echo(json.dumps({**_summary(planned), "picture": str(output) if output else None}, indent=2))
     else:
-        click.echo(_text(planned, floors=len({s.end.floor for s in planned.segments}) > 1))
+        click.echo(_text(planned))
         if output is not None:
             click.echo(f"drawn in {output}")
 
@@ -122,16 +122,8 @@ def _segment(segment: Segment) -> dict[str, object]:
     return {
         "mode": chr(segment.kind),
         "heading_deg": round(segment.heading_deg, 3),
-        "from": {
-            "x_mm": round(segment.start.x_mm, 1),
-            "y_mm": round(segment.start.y_mm, 1),
-            "floor": segment.start.floor,
-        },
-        "to": {
-            "x_mm": round(segment.end.x_mm, 1),
-            "y_mm": round(segment.end.y_mm, 1),
-            "floor": segment.end.floor,
-        },
+        "from": _place(segment.start),
+        "to": _place(segment.end),
         "length_mm": round(segment.length_mm, 1),
         "width_mm": round(segment.width_mm, 1),
         "lights_mm": [round(light, 1) for light in segment.lights_mm],
@@ -142,11 +134,16 @@ def _place(place: Place) -> dict[str, object]:
     return {"x_mm": round(place.x_mm, 1), "y_mm": round(place.y_mm, 1), "floor": place.floor}
 
 
-def _text(planned: Plan, floors: bool) -> str:
+def _text(planned: Plan) -> str:
+    from colony.nav.confidence import RIDE
+
+    floors = len({place.floor for s in planned.segments for place in (s.start, s.end)}) > 1
     confidence = _confidence(planned)
     known = "unknown, the thesis has no such path"
     if confidence is not None:
         known = "{:.4f} (95 % interval: {:.2f} to {:.2f})".format(*confidence)
+        if RIDE in planned.modes:
+            known += ", rides aside"
     lines = [
         f"{planned.origin} to {planned.goal}: {planned.distance_mm / 1000:.3f} m, "
         f"{planned.way_mm / 1000:.1f} m to travel",

@@ -14,6 +14,7 @@ from __future__ import annotations
 from collections.abc import Generator
 from typing import Any
 
+from colony.nav.asks import taken, values
 from colony.nav.shared import (
     CEILING_LIGHT,
     GOAL_ANSWERED,
@@ -25,7 +26,6 @@ from colony.nav.shared import (
     ROBOT_STATUS,
     GoalKind,
 )
-from colony.runtime.kit.errors import CallRefused
 from colony.runtime.kit.script import Script, Step, do, sleep
 from colony.runtime.library import data
 
@@ -60,7 +60,7 @@ def _reached(number: int, period_s: float) -> Generator[Step, Any, bool]:
     """Until the goal is reached (True), or there is another one in its place (False)."""
     while True:
         # Waiting for the next goal is the pause between two looks.
-        if (yield from _taken(GOAL_DATA, period_s)):
+        if (yield from taken(GOAL_DATA, period_s)):
             return False
         if (yield from _value(GOAL_REACHED)) == number:
             return True
@@ -72,7 +72,7 @@ def _await_tracker(period_s: float) -> Generator[Step, Any, None]:
     CTracker sets it to 0 when it has taken its data, and a network that saw the goal first would take the old
     count for the new one, and the goal for reached.
     """
-    told = yield from _values(GOAL_TYPE, GOAL_DISTANCE, CEILING_LIGHT)
+    told = yield from values(GOAL_TYPE, GOAL_DISTANCE, CEILING_LIGHT)
     if told is None or told[GOAL_TYPE] != GoalKind.LIGHTS:
         return
     begun_ns = now_ns = yield from sleep(0.0)
@@ -83,25 +83,5 @@ def _await_tracker(period_s: float) -> Generator[Step, Any, None]:
 
 def _value(name: str) -> Generator[Step, Any, Any]:
     """A variable, or None where it was never set."""
-    told = yield from _values(name)
+    told = yield from values(name)
     return None if told is None else told[name]
-
-
-def _values(*names: str) -> Generator[Step, Any, dict[str, Any] | None]:
-    """Variables at one moment, or None where one was never set."""
-    try:
-        return (yield from do("DServer", data.get_many(names)))
-    except CallRefused as refused:
-        if refused.code not in ("unknown", "unset"):
-            raise
-        return None
-
-
-def _taken(semaphore: str, wait_s: float) -> Generator[Step, Any, bool]:
-    try:
-        yield from do("DServer", data.wait(semaphore, timeout_s=wait_s))
-    except CallRefused as refused:
-        if refused.code != "timeout":
-            raise
-        return False
-    return True

@@ -94,7 +94,8 @@ class Automaton:
 
 
 def powers_of(modes: str, arcs: Arcs = PUBLISHED_ARCS) -> Counter[Event] | None:
-    """How often each event must come true along a string; None where no way leads from S to G along it."""
+    """How often each event must come true along a string, rides aside; None where no way leads from S to G
+    along it, or where there is nothing but rides."""
     powers: Counter[Event] = Counter()
     for part in modes.split(RIDE):
         state: State = "S"
@@ -106,7 +107,7 @@ def powers_of(modes: str, arcs: Arcs = PUBLISHED_ARCS) -> Counter[Event] | None:
             state = arc.to
         if state != "G" and not (part == "" and RIDE in modes):
             return None
-    return powers
+    return powers or None
 
 
 def product(automaton: Automaton, modes: str) -> Fraction:

@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 from colony.nav.sides import Side, sides_of
 from colony.nav.stickrep import Map
 from colony.nav.stickrep_geometry import Point, corners, direction, in_free_space
-from colony.nav.walls import walls_of
+from colony.nav.walls import free_distance, walls_of
 
 NARROWEST_MM, WIDEST_MM = 1000.0, 4500.0
 """How wide a corridor may be: what is wider is a hall, in which two walls do not guide a robot."""
@@ -173,15 +173,7 @@ class _Floor:
 
     def ray(self, at: Point, heading_deg: float) -> float:
         """How far it is from a place to the first wall in a direction, in mm; inf where there is none."""
-        away = direction(heading_deg)
-        x0, y0, x1, y1 = self.segments.T
-        ex, ey = x1 - x0, y1 - y0
-        with np.errstate(divide="ignore", invalid="ignore"):
-            across = away.x * ey - away.y * ex
-            distance = ((x0 - at.x) * ey - (y0 - at.y) * ex) / across
-            part = ((x0 - at.x) * away.y - (y0 - at.y) * away.x) / across
-        hit = (distance > 0.0) & (part >= 0.0) & (part <= 1.0)
-        return float(distance[hit].min()) if hit.any() else math.inf
+        return free_distance(self.segments, at, direction(heading_deg))
 
 
 def _facing(sides: Sequence[Side]) -> list[_Strip]:

@@ -12,8 +12,8 @@ the overshoot of the lights before it; the thesis did that from December 1993 on
 Where a Planner dies, the robot goes on to the present goal and stands there. Another one begins with a plan
 from where the robot is: its first goal takes the place of what is pursued, and answers that nobody took are
 thrown away. GoalType NONE, set by somebody else, halts the robot while the Planner goes on waiting. It is no
-pause: the Navigator would measure the whole distance anew. To stop for good, end the Planner, then set GoalType
-to NONE; to go on, start another Planner.
+pause: the Navigator would measure the whole distance anew. To stop for good, end the Planner, then set
+GoalType to NONE; to go on, start another Planner.
 """
 
 from __future__ import annotations
@@ -22,6 +22,7 @@ from collections.abc import Callable, Generator
 from itertools import pairwise
 from typing import Any, Literal, NamedTuple, assert_never
 
+from colony.nav.asks import taken
 from colony.nav.plan import Plan, Segment
 from colony.nav.shared import (
     END_L_MODE,
@@ -38,7 +39,6 @@ from colony.nav.shared import (
     GoalKind,
 )
 from colony.nav.stickrep_geometry import Point, direction
-from colony.runtime.kit.errors import CallRefused
 from colony.runtime.kit.script import Script, Step, do
 from colony.runtime.library import data, robot
 
@@ -147,13 +147,8 @@ def planner(
 
 
 def _drain(semaphore: str) -> Generator[Step, Any, None]:
-    while True:
-        try:
-            yield from do("DServer", data.wait(semaphore, timeout_s=0.0))
-        except CallRefused as refused:
-            if refused.code != "timeout":
-                raise
-            return
+    while (yield from taken(semaphore, 0.0)):
+        pass
 
 
 def _pursue(goal: Goal) -> Generator[Step, Any, float]:

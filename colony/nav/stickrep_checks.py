@@ -128,8 +128,8 @@ def check_map(problems: Problems, checked: Map, places: Places) -> None:
 _MISPLACED = {
     False: "it is traced clockwise, as an outline; a block that stands in another ring is traced "
     "counterclockwise, and two outlines must not overlap",
-    True: "it is traced counterclockwise, as a block, and must stand in an outline's free space; an outline is "
-    "traced clockwise",
+    True: "it is traced counterclockwise, as a block, and must stand in an outline's free space; an outline "
+    "is traced clockwise",
 }
 """What to do about a ring with its free space on the wrong side, by whether it turns left."""
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import re
 from dataclasses import dataclass
 
@@ -61,6 +62,7 @@ def walls_of(source: Map) -> Walls:
 
 _HALF_CORRIDOR_MM = 1200.0
 _AHEAD_MM = 1.0
+_PART_SLACK = 1e-6
 _WIDEST_MM = 4500.0
 _BESIDE_MM = tuple(step * 500.0 for k in range(1, 9) for step in (k, -k))
 
@@ -87,20 +89,27 @@ def lights_of(source: Map) -> NDArray[np.float64]:
 
 def _width(segments: NDArray[np.float64], at: Point, along: Point, away: Point) -> float:
     """How wide the corridor is at a place on a wall, in mm."""
-    opposite = _free_distance(segments, at, away)
+    opposite = free_distance(segments, at, away)
     if opposite <= _WIDEST_MM:
         return opposite
     beside = [Point(at.x + step * along.x, at.y + step * along.y) for step in _BESIDE_MM]
-    return min(opposite, *(_free_distance(segments, place, away) for place in beside))
+    width = min(opposite, *(free_distance(segments, place, away) for place in beside))
+    return width if math.isfinite(width) else 2 * _HALF_CORRIDOR_MM
 
 
-def _free_distance(segments: NDArray[np.float64], at: Point, away: Point) -> float:
-    """How far it is from a wall to the next one in the direction `away`, in mm."""
+def free_distance(segments: NDArray[np.float64], at: Point, away: Point) -> float:
+    """How far it is from a place, which may be on a wall, to the next wall, in mm; inf where there is none.
+
+    Args:
+        segments: (n, 4) as of `Walls`.
+        away: the unit vector of the direction to look in.
+    """
     ax, ay = segments[:, 0] - at.x, segments[:, 1] - at.y
     ex, ey = segments[:, 2] - segments[:, 0], segments[:, 3] - segments[:, 1]
     with np.errstate(divide="ignore", invalid="ignore"):
         across = away.x * ey - away.y * ex
         distance = (ax * ey - ay * ex) / across
         part = (ax * away.y - ay * away.x) / across
-    hit = (distance > _AHEAD_MM) & (part >= 0.0) & (part <= 1.0)
-    return float(distance[hit].min()) if hit.any() else 2 * _HALF_CORRIDOR_MM
+    # With some slack, so that no ray slips through where two walls meet.
+    hit = (distance > _AHEAD_MM) & (part >= -_PART_SLACK) & (part <= 1.0 + _PART_SLACK)
+    return float(distance[hit].min()) if hit.any() else math.inf

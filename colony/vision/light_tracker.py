@@ -4,8 +4,8 @@
 It waits for $TrackData, reads the lights to come from LightOffset, and looks at the ceiling every `period_s`.
 CeilingLight is how many lights were passed; at each, $LightDet is upped. After the last one Overshoot is how
 far beyond it the robot is, and $EndLMode is upped. A tracker that is started anew goes on where one before
-it was ended (`track_goals.py`); lights are given up where the robot has a goal of another kind meanwhile, from
-another Planner.
+it was ended (`track_goals.py`). Lights are given up where the robot has a goal of another kind meanwhile,
+from another Planner.
 
 The map knows the place of a light to centimeters, so each valid light also corrects the position at RServer
 along the corridor, and its tilted edges the heading. From light to light the scale of the odometry is

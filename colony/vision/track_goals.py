@@ -12,6 +12,7 @@ from collections.abc import Generator
 from itertools import accumulate
 from typing import Any, NamedTuple
 
+from colony.nav.asks import taken, values
 from colony.nav.shared import (
     CEILING_LIGHT,
     GOAL_DIRECTION,
@@ -22,7 +23,6 @@ from colony.nav.shared import (
     TRACK_START,
     GoalKind,
 )
-from colony.runtime.kit.errors import CallRefused
 from colony.runtime.kit.script import Step, do
 from colony.runtime.library import data, robot
 from colony.vision.light_track import LightGoal
@@ -39,13 +39,7 @@ class Unfinished(NamedTuple):
 
 def new_goal(wait_s: float) -> Generator[Step, Any, bool]:
     """Whether $TrackData is upped within this time, and so there is another goal."""
-    try:
-        yield from do("DServer", data.wait(TRACK_DATA, timeout_s=wait_s))
-    except CallRefused as refused:
-        if refused.code != "timeout":
-            raise
-        return False
-    return True
+    return (yield from taken(TRACK_DATA, wait_s))
 
 
 def take_goal() -> Generator[Step, Any, LightGoal]:
@@ -68,7 +62,7 @@ def take_goal() -> Generator[Step, Any, LightGoal]:
 
 def unfinished_goal() -> Generator[Step, Any, Unfinished | None]:
     """The goal of a tracker that was ended before its last light, if it is still meant."""
-    told = yield from _values(*_TOLD, CEILING_LIGHT, TRACK_START)
+    told = yield from values(*_TOLD, CEILING_LIGHT, TRACK_START)
     if told is None or not told[TRACK_START] or (yield from is_given_up()):
         return None
     goal = _goal(told, *told[TRACK_START])
@@ -81,7 +75,7 @@ def is_given_up() -> Generator[Step, Any, bool]:
 
     GoalType NONE gives nothing up: the robot is made to wait.
     """
-    told = yield from _values(GOAL_TYPE)
+    told = yield from values(GOAL_TYPE)
     return told is not None and told[GOAL_TYPE] not in (GoalKind.LIGHTS, GoalKind.NONE)
 
 
@@ -95,13 +89,3 @@ def _goal(told: dict[str, Any], x_mm: float, y_mm: float) -> LightGoal | None:
         y_mm=y_mm,
         lights_mm=tuple(accumulate(float(offset) for offset in offsets)),
     )
-
-
-def _values(*names: str) -> Generator[Step, Any, dict[str, Any] | None]:
-    """Variables at one moment, or None where one was never set."""
-    try:
-        return (yield from do("DServer", data.get_many(names)))
-    except CallRefused as refused:
-        if refused.code not in ("unknown", "unset"):
-            raise
-        return None

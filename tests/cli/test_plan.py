@@ -61,9 +61,17 @@ def test_a_plan_over_two_floors_names_them(colony: Colony) -> None:
     code, out, _ = colony("plan", THIRD, "372R", "2:264L")
     assert code == 0
     rows = out.splitlines()[4:]
+    assert "rides aside" in out.splitlines()[1]
     ride = next(i for i, row in enumerate(rows) if row.startswith("V"))
     assert all(row.endswith("msu_engineering_3") for row in rows[:ride])
     assert all(row.endswith("msu_engineering_2") for row in rows[ride:])
+
+
+def test_a_ride_alone_has_no_published_confidence(colony: Colony) -> None:
+    code, out, _ = colony("plan", THIRD, "acs.elev.L", "2:acs.elev.L")
+    assert code == 0
+    assert "modes: v; confidence: unknown" in out
+    assert out.endswith("msu_engineering_2\n")
 
 
 @pytest.mark.parametrize(

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Iterator
 from dataclasses import replace
 from typing import get_args
 
@@ -49,7 +50,7 @@ def sound_maps(draw: st.DrawFn) -> Map:
     )
 
 
-def _polygon(draw: st.DrawFn, unique: object, size: int, radius: float, clockwise: bool) -> Ring:
+def _polygon(draw: st.DrawFn, unique: Iterator[str], size: int, radius: float, clockwise: bool) -> Ring:
     """A regular polygon around the origin."""
     side, turn = 2.0 * radius * math.sin(math.pi / size), 360.0 / size
     angle = 180.0 + turn if clockwise else 180.0 - turn

@@ -85,7 +85,7 @@ def test_the_product_of_the_matrices_is_the_same() -> None:
 
 
 def test_strings_that_the_automaton_does_not_know() -> None:
-    for modes in ("", "l", "lc", "dl", "ll", "x", "ldd", "d"):
+    for modes in ("", "v", "vv", "l", "lc", "dl", "ll", "x", "ldd", "d"):
         assert PUBLISHED.confidence(modes) is None, modes
     extended = Automaton(events=PUBLISHED.events, arcs=ALL_ARCS)
     assert extended.confidence("d") == 1

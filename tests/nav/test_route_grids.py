@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from itertools import accumulate, pairwise, product
@@ -14,10 +15,17 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from colony.nav.corridors import corridors_of, turning_spaces_of
+from colony.nav.plan import Plan, Segment
 from colony.nav.published_runs import PUBLISHED_RUNS
 from colony.nav.route import plan
-from colony.nav.stickrep import Edge, EdgeKind, Map, Node, Pose, Ring
-from colony.nav.stickrep_reader import load_map
+from colony.nav.route_legs import LIGHT_AHEAD_MM
+from colony.nav.shared import GoalKind
+from colony.nav.stickrep import Edge, EdgeKind, Light, Map, Node, Pose, Ring
+from colony.nav.stickrep_geometry import corners, direction
+from colony.nav.stickrep_reader import load_map, read_map
+from colony.nav.stickrep_writer import write_map
+from colony.nav.walls import lights_of
+from colony.source import Source
 
 MAPS = Path(__file__).resolve().parents[2] / "maps"
 DOOR_MM = 900.0
@@ -29,13 +37,16 @@ class Grid:
     """Corridors from west to east and from south to north, with a block of rooms in each cell.
 
     `columns` and `rows` are the widths of the corridors and of the blocks in turn, beginning and ending with
-    a corridor; each block has a door on its south wall and one on its west wall, `doors` after the corner.
+    a corridor; each block has a door on its south wall and one on its west wall, `door` after the corner.
+    Lights hang before the two other walls, the first and the last `light` from the corners, `apart` at most.
     """
 
     columns: tuple[float, ...]
     rows: tuple[float, ...]
     door: float
     alcoves: bool
+    light: float = 1000.0
+    apart: float = 5500.0
 
     @property
     def size(self) -> tuple[float, float]:
@@ -48,14 +59,15 @@ class Grid:
 
     def map(self) -> Map:
         width, height = self.size
-        outline = _ring("outline", Pose(0.0, 0.0, 0.0), -1, [[height], [width], [height], [width]])
+        outline = _ring("outline", Pose(0.0, 0.0, 0.0), -1, [[height], [width], [height], [width]], {})
         edges_x, edges_y = [0.0, *accumulate(self.columns)], [0.0, *accumulate(self.rows)]
         blocks = []
         for i, j in product(range(1, len(self.columns), 2), range(1, len(self.rows), 2)):
             wide, high = self.columns[i], self.rows[j]
             walls = [self._wall(wide), [high], [wide], self._wall(high)]
             corner = Pose(edges_x[i], edges_y[j], 270.0)
-            blocks.append(_ring(f"b{i}_{j}", corner, 1, walls))
+            lights = {1: self._lights(high), 2: self._lights(wide)}
+            blocks.append(_ring(f"b{i}_{j}", corner, 1, walls, lights))
         return Map(name="grid", start=Pose(50.0, 50.0, 0.0), rings=(outline, *blocks))
 
     def _wall(self, length: float) -> list[float]:
@@ -64,6 +76,11 @@ class Grid:
         if self.alcoves:
             return [self.door, -ALCOVE_MM, DOOR_MM, -ALCOVE_MM, rest]
         return [self.door, DOOR_MM, rest]
+
+    def _lights(self, length: float) -> tuple[Light, ...]:
+        count = 1 + math.ceil((length - 2 * self.light) / self.apart)
+        gap = (length - 2 * self.light) / (count - 1)
+        return tuple(Light(offset_mm=self.light + k * gap) for k in range(count))
 
     def places(self) -> dict[str, tuple[str, float, float]]:
         """Of each door's left jamb, how its corridor leads and where in its middle it is."""
@@ -82,8 +99,10 @@ def _middles(strips: Sequence[float]) -> list[float]:
     return [(ends[k] + ends[k + 1]) / 2 for k in range(0, len(strips), 2)]
 
 
-def _ring(name: str, start: Pose, left: int, walls: list[list[float]]) -> Ring:
-    """A ring that turns left (1) or right (-1) after each of its walls."""
+def _ring(
+    name: str, start: Pose, left: int, walls: list[list[float]], lights: dict[int, tuple[Light, ...]]
+) -> Ring:
+    """A ring that turns left (1) or right (-1) after each of its walls; `lights` of walls in one piece."""
     nodes, edges = [], []
     for w, wall in enumerate(walls):
         alcove = 0
@@ -96,7 +115,8 @@ def _ring(name: str, start: Pose, left: int, walls: list[list[float]]) -> Ring:
             label = f"{name}.{w}" + ("L" if door else f"_{k}")
             nodes.append(Node(name=label, angle_deg=angle, corner=k == 0))
             kind = EdgeKind.DOOR if door else EdgeKind.WALL
-            edges.append(Edge(kind=kind, length_mm=abs(length), counted=length > 0))
+            hung = lights.get(w, ())
+            edges.append(Edge(kind=kind, length_mm=abs(length), counted=length > 0, lights=hung))
     return Ring(name=name, start=start, nodes=tuple(nodes), edges=tuple(edges))
 
 
@@ -115,7 +135,11 @@ def grids(draw: st.DrawFn) -> Grid:
             strip += [draw(blocks), draw(widths)]
         strips.append(tuple(strip))
     return Grid(
-        columns=strips[0], rows=strips[1], door=draw(st.floats(1000.0, 4000.0)), alcoves=draw(st.booleans())
+        columns=strips[0],
+        rows=strips[1],
+        door=draw(st.floats(1000.0, 4000.0)),
+        alcoves=draw(st.booleans()),
+        light=draw(st.floats(0.0, 2500.0)),
     )
 
 
@@ -148,6 +172,66 @@ def test_plans_in_a_grid_are_the_shortest_ways(grid: Grid, data: st.DataObject) 
     for one, other in pairwise(found.segments):
         turned = round(other.heading_deg - one.heading_deg) % 360
         assert turned in ((90, 270) if chr(other.kind) == "C" else (0,))
+
+
+@given(grid=grids(), data=st.data())
+@settings(max_examples=60, deadline=None)
+def test_plans_in_a_grid_are_unbroken_and_as_far_as_back(grid: Grid, data: st.DataObject) -> None:
+    """Each segment begins where the one before has ended, and leads where it says; so do both ways."""
+    floor, names = grid.map(), sorted(grid.places())
+    origin, goal = data.draw(st.sampled_from(names)), data.draw(st.sampled_from(names))
+    if origin == goal:
+        return
+    there, back = plan(floor, origin, goal), plan(floor, goal, origin)
+    assert there.distance_mm == pytest.approx(back.distance_mm, abs=1.0)
+    for found in (there, back):
+        check_grammar(found)
+        for one, other in pairwise(found.segments):
+            assert one.end[:2] == pytest.approx(other.start[:2], abs=0.01)
+        for segment in found.segments:
+            unit = direction(segment.heading_deg)
+            east, north = (b - a for a, b in zip(segment.start[:2], segment.end[:2], strict=True))
+            assert segment.length_mm >= 0.0
+            assert (east, north) == pytest.approx(
+                (unit.x * segment.length_mm, unit.y * segment.length_mm), abs=0.01
+            )
+            check_lights(segment, floor)
+
+
+GRAMMAR = re.compile(r"(?:L?E C )*L?D")
+
+
+def check_grammar(found: Plan) -> None:
+    """[L] E C for each leg but the last one, which is [L] D; a mode is a letter, a corner one of them."""
+    kinds = "".join(chr(segment.kind) for segment in found.segments)
+    assert GRAMMAR.fullmatch(kinds.replace("EC", "E C ")), kinds
+    assert found.modes == kinds.replace("EC", "c").lower()
+
+
+def check_lights(segment: Segment, floor: Map) -> None:
+    """Those of a segment hang above it, none is told twice, and it ends below the last one."""
+    assert (segment.kind is GoalKind.LIGHTS) == bool(segment.lights_mm)
+    if not segment.lights_mm:
+        return
+    assert segment.lights_mm[0] >= LIGHT_AHEAD_MM - 0.01
+    assert all(after > before for before, after in pairwise(segment.lights_mm))
+    assert segment.lights_mm[-1] == pytest.approx(segment.length_mm, abs=0.01)
+    hung, unit = lights_of(floor), direction(segment.heading_deg)
+    for light in segment.lights_mm:
+        x, y = segment.start.x_mm + light * unit.x, segment.start.y_mm + light * unit.y
+        assert min(math.hypot(x - hx, y - hy) for hx, hy in hung.tolist()) <= segment.width_mm / 2
+
+
+@given(grid=grids())
+@settings(max_examples=30, deadline=None)
+def test_a_grid_that_was_written_is_read_again(grid: Grid) -> None:
+    text = write_map(grid.map())
+    again = read_map(Source("grid.stickrep", text))
+    assert write_map(again) == text
+    for one, other in zip(grid.map().rings, again.rings, strict=True):
+        for here, there in zip(corners(one), corners(other), strict=True):
+            assert there == pytest.approx(here, abs=0.01)
+    assert lights_of(again) == pytest.approx(lights_of(grid.map()), abs=0.01)
 
 
 def oracle(grid: Grid, origin: tuple[str, float, float], goal: tuple[str, float, float]) -> float:

@@ -153,7 +153,9 @@ def test_a_goal_that_replaces_another_is_taken() -> None:
 def test_a_tracker_that_starts_again_goes_on_counting() -> None:
     """It is killed half-way to each light, and the next one begins two seconds later."""
     for thesis in (False, True):
-        stage = Stage(ceiling(), Robot(scale=1.005), {"tracker": killed(thesis=thesis)}, seed=3, goals=(PLACES,))
+        stage = Stage(
+            ceiling(), Robot(scale=1.005), {"tracker": killed(thesis=thesis)}, seed=3, goals=(PLACES,)
+        )
         stage.run(120.0)
         assert numbers(stage) == [0, 1, 2, 3, 4, 5]
         ((at, overshoot),) = stage.log.overshoots
