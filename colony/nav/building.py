@@ -131,7 +131,6 @@ def _misled(here: _Loaded) -> list[Diagnostic]:
     """What is wrong with where a map's elevators lead."""
     problems: list[Diagnostic] = []
     for elevator, there in zip(here.map.elevators, here.others, strict=True):
-        place = _place(here, elevator, 3)
         kind = _kind_at(there.map, elevator.other_node)
         if there is here:
             message = f"the elevator `{elevator.node}` leads to its own map; expected another floor's"
@@ -140,12 +139,13 @@ def _misled(here: _Loaded) -> list[Diagnostic]:
             what = "no such node" if kind is None else f"a {kind.name.lower()} after it"
             message = f"expected an elevator at `{elevator.other_node}` of `{there.map.name}`; it has {what}"
             hint = f"name the node of {there.source.name} where the elevator's edge begins"
-            problems.append(error("M029", place, message, hint))
+            problems.append(error("M029", _place(here, elevator, 3), message, hint))
         elif not _leads_back(here, elevator, there):
             message = f"the elevator `{elevator.other_node}` of `{there.map.name}` does not lead back here"
             back = os.path.relpath(here.source.name, os.path.dirname(there.source.name) or ".")
             line = f"elevator {elevator.other_node} {back} {elevator.node}"
-            problems.append(error("M030", place, message, f"add `{line}` to {there.source.name}"))
+            hint = f"add `{line}` to {there.source.name}"
+            problems.append(error("M030", _place(here, elevator, 3), message, hint))
     return problems
 
 

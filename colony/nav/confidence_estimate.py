@@ -142,13 +142,15 @@ def string_interval(
     powers = powers_of(modes, arcs)
     if powers is None:
         return None
-    random = np.random.default_rng(seed)
     logs = np.zeros(draws)
-    for event in Event:  # in one fixed order, so that a seed gives one result
-        good, trials = counts[event]
-        drawn = random.beta(good + 0.5, trials - good + 0.5, draws)
+    for number, event in enumerate(Event):  # a stream each: other events change nothing
         if powers[event]:
+            good, trials = counts[event]
+            drawn = np.random.default_rng((seed, number)).beta(good + 0.5, trials - good + 0.5, draws)
             logs += powers[event] * np.log(drawn)
+    if all(counts[event].good == counts[event].trials for event in Event if powers[event]):
+        # Nothing ever failed, so the estimate is 1: the interval reaches it (Brown, Cai and DasGupta 2001).
+        return Interval(float(np.quantile(np.exp(logs), 1 - level)), 1.0)
     low, high = np.quantile(np.exp(logs), [(1 - level) / 2, (1 + level) / 2])
     return Interval(float(low), float(high))
 

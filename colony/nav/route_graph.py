@@ -253,7 +253,9 @@ def _parts(graph: Any, path: list[Any]) -> Way:
     corridors: list[int] = []
     for here, there in pairwise(path):
         if isinstance(here, Spot) and isinstance(there, Spot):
-            parts.append(Lift(here, there))
+            # An elevator that is told from floor to floor is ridden in one go.
+            last = parts.pop() if parts and isinstance(parts[-1], Lift) else Lift(here, here)
+            parts.append(Lift(last.one, there))
             origin, length, corridors = there, 0.0, []
             continue
         step = graph[here][there]

@@ -17,6 +17,8 @@ from __future__ import annotations
 import math
 from typing import NamedTuple
 
+import numpy as np
+
 from colony.sim.compiled import Bools2, Floats, Floats2, Ints, compiled, inlined
 from colony.sim.people import Crowd
 
@@ -53,6 +55,25 @@ class Bases(NamedTuple):
     wall_room: Ints
     robot_room: Ints
     person_room: Ints
+
+
+def bases_at(poses: Floats2, scales: Floats2) -> Bases:
+    """Robots that stand at `poses`, (robots, 3), and believe so, with no room yet for what is near."""
+    count = len(poses)
+    return Bases(
+        poses=poses,
+        odometry=poses.copy(),
+        speeds=np.zeros((count, 2)),
+        commands=np.zeros((count, 2)),
+        scales=scales,
+        distances=np.zeros(count),
+        contacts=np.zeros((count, 2), dtype=np.bool_),
+        bumps=np.zeros(count, dtype=np.int64),
+        impacts=np.zeros(count),
+        wall_room=np.empty(0, dtype=np.int64),
+        robot_room=np.empty(count, dtype=np.int64),
+        person_room=np.empty(0, dtype=np.int64),
+    )
 
 
 class Near(NamedTuple):

@@ -24,7 +24,7 @@ class Floor(NamedTuple):
 
     Attributes:
         joints: (n, 4), x0, y0, x1, y1 in mm.
-        crossings: (robots,), how many each robot has crossed so far.
+        crossings: (robots,), how many each robot has crossed so far, on this floor and others before it.
         probability, turn_deg, least_mm, most_mm: as in `Slip`.
         seed: of the slips.
     """
@@ -38,12 +38,12 @@ class Floor(NamedTuple):
     seed: int
 
 
-def floor_of(joints: Sequence[Joint], slip: Slip, *, robots: int, seed: int) -> Floor:
-    """A floor that no robot has driven on yet."""
+def floor_of(joints: Sequence[Joint], slip: Slip, *, crossings: Ints, seed: int) -> Floor:
+    """A floor; `crossings`, (robots,), are counted on there."""
     ends = [(j.x0_mm, j.y0_mm, j.x1_mm, j.y1_mm) for j in joints]
     return Floor(
         joints=np.array(ends, dtype=np.float64).reshape(-1, 4),
-        crossings=np.zeros(robots, dtype=np.int64),
+        crossings=crossings,
         probability=float(slip.probability),
         turn_deg=float(slip.turn_deg),
         least_mm=float(slip.least_mm),

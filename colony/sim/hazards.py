@@ -42,6 +42,11 @@ _BAND_SPACING_MM = (4000.0, 8000.0)
 _BAND_MM = (800.0, 2500.0)
 
 
+_MOST = {name: 1.0 for name in ("slip", "glass", "light_out", "light_dim", "dim_brightness", "sunlit")}
+_MOST |= {"open_door": 1.0, "cross_talk": 1.0, "door_deg": 90.0, "compass_deg": 180.0}
+"""What a number of `Hazards` is at most, where it has a limit."""
+
+
 class Hazard(IntEnum):
     """What can go wrong. The number is that of its stream of chance, and never changes."""
 
@@ -77,7 +82,7 @@ class Hazards:
         compass_deg: the compass is off by this much at most.
 
     Raises:
-        ValueError: a probability is not between 0 and 1, or another number not finite, or below 0.
+        ValueError: a number is not finite or not in its range, or of two the first is the greater.
     """
 
     on: frozenset[Hazard] = frozenset(Hazard)
@@ -99,17 +104,18 @@ class Hazards:
     compass_deg: float = 60.0
 
     def __post_init__(self) -> None:
-        probabilities = {"slip", "glass", "light_out", "light_dim", "sunlit", "open_door", "cross_talk"}
         for field in fields(self):
             value = getattr(self, field.name)
             if field.name == "on":
                 continue
-            numbers = value if isinstance(value, tuple) else (value,)
-            most = 1.0 if field.name in probabilities else math.inf
-            sound = all(0.0 <= n <= most and math.isfinite(n) for n in numbers)
+            pair = isinstance(field.default, tuple)
+            numbers = tuple(value) if pair else (value,)
+            most = _MOST.get(field.name, math.inf)
+            sound = len(numbers) == 1 + pair and all(0.0 <= n <= most and math.isfinite(n) for n in numbers)
             if not sound or list(numbers) != sorted(numbers):
-                expected = "0 to 1" if most == 1.0 else "finite numbers of at least 0, the lower one first"
-                raise ValueError(f"Hazards.{field.name} is {value!r}; expected {expected}")
+                expected = "of at least 0" if most == math.inf else f"from 0 to {most:g}"
+                number = "two finite numbers, the lower one first," if pair else "a finite number"
+                raise ValueError(f"Hazards.{field.name} is {value!r}; expected {number} {expected}")
         if self.light_out + self.light_dim > 1.0:
             found = f"light_out and light_dim are {self.light_out} and {self.light_dim}"
             raise ValueError(f"{found}; expected 1 at most in all")
@@ -135,9 +141,14 @@ class Hazards:
 def draw(hazards: Hazards, floor: Map, seed: int) -> Scenery:
     """What a floor is like in the run of a seed.
 
+    Floors that share a seed share their luck: of each the same lights are out, counted in the order of the
+    map. So each floor of a building has a seed of its own.
+
     Raises:
         ValueError: the seed is below 0.
     """
+    if seed < 0:
+        raise ValueError(f"the seed of a scenery is {seed}; expected 0 or more")
     premises = premises_of(floor)
     glass, doors = _glass(hazards, premises, seed), _doors(hazards, premises, seed)
     walls, silent = _walls(premises, glass, doors)

@@ -72,11 +72,18 @@ def crowd_of(people: Sequence[Person], *, seed: int) -> Crowd:
     return Crowd(places=places, radius=PERSON_RADIUS_MM, seed=seed)
 
 
-def make_way(crowd: Crowd, poses: NDArray[np.float64]) -> None:
-    """Move people who are in the way of robots that are put down at `poses`, (robots, 3), along their track;
-    who finds no place there that is far enough takes the farthest."""
+def make_way(crowd: Crowd, poses: NDArray[np.float64], *, of: int | None = None) -> None:
+    """Move people who are in the way of robots that are put down along their track.
+
+    Who finds no place there that is far enough from all robots takes the farthest.
+
+    Args:
+        poses: (robots, 3), of all robots.
+        of: only this robot is put down; None: all are.
+    """
+    put_down = poses if of is None else poses[of : of + 1]
     for row in crowd.places:
-        if _nearest(row, poses) < _START_MM:
+        if _nearest(row, put_down) < _START_MM:
             start = row[S]
             tried = []
             for step in range(max(1, int(row[LENGTH] / 500.0))):

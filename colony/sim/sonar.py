@@ -1,7 +1,7 @@
 """What the 24 sonars and infrared detectors of each robot see.
 
-A transducer hears in a cone. The cone is filled with rays, a fixed angle apart; each ray ends at the first
-thing that it meets, and whether that thing is *heard* is a second question:
+A transducer hears in a cone. The cone is filled with rays, evenly, two of them on its edges; each ray ends at
+the first thing that it meets, and whether that thing is *heard* is a second question:
 
 - A wall is a mirror for ultrasound. Met within the critical angle to its normal it is heard, beyond that it
   sends the sound away: the ray is silent, but still hides what is behind.
@@ -30,7 +30,7 @@ from colony.sim.config import AHEAD, CHANNELS, SPACING_DEG, RobotConfig
 from colony.sim.people import Crowd
 
 RAY_STEP_DEG = 3.0
-"""The angle between neighboring rays of a cone; the axis is always one."""
+"""The angle between neighboring rays of a cone at most; the axis is always one."""
 
 _RETRO_COSINE = math.sin(math.radians(10.0))  # corners count as right angles up to ten degrees
 _NOTHING = -1
@@ -80,15 +80,17 @@ class Talk(NamedTuple):
     seed: int
 
 
-def _rays_on_a_side(config: RobotConfig) -> int:
-    return int(config.sonar_half_beam_deg / RAY_STEP_DEG + 1e-9)
+def _rays_of(config: RobotConfig) -> tuple[int, float]:
+    """How many rays a cone has on either side of its axis, and the angle between them in degrees."""
+    on_a_side = math.ceil(config.sonar_half_beam_deg / RAY_STEP_DEG - 1e-9)
+    return on_a_side, config.sonar_half_beam_deg / on_a_side if on_a_side else RAY_STEP_DEG
 
 
 def fan_of(config: RobotConfig) -> Fan:
     """The rays of a robot."""
-    on_a_side = _rays_on_a_side(config)
+    on_a_side, step_deg = _rays_of(config)
     axes = np.radians((np.arange(CHANNELS) - AHEAD) * SPACING_DEG)
-    offsets = np.radians(np.arange(-on_a_side, on_a_side + 1) * RAY_STEP_DEG)
+    offsets = np.radians(np.arange(-on_a_side, on_a_side + 1) * step_deg)
     angles = axes[:, None] + offsets[None, :]
     return Fan(
         origin_u=config.sonar_ring_mm * np.cos(axes),
@@ -107,9 +109,9 @@ def ears_of(config: RobotConfig) -> Ears:
         radius=config.radius_mm,
         full_range=config.sonar_range_mm,
         least=config.sonar_least_mm,
-        half_beam_rad=math.radians(_rays_on_a_side(config) * RAY_STEP_DEG),
+        half_beam_rad=math.radians(config.sonar_half_beam_deg),
         cos_critical=math.cos(math.radians(config.sonar_critical_deg)),
-        tan_half_step=math.tan(math.radians(RAY_STEP_DEG / 2)),
+        tan_half_step=math.tan(math.radians(_rays_of(config)[1] / 2)),
         noise_mm=config.sonar_noise_mm,
         noise_part=config.sonar_noise,
         infrared_range=config.infrared_range_mm,

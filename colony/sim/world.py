@@ -15,11 +15,12 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from colony.sim.base import SLICE_S, Bases, Drive, move
+from colony.sim.base import SLICE_S, Drive, bases_at, move
 from colony.sim.chance import SEEDS
 from colony.sim.compass import disturbance_deg
 from colony.sim.config import CHANNELS, RobotConfig
 from colony.sim.floor import floor_of, slip
+from colony.sim.noise import Noise
 from colony.sim.people import X, Y, crowd_of, make_way, walk
 from colony.sim.placing import check_room, checked_poses, checked_walls
 from colony.sim.scenery import Scenery, bare
@@ -28,8 +29,6 @@ from colony.sim.sonar import Talk, corner_reflectors, ears_of, fan_of, sense, wa
 MAX_STEP_S = 10.0
 TURN_S = 0.05
 """Where people walk or wheels slip, this happens at least so often."""
-
-_NOISE_BLOCK = 512
 
 
 class Pose(NamedTuple):
@@ -94,25 +93,10 @@ class World:
         self.config = config or RobotConfig()
         scenery = walls if isinstance(walls, Scenery) else bare(checked_walls(walls))
         places = checked_poses(poses)
-        count = len(places)
-        self._generators = [np.random.default_rng(s) for s in np.random.SeedSequence(seed).spawn(count)]
-        errors = np.array([generator.standard_normal(2) for generator in self._generators])
-        self._noise = np.empty((count, 0))
-        self._noise_at = 0
-        self._bases = Bases(
-            poses=places,
-            odometry=places.copy(),
-            speeds=np.zeros((count, 2)),
-            commands=np.zeros((count, 2)),
-            scales=scenery.encoder_scale * (1.0 + self.config.wheel_scale * errors),
-            distances=np.zeros(count),
-            contacts=np.zeros((count, 2), dtype=np.bool_),
-            bumps=np.zeros(count, dtype=np.int64),
-            impacts=np.zeros(count),
-            wall_room=np.empty(0, dtype=np.int64),
-            robot_room=np.empty(count, dtype=np.int64),
-            person_room=np.empty(0, dtype=np.int64),
-        )
+        self._noise = Noise(len(places), seed)
+        errors = self._noise.first(2)
+        self._bases = bases_at(places, scenery.encoder_scale * (1.0 + self.config.wheel_scale * errors))
+        self._crossings = np.zeros(len(places), dtype=np.int64)
         self._build(scenery.walls, scenery.silent)
         check_room(places, self._walls, self.config.radius_mm)
         self._furnish(scenery)
@@ -126,9 +110,9 @@ class World:
         )
         self._ears, self._fan = ears_of(self.config), fan_of(self.config)
         self._unwired = np.setdiff1d(np.arange(CHANNELS), self.config.infrared_wired)
-        self._sonar = np.empty((count, CHANNELS))
-        self._infrared = np.empty((count, CHANNELS), dtype=np.bool_)
-        self._sonar_noise_at = self._draw(CHANNELS)
+        self._sonar = np.empty((len(places), CHANNELS))
+        self._infrared = np.empty((len(places), CHANNELS), dtype=np.bool_)
+        self._sonar_noise_at = self._noise.take(CHANNELS)
         self._sensed = False
         self._snapshot: _Snapshot | None = None
 
@@ -142,7 +126,7 @@ class World:
     def _furnish(self, scenery: Scenery) -> None:
         """Put there what a building has besides walls."""
         events = scenery.seed % SEEDS
-        self._floor = floor_of(scenery.joints, scenery.slip, robots=len(self), seed=events)
+        self._floor = floor_of(scenery.joints, scenery.slip, crossings=self._crossings, seed=events)
         self._crowd = crowd_of(scenery.people, seed=events)
         make_way(self._crowd, self._bases.poses)
         self._bases = self._bases._replace(person_room=np.empty(len(scenery.people), dtype=np.int64))
@@ -177,7 +161,7 @@ class World:
             raise ValueError(f"cannot advance by {dt_s} s; expected a time above 0, up to {MAX_STEP_S:g} s")
         turns = math.ceil(dt_s / TURN_S - 1e-9) if self._eventful else 1
         slices = math.ceil(dt_s / turns / SLICE_S - 1e-9)
-        at = self._draw(CHANNELS + 2 * turns * slices)
+        at = self._noise.take(CHANNELS + 2 * turns * slices)
         self._sonar_noise_at = at
         for turn in range(turns):
             self._turn(dt_s / turns, slices, at + CHANNELS + 2 * turn * slices)
@@ -191,7 +175,7 @@ class World:
         if self._eventful:
             before = bases.poses.copy()
             walk(self._crowd, bases.poses, self._drive.radius, dt_s)
-        move(bases, self._drive, self._walls, self._crowd, self._noise, noise_at, slices, dt_s)
+        move(bases, self._drive, self._walls, self._crowd, self._noise.table, noise_at, slices, dt_s)
         if before is not None:
             slip(self._floor, before, bases.poses, bases.speeds, bases.odometry)
 
@@ -281,7 +265,7 @@ class World:
         poses = self._bases.poses.copy()
         poses[robot] = checked_poses([pose])[0]
         check_room(poses, self._walls, self.config.radius_mm)
-        make_way(self._crowd, poses[robot : robot + 1])
+        make_way(self._crowd, poses, of=robot)
         self._bases.poses[robot] = poses[robot]
         self._bases.speeds[robot] = 0.0
         self._sensed = False
@@ -327,21 +311,6 @@ class World:
             self._snapshot = _Snapshot(*(array.tolist() for array in arrays))
         return self._snapshot
 
-    def _draw(self, count: int) -> int:
-        """Take `count` numbers from each robot's stream of noise; gives their first column in `_noise`.
-
-        The streams are drawn ahead in blocks; where these begin and end makes no difference.
-        """
-        if self._noise_at + count > self._noise.shape[1]:
-            rest = self._noise[:, self._noise_at :]
-            block = np.empty((len(self._generators), max(_NOISE_BLOCK, count)))
-            block[:, : rest.shape[1]] = rest
-            for generator, row in zip(self._generators, block, strict=True):
-                generator.standard_normal(out=row[rest.shape[1] :])
-            self._noise, self._noise_at = block, 0
-        self._noise_at += count
-        return self._noise_at - count
-
     def _sense(self) -> None:
         if not self._sensed:
             sense(
@@ -353,7 +322,7 @@ class World:
                 self._talk,
                 self._steps,
                 self._fan,
-                self._noise,
+                self._noise.table,
                 self._sonar_noise_at,
                 self._sonar,
                 self._infrared,

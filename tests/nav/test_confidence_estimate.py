@@ -156,3 +156,14 @@ def test_an_interval_covers_the_truth_as_often_as_it_says() -> None:
         low, high = string_interval(counts, "ld", seed=seed, draws=1000) or (1.0, 0.0)
         held += low <= truth <= high
     assert 0.92 * 500 <= held <= 0.99 * 500
+
+
+def test_the_interval_of_what_never_failed_reaches_its_estimate() -> None:
+    sure = {event: Count(40, 40) for event in Event}
+    interval = string_interval(sure, "lclcld", seed=1)
+    assert interval is not None
+    assert interval.high == 1.0
+    assert 0.7 < interval.low < 0.99
+    assert string_interval({**sure, Event.CORNER: Count(39, 40)}, "ld", seed=1) == string_interval(
+        sure, "ld", seed=1
+    )

@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pytest
 
-from colony.nav.building import Building, Ride, load_building
+from colony.nav.building import Building, Landing, Ride, load_building
 from colony.nav.confidence import TABLE_6_5
 from colony.nav.corridors import corridors_of
 from colony.nav.plan import Plan
@@ -164,6 +164,18 @@ def test_from_an_elevator_one_rides_at_once() -> None:
     found = plan(building("msu_engineering_3"), "old.elev.L", "2:264L")
     assert kinds(found).startswith("V")
     assert found.modes.startswith("v")
+
+
+def test_an_elevator_that_is_told_from_floor_to_floor_is_ridden_in_one_go() -> None:
+    loop, node = floor("loop"), "liftL"
+    floors = tuple(replace(loop, name=name, floor=name) for name in "1234")
+    rides = tuple(Ride(Landing(one, node), Landing(other, node)) for one, other in pairwise("1234"))
+    assert any(n.name == node for ring in loop.rings for n in ring.nodes)
+    found = plan(Building(maps=floors, rides=rides), "201L", "4:205L")
+    assert found.modes.count("v") == 1
+    (ride,) = (s for s in found.segments if s.kind is GoalKind.ELEVATOR)
+    assert (ride.start.floor, ride.end.floor) == ("1", "4")
+    assert ride.doors_mm[0] == ride.doors_mm[1] > 0.0
 
 
 def test_names_are_looked_for_on_the_floor_that_was_asked_for() -> None:

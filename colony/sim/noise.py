@@ -1,0 +1,41 @@
+"""The random numbers of the robots' own errors: a stream a robot, so that none depends on other robots."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from colony.sim.compiled import Floats2
+
+_BLOCK = 512
+
+
+class Noise:
+    """Standard normal numbers for robots, from a seed. Mutable: how many were taken.
+
+    They are drawn ahead in blocks; where these begin and end makes no difference.
+    """
+
+    def __init__(self, robots: int, seed: int) -> None:
+        """Begin the streams."""
+        seeds = np.random.SeedSequence(seed).spawn(robots)
+        self._generators = [np.random.default_rng(one) for one in seeds]
+        self._at = 0
+        self.table: Floats2 = np.empty((robots, 0))
+
+    def first(self, count: int) -> Floats2:
+        """The next `count` numbers of each stream, (robots, count), before any are taken."""
+        drawn = [generator.standard_normal(count) for generator in self._generators]
+        return np.array(drawn).reshape(len(self._generators), count)
+
+    def take(self, count: int) -> int:
+        """Take `count` numbers of each stream; gives their first column in `table`, (robots, k), which is
+        another array after that."""
+        if self._at + count > self.table.shape[1]:
+            rest = self.table[:, self._at :]
+            block = np.empty((len(self._generators), max(_BLOCK, count)))
+            block[:, : rest.shape[1]] = rest
+            for generator, row in zip(self._generators, block, strict=True):
+                generator.standard_normal(out=row[rest.shape[1] :])
+            self.table, self._at = block, 0
+        self._at += count
+        return self._at - count
