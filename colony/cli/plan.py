@@ -127,6 +127,8 @@ def _segment(segment: Segment) -> dict[str, object]:
         "length_mm": round(segment.length_mm, 1),
         "width_mm": round(segment.width_mm, 1),
         "lights_mm": [round(light, 1) for light in segment.lights_mm],
+        "turn_deg": round(segment.turn_deg, 3),
+        "doors_mm": [round(way, 1) for way in segment.doors_mm],
     }
 
 
@@ -144,8 +146,9 @@ def _text(planned: Plan) -> str:
         known = "{:.4f} (95 % interval: {:.2f} to {:.2f})".format(*confidence)
         if RIDE in planned.modes:
             known += ", rides aside"
+    goal = f"{planned.goal} of {planned.segments[-1].end.floor}" if floors else planned.goal
     lines = [
-        f"{planned.origin} to {planned.goal}: {planned.distance_mm / 1000:.3f} m, "
+        f"{planned.origin} to {goal}: {planned.distance_mm / 1000:.3f} m, "
         f"{planned.way_mm / 1000:.1f} m to travel",
         f"modes: {planned.modes}; confidence: {known}",
         "",

@@ -27,6 +27,7 @@ from colony.runtime.servers.semaphores import Semaphores, timed_out
 from colony.runtime.servers.variables import Variables, encoded, named, prepared, unknown
 from colony.runtime.store import Journal, MemoryStore
 from colony.runtime.virtual_position import Odometer, Pose
+from colony.sim.drivers import base_state
 from colony.sim.world import World
 
 Handler = Callable[[Asked, Any, Any, int], object]
@@ -160,7 +161,6 @@ class LocalBase:
     def __init__(self, world: World, robot_number: int = 0) -> None:
         self._world = world
         self._robot = robot_number
-        self._half_base_mm = world.config.wheel_base_mm / 2.0
         self._odometer = Odometer(None)
         self._setting = STILL
         self.granted: Granted = []
@@ -210,21 +210,7 @@ class LocalBase:
         return self._odometer.observe(self._state(now_ns))
 
     def _state(self, now_ns: int) -> BaseState:
-        world, number = self._world, self._robot
-        pose, speed, bumper = world.odometry(number), world.speed(number), world.bumper(number)
-        half = math.radians(speed.turn_deg_s) * self._half_base_mm
-        left, right = speed.velocity_mm_s - half, speed.velocity_mm_s + half
-        return BaseState(
-            t_ns=now_ns,
-            x=pose.x_mm,
-            y=pose.y_mm,
-            heading=pose.heading_deg,
-            front_bumper=bumper.front,
-            rear_bumper=bumper.rear,
-            speed=speed.velocity_mm_s,
-            turn_rate=speed.turn_deg_s,
-            wheel_speed=(abs(left) + abs(right)) / 2.0,
-        )
+        return base_state(self._world, self._robot, now_ns)
 
     def _position(self, asked: Asked, arguments: Nothing, reply: Any, now_ns: int) -> robot.Position:
         pose = self.believed(now_ns)

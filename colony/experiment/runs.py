@@ -13,6 +13,7 @@ from pathlib import Path
 
 from colony.experiment.behavior import behavior_of
 from colony.experiment.hazards_met import hazards_met
+from colony.experiment.lists import PUBLISHED
 from colony.experiment.local_cameras import CeilingShot, LocalCamera
 from colony.experiment.local_scripts import ScriptFailed
 from colony.experiment.loop import Loop, Watch
@@ -20,6 +21,7 @@ from colony.experiment.record import Failure, RunKey, RunResult
 from colony.experiment.variants import CEILING_CAMERA, PLANNER, VARIANTS, Variant
 from colony.experiment.watching import Watcher
 from colony.nav.plan import Plan
+from colony.nav.published_runs import PUBLISHED_RUNS
 from colony.nav.route import plan
 from colony.nav.stickrep import Map
 from colony.nav.stickrep_reader import load_map
@@ -73,6 +75,11 @@ def chance_of(key: RunKey) -> int:
     return (key.seed * 1_000_003 + key.number * 7_919 + 12_345) % (1 << 31)
 
 
+def _is_compensated(key: RunKey) -> bool:
+    """Whether overshoots are taken off the distances: of the published runs, in those since late 1993."""
+    return key.runs != PUBLISHED or PUBLISHED_RUNS[key.number - 1].compensated
+
+
 class Run:
     """A run that can be driven frame by frame. Mutable: all of it.
 
@@ -89,14 +96,19 @@ class Run:
         self.scenery: Scenery = draw(spec.hazards, floor, seed=seed)
         first = self.plan.segments[0]
         pose = (first.start.x_mm, first.start.y_mm, first.heading_deg)
-        self.world = World(walls=self.scenery, poses=[pose], seed=seed)
+        self.world = World(walls=self.scenery, poses=[pose], config=self.variant.robot, seed=seed)
         ceiling = CeilingCamera(self.scenery)
         camera = LocalCamera(CEILING_CAMERA, lambda now_ns: CeilingShot(ceiling, self.world, now_ns))
         begun: list[int] = []
         self.loop = Loop(
             behavior_of(self.variant.behavior),
             self.world,
-            self.variant.scripts(self.plan, self._walls, lambda number, segment: begun.append(number)),
+            self.variant.scripts(
+                self.plan,
+                self._walls,
+                lambda number, segment: begun.append(number),
+                compensate=_is_compensated(spec.key),
+            ),
             cameras=(camera,),
             seed=seed,
             watch=watch,

@@ -5,8 +5,8 @@ GoalReached that it has reached this very goal, $RobotStatus is upped (thesis se
 while another one is pursued takes its place, and the other one is never answered: its Planner is gone.
 
 A clerk that is started anew goes on where one before it was ended: a goal that has its number and no answer
-is pursued, and answered even if it was reached meanwhile. What it held between $GoalData and GoalNumber, or
-between GoalAnswered and $RobotStatus, is lost: then the robot stands, and wants a new Planner.
+is pursued, and answered even if it was reached meanwhile. Only a goal that it held between $GoalData and
+GoalNumber is lost: then the robot stands, and wants a new Planner.
 """
 
 from __future__ import annotations
@@ -44,9 +44,9 @@ def clerk(*, period_s: float = PERIOD_S) -> Script:
     pursued = number != int((yield from _value(GOAL_ANSWERED)) or 0)
     while True:
         if pursued and (yield from _reached(number, period_s)):
-            # In this order: an answer that is lost stops the robot, one too many would lead it astray.
-            yield from do("DServer", data.set(GOAL_ANSWERED, number))
+            # In this order: the Planner throws away one answer too many, and waits for ever for one lost.
             yield from do("DServer", data.signal(ROBOT_STATUS))
+            yield from do("DServer", data.set(GOAL_ANSWERED, number))
             pursued = False
         if not pursued:
             yield from do("DServer", data.wait(GOAL_DATA))

@@ -84,9 +84,9 @@ class HimmMap:
         self._grid[:] = 0
 
     def mark(self, pose: LocalPose, ranges: Floats) -> None:
-        """Take in a scan: (24,) in mm. Whatever lies outside of the map is left out."""
+        """Take in a scan: (24,) in mm. Whatever lies outside of the map is left out, and what is no range."""
         setting = self.setting
-        heard = np.flatnonzero(ranges < setting.full_range_mm)
+        heard = np.flatnonzero((ranges >= 0.0) & (ranges < setting.full_range_mm))
         angles = BEARINGS_RAD[heard] + pose.heading_rad
         cosine, sine = np.cos(angles), np.sin(angles)
         first = (pose.ahead_mm + setting.ring_mm * cosine, pose.left_mm + setting.ring_mm * sine)

@@ -159,9 +159,12 @@ class PoseFilter:
         return self.agreement < _LOST
 
     def listen(self, mirrors: Mirrors, ranges: Floats, blur_rad: float = 0.0) -> None:
-        """Take in a scan: (24,) in mm. `blur_rad`: by how much the heading may be off for this scan alone."""
+        """Take in a scan: (24,) in mm; what is not finite says nothing.
+
+        `blur_rad`: by how much the heading may be off for this scan alone.
+        """
         expected = self._ring.expect(mirrors, *self.state[:3])
-        used = np.flatnonzero(np.isfinite(expected.sigma))
+        used = _told(expected, ranges)
         if len(used) >= _FEWEST:
             kept = self._update(expected, ranges, used, blur_rad)
             self.agreement += _AGREEMENT_RATE * (kept - self.agreement)
@@ -225,7 +228,7 @@ class PoseFilter:
         self.covariance = np.diag([self._aside_mm**2, self._aside_mm**2, _TRIED_STEP_RAD**2, drift])
         for _ in range(_FITS):
             expected = self._ring.expect(mirrors, *self.state[:3])
-            used = np.flatnonzero(np.isfinite(expected.sigma))
+            used = _told(expected, ranges)
             if len(used) < _FEWEST_TO_RELOCATE:
                 return 0.0
             self._update(expected, ranges, used, 0.0)
@@ -234,10 +237,10 @@ class PoseFilter:
     def _fit(self, mirrors: Mirrors, ranges: Floats) -> float:
         """How much of a scan the state explains as it is."""
         expected = self._ring.expect(mirrors, *self.state[:3])
-        sure = np.isfinite(expected.sigma)
-        if int(sure.sum()) < _FEWEST_TO_RELOCATE:
+        used = _told(expected, ranges)
+        if len(used) < _FEWEST_TO_RELOCATE:
             return 0.0
-        off = (ranges[sure] - expected.ranges[sure]) / (_EXPLAINED_SIGMA * expected.sigma[sure])
+        off = (ranges[used] - expected.ranges[used]) / (_EXPLAINED_SIGMA * expected.sigma[used])
         return float(np.maximum(1.0 - off * off, 0.0).mean())
 
     def _update(self, expected: Expected, ranges: Floats, used: NDArray[np.intp], blur_rad: float) -> float:
@@ -263,3 +266,8 @@ class PoseFilter:
         turning = as_expected[np.abs(jacobian[:, 2]) > _TURNING_MM]
         part = float(as_expected.mean())
         return part if len(turning) < _FEWEST_TURNING else min(part, float(turning.mean()))
+
+
+def _told(expected: Expected, ranges: Floats) -> NDArray[np.intp]:
+    """The sonars that are to hear a wall, and that say something."""
+    return np.flatnonzero(np.isfinite(expected.sigma) & np.isfinite(ranges))

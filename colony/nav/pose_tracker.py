@@ -74,7 +74,12 @@ class PoseTracker:
         self._filter: PoseFilter | None = None
 
     def take(self, ranges: tuple[float, ...], at: Position) -> Correction:
-        """Take in a scan and where the robot was then by its odometry; gives how far that is off."""
+        """Take in a scan and where the robot was then by its odometry; gives how far that is off.
+
+        What is not finite says nothing: neither a range nor a position.
+        """
+        if not all(map(math.isfinite, (at.x, at.y, at.heading))):
+            return Correction(x_mm=0.0, y_mm=0.0, heading_deg=0.0)
         scan = np.array(ranges)
         last, self._last = self._last, at
         if self._filter is None:
@@ -95,11 +100,12 @@ class PoseTracker:
             self._last = Position(x=last.x + by.x_mm, y=last.y + by.y_mm, heading=heading, t_ns=last.t_ns)
 
     def _move(self, filter_: PoseFilter, last: Position, at: Position, scan: Floats) -> None:
-        way = math.hypot(at.x - last.x, at.y - last.y)
-        if way > _LEAP_MM:  # somebody set it
+        driven = _FASTEST_MM_S * max(at.t_ns - last.t_ns, 0) / 1e9  # at most
+        too_far = math.hypot(at.x - last.x, at.y - last.y) - driven
+        if too_far > _LEAP_MM:  # somebody set it
             filter_.reset((at.x, at.y, at.heading))
             self._trail.clear()
-        elif way > _SLACK_MM + _FASTEST_MM_S * (at.t_ns - last.t_ns) / 1e9:  # somebody corrected it
+        elif too_far > _SLACK_MM:  # somebody corrected it
             turned = math.remainder(at.heading - last.heading, 360.0)
             filter_.shift(at.x - last.x, at.y - last.y, math.radians(turned))
         else:

@@ -254,8 +254,11 @@ def _parts(graph: Any, path: list[Any]) -> Way:
     for here, there in pairwise(path):
         if isinstance(here, Spot) and isinstance(there, Spot):
             # An elevator that is told from floor to floor is ridden in one go.
-            last = parts.pop() if parts and isinstance(parts[-1], Lift) else Lift(here, here)
-            parts.append(Lift(last.one, there))
+            match parts[-1:]:
+                case [Lift(one=first)]:
+                    parts[-1] = Lift(first, there)
+                case _:
+                    parts.append(Lift(here, there))
             origin, length, corridors = there, 0.0, []
             continue
         step = graph[here][there]

@@ -62,7 +62,6 @@ def walls_of(source: Map) -> Walls:
 
 _HALF_CORRIDOR_MM = 1200.0
 _AHEAD_MM = 1.0
-_PART_SLACK = 1e-6
 _WIDEST_MM = 4500.0
 _BESIDE_MM = tuple(step * 500.0 for k in range(1, 9) for step in (k, -k))
 
@@ -110,6 +109,5 @@ def free_distance(segments: NDArray[np.float64], at: Point, away: Point) -> floa
         across = away.x * ey - away.y * ex
         distance = (ax * ey - ay * ex) / across
         part = (ax * away.y - ay * away.x) / across
-    # With some slack, so that no ray slips through where two walls meet.
-    hit = (distance > _AHEAD_MM) & (part >= -_PART_SLACK) & (part <= 1.0 + _PART_SLACK)
+    hit = (distance > _AHEAD_MM) & (part >= 0.0) & (part <= 1.0)
     return float(distance[hit].min()) if hit.any() else math.inf

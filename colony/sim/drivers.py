@@ -6,7 +6,6 @@ its devices is read or commanded, so that time passes for all of them alike.
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 from typing import TYPE_CHECKING
@@ -14,6 +13,7 @@ from typing import TYPE_CHECKING
 from colony.runtime.drivers import BaseDriver, BaseState, Drivers
 from colony.runtime.images import Image
 from colony.runtime.messages import Sample
+from colony.sim.compiled import Bytes2
 from colony.sim.config import limits_of
 from colony.sim.world import MAX_STEP_S, World
 
@@ -49,6 +49,22 @@ class Plant:
         return now
 
 
+def base_state(world: World, robot: int, t_ns: int) -> BaseState:
+    """What the base of a robot reports: what its wheels count and its bumpers feel, not where it is."""
+    pose, speed, bumper = world.odometry(robot), world.speed(robot), world.bumper(robot)
+    return BaseState(
+        t_ns=t_ns,
+        x=pose.x_mm,
+        y=pose.y_mm,
+        heading=pose.heading_deg,
+        front_bumper=bumper.front,
+        rear_bumper=bumper.rear,
+        speed=speed.velocity_mm_s,
+        turn_rate=speed.turn_deg_s,
+        wheel_speed=world.wheel_speed(robot),
+    )
+
+
 class SimulatedBase:
     """The base of robot number `robot`."""
 
@@ -68,21 +84,7 @@ class SimulatedBase:
 
     def state(self) -> BaseState:
         now = self._plant.catch_up()
-        world, robot = self._plant.world, self._robot
-        pose, speed, bumper = world.odometry(robot), world.speed(robot), world.bumper(robot)
-        half = math.radians(speed.turn_deg_s) * world.config.wheel_base_mm / 2.0
-        left, right = speed.velocity_mm_s - half, speed.velocity_mm_s + half
-        return BaseState(
-            t_ns=now,
-            x=pose.x_mm,
-            y=pose.y_mm,
-            heading=pose.heading_deg,
-            front_bumper=bumper.front,
-            rear_bumper=bumper.rear,
-            speed=speed.velocity_mm_s,
-            turn_rate=speed.turn_deg_s,
-            wheel_speed=(abs(left) + abs(right)) / 2.0,
-        )
+        return base_state(self._plant.world, self._robot, now)
 
 
 class RegisterBase:
@@ -135,9 +137,7 @@ class SimulatedCamera:
 
     def grab(self) -> Image:
         now = self._plant.catch_up()
-        pixels = self._camera.image(self._plant.world.true_poses, self._robot)
-        height, width = pixels.shape
-        return Image(t_ns=now, height=height, width=width, channels=1, pixels=pixels.tobytes())
+        return _gray(self._camera.image(self._plant.world.true_poses, self._robot), now)
 
 
 class SimulatedCeilingCamera:
@@ -150,9 +150,12 @@ class SimulatedCeilingCamera:
 
     def grab(self) -> Image:
         now = self._plant.catch_up()
-        pixels = self._camera.image(self._plant.world.true_pose(self._robot), now)
-        height, width = pixels.shape
-        return Image(t_ns=now, height=height, width=width, channels=1, pixels=pixels.tobytes())
+        return _gray(self._camera.image(self._plant.world.true_pose(self._robot), now), now)
+
+
+def _gray(pixels: Bytes2, t_ns: int) -> Image:
+    height, width = pixels.shape
+    return Image(t_ns=t_ns, height=height, width=width, channels=1, pixels=pixels.tobytes())
 
 
 def simulated_drivers(plant: Plant, robot: int = 0) -> Drivers:

@@ -1,6 +1,6 @@
 """The elevators of a building: sliding doors, a cabin behind them, and rides from floor to floor.
 
-    floors = {floor.name: draw(Hazards(), floor, seed=7) for floor in building.maps}
+    floors = {floor.name: draw(Hazards(), floor, seed=7 + n) for n, floor in enumerate(building.maps)}
     elevators = Elevators(world, building, floors, "msu_engineering_3")
     elevators.open("acs.elev.L")          # somebody presses the button
     elevators.advance(0.05)               # after each step of the world

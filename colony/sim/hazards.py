@@ -42,7 +42,7 @@ _BAND_SPACING_MM = (4000.0, 8000.0)
 _BAND_MM = (800.0, 2500.0)
 
 
-_MOST = {name: 1.0 for name in ("slip", "glass", "light_out", "light_dim", "dim_brightness", "sunlit")}
+_MOST = dict.fromkeys(("slip", "glass", "light_out", "light_dim", "dim_brightness", "sunlit"), 1.0)
 _MOST |= {"open_door": 1.0, "cross_talk": 1.0, "door_deg": 90.0, "compass_deg": 180.0}
 """What a number of `Hazards` is at most, where it has a limit."""
 

@@ -1,9 +1,9 @@
 """People who walk up and down the corridors.
 
 A person keeps to a line beside the middle of a corridor and turns around at its end. When a robot is in the
-way they do, at random, one of two things: they step aside and pass, if there is room, or they stop and look
-at it, for up to fifteen seconds; then they step aside, or turn around where there is no room. Who has stopped
-for a robot does not do so again for a minute.
+way they do, at random, one of two things: they step aside and pass, or they stop and look at it, for up to
+fifteen seconds, and step aside then. Where there is no room to pass they always stop, and then turn around.
+Who has stopped for a robot does not do so again for a minute.
 
 They never walk into a robot: a step that would bring them nearer than `_BERTH_MM` to a hull is not taken. So
 a robot that stands still is never touched; one that drives into somebody has done it itself. People do not

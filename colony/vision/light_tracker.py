@@ -31,7 +31,6 @@ from colony.nav.shared import (
     LIGHT_DETECTED,
     OVERSHOOT,
     TRACK_DATA,
-    TRACK_START,
 )
 from colony.runtime.kit.script import Script, Step, do, sleep
 from colony.runtime.library import data, robot
@@ -41,7 +40,15 @@ from colony.vision.ceiling_camera import UPWARD, CeilingCamera
 from colony.vision.light_looks import SILENT, Looker, cameras_looker, children_looker, hurry
 from colony.vision.light_track import LightTrack, Passing, Seen
 from colony.vision.thesis_track import ThesisTrack
-from colony.vision.track_goals import Unfinished, is_given_up, new_goal, take_goal, unfinished_goal
+from colony.vision.track_goals import (
+    Unfinished,
+    end_goal,
+    give_up,
+    is_given_up,
+    new_goal,
+    take_goal,
+    unfinished_goal,
+)
 
 PERIOD_S, THESIS_PERIOD_S = 0.25, 0.5
 """From one look at the ceiling to the next. Half a second is 250 mm at full speed."""
@@ -185,8 +192,8 @@ class _Tracking:
     def run(self) -> Generator[Step, Any, bool]:
         """Until all lights were passed or given up; True: until there was a new goal in place of this one."""
         if self._track.done:
-            yield from do("DServer", data.set_many({OVERSHOOT: 0.0, TRACK_START: []}))
-            yield from do("DServer", data.signal(END_L_MODE))
+            yield from do("DServer", data.set(OVERSHOOT, 0.0))
+            yield from end_goal()
             return False
         wait_s = 0.0
         while True:
@@ -195,7 +202,7 @@ class _Tracking:
                 if (yield from new_goal(0.0)):
                     return True
                 if (yield from is_given_up()):
-                    yield from do("DServer", data.set(TRACK_START, []))
+                    yield from give_up()
                     return False
             wait_s = self._settings.period_s
             try:
@@ -248,11 +255,11 @@ class _Tracking:
             yield from self._correct(passing.turned_deg)
         values: dict[str, object] = {CEILING_LIGHT: passing.number}
         if self._track.done:
-            values |= {OVERSHOOT: passing.beyond_mm, TRACK_START: []}
+            values[OVERSHOOT] = passing.beyond_mm
         yield from do("DServer", data.set_many(values))
         yield from do("DServer", data.signal(LIGHT_DETECTED))
         if self._track.done:
-            yield from do("DServer", data.signal(END_L_MODE))
+            yield from end_goal()
 
     def _correct(
         self, turned_deg: float | None = None, *, least_mm: float = 0.0

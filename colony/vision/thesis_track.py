@@ -1,10 +1,11 @@
 """Counting ceiling lights as printed (thesis section 5.6): transitions from no light to light, each verified
 by the distance from the light before.
 
-There is light where the robot's center is below one. What the thesis leaves open is how far the distance may
-be off, and what becomes of a light that was missed: here it may be off by a part of itself, and the next
-light that is seen counts for both, since the map knows that distance too. Nothing passes a last light that is
-out, and nothing is corrected.
+What the thesis leaves open is where in an image a light counts, how far the distance may be off, and what
+becomes of a light that was missed. Here there is light where the robot's center is below one and beyond its
+middle, which is the place that the map knows: so what is left is an overshoot, as printed. The distance may
+be off by a part of itself, and the next light that is seen counts for both, since the map knows that distance
+too. Nothing passes a last light that is out, and nothing is corrected.
 """
 
 from __future__ import annotations
@@ -47,7 +48,7 @@ class ThesisTrack:
 
     def seen(self, seen: Seen) -> ThesisTrack:
         """The same, after an image."""
-        above = [light for light in seen.lights if abs(light.ahead_mm) <= LIGHT_LENGTH_MM / 2.0]
+        above = [light for light in seen.lights if -LIGHT_LENGTH_MM / 2.0 <= light.ahead_mm <= 0.0]
         if not above or self.light or self.done:
             return replace(self, light=bool(above))
         place = seen.progress_mm + above[0].ahead_mm

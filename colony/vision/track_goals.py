@@ -15,6 +15,7 @@ from typing import Any, NamedTuple
 from colony.nav.asks import taken, values
 from colony.nav.shared import (
     CEILING_LIGHT,
+    END_L_MODE,
     GOAL_DIRECTION,
     GOAL_DISTANCE,
     GOAL_TYPE,
@@ -67,7 +68,23 @@ def unfinished_goal() -> Generator[Step, Any, Unfinished | None]:
         return None
     goal = _goal(told, *told[TRACK_START])
     passed = int(told[CEILING_LIGHT])
-    return None if goal is None or not 0 <= passed < len(goal.lights_mm) else Unfinished(goal, passed)
+    if goal is None:
+        return None
+    if passed >= len(goal.lights_mm):
+        yield from end_goal()  # perhaps once more: the Planner throws away what is too many
+        return None
+    return Unfinished(goal, passed)
+
+
+def end_goal() -> Generator[Step, Any, None]:
+    """Tell the Planner that the last light was passed; Overshoot is set."""
+    yield from do("DServer", data.signal(END_L_MODE))
+    yield from give_up()
+
+
+def give_up() -> Generator[Step, Any, None]:
+    """The present goal is not to be taken up again."""
+    yield from do("DServer", data.set(TRACK_START, []))
 
 
 def is_given_up() -> Generator[Step, Any, bool]:

@@ -92,6 +92,30 @@ def test_hazards_on_the_way_are_told() -> None:
     assert "people" not in told
 
 
+def test_overshoots_are_compensated_in_the_later_ones_of_the_published_runs(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    told: list[bool] = []
+
+    class Told(Variant):
+        def scripts(
+            self,
+            plan: Plan,
+            walls: Walls,
+            on_segment: OnSegment | None = None,
+            *,
+            compensate: bool = True,
+        ) -> Mapping[str, Script]:
+            told.append(compensate)
+            return {}
+
+    monkeypatch.setattr(runs, "VARIANTS", {"ours": Told(name="ours", behavior=OURS.behavior, mm_s=1.0)})
+    for number in (26, 27):  # of December 21 and January 5
+        Run(_spec(number)).close()
+    Run(_short()).close()  # of no date
+    assert told == [False, True, True]
+
+
 # --- failures ---------------------------------------------------------------------------------------------
 
 
@@ -100,9 +124,14 @@ def _with_scripts(monkeypatch: pytest.MonkeyPatch, **others: Script) -> None:
 
     class Other(Variant):
         def scripts(
-            self, plan: Plan, walls: Walls, on_segment: OnSegment | None = None
+            self,
+            plan: Plan,
+            walls: Walls,
+            on_segment: OnSegment | None = None,
+            *,
+            compensate: bool = True,
         ) -> Mapping[str, Script]:
-            return {**OURS.scripts(plan, walls, on_segment), **others}
+            return {**OURS.scripts(plan, walls, on_segment, compensate=compensate), **others}
 
     other = Other(name="ours", behavior=OURS.behavior, mm_s=OURS.mm_s)
     monkeypatch.setattr(variants, "VARIANTS", {"ours": other})

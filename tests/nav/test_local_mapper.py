@@ -14,6 +14,13 @@ import pytest
 from colony.nav.local_mapper import local_mapper
 from colony.nav.stickrep_reader import load_map
 from colony.nav.walls import Walls, walls_of
+from colony.runtime.kit.errors import (
+    CallRefused,
+    ConnectionLost,
+    ConnectionProblem,
+    ServerNotFound,
+    TimedOut,
+)
 from colony.runtime.kit.script import Do, Sleep
 from colony.runtime.library import proximity
 from colony.runtime.library import robot as robot_asks
@@ -33,6 +40,7 @@ WEST, SOUTH, NORTH, EAST = 1_270.0, 1_270.0, 18_745.2, 28_702.0
 """The middles of the corridors."""
 
 EASTWARD = (6_000.0, SOUTH, 270.0)
+WORLD_AT_EAST = World(walls=WALLS.segments, poses=[EASTWARD], config=IDEAL)
 
 
 def bench(
@@ -178,6 +186,40 @@ def test_sonars_that_have_nothing_to_say_are_asked_again() -> None:
     assert script.send(where) == Sleep(0.1)
 
 
+@pytest.mark.parametrize(
+    "problem", [ServerNotFound("away"), ConnectionLost("lost"), TimedOut("late"), CallRefused("no value", "")]
+)
+def test_servers_that_are_away_are_waited_for(problem: ConnectionProblem) -> None:
+    script = local_mapper(WALLS)
+    east = Position(x=6_000.0, y=SOUTH, heading=270.0, t_ns=1)
+    scan = proximity.SonarReading(t_ns=1, ranges=tuple(WORLD_AT_EAST.sonar(0).tolist()))
+    assert next(script) == Sleep(0.1)
+    assert script.send(0) == Do("PServer", proximity.sonar())
+    assert script.throw(problem) == Do("RServer", robot_asks.position())
+    assert script.throw(problem) == Sleep(0.1)
+    assert script.send(0) == Do("PServer", proximity.sonar())
+    assert script.send(scan) == Do("RServer", robot_asks.position())
+    turned = Position(x=east.x, y=east.y, heading=east.heading + 4.0, t_ns=1)
+    adjust = script.send(turned)
+    assert isinstance(adjust, Do)
+    assert adjust.ask.method == "adjust_position"
+    assert script.throw(problem) == Sleep(0.1)  # and tells it again
+    script.send(0)
+    script.send(proximity.SonarReading(t_ns=2, ranges=scan.ranges))
+    again = script.send(Position(x=turned.x, y=turned.y, heading=turned.heading, t_ns=2))
+    assert isinstance(again, Do)
+    assert isinstance(again.ask.arguments, robot_asks.PoseArguments)
+    assert again.ask.arguments.heading < -1.0
+
+
+def test_what_is_refused_for_ever_is_told() -> None:
+    script = local_mapper(WALLS)
+    next(script)
+    script.send(0)
+    with pytest.raises(CallRefused):
+        script.throw(CallRefused("permission", "not yours"))
+
+
 def test_who_stands_where_he_believes_to_be_is_not_corrected() -> None:
     robot = bench(config=IDEAL, cross_talk=0.0)
     for _ in range(100):
@@ -187,7 +229,7 @@ def test_who_stands_where_he_believes_to_be_is_not_corrected() -> None:
 
 # --- as the thesis has it ----------------------------------------------------------------------------
 
-LIGHTS = (8_000.0, 13_500.0, 19_000.0, 24_500.0)
+LIGHTS = (8_000.0, 12_200.0, 16_400.0, 20_600.0, 24_800.0)
 
 
 def with_lights(turn: float, count: int) -> tuple[Bench, list[float]]:
@@ -213,6 +255,12 @@ def test_the_thesis_mapper_corrects_the_heading_at_the_third_light(turn: float) 
     assert errors[3] == pytest.approx(errors[2])
     assert robot.adjusted == 1
     assert robot.semaphores == {"$StartMap": 0, "$LightDet": 0}
+
+
+def test_the_maps_of_the_thesis_mapper_share_the_light_between_them() -> None:
+    robot, errors = with_lights(6.0, 5)
+    assert robot.adjusted == 2  # below the third light and the fifth
+    assert abs(errors[4]) < 1.5
 
 
 def test_the_thesis_mapper_leaves_the_position_alone() -> None:

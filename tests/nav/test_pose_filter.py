@@ -107,7 +107,7 @@ def test_who_is_right_stays_where_he_is() -> None:
 def test_a_scan_that_fits_nowhere_changes_nothing() -> None:
     pose_filter = PoseFilter(RING, TRUE)
     state, covariance = pose_filter.state.copy(), pose_filter.covariance.copy()
-    for ranges in (np.full(CHANNELS, 300.0), np.full(CHANNELS, 10_000.0)):
+    for ranges in (np.full(CHANNELS, 300.0), np.full(CHANNELS, 10_000.0), np.full(CHANNELS, math.nan)):
         assert not pose_filter.relocate(MIRRORS, ranges)
         assert not pose_filter.consider((1_000.0, 1_000.0, 90.0), MIRRORS, ranges)
     assert (pose_filter.state == state).all()

@@ -208,9 +208,7 @@ def test_a_floor_may_have_the_name_of_another_map() -> None:
     )
     found = plan(renamed, "372R", "264L")
     assert found.modes == plan(building("msu_engineering_3"), "372R", "264L").modes
-    lifts = [
-        replace(one, rings=(_with_node(one.rings[0], "lift"), *one.rings[1:])) for one in renamed.maps
-    ]
+    lifts = [replace(one, rings=(_with_node(one.rings[0], "lift"), *one.rings[1:])) for one in renamed.maps]
     with pytest.raises(NoPlan, match="say which one: `2:lift`"):
         plan(Building(maps=(floor("loop"), *lifts)), "201L", "2:lift")
 

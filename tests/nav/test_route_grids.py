@@ -11,7 +11,7 @@ from pathlib import Path
 
 import networkx as nx
 import pytest
-from hypothesis import given, settings
+from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
 from colony.nav.corridors import corridors_of, turning_spaces_of
@@ -232,6 +232,28 @@ def test_a_grid_that_was_written_is_read_again(grid: Grid) -> None:
         for here, there in zip(corners(one), corners(other), strict=True):
             assert there == pytest.approx(here, abs=0.01)
     assert lights_of(again) == pytest.approx(lights_of(grid.map()), abs=0.01)
+
+
+@given(grid=grids())
+@settings(max_examples=30, deadline=None)
+@example(
+    grid=Grid(
+        columns=(1800.0, 8465.0, 1800.0),
+        rows=(1800.0, 6000.0, 2540.0, 6000.0, 1800.0),
+        door=1000.0,
+        alcoves=False,
+        light=0.0,
+    )
+)
+def test_every_light_hangs_in_the_middle_of_a_corridor(grid: Grid) -> None:
+    """Also one at a corner, where what is opposite may be just missed; half-way into an alcove before one."""
+    xs, ys = grid.middles
+    most = ALCOVE_MM / 2 + 1.0 if grid.alcoves else 1.0
+    floor = grid.map()
+    for drawn in (floor, read_map(Source("grid.stickrep", write_map(floor)))):  # rounded to parts of an inch
+        for x, y in lights_of(drawn).tolist():
+            off = min(*(abs(x - middle) for middle in xs), *(abs(y - middle) for middle in ys))
+            assert off <= most, (x, y)
 
 
 def oracle(grid: Grid, origin: tuple[str, float, float], goal: tuple[str, float, float]) -> float:

@@ -59,6 +59,17 @@ def test_a_light_at_the_mouth_of_another_corridor_hangs_in_the_middle_of_its_own
     assert lights_of(read_map(Source("t", text))) == pytest.approx(np.array([[18e3 - 1e3 * offset, 1e3]]))
 
 
+def test_a_mouth_near_the_end_of_a_corridor() -> None:
+    """A corridor of 18 m by 3 m, with one of 2 m by 20 m leading north 2 m after its end: some of the places
+    beside the light are beyond that, where nothing is opposite."""
+    text = (
+        "stickrep 1\nmap t\nunit m\nstart 1 1 0\nring r 0 0 0\n"
+        "-270 A W 0 3\n-270 B W 0 2\n-90 C W 0 20\n-270 D W 0 2\n-270 E W 0 20\n-90 F W 0 14\n"
+        "-270 G W 0 3\n-270 H W 1 15 18\n"
+    )
+    assert lights_of(read_map(Source("t", text))) == pytest.approx(np.array([[3e3, 1.5e3]]))
+
+
 def test_a_map_without_lights() -> None:
     text = ROOM.replace("1 60 120", "0 120")
     assert lights_of(read_map(Source("room", text))).shape == (0, 2)

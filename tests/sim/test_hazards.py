@@ -220,9 +220,28 @@ def test_lights_lie_across_their_corridor() -> None:
         {"walk_mm_s": (1400.0, 600.0)},
         {"person_spacing_mm": 0.0},
         {"joint_spacing_mm": math.inf},
+        {"door_deg": (30.0, 120.0)},
+        {"door_deg": (30.0,)},
+        {"slip_loss_mm": (1.0, 2.0, 3.0)},
+        {"dim_brightness": 1.5},
+        {"compass_deg": 181.0},
     ],
     ids=lambda change: next(iter(change)),
 )
 def test_rates_that_make_no_sense_are_refused(change: dict[str, float]) -> None:
     with pytest.raises(ValueError, match=r"expected"):
         Hazards(**change)  # type: ignore[arg-type]
+
+
+def test_a_seed_below_zero_is_refused() -> None:
+    with pytest.raises(ValueError, match=r"the seed of a scenery is -3; expected 0 or more"):
+        draw(Hazards(), LOOP, -3)
+
+
+def test_a_scenery_shares_nothing_with_the_map_that_programs_read() -> None:
+    """So no program that holds the map's walls can see which doors are open."""
+    scenery, known = draw(Hazards(), MSU, 5), walls_of(MSU).segments
+    assert len(scenery.walls) > len(known)
+    for kept in (scenery.walls, scenery.silent, PREMISES.walls):
+        assert not kept.flags.writeable
+        assert not np.shares_memory(kept, known) or (kept == known).all()

@@ -167,6 +167,39 @@ def test_people_make_way_where_a_robot_is_put_down() -> None:
     assert len(world.people) == len(people)
 
 
+def test_who_makes_way_for_one_robot_does_not_do_so_into_another() -> None:
+    poses = [(0.0, 3000.0, 0.0), *((0.0, 23_000.0 + 1500.0 * n, 0.0) for n in range(4))]
+    world = World(walls=corridor(person(20_000.0)), poses=poses)
+    world.place(0, (0.0, 20_500.0, 0.0))
+    assert min(nearest(world, robot) for robot in range(len(poses))) >= 2000.0
+
+
+def test_a_robot_that_drives_blindly_meets_people_at_its_speed_and_goes_through_nobody() -> None:
+    """However the time is cut: eight people, at all offsets, against 400 mm/s."""
+    struck = 0
+    for seed in range(12):
+        random = np.random.default_rng(seed)
+        crowd = [
+            person(
+                random.uniform(4000.0, 28_000.0),
+                offset=random.uniform(-1200.0, 1200.0),
+                forward=bool(random.random() < 0.5),
+                speed=random.uniform(600.0, 1400.0),
+            )
+            for _ in range(8)
+        ]
+        world = World(walls=corridor(*crowd, seed=seed), poses=[(0.0, 1500.0, 0.0)], config=IDEAL)
+        world.command(0, 400.0, 0.0)
+        for _ in range(600):
+            world.advance(0.1)
+            assert nearest(world) >= TOUCH - 1e-6
+            if world.bumps(0):
+                break
+        struck += world.bumps(0)
+        assert world.contact_speed(0) == pytest.approx(400.0 if world.bumps(0) else 0.0)
+    assert struck >= 4
+
+
 def test_two_robots_are_both_minded() -> None:
     people = (person(15_000.0), person(20_000.0, offset=400.0))
     poses = [(-400.0, 5000.0, 0.0), (500.0, 6200.0, 90.0)]

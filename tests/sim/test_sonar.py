@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from colony.sim.config import IDEAL, RobotConfig
-from colony.sim.sonar import corner_reflectors, wall_table
+from colony.sim.sonar import RAY_STEP_DEG, corner_reflectors, fan_of, wall_table
 from colony.sim.world import World
 
 RING = IDEAL.sonar_ring_mm
@@ -185,3 +185,12 @@ def test_noise_has_the_deviation_that_the_robot_says() -> None:
     assert np.mean(readings) == pytest.approx(reach, abs=4 * deviation / math.sqrt(2_000))
     assert np.std(readings) == pytest.approx(deviation, rel=0.07)
     assert set(silent) == {FULL}
+
+
+@pytest.mark.parametrize("half_beam_deg", [0.0, 1.0, 9.0, 10.0, 12.0, 14.5, 40.0])
+def test_a_cone_is_as_wide_as_the_config_says(half_beam_deg: float) -> None:
+    fan = fan_of(RobotConfig(sonar_half_beam_deg=half_beam_deg))
+    ahead = np.degrees(np.arctan2(fan.ray_v[12], fan.ray_u[12]))
+    assert (ahead[0], ahead[-1]) == pytest.approx((-half_beam_deg, half_beam_deg))
+    assert ahead[len(ahead) // 2] == 0.0
+    assert (np.diff(ahead) <= RAY_STEP_DEG + 1e-9).all()

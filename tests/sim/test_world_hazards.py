@@ -92,6 +92,18 @@ def test_each_crossing_is_drawn_by_itself() -> None:
     assert len(set(turns)) == 3
 
 
+def test_crossings_are_counted_on_from_floor_to_floor() -> None:
+    """Else each floor of a building would bring the same slips in the same order."""
+    one, again = with_joints(JOINT), with_joints(JOINT)
+    world = passed(one)
+    first = world.true_pose(0).heading_deg
+    world.enter(again, [(0.0, 4000.0, 0.0)])
+    for _ in range(80):
+        world.advance(0.05)
+    assert world.true_pose(0).y_mm > 5000.0
+    assert world.true_pose(0).heading_deg not in (0.0, first)
+
+
 # --- what sonars hear ----------------------------------------------------------------------------
 
 
@@ -201,6 +213,28 @@ def test_the_speed_of_the_worst_contact_is_kept() -> None:
     assert world.bumps(0) == 3
 
 
+@pytest.mark.parametrize("part", [0.2, 0.5, 0.8])
+def test_who_drives_into_an_open_door_touches_its_leaf_or_its_room_at_full_speed(part: float) -> None:
+    scenery = draw(Hazards(on=frozenset({Hazard.DOORS}), open_door=1.0), LOOP, 3)
+    solid = scenery.walls[np.hypot(*(scenery.walls[:, 2:] - scenery.walls[:, :2]).T) > 0.0]
+    start, along = solid[:, :2], solid[:, 2:] - solid[:, :2]
+    for door in scenery.doors:
+        x0, y0, x1, y1 = walls_of(LOOP).segments[door.edge]
+        length = math.hypot(x1 - x0, y1 - y0)
+        u, v = (x1 - x0) / length, (y1 - y0) / length
+        place = x0 + part * (x1 - x0) + 700.0 * v, y0 + part * (y1 - y0) - 700.0 * u
+        toward = math.degrees(math.atan2(v, u))
+        world = World(walls=scenery, poses=[(*place, toward)], config=IDEAL)
+        world.command(0, 400.0, 0.0)
+        for _ in range(100):
+            world.advance(0.1)
+            at = np.array(world.true_pose(0)[:2])
+            spot = np.clip(((at - start) * along).sum(axis=1) / (along * along).sum(axis=1), 0.0, 1.0)
+            assert np.hypot(*(start + spot[:, None] * along - at).T).min() >= IDEAL.radius_mm - 1e-6
+        assert world.contact_speed(0) == pytest.approx(400.0)
+        assert world.bumper(0).front
+
+
 def test_a_robot_that_keeps_pushing_does_not_count_as_fast() -> None:
     world = World(walls=BOX, poses=[(0.0, 39_599.5, 0.0)], config=IDEAL)  # as good as touching
     world.command(0, 500.0, 0.0)
@@ -215,6 +249,23 @@ def test_a_world_without_hazards_is_that_of_its_walls_bit_for_bit() -> None:
     plain = World(walls=walls_of(LOOP).segments, poses=[LOOP.start], seed=3)
     calm = World(walls=draw(Hazards.none(), LOOP, 77), poses=[LOOP.start], seed=3)
     assert history(plain, 0) == history(calm, 0)
+
+
+@pytest.mark.parametrize("hazard", [Hazard.LIGHTS, Hazard.SUN, Hazard.COMPASS, Hazard.PEOPLE, Hazard.SLIP])
+def test_what_a_robot_does_not_meet_changes_nothing_of_its_run(hazard: Hazard) -> None:
+    """Who turns on the spot crosses no joint; people may come near, so only the wheels are compared then."""
+
+    def run(hazards: Hazards) -> list[tuple[object, ...]]:
+        world = World(walls=draw(hazards, MSU, 4), poses=[MSU.start], seed=4)
+        seen: list[tuple[object, ...]] = []
+        for _ in range(200):
+            world.command(0, 0.0, 40.0)
+            world.advance(0.05)
+            heard = () if hazard is Hazard.PEOPLE else tuple(world.sonar(0).tolist())
+            seen.append((world.odometry(0), world.true_pose(0), heard))
+        return seen
+
+    assert run(Hazards()) == run(Hazards().without(hazard))
 
 
 @pytest.mark.parametrize("config", [IDEAL, RobotConfig()], ids=["ideal", "real"])

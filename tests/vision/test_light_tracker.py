@@ -26,6 +26,15 @@ from colony.vision.light_tracker import light_tracker, position_at
 from tests.vision.corridors import Ceiling, Robot, Stage
 
 PLACES = tuple(2500.0 + 5500.0 * i for i in range(5))
+UNFINISHED: dict[str, object] = {
+    GOAL_TYPE: int(GoalKind.LIGHTS),
+    GOAL_DISTANCE: len(PLACES),
+    GOAL_DIRECTION: 0.0,
+    LIGHT_OFFSET: [PLACES[0], *[5500.0] * 4],
+    CEILING_LIGHT: 0,
+    TRACK_START: [0.0, 0.0],
+}
+"""What a tracker finds that begins where one before it was ended."""
 
 
 def ceiling(*out: int, level: float = 240.0) -> Ceiling:
@@ -160,6 +169,7 @@ def test_a_tracker_that_starts_again_goes_on_counting() -> None:
         assert numbers(stage) == [0, 1, 2, 3, 4, 5]
         ((at, overshoot),) = stage.log.overshoots
         assert at - overshoot == pytest.approx(PLACES[-1], abs=150.0)
+        stage.run(5.0, all_of_it=True)  # one that was killed at the very end is followed by one that ends it
         assert stage.variable(TRACK_START) == []
 
 
@@ -198,29 +208,30 @@ def test_lights_are_given_up_for_a_goal_of_another_kind() -> None:
     assert stage.variable(TRACK_START) == []
 
 
+def test_the_end_of_a_goal_is_told_by_the_next_tracker_where_one_had_no_time_for_that() -> None:
+    stage = Stage(ceiling(), Robot(), {"tracker": light_tracker()}, seed=1, goals=())
+    for name, value in (UNFINISHED | {CEILING_LIGHT: len(PLACES)}).items():
+        stage.tell(name, value)
+    stage.run(2.0, all_of_it=True)
+    assert stage.semaphore(END_L_MODE).value == 1
+    assert stage.variable(TRACK_START) == []
+
+
 @pytest.mark.parametrize(
     "other",
     [
         {GOAL_TYPE: int(GoalKind.DEAD_RECKONING)},
         {GOAL_DISTANCE: 3000.0},
         {TRACK_START: []},
-        {CEILING_LIGHT: len(PLACES)},
     ],
 )
 def test_what_is_no_unfinished_goal_is_let_be(other: dict[str, object]) -> None:
     stage = Stage(ceiling(), Robot(), {"tracker": light_tracker()}, seed=1, goals=())
-    unfinished: dict[str, object] = {
-        GOAL_TYPE: int(GoalKind.LIGHTS),
-        GOAL_DISTANCE: len(PLACES),
-        GOAL_DIRECTION: 0.0,
-        LIGHT_OFFSET: [PLACES[0], *[5500.0] * 4],
-        CEILING_LIGHT: 0,
-        TRACK_START: [0.0, 0.0],
-    }
-    for name, value in (unfinished | other).items():
+    for name, value in (UNFINISHED | other).items():
         stage.tell(name, value)
     stage.run(15.0, all_of_it=True)
-    assert numbers(stage) == [(unfinished | other)[CEILING_LIGHT]]
+    assert numbers(stage) == [0]
+    assert stage.variable(TRACK_START) == (UNFINISHED | other)[TRACK_START]
 
 
 def test_a_goal_that_is_none_is_refused_in_words() -> None:

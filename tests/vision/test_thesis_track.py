@@ -21,7 +21,7 @@ def travel(lights: tuple[float, ...], *, to_mm: float = 14_000.0) -> list[Passin
 def test_every_transition_to_light_counts_once() -> None:
     found = travel(GOAL.lights_mm)
     assert [p.number for p in found] == [1, 2, 3]
-    assert all(p.valid and -300.0 <= p.beyond_mm <= 300.0 for p in found)
+    assert all(p.valid and 0.0 <= p.beyond_mm <= 300.0 for p in found)
 
 
 def test_the_distance_from_the_light_before_verifies_it() -> None:

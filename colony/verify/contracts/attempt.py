@@ -52,20 +52,25 @@ class Attempt:
 
     def run(self) -> Proof | Trace | None:
         """A proof, or a trace that refutes the contract whatever modules in Python answer, or neither."""
-        used = follows(self._cone, self._claim, self._known, self._budget)
-        if used is not None:
-            return Proof(0, used)
+        proof = self.at_once()
+        if proof is not None:
+            return proof
         trace = self._longer()
         if trace is not None or self._given_up:
             return trace
         self._known += [Known(c.text, c.holds) for c in self._setting.invariants(self._cone, self._budget)]
-        used = follows(self._cone, self._claim, self._known, self._budget)
-        if used is not None:
-            return Proof(0, used)
+        proof = self.at_once()
+        if proof is not None:
+            return proof
         found = self._induce()
         while found is None and self._search.length < self._longest and not self._over:
             found = self._longer()
         return found
+
+    def at_once(self) -> Proof | None:
+        """A proof in a frame alone, with what is known so far."""
+        used = follows(self._cone, self._claim, self._known, self._budget)
+        return None if used is None else Proof(0, used)
 
     def _induce(self) -> Proof | Trace | None:
         """k-induction up to the greatest k, in turn with the search, which is its base."""

@@ -5,7 +5,8 @@ A contract is first looked at in one frame alone, with any memory; then with inv
 length (`search.py`), which is also the base of the induction. What the search finds is believed only when it
 breaks the contract in the reference interpreter (`refute.py`). This is done for up to three systems of
 formulas: the usual one; where that is not enough and products or quotients of what varies matter, one that
-states them as such; and, where reals stood in for floats, one in which rounding may do anything.
+states them as such; and, where reals stood in for floats, one in which rounding may do anything. In the last
+one there is less to reason about, so that what follows there in one frame is asked first.
 """
 
 from __future__ import annotations
@@ -89,6 +90,9 @@ class Prover:
 
     def prove(self, contract: Contract) -> Result:
         """What becomes of a contract, within a budget of its own."""
+        exact = self._exact(contract, at_once=True) if self._rounds(contract) else None
+        if exact is not None:
+            return self._kept(contract, self._usual, *exact)
         budget = Budget(self._options, self._clock)
         refuter = Refuter(self._program, contract.name)
         attempt = Attempt(self._usual, contract.name, budget, refuter)
@@ -115,6 +119,10 @@ class Prover:
                     trace=attempt.if_python,
                 )
 
+    def _rounds(self, contract: Contract) -> bool:
+        """Whether reals stand in for floats in a contract."""
+        return bool(_rounding([self._usual.claims[contract.name]]))
+
     def _is_nonlinear(self, contract: str) -> bool:
         """Whether a contract depends on products or quotients of which only bounds and signs are known."""
         met = self._usual.cones[contract].visited
@@ -125,7 +133,7 @@ class Prover:
     def _proved(
         self, contract: Contract, setting: Setting, proof: Proof, lemmas: list[Claim], refuter: Refuter
     ) -> Proved | Refuted:
-        """See whether a proof holds bit for bit, and take note of it; floats may break what reals keep."""
+        """See whether a proof holds bit for bit: floats may break what reals keep."""
         rounding = self._rests(_rounding([setting.claims[contract.name], *lemmas]), lemmas)
         exact = self._exact(contract) if rounding else None
         if exact is not None:
@@ -134,6 +142,12 @@ class Prover:
             trace = refuter.drawn()
             if trace is not None:
                 return Refuted(contract=contract, trace=trace)
+        return self._kept(contract, setting, proof, rounding)
+
+    def _kept(
+        self, contract: Contract, setting: Setting, proof: Proof, rounding: tuple[Reason, ...]
+    ) -> Proved:
+        """Take note of a contract that is proved."""
         self.proved += 1
         self._over_reals[contract.name] = rounding
         for every in dict.fromkeys((self._usual, setting)):
@@ -148,11 +162,13 @@ class Prover:
         of_lemmas = (r for lemma in lemmas for r in self._over_reals[lemma.name])
         return tuple(dict.fromkeys((*rounding, *of_lemmas)))
 
-    def _exact(self, contract: Contract) -> tuple[Proof, tuple[Reason, ...]] | None:
-        """A proof in which rounding may do anything, and where it may matter all the same."""
+    def _exact(self, contract: Contract, *, at_once: bool = False) -> tuple[Proof, tuple[Reason, ...]] | None:
+        """A proof in which rounding may do anything (one in a frame alone, if `at_once`), and where it may
+        matter all the same.
+        """
         budget = Budget(self._options, self._clock).part(_GENERAL)
         attempt = Attempt(self._general, contract.name, budget)
-        proof = attempt.run()
+        proof = attempt.at_once() if at_once else attempt.run()
         if not isinstance(proof, Proof):
             return None
         self._general.proved(contract.name)

@@ -5,12 +5,15 @@ from __future__ import annotations
 import os
 import subprocess
 import sys
+from collections.abc import Sequence
 from pathlib import Path
 
 import pytest
+import z3
 
 from colony.verify.contracts.prove import prove_contracts
 from colony.verify.contracts.results import Options, Proved
+from colony.verify.contracts.solver import Answer, Solver
 from tests.verify.contracts.behaviors import ROBOT, program, proved, refuted, unknown
 
 COUNTER = "state n = 0  next n = if bump then (if n == 4 then 0 else n + 1) else n\n"
@@ -103,6 +106,19 @@ def test_what_reals_keep_and_floats_break_is_refuted() -> None:
 
 def test_what_holds_of_floats_says_nothing_of_reals() -> None:
     assert proved("contract c: x + 0.1 > 3 and bump implies bump").over_reals == ()
+
+
+def test_what_follows_whatever_rounding_does_takes_one_question(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The solver is not asked about exact sums, products and sines that a contract does not need."""
+    asked, ask = list[Solver](), Solver.ask
+
+    def counted(solver: Solver, assumed: Sequence[z3.BoolRef] = ()) -> Answer:
+        asked.append(solver)
+        return ask(solver, assumed)
+
+    monkeypatch.setattr(Solver, "ask", counted)
+    assert proved("contract c: x + 0.1 > 3 and bump implies bump").over_reals == ()
+    assert len(asked) == 1
 
 
 def test_an_abstracted_function_leaves_it_unknown() -> None:

@@ -1,0 +1,104 @@
+"""How well robots keep to their way whose sonars are not what the local mapper believes.
+
+The published runs are driven with all hazards, by robots whose sonars differ from `SonarModel`: a narrower or
+wider cone, walls heard at smaller or larger angles, more noise, another ring. The mapper is not told.
+
+    python -m benchmarks.wrong_sonars [EVERY [SEED]]
+
+drives every so many of the forty runs (default 4) with each of the robots, which takes some minutes.
+"""
+
+from __future__ import annotations
+
+import math
+import sys
+from collections.abc import Iterator, Mapping
+from typing import NamedTuple
+
+import numpy as np
+
+from colony.experiment.behavior import behavior_of
+from colony.experiment.lists import PUBLISHED_MAP, published_list
+from colony.experiment.local_cameras import CeilingShot, LocalCamera
+from colony.experiment.loop import Loop
+from colony.experiment.variants import CEILING_CAMERA, OURS, PLANNER
+from colony.nav.plan import Plan
+from colony.nav.route import plan
+from colony.nav.stickrep_reader import load_map
+from colony.nav.walls import walls_of
+from colony.sim.ceiling import CeilingCamera
+from colony.sim.config import RobotConfig
+from colony.sim.hazards import Hazards, draw
+from colony.sim.world import World
+
+ROBOTS: Mapping[str, RobotConfig] = {
+    "as believed": RobotConfig(),
+    "cone of 9 degrees": RobotConfig(sonar_half_beam_deg=9.0),
+    "cone of 15 degrees": RobotConfig(sonar_half_beam_deg=15.0),
+    "critical angle 20": RobotConfig(sonar_critical_deg=20.0),
+    "critical angle 45": RobotConfig(sonar_critical_deg=45.0),
+    "five times the noise": RobotConfig(sonar_noise_mm=15.0, sonar_noise=0.015),
+    "ring 30 mm smaller": RobotConfig(sonar_ring_mm=330.0),
+    "15, 45 and the noise": RobotConfig(
+        sonar_half_beam_deg=15.0, sonar_critical_deg=45.0, sonar_noise_mm=15.0, sonar_noise=0.015
+    ),
+}
+LOOK_FRAMES = 10
+LONGEST_S = 1_500.0
+
+
+class Errors(NamedTuple):
+    """What a robot's belief was off by, twice a second: in mm, in degrees; whether the run came to its end,
+    and the speed of its worst contact in mm/s."""
+
+    off_mm: list[float]
+    off_deg: list[float]
+    ended: bool
+    contact_mm_s: float
+
+
+def drive(config: RobotConfig, way: Plan, seed: int) -> Errors:
+    """One run."""
+    floor = load_map(PUBLISHED_MAP)
+    scenery, first = draw(Hazards(), floor, seed), way.segments[0]
+    world = World(
+        walls=scenery,
+        poses=[(first.start.x_mm, first.start.y_mm, first.heading_deg)],
+        config=config,
+        seed=seed,
+    )
+    ceiling = CeilingCamera(scenery)
+    camera = LocalCamera(CEILING_CAMERA, lambda now_ns: CeilingShot(ceiling, world, now_ns))
+    scripts = OURS.scripts(way, walls_of(floor))
+    loop = Loop(behavior_of(OURS.behavior), world, scripts, cameras=(camera,), seed=seed)
+    off_mm: list[float] = []
+    off_deg: list[float] = []
+    while not loop.scripts.ended(PLANNER) and loop.now_ns < LONGEST_S * 1e9:
+        loop.frame()
+        if loop.k % LOOK_FRAMES == 0:
+            true, believed = world.true_pose(0), loop.base.believed(loop.now_ns)
+            off_mm.append(math.hypot(true.x_mm - believed.x, true.y_mm - believed.y))
+            off_deg.append(abs(math.remainder(true.heading_deg - believed.heading, 360.0)))
+    loop.close()
+    return Errors(off_mm, off_deg, loop.scripts.ended(PLANNER), world.contact_speed(0))
+
+
+def ways(every: int) -> Iterator[Plan]:
+    """The ways of the published runs, every so many of them."""
+    floor = load_map(PUBLISHED_MAP)
+    return (plan(floor, run.origin, run.goal) for run in published_list()[::every])
+
+
+def main(every: str = "4", seed: str = "1") -> None:
+    """Print a line for each robot."""
+    print(f"{'sonars':22} {'runs':>5} {'ended':>6} {'bumped':>7} {'p95 mm':>7} {'p95 deg':>8}")
+    for name, config in ROBOTS.items():
+        runs = [drive(config, way, int(seed) + n) for n, way in enumerate(ways(int(every)))]
+        mm = np.percentile([off for run in runs for off in run.off_mm], 95)
+        deg = np.percentile([off for run in runs for off in run.off_deg], 95)
+        ended, bumped = sum(run.ended for run in runs), sum(run.contact_mm_s > 50.0 for run in runs)
+        print(f"{name:22} {len(runs):5} {ended:6} {bumped:7} {mm:7.0f} {deg:8.2f}", flush=True)
+
+
+if __name__ == "__main__":
+    main(*sys.argv[1:])
