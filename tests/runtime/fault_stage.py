@@ -64,7 +64,7 @@ class Run:
         message = codec.decode(sample.payload.to_bytes())
         if isinstance(message, Tick):
             self.ticks.append(message)
-        elif isinstance(message, Verdict):
+        elif isinstance(message, Verdict) and message.actuator == "drive":
             self.verdicts.append(message)
 
     def close(self) -> None:

@@ -112,7 +112,7 @@ def test_clients_in_another_order_are_found() -> None:
             "collide",
         ),
         ("drive_by = 'travel'", "drive_by = str('travel')", "drive_by = str('travel')"),
-        ("        return (drive,)", "        yield (drive,)", "Expr"),
+        ("        return (drive, report)", "        yield (drive, report)", "Expr"),
         ("while True:", "while records:", "While"),
         ("def step", "def step(", "SyntaxError"),
     ],
@@ -185,12 +185,14 @@ def with_clients(change: Callable[[int, int], tuple[int, int]]) -> Callable[[Cod
     """`change` guard and exclusive guard of every client."""
 
     def over(code: Code) -> Code:
-        [actuator] = code.actuators
-        clients = []
-        for client in actuator.clients:
-            guard, exclusive = change(client.guard, client.exclusive)
-            clients.append(replace(client, guard=guard, exclusive=exclusive))
-        return replace(code, actuators=(replace(actuator, clients=tuple(clients)),))
+        actuators = []
+        for actuator in code.actuators:
+            clients = []
+            for client in actuator.clients:
+                guard, exclusive = change(client.guard, client.exclusive)
+                clients.append(replace(client, guard=guard, exclusive=exclusive))
+            actuators.append(replace(actuator, clients=tuple(clients)))
+        return replace(code, actuators=tuple(actuators))
 
     return over
 

@@ -119,7 +119,6 @@ PROGRAMS = {
 @pytest.mark.parametrize("name", PROGRAMS)
 def test_invariants_hold_at_first_and_are_preserved(name: str) -> None:
     unrolling = Unrolling(encode(PROGRAMS[name]()))
-    after = z3.And(*unrolling.invariants(1), True)
     solver = z3.Solver()
     solver.set("timeout", 10_000)
     solver.add(*unrolling.initial())
@@ -128,7 +127,11 @@ def test_invariants_hold_at_first_and_are_preserved(name: str) -> None:
     solver.set("timeout", 10_000)
     solver.add(*unrolling.invariants(0), *unrolling.step(0))
     assert solver.check() == z3.sat
-    assert solver.check(z3.Not(after)) == z3.unsat
+    for invariant in unrolling.invariants(1):  # one by one: together they are more than z3 does in time
+        solver = z3.Solver()
+        solver.set("timeout", 60_000)
+        solver.add(*unrolling.invariants(0), *unrolling.step(0))
+        assert solver.check(z3.Not(invariant)) == z3.unsat, invariant
 
 
 # --- what follows ---------------------------------------------------------------------------------
