@@ -21,6 +21,9 @@ from colony.experiment.tables import failure_table, table, target_table
 BEGIN, END = "<!-- {} -->", "<!-- end of {} -->"
 """Between these two lines of a page its tables stand; the rest is left as it is."""
 
+_ROWS_ON_A_PAGE = 60
+"""A page has a row a run for lists of up to so many; of longer ones what they came to."""
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Found:
@@ -65,6 +68,8 @@ def _is_published(asked: Experiment) -> bool:
 def _text(asked: Experiment, found: Found) -> str:
     wanted = len(asked.runs) * len(asked.seeds)
     parts = [f"{asked.name}, {asked.label}: {len(found.results)} of {wanted} runs"]
+    if found.results:
+        parts.append(table(asked.runs, found.results))
     parts += _tables(asked, found)
     parts += [one.difference for one in found.differences]
     return "\n\n".join(part for part in parts if part)
@@ -74,8 +79,7 @@ def _tables(asked: Experiment, found: Found) -> list[str]:
     if not found.results:
         return []
     published = _is_published(asked)
-    parts = [table(asked.runs, found.results), target_table(found.results, published=published)]
-    parts.append(failure_table(found.results))
+    parts = [target_table(found.results, published=published), failure_table(found.results)]
     if published:
         parts += [event_table(found.results), path_table(found.results)]
     if found.audits:
@@ -148,7 +152,10 @@ def _draw(asked: Experiment, results: tuple[RunResult, ...], folder: Path) -> No
 
 def _write(asked: Experiment, found: Found, page: Path) -> None:
     before, after = _around(asked, page)
-    tables = "\n\n".join(part for part in _tables(asked, found) if part)
+    parts = _tables(asked, found)
+    if len(asked.runs) <= _ROWS_ON_A_PAGE:
+        parts.insert(0, table(asked.runs, found.results))
+    tables = "\n\n".join(part for part in parts if part)
     write_whole(page, f"{before}\n\n{tables}\n\n{after}".encode())
     click.echo(f"\nput into {page}")
 
