@@ -66,7 +66,8 @@ def test_a_run_decides_as_the_interpreter_does_and_leaves_nothing_behind(
 def test_ctrl_c_stops_the_robot_and_keeps_the_recording(machine: Machine, colony: Colony) -> None:
     run = start(machine, "--record", "run.mcap", "--no-picture")
     processes = driving(machine, run)
-    run.tell(signal.SIGINT)
+    until(lambda: (truth := machine.truth()) is not None and truth.distance > 200.0, "it has driven a while")
+    run.tell(signal.SIGINT)  # by now the run has heard of frames, however busy the machine is
     assert run.wait() == 130
     assert "interrupted" in run.out
     assert "contracts held in every frame" in run.out
