@@ -4,12 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from difflib import get_close_matches
-from typing import get_args
+from typing import TypeVar, get_args
 
 from colony.nav import stickrep_fields as fields
 from colony.nav.stickrep import LightOffsets, Travel
 from colony.nav.stickrep_fields import LENGTH_UNITS, Problems, Word
 from colony.source import Source, Span
+
+_T = TypeVar("_T")
 
 
 class Header:
@@ -110,26 +112,27 @@ class Header:
             self.problems.report("M007", values[0].span, message)
 
     def _lights(self, words: list[Word]) -> None:
-        values = fields.values(self.problems, words, "lights CONVENTION")
-        for known in get_args(LightOffsets):
-            if values and values[0].text == known:
-                self.light_offsets = known
-                return
-        if values:
-            message = f"expected incremental or cumulative; found {values[0].shown}"
-            hint = "offsets count from the light before (incremental), or all from the node (cumulative)"
-            self.problems.report("M007", values[0].span, message, hint)
+        hint = "offsets count from the light before (incremental), or all from the node (cumulative)"
+        found = self._one_of(get_args(LightOffsets), words, "lights CONVENTION", hint)
+        if found is not None:
+            self.light_offsets = found
 
     def _travel(self, words: list[Word]) -> None:
-        values = fields.values(self.problems, words, "travel WAY")
-        for known in get_args(Travel):
-            if values and values[0].text == known:
-                self.travel = known
-                return
+        hint = "paths follow the rings both ways (either), or only as these are traced (wall-on-left)"
+        found = self._one_of(get_args(Travel), words, "travel WAY", hint)
+        if found is not None:
+            self.travel = found
+
+    def _one_of(self, known: tuple[_T, ...], words: list[Word], form: str, hint: str) -> _T | None:
+        """Which of the words `known` a line has; None, and an error, where it is none of them."""
+        values = fields.values(self.problems, words, form)
+        for one in known:
+            if values and values[0].text == one:
+                return one
         if values:
-            message = f"expected either or wall-on-left; found {values[0].shown}"
-            hint = "paths follow the rings both ways (either), or only as these are traced (wall-on-left)"
+            message = f"expected {' or '.join(map(str, known))}; found {values[0].shown}"
             self.problems.report("M007", values[0].span, message, hint)
+        return None
 
     def _link(self, words: list[Word]) -> None:
         values = fields.values(self.problems, words, "link PLACE PLACE")
