@@ -68,6 +68,36 @@ TRACK_START = "TrackStart"
 """Set by CTracker: where the robot was when a goal of lights was taken, x and y in mm; an empty list when its
 last light was passed."""
 
+FLOOR = "Floor"
+"""Set by the Planner: the name of the map of the floor that the robot is on."""
+
+POSE = "Pose"
+"""Set by the pose estimator (`colony/nav/pose_estimate.py`): where the robot is, as far as all sources know
+together, and how sure that is."""
+
+LIGHT_FIX = "LightFix"
+"""Set by CTracker at each valid light: a `Fix` (`colony/nav/fixes.py`) as a list."""
+
+PLATE_FIX = "PlateFix"
+"""Set by the plate finder at each plate that it knows from the map: likewise."""
+
+MARKER_FIX = "MarkerFix"
+"""Set by the marker finder: likewise."""
+
+PLATE_SEEN = "PlateSeen"
+"""Set by the plate finder at each new plate: a list of the time in nanoseconds, the number of plates so far,
+what is written on it, and where its middle is, x and y in mm."""
+
+MARKER_BEARING = "MarkerBearing"
+"""Set by the marker finder: where the elevator's marker is seen, in degrees counterclockwise from ahead."""
+
+ELEVATOR_CALL = "ElevatorCall"
+"""Set by the Planner before a ride: a list of the elevator's node, the name of the map of this floor and of
+the other one. Empty when the ride is over."""
+
+FLOOR_REACHED = "FloorReached"
+"""Set by the operator, who presses the buttons: 1 when the elevator stands at the other floor, else 0."""
+
 
 class GoalKind(IntEnum):
     """The modes of the Navigator; the number is the letter's code (thesis Table 5.2)."""

@@ -1,0 +1,40 @@
+"""What detectors find in the image of a camera that looks along the floor."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+Corner = tuple[float, float]
+"""A place in an image: column and row, in pixels."""
+
+
+class Reading(NamedTuple):
+    """What is written on a plate. `text` is "" where nothing can be read; `confidence` is from 0 to 1."""
+
+    text: str
+    confidence: float
+
+
+class PlateBox(NamedTuple):
+    """A door plate in an image: its corners from the upper left one clockwise, and how plate-like it is, from
+    0 to 1."""
+
+    corners: tuple[Corner, Corner, Corner, Corner]
+    score: float
+
+    @property
+    def middle(self) -> Corner:
+        """The mean of the corners."""
+        columns, rows = zip(*self.corners, strict=True)
+        return sum(columns) / 4.0, sum(rows) / 4.0
+
+
+class MarkerBox(NamedTuple):
+    """A marker in an image: its outer edges in columns, the rows in which it was found, from the first one to
+    the last one, and its code of three bits, the left one first."""
+
+    left: float
+    right: float
+    first_row: int
+    last_row: int
+    code: int
