@@ -16,7 +16,7 @@ run: $(STAMP)
 	$(BIN)/colony run behaviors/wander.colony --map maps/loop.stickrep --duration 60 --seed 1 --picture run.png
 
 test: $(STAMP)
-	$(BIN)/python -m pytest tests
+	$(BIN)/python -m pytest -n auto --dist worksteal tests
 
 check: $(STAMP)
 	$(BIN)/ruff format --check .

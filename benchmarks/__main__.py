@@ -51,9 +51,18 @@ def _table(rows: list[dict[str, Any]]) -> list[str]:
     return out
 
 
+def _name(text: str) -> str:
+    if text in MODULES:
+        return text
+    own = Path(__file__).parent / f"{text}.py"
+    if text.isidentifier() and own.is_file() and "__main__" in own.read_text(encoding="utf-8"):
+        raise argparse.ArgumentTypeError(f"`{text}` has no table; run it as python -m benchmarks.{text}")
+    raise argparse.ArgumentTypeError(f"no benchmark `{text}`; expected one of {', '.join(MODULES)}")
+
+
 def main() -> None:
     parser = argparse.ArgumentParser(prog="python -m benchmarks", description=__doc__)
-    parser.add_argument("names", nargs="*", help=f"which: {', '.join(MODULES)} (default: all)")
+    parser.add_argument("names", nargs="*", type=_name, help=f"which: {', '.join(MODULES)} (default: all)")
     parser.add_argument("--write", action="store_true", help="put the results into docs/benchmarks.md")
     arguments = parser.parse_args()
     lines: list[str] = []

@@ -9,12 +9,14 @@ prints the figures, and draws the curve where a file is named (PNG or SVG).
 
 from __future__ import annotations
 
-import sys
+import argparse
+from collections.abc import Sequence
 from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
 
+from benchmarks.arguments import picture, whole_number
 from colony.nav.stickrep_reader import load_map
 from colony.sim.config import IDEAL
 from colony.sim.hazards import Hazard, Hazards, draw
@@ -49,17 +51,26 @@ def drive_north(seed: int) -> list[Reading]:
     return readings
 
 
-def main(seed: str = "1", picture: str | None = None) -> None:
+def main(arguments: Sequence[str] | None = None) -> None:
     """Print how far the compass is off, and draw it."""
-    readings = drive_north(int(seed))
+    parser = argparse.ArgumentParser(prog="python -m benchmarks.compass", description=__doc__)
+    seed = whole_number("seed", 0)
+    parser.add_argument(
+        "seed", type=seed, nargs="?", default=1, metavar="SEED", help="of the iron (default: 1)"
+    )
+    parser.add_argument("picture", type=picture, nargs="?", metavar="PICTURE", help="a .png or .svg to draw")
+    chosen = parser.parse_args(arguments)
+    readings = drive_north(chosen.seed)
     off = np.array([reading.heading_deg for reading in readings])
-    print(f"{readings[-1].way_m:.0f} m north, seed {seed}: {off.min():+.0f} to {off.max():+.0f} degrees,")
+    print(
+        f"{readings[-1].way_m:.0f} m north, seed {chosen.seed}: {off.min():+.0f} to {off.max():+.0f} degrees,"
+    )
     print(f"{np.abs(off).mean():.0f} in the mean, more than 10 on {(np.abs(off) > 10).mean():.0%} of the way")
-    if picture is not None:
-        _draw(readings, picture)
+    if chosen.picture is not None:
+        _draw(readings, chosen.picture)
 
 
-def _draw(readings: list[Reading], picture: str) -> None:
+def _draw(readings: list[Reading], target: Path) -> None:
     from matplotlib.figure import Figure
 
     figure = Figure(figsize=(7.0, 2.6), layout="constrained")
@@ -67,8 +78,8 @@ def _draw(readings: list[Reading], picture: str) -> None:
     axes.axhline(0.0, color="0.6", linewidth=0.8)
     axes.plot([r.way_m for r in readings], [r.heading_deg for r in readings], color="#1769d6", linewidth=1.2)
     axes.set(xlabel="way (m)", ylabel="compass (degrees from north)", ylim=(-75.0, 75.0))
-    figure.savefig(picture)
+    figure.savefig(target)
 
 
 if __name__ == "__main__":
-    main(*sys.argv[1:])
+    main()

@@ -10,22 +10,23 @@ drives every so many of the forty runs (default 4) with each of the robots, whic
 
 from __future__ import annotations
 
+import argparse
 import math
-import sys
 from collections.abc import Iterator, Mapping
 from typing import NamedTuple
 
 import numpy as np
 
+from benchmarks.arguments import whole_number
 from colony.experiment.behavior import behavior_of
 from colony.experiment.lists import PUBLISHED_MAP, published_list
 from colony.experiment.local_cameras import CeilingShot, LocalCamera
 from colony.experiment.loop import Loop
 from colony.experiment.variants import CEILING_CAMERA, OURS, PLANNER
+from colony.nav.building import Building
 from colony.nav.plan import Plan
 from colony.nav.route import plan
 from colony.nav.stickrep_reader import load_map
-from colony.nav.walls import walls_of
 from colony.sim.ceiling import CeilingCamera
 from colony.sim.config import RobotConfig
 from colony.sim.hazards import Hazards, draw
@@ -69,7 +70,7 @@ def drive(config: RobotConfig, way: Plan, seed: int) -> Errors:
     )
     ceiling = CeilingCamera(scenery)
     camera = LocalCamera(CEILING_CAMERA, lambda now_ns: CeilingShot(ceiling, world, now_ns))
-    scripts = OURS.scripts(way, walls_of(floor))
+    scripts = OURS.scripts(way, Building(maps=(floor,)))
     loop = Loop(behavior_of(OURS.behavior), world, scripts, cameras=(camera,), seed=seed)
     off_mm: list[float] = []
     off_deg: list[float] = []
@@ -89,11 +90,15 @@ def ways(every: int) -> Iterator[Plan]:
     return (plan(floor, run.origin, run.goal) for run in published_list()[::every])
 
 
-def main(every: str = "4", seed: str = "1") -> None:
+def main() -> None:
     """Print a line for each robot."""
+    parser = argparse.ArgumentParser(prog="python -m benchmarks.wrong_sonars")
+    parser.add_argument("every", type=whole_number("step", 1), nargs="?", default=4, help="(default: 4)")
+    parser.add_argument("seed", type=whole_number("seed", 0), nargs="?", default=1, help="(default: 1)")
+    chosen = parser.parse_args()
     print(f"{'sonars':22} {'runs':>5} {'ended':>6} {'bumped':>7} {'p95 mm':>7} {'p95 deg':>8}")
     for name, config in ROBOTS.items():
-        runs = [drive(config, way, int(seed) + n) for n, way in enumerate(ways(int(every)))]
+        runs = [drive(config, way, chosen.seed + n) for n, way in enumerate(ways(chosen.every))]
         mm = np.percentile([off for run in runs for off in run.off_mm], 95)
         deg = np.percentile([off for run in runs for off in run.off_deg], 95)
         ended, bumped = sum(run.ended for run in runs), sum(run.contact_mm_s > 50.0 for run in runs)
@@ -101,4 +106,4 @@ def main(every: str = "4", seed: str = "1") -> None:
 
 
 if __name__ == "__main__":
-    main(*sys.argv[1:])
+    main()

@@ -9,6 +9,10 @@ from __future__ import annotations
 
 import os
 
+# Before numpy is loaded: tests run side by side, and threads of theirs would only wait for each other.
+os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+os.environ.setdefault("OMP_NUM_THREADS", "1")
+
 from hypothesis import HealthCheck, Phase, settings
 
 _COMMON = settings(

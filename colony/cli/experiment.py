@@ -19,6 +19,8 @@ if TYPE_CHECKING:
     from colony.sim.hazards import Hazards
 
 RANDOM = "random"
+FLOORS = "floors"
+PAIRS = {RANDOM: 200, FLOORS: 100}
 THESIS = "thesis"
 THESIS_SEEDS = 25
 
@@ -27,18 +29,35 @@ class _Misuse(Exception):
     """What was asked for makes no sense."""
 
 
+def _part(context: click.Context, option: click.Parameter, value: float) -> float:
+    """0 to 1; a range of click lets nan through."""
+    if not 0.0 <= value <= 1.0:
+        raise click.BadParameter(f"`{value:g}`; expected a part of the runs, from 0 to 1")
+    return value
+
+
 @click.command("experiment", short_help="run a list of runs many times over, and count")
 @click.argument("runs", metavar="LIST")
 @click.option("--map", "map_path", type=click.Path(path_type=Path), metavar="MAP", help="The building.")
 @click.option(
-    "--seeds", type=click.IntRange(min=1), metavar="N", help="Seeds a run. [default: 25, of other lists 1]"
+    "--seeds",
+    type=click.IntRange(min=1),
+    metavar="N",
+    help="Seeds a run. [default: 25 of `thesis`, 10 of `plates`, 5 of `lights`, 2 of `sources`, else 1]",
 )
 @click.option("--runs", "chosen", metavar="NUMBERS", help="Only these runs of the list, as 1-5,22.")
 @click.option(
-    "--pairs", type=click.IntRange(1, 100_000), default=200, show_default=True, help="With `random`."
+    "--pairs",
+    type=click.IntRange(1, 100_000),
+    metavar="N",
+    help=f"With `random` and `floors`. [default: {PAIRS[RANDOM]}, {PAIRS[FLOORS]}]",
 )
 @click.option(
-    "--seed", type=click.IntRange(min=0), default=1, show_default=True, help="With `random`: of the pairs."
+    "--seed",
+    type=click.IntRange(min=0),
+    default=1,
+    show_default=True,
+    help="With `random` and `floors`: of the pairs.",
 )
 @click.option("--variant", type=click.Choice(["ours", "thesis"]), default="ours", show_default=True)
 @click.option(
@@ -48,8 +67,19 @@ class _Misuse(Exception):
     "--no-hazard", "without", multiple=True, metavar="NAME", help="All but this one. May be repeated."
 )
 @click.option(
+    "--no-source",
+    "no_sources",
+    multiple=True,
+    metavar="NAME",
+    help="Estimate the pose without it: sonar, local-maps, lights, plates or markers. May be repeated.",
+)
+@click.option(
+    "--side-camera", is_flag=True, help="The robot looks for door plates, and is corrected by them."
+)
+@click.option(
     "--audit",
-    type=click.FloatRange(0.0, 1.0),
+    type=float,
+    callback=_part,
     default=0.0,
     metavar="PART",
     help="Hold this part of the runs, 0 to 1, against the reference interpreter.",
@@ -81,11 +111,13 @@ def command(
     map_path: Path | None,
     seeds: int | None,
     chosen: str | None,
-    pairs: int,
+    pairs: int | None,
     seed: int,
     variant: str,
     hazards: bool,
     without: tuple[str, ...],
+    no_sources: tuple[str, ...],
+    side_camera: bool,
     audit: float,
     workers: int | None,
     engine: str,
@@ -96,9 +128,13 @@ def command(
 ) -> None:
     """Run a list of runs in simulation, each with many seeds, and say how they went.
 
-    LIST is `thesis`, the forty published runs; `random`, random pairs of rooms of a map; or a CSV file with
-    two columns, from and to. A seed decides all chance in a run, so that an experiment can be repeated bit
-    for bit, with any number of workers. Ctrl-C loses no run that was finished where there is --output.
+    LIST is `thesis`, the forty published runs; `random`, random pairs of rooms of a map; `floors`, random
+    pairs of rooms on different floors, with elevators between; or a CSV file with two columns, from and to.
+    `plates` counts what finders make of door plates on the eleven published walks past them, and `lights` how
+    well ceiling lights are detected on the forty runs. `sources` tells what each source of the pose is worth.
+
+    A seed decides all chance in a run, so that an experiment can be repeated bit for bit, with any number of
+    workers. Ctrl-C loses no run that was finished where there is --output.
 
     Exit code 0 where the experiment was carried out, whatever came of it; 1 where an audit found a frame that
     the reference interpreter decides otherwise; 2 for misuse; 130 after Ctrl-C.
@@ -107,20 +143,35 @@ def command(
     Example:
       colony experiment thesis --seeds 25 -o results.sqlite
       colony experiment thesis --runs 22,39 --no-hazard people --audit 1
+      colony experiment thesis --seeds 1 --no-source lights --side-camera
       colony experiment random --map maps/loop.stickrep --pairs 200 --seed 1
+      colony experiment floors --pairs 100
       colony experiment rounds.csv --map maps/msu_engineering_3.stickrep --plot pictures
+      colony experiment plates --seeds 10 -o plates.sqlite --write docs/plates.md
     """
     from colony.cli.experiment_outputs import check_outputs, put_out
+    from colony.cli.experiment_studies import carry_out_study
     from colony.diagnostics import Failure
     from colony.experiment.lists import ListProblem
     from colony.experiment.parallel import WorkersLost
     from colony.experiment.results import ResultsError
+    from colony.experiment.studies import STUDIES
     from colony.nav.route import NoPlan
 
     try:
         listed, name, place = _listed(runs, map_path, pairs, seed)
         asked = _experiment(listed, name, place, seeds, chosen, variant, _hazards(hazards, without))
+        asked = _with_sources(asked, no_sources, side_camera)
+        if name in STUDIES and (plot is not None or audit or variant != "ours"):
+            raise _Misuse(f"`{name}` has a variant of its own; leave out --plot, --audit and --variant")
+        if plot is not None:
+            _check_plot(asked)
         check_outputs(asked, output, plot, write)
+        if name in STUDIES:
+            study, work = STUDIES[name], _engine(engine, workers)
+            if carry_out_study(study, asked, output, work, page=write, as_json=format_ == "json"):
+                raise click.exceptions.Exit(EXIT_INTERRUPTED)
+            return
         found = _carry_out(asked, output, _engine(engine, workers), audit)
         put_out(asked, found, plot=plot, page=write, as_json=format_ == "json")
     except Failure as failure:
@@ -136,27 +187,36 @@ def command(
 
 
 def _listed(
-    runs: str, map_path: Path | None, pairs: int, seed: int
+    runs: str, map_path: Path | None, pairs: int | None, seed: int
 ) -> tuple[tuple[ListedRun, ...], str, Path]:
     """The runs, the name of their list, and the map."""
     from hashlib import sha256
 
-    from colony.experiment.lists import PUBLISHED_MAP, own_list, published_list, random_list
-    from colony.nav.stickrep_reader import load_map
+    from colony.experiment.lists import PUBLISHED_MAP, floors_list, own_list, published_list, random_list
+    from colony.experiment.studies import STUDIES
+    from colony.nav.building import load_building
 
-    if runs == THESIS:
+    if pairs is not None and runs not in PAIRS:
+        raise _Misuse(f"--pairs goes with {' and '.join(f'`{name}`' for name in PAIRS)}, not with `{runs}`")
+    if runs == THESIS or runs in STUDIES:
         if map_path is not None:
             raise _Misuse("the published runs have a map of their own; leave out --map")
-        return published_list(), THESIS, PUBLISHED_MAP
-    if map_path is None:
-        raise _Misuse("which building? give --map MAP, such as maps/loop.stickrep")
-    floor = load_map(map_path)
-    if runs == RANDOM:
-        return random_list(floor, pairs, seed), f"{RANDOM} {pairs} pairs, seed {seed}, {floor.name}", map_path
+        listed = STUDIES[runs].runs() if runs in STUDIES else published_list()
+        return listed, runs, PUBLISHED_MAP
     path = Path(runs)
-    if path.suffix.lower() != ".csv":
-        raise _Misuse(f"there is no list `{runs}`; expected {THESIS}, {RANDOM} or a file that ends in .csv")
-    listed = own_list(path, floor)
+    if runs not in PAIRS and path.suffix.lower() != ".csv":
+        known = ", ".join([THESIS, *PAIRS, *STUDIES])
+        raise _Misuse(f"there is no list `{runs}`; expected {known} or a file that ends in .csv")
+    if map_path is None and runs != FLOORS:
+        raise _Misuse("which building? give --map MAP, such as maps/loop.stickrep")
+    map_path = map_path or PUBLISHED_MAP
+    building = load_building(map_path)
+    floor = building.maps[0]
+    if runs in PAIRS:
+        count = pairs or PAIRS[runs]
+        listed = random_list(floor, count, seed) if runs == RANDOM else floors_list(building, count, seed)
+        return listed, f"{runs} {count} pairs, seed {seed}, {floor.name}", map_path
+    listed = own_list(path, building)
     digest = sha256(repr([(run.origin, run.goal) for run in listed]).encode()).hexdigest()[:8]
     return listed, f"{path.stem} {digest}, {floor.name}", map_path
 
@@ -172,17 +232,50 @@ def _experiment(
 ) -> Experiment:
     from colony.experiment.conduct import Experiment
     from colony.experiment.lists import chosen
-    from colony.experiment.variants import VARIANTS
+    from colony.experiment.studies import STUDIES
+    from colony.experiment.variants import CEILING_CAMERA, FRONT_CAMERA, VARIANTS
 
-    count = seeds or (THESIS_SEEDS if name == THESIS else 1)
+    runs = listed if numbers is None else chosen(listed, numbers)
+    rides = any(run.rides for run in runs)  # elevators have markers for a camera that looks ahead
+    count = seeds or (STUDIES[name].seeds if name in STUDIES else THESIS_SEEDS if name == THESIS else 1)
     return Experiment(
         name=name,
         map_path=place.resolve(),
-        runs=listed if numbers is None else chosen(listed, numbers),
+        runs=runs,
         seeds=tuple(range(1, count + 1)),
         variant=VARIANTS[variant].name,
         hazards=hazards,
+        cameras=frozenset({CEILING_CAMERA, *([FRONT_CAMERA] if rides else [])}),
     )
+
+
+def _check_plot(asked: Experiment) -> None:
+    for run in asked.runs:
+        if run.rides:
+            one = f"`colony run ... --from {run.origin} --to {run.goal}` draws each floor"
+            raise _Misuse(f"--plot is for ways on one floor; run {run.number} takes an elevator: {one}")
+
+
+def _with_sources(asked: Experiment, without: tuple[str, ...], side_camera: bool) -> Experiment:
+    from dataclasses import replace
+
+    from colony.experiment.studies import STUDIES
+    from colony.experiment.variants import SIDE_CAMERA
+    from colony.nav.pose_tracker import Source
+
+    if not without and not side_camera:
+        return asked
+    if asked.variant != "ours" or asked.name in STUDIES:
+        raise _Misuse(
+            f"--no-source and --side-camera are for the variant `ours`, and not for {', '.join(STUDIES)}"
+        )
+    names = {source.value: source for source in Source}
+    for name in without:
+        if name not in names:
+            raise _Misuse(f"there is no source `{name}`; expected {', '.join(names)}")
+    sources = asked.sources - {names[name] for name in without}
+    cameras = asked.cameras | {SIDE_CAMERA} if side_camera else asked.cameras
+    return replace(asked, sources=sources, cameras=cameras)
 
 
 def _hazards(on: bool, without: tuple[str, ...]) -> Hazards:
@@ -216,14 +309,15 @@ def _carry_out(asked: Experiment, output: Path | None, engine: Engine, part: flo
     from colony.cli.experiment_outputs import Found
     from colony.cli.experiment_progress import progress
     from colony.experiment.conduct import conduct, conduct_audit, of_experiment
-    from colony.experiment.results import Results
+    from colony.experiment.results import RUN_TABLE, Results
+    from colony.experiment.runs import run
 
     audits: tuple[AuditedRun, ...] = ()
     interrupted = False
-    with Results(output) as results:
+    with Results(output, RUN_TABLE) as results:
         try:
             with progress("run") as tell:
-                conduct(asked, results, engine, tell=tell)
+                conduct(asked, run, results, engine, tell=tell)
             if part > 0.0:
                 with progress("audited") as tell_audit:
                     audits = conduct_audit(asked, engine, part, tell=tell_audit)

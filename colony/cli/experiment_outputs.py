@@ -44,6 +44,7 @@ def check_outputs(asked: Experiment, output: Path | None, plot: Path | None, pag
     if output is not None:
         check_output(output)
     if page is not None:
+        check_output(page)
         _around(asked, page)
     if plot is not None:
         try:
@@ -134,30 +135,39 @@ def _run_json(result: RunResult) -> dict[str, object]:
 
 
 def _draw(asked: Experiment, results: tuple[RunResult, ...], folder: Path) -> None:
-    from colony.nav.stickrep_reader import load_map
+    from colony.nav.building import load_building
     from colony.view.path_picture import Drive, draw_errors, draw_paths, encode
 
-    floor = load_map(asked.map_path)
-    goals: dict[tuple[str, str], list[Drive]] = {(r.origin, r.goal): [] for r in results}
+    building = load_building(asked.map_path)
+    first = building.maps[0].name
+    floors = {run.number: run.floors[0] if run.floors else first for run in asked.runs}
+    goals: dict[tuple[str, str, str], list[Drive]] = {}
     for r in results:
-        goals[r.origin, r.goal].append(Drive(path=r.path, reached=r.reached, seed=r.key.seed))
-    for (origin, goal), drives in goals.items():
-        name = f"{origin} to {goal}"
-        picture = draw_paths(floor, drives, f"{name}: {len(drives)} runs, {asked.label}")
+        drives = goals.setdefault((r.origin, r.goal, floors[r.key.number]), [])
+        drives.append(Drive(path=r.path, reached=r.reached, seed=r.key.seed))
+    for (origin, goal, floor), drives in goals.items():
+        name = f"{origin} to {goal}" + (f" of {floor}" if floor != first else "")
+        title = f"{name}: {len(drives)} runs, {asked.label}"
+        picture = draw_paths(building.map_named(floor), drives, title)
         write_whole(folder / f"{name.replace('/', '-').replace(' ', '_')}.png", encode(picture))
     errors = draw_errors([r.along_mm for r in results if r.reached], f"{asked.name}, {asked.label}")
     write_whole(folder / "errors.png", encode(errors))
-    click.echo(f"\ndrawn in {folder}: {len(goals)} pictures of paths, and errors.png")
+    say(f"drawn in {folder}: {len(goals)} pictures of paths, and errors.png")
 
 
 def _write(asked: Experiment, found: Found, page: Path) -> None:
-    before, after = _around(asked, page)
     parts = _tables(asked, found)
     if len(asked.runs) <= _ROWS_ON_A_PAGE:
         parts.insert(0, table(asked.runs, found.results))
-    tables = "\n\n".join(part for part in parts if part)
-    write_whole(page, f"{before}\n\n{tables}\n\n{after}".encode())
-    click.echo(f"\nput into {page}")
+    put_into(asked, [part for part in parts if part], page)
+
+
+def put_into(asked: Experiment, tables: Sequence[str], page: Path) -> None:
+    """Put tables into a page, in place of those that it has of this list and variant."""
+    before, after = _around(asked, page)
+    text = "\n\n".join(tables)
+    write_whole(page, f"{before}\n\n{text}\n\n{after}".encode())
+    say(f"put into {page}")
 
 
 def _around(asked: Experiment, page: Path) -> tuple[str, str]:
@@ -168,6 +178,8 @@ def _around(asked: Experiment, page: Path) -> tuple[str, str]:
         text = page.read_text(encoding="utf-8")
     except OSError as problem:
         cannot_write(page, problem.strerror or str(problem))
+    except UnicodeDecodeError as problem:
+        cannot_write(page, f"byte {problem.start} is no UTF-8; expected a page of Markdown")
     before, marked, rest = text.partition(begin)
     _, closed, after = rest.partition(end)
     if not marked or not closed:

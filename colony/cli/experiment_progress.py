@@ -5,17 +5,22 @@ from __future__ import annotations
 import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
-from typing import Protocol
+from typing import Protocol, assert_never
 
 from colony.cli.reporting import say
 from colony.experiment.auditing import AuditedRun
+from colony.experiment.light_results import LightResult
+from colony.experiment.plates_record import PlateResult
 from colony.experiment.record import RunResult
+from colony.experiment.source_results import SourceResult
+
+Newest = RunResult | AuditedRun | PlateResult | LightResult | SourceResult
 
 
 class Tell(Protocol):
     """Says how many of how many runs are done, and what came of the newest."""
 
-    def __call__(self, done: int, of: int, newest: RunResult | AuditedRun) -> None: ...
+    def __call__(self, done: int, of: int, newest: Newest) -> None: ...
 
 
 @contextmanager
@@ -23,7 +28,7 @@ def progress(what: str) -> Iterator[Tell]:
     """While it lasts, tell how many are `what` ("run", "audited"); a bar is taken away in the end."""
     failed = 0
 
-    def line(done: int, of: int, newest: RunResult | AuditedRun) -> None:
+    def line(done: int, of: int, newest: Newest) -> None:
         nonlocal failed
         failed += is_bad(newest)
         if done * 10 // of > (done - 1) * 10 // of:
@@ -45,7 +50,7 @@ def progress(what: str) -> Iterator[Tell]:
     )
     task = display.add_task(what, total=None)
 
-    def bar(done: int, of: int, newest: RunResult | AuditedRun) -> None:
+    def bar(done: int, of: int, newest: Newest) -> None:
         nonlocal failed
         failed += is_bad(newest)
         text = f"{what}, {failed} bad; newest: {described(newest)}"
@@ -55,14 +60,20 @@ def progress(what: str) -> Iterator[Tell]:
         yield bar
 
 
-def is_bad(newest: RunResult | AuditedRun) -> bool:
+def is_bad(newest: Newest) -> bool:
     """Whether a run failed, or an audit found a difference."""
-    return bool(newest.failure if isinstance(newest, RunResult) else newest.difference)
+    return bool(newest.difference if isinstance(newest, AuditedRun) else newest.failure)
 
 
-def described(newest: RunResult | AuditedRun) -> str:
+def described(newest: Newest) -> str:
     """A run in a few words."""
     which = f"run {newest.key.number}, seed {newest.key.seed}"
-    if isinstance(newest, AuditedRun):
-        return f"{which}, {newest.frames} frames"
-    return f"{which}, {newest.failure or 'reached'}, {newest.off_mm / 1000:.2f} m off"
+    match newest:
+        case AuditedRun():
+            return f"{which}, {newest.frames} frames"
+        case RunResult():
+            return f"{which}, {newest.failure or 'reached'}, {newest.off_mm / 1000:.2f} m off"
+        case PlateResult() | LightResult() | SourceResult():
+            return f"{which}, {newest.failure or 'reached'}"
+        case _:
+            assert_never(newest)

@@ -35,6 +35,8 @@ COMMANDS = {
     "map": "draw a building",
     "experiment": "run a list of runs many times over, and count",
     "plan": "plan a path from room to room",
+    "sim": "look at the simulated building",
+    "vision": "show what the detectors see in a picture",
 }
 """Every command and what it is for; `colony/cli/NAME.py` has it as `command`."""
 
@@ -72,9 +74,15 @@ class Commands(click.Group):
             formatter.write_dl(list(COMMANDS.items()))
 
 
-@click.group(cls=Commands, context_settings={"help_option_names": ["-h", "--help"]})
+@click.group(
+    cls=Commands,
+    invoke_without_command=True,
+    subcommand_metavar="COMMAND [ARGS]...",
+    context_settings={"help_option_names": ["-h", "--help"]},
+)
 @click.version_option(__version__, prog_name="colony")
-def colony() -> None:
+@click.pass_context
+def colony(context: click.Context) -> None:
     """Reactive robot behavior: modules wired through suppressors and inhibitors, compiled, and run.
 
     \b
@@ -83,6 +91,9 @@ def colony() -> None:
       colony test patrol.colony
       colony run patrol.colony --map maps/loop.stickrep
     """
+    if context.invoked_subcommand is None:
+        click.echo(context.get_help(), err=True)
+        raise click.exceptions.Exit(EXIT_MISUSE)
 
 
 def _prepare_streams() -> None:

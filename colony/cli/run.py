@@ -96,12 +96,16 @@ def command(
 ) -> None:
     """Run a behavior on a robot that is simulated in the building of a map, or on a real one.
 
-    With --map alone everything is one process, in virtual time: the same seed gives the same run. There,
-    --from and --to have a planner, a tracker of ceiling lights and a local mapper lead the robot from room to
-    room, for a behavior that takes goals, as navigator.colony does; exit code 1 where it did not arrive. With
+    With --map alone everything is one process, in virtual time: the same seed gives the same run. With
     --processes each server and each client is a process of its own, as on a robot; who dies is started
     again, and other programs can take part (`colony ps`, `colony stop`). With --connect only the clients
     are started, for a robot that `colony serve` serves; without --duration until Ctrl-C.
+
+    --from and --to have a planner and its helpers lead the robot from room to room, for a behavior that takes
+    goals, as navigator.colony does; the run ends when it has arrived, with exit code 1 where it did not. A
+    room of another floor is `2:250R` or `msu_engineering_2:250R`, where elevators lead there: in one process
+    somebody is simulated who presses their buttons, with --connect you are asked to at the terminal. A robot
+    that is there has to stand before the room --from, and its map is --map (docs/missions.md).
 
     In the end it tells who drove how long, how far the robot came, what it bumped into, which contracts
     broke, and draws its way. Ctrl-C stops the robot, closes the recording and still tells what was run.
@@ -114,13 +118,15 @@ def command(
       colony run behaviors/wander.colony --map maps/loop.stickrep --duration 2min --seed 1
       colony run behaviors/wander.colony --map maps/loop.stickrep --record run.mcap
       colony run behaviors/navigator.colony --map maps/msu_engineering_3.stickrep --from 350R --to 376L
+      colony run behaviors/navigator.colony --map maps/msu_engineering_3.stickrep --from 350R --to 2:250R
+      colony run behaviors/navigator.colony --connect --map maps/loop.stickrep --from 201 --to 216
       colony run behaviors/teleop.colony --map maps/loop.stickrep --realtime --set TeleopVelocity=200
       colony run behaviors/wander.colony --map maps/loop.stickrep --processes --duration 30
       colony run behaviors/wander.colony --connect --robot rome
       colony run behaviors/wander.colony --connect tls/rome.lab:7447 --security ada.toml
     """
-    _check_choice(map_path, processes, connect, realtime, cameras, fsync, security)
-    _check_way(origin, goal, hazards, simulated=connect is None and not processes)
+    _check_choice(map_path, processes, connect, realtime, cameras, fsync, security, driven=goal is not None)
+    _check_way(origin, goal, hazards, there=connect is not None)
     program = load_program(file)
     options = Options(
         file=file,
@@ -141,7 +147,7 @@ def command(
         if processes or connect is not None:
             with problems_told():
                 place = place_of(program.robot.name if robot is None else robot, connect, security)
-                summary, arrival = _run_processes(program, place, options), None
+                summary, arrival = _run_processes(program, place, options, simulated=connect is None)
         else:
             summary, arrival = _run_simulated(program, options)
     _tell(summary, arrival, options, format_)
@@ -155,11 +161,13 @@ def _run_simulated(program: Program, options: Options) -> tuple[RunSummary, Arri
     return run(program, options)
 
 
-def _run_processes(program: Program, place: Place, options: Options) -> RunSummary:
+def _run_processes(
+    program: Program, place: Place, options: Options, *, simulated: bool
+) -> tuple[RunSummary, Arrival | None]:
     from colony.cli.run_processes import run_here, run_there
     from colony.runtime.live.place import Local
 
-    if options.map_path is not None and isinstance(place, Local):
+    if simulated and isinstance(place, Local):
         return run_here(program, place, options)
     return run_there(program, place, options)
 
@@ -172,13 +180,19 @@ def _check_choice(
     cameras: tuple[str, ...],
     fsync: bool,
     security: Path | None,
+    *,
+    driven: bool,
 ) -> None:
-    """Options that make no sense together."""
+    """Options that make no sense together; `driven` where there is a goal."""
     wrong = None
     if connect is None and map_path is None:
         wrong = "found neither --map nor --connect: where is the robot?"
-    elif connect is not None and (map_path is not None or processes):
-        wrong = "--connect is for a robot that is there: it goes without --map and --processes"
+    elif connect is not None and processes:
+        wrong = "--connect is for a robot that is there: it goes without --processes"
+    elif connect is not None and map_path is not None and not driven:
+        wrong = "--connect is for a robot that is there: --map goes with it for --from and --to alone"
+    elif connect is not None and map_path is None and driven:
+        wrong = "found --to without --map: through which building?"
     elif connect is None and security is not None:
         wrong = "--security goes with --connect"
     elif realtime and connect is not None:
@@ -189,14 +203,14 @@ def _check_choice(
         raise click.UsageError(wrong, click.get_current_context())
 
 
-def _check_way(origin: str | None, goal: str | None, hazards: int | None, *, simulated: bool) -> None:
+def _check_way(origin: str | None, goal: str | None, hazards: int | None, *, there: bool) -> None:
     wrong = None
     if (origin is None) != (goal is None):
         wrong = f"found {'--to' if origin is None else '--from'} alone; expected --from ROOM --to ROOM"
-    elif goal is not None and not simulated:
-        wrong = "--from and --to are for a run in one process; beside processes, start the planner by itself"
     elif goal is None and hazards is not None:
         wrong = "--hazards goes with --from and --to"
+    elif there and hazards is not None:
+        wrong = "--hazards is of a simulated building: `colony serve` takes it, not a run with --connect"
     if wrong is not None:
         raise click.UsageError(wrong, click.get_current_context())
 
@@ -233,7 +247,7 @@ def _tell(summary: RunSummary, arrival: Arrival | None, options: Options, format
         from colony.runtime.summary import render
 
         click.echo(render(summary))
-        for path in (options.record, options.picture):
+        for path in (options.record, options.picture, *(() if arrival is None else arrival.pictures)):
             if path is not None:
                 click.echo(f"  wrote {path}")
         if arrival is not None:

@@ -31,10 +31,12 @@ class BrokenOff(Exception):
 
 
 class Arrival(NamedTuple):
-    """Whether a robot that was sent somewhere arrived, and what to say of it."""
+    """Whether a robot that was sent somewhere arrived, what to say of it, and the files in which its way on
+    other floors than the first is drawn."""
 
     arrived: bool
     text: str
+    pictures: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -35,12 +35,21 @@ def check_outputs(record: str | None, picture: str | None, inputs: Iterable[str]
             check_output(path, list(inputs))
 
 
-def draw_way(building: Map, places: Iterable[tuple[float, float]], robot: str, path: str) -> None:
-    """The building with the way of a robot, as a picture."""
+def draw_paths(
+    floors: Sequence[Map], places: Mapping[str, Sequence[tuple[float, float]]], robot: str, path: str
+) -> tuple[str, ...]:
+    """Each floor with the way of a robot on it: the first one into `path`, the others beside it, by their
+    names: run.png and run.msu_engineering_2.png. These others are given."""
     import numpy as np
 
     from colony.view.map_picture import draw_map, encode_picture, picture_format
 
-    way = np.array(list(places), dtype=np.float64).reshape(-1, 2)
-    picture = draw_map(building, [way], names=[robot])
-    write_whole(Path(path), encode_picture(picture, picture_format(path)))
+    target = Path(path)
+    others: list[str] = []
+    for number, floor in enumerate(floors):
+        way = np.array(places.get(floor.name, ()), dtype=np.float64).reshape(-1, 2)
+        picture = draw_map(floor, [way], names=[robot])
+        drawn = target if number == 0 else target.with_suffix(f".{floor.name}{target.suffix}")
+        write_whole(drawn, encode_picture(picture, picture_format(path)))
+        others += [str(drawn)] if number else []
+    return tuple(others)

@@ -3,21 +3,24 @@ started with them or there already."""
 
 from __future__ import annotations
 
+import math
 import os
 import shutil
+import sys
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import ExitStack, contextmanager, suppress
 from pathlib import Path
 from tempfile import mkdtemp
+from typing import TYPE_CHECKING
 
 from colony.cli.interruption import interruptible
 from colony.cli.outputs import cannot_write
 from colony.cli.places import running_robots, session_with
 from colony.cli.recordings import recording_into
 from colony.cli.reporting import say
-from colony.cli.run_options import BrokenOff, Misuse, Options, cameras, duration_ns, variables
-from colony.cli.run_outputs import check_outputs, draw_way
+from colony.cli.run_options import Arrival, BrokenOff, Misuse, Options, cameras, duration_ns, variables
+from colony.cli.run_outputs import check_outputs, draw_paths
 from colony.cli.run_progress import Progress
 from colony.compile.pipeline import compile_program
 from colony.ir.program import Program
@@ -35,15 +38,21 @@ from colony.runtime.summary import RunSummary, Tally, Travel
 from colony.runtime.team import build_observer, members, places_of
 from colony.runtime.topics import CLOCK
 
+if TYPE_CHECKING:  # planning and leading are not for every run
+    from colony.cli.run_way import Way
+    from colony.experiment.live_mission import LiveMission
+
 PLANT_S = 120.0
 """For how long the simulator may take to start: once, where nothing is kept of it, it is compiled."""
 
 
-def run_here(program: Program, place: Local, options: Options) -> RunSummary:
+def run_here(program: Program, place: Local, options: Options) -> tuple[RunSummary, Arrival | None]:
     """Run a program on a simulated robot: servers, clients and the plant are started, and end with the run.
+    What came of it, and of the way, if it was to be driven somewhere.
 
     Raises:
         BadOption: an option makes no sense.
+        Misuse: there is no such way.
         Failure: the map is bad (its codes begin with M), or the program asks for what the robot lacks.
         LiveError: the robot's processes cannot be joined: another run of it goes on, for one.
         BrokenOff: the run could not begin, or broke off.
@@ -53,8 +62,13 @@ def run_here(program: Program, place: Local, options: Options) -> RunSummary:
     from colony.nav.stickrep_reader import load_map
 
     assert options.map_path is not None
-    run = _Run(program, place, options)
+    way = _way_here(options) if options.goal is not None else None
+    run = _Run(program, place, options, way)
     looking = cameras(options.cameras)
+    if way is not None:
+        from colony.experiment.variants import CEILING_CAMERA
+
+        looking = {CEILING_CAMERA: "up", **looking}
     building = load_map(options.map_path)
     truth = TruthLog(place)
     with run.led() as led:
@@ -64,26 +78,26 @@ def run_here(program: Program, place: Local, options: Options) -> RunSummary:
             state=run.folder,
             cameras=looking,
             fsync=options.fsync,
+            start=None if way is None else way.start,
+            hazards=options.hazards,
             held=run.held,
         )
         led.start(jobs_of(place, robot, run.folder))
         led.start(run.client_jobs())
-        interrupted = not (
-            led.wait_for(truth.look, run.stop, what="the simulator starts", most_s=PLANT_S)
-            and led.follow(run.stop, meanwhile=truth.look)
-        )
+        begun = led.wait_for(truth.look, run.stop, what="the simulator starts", most_s=PLANT_S)
+        interrupted = not begun or run.follow(led, meanwhile=truth.look)
         travel = truth.travel
         truth.close()
     if options.picture is not None:
-        draw_way(building, truth.places, program.robot.name, options.picture)
-    return run.summary(interrupted, travel)
+        draw_paths([building], {building.name: truth.places}, program.robot.name, options.picture)
+    return run.summary(interrupted, travel), run.arrival(truth.places[-1] if truth.places else None)
 
 
-def run_there(program: Program, place: Place, options: Options) -> RunSummary:
+def run_there(program: Program, place: Place, options: Options) -> tuple[RunSummary, Arrival | None]:
     """Run a program on a robot whose servers run already, here or behind a gateway.
 
     Raises:
-        Misuse: there is no such robot on this machine.
+        Misuse: there is no such robot on this machine, or no such way.
         others: as `run_here`.
     """
     if isinstance(place, Local) and not place.directory.running():
@@ -92,20 +106,41 @@ def run_there(program: Program, place: Place, options: Options) -> RunSummary:
             f"colony: error: nothing of `{place.robot}` runs on this machine (robots found: {robots}); "
             f"start it with `colony serve all --robot {place.robot} --map MAP`"
         )
-    run = _Run(program, place, options)
+    way = None
+    if options.goal is not None:
+        from colony.cli.run_way import way_of
+
+        way = way_of(options)
+    run = _Run(program, place, options, way)
     with run.led() as led:
         led.start(run.client_jobs())
         led.hold(run.held)
-        interrupted = not led.follow(run.stop)
-    return run.summary(interrupted, None)
+        interrupted = run.follow(led)
+    return run.summary(interrupted, None), run.arrival(None)
+
+
+def _way_here(options: Options) -> Way:
+    """The way to drive, on the one floor that the simulator of processes has."""
+    from colony.cli.run_way import way_of
+
+    way = way_of(options)
+    if len(way.plan.floors) > 1:
+        floors = " to ".join(way.plan.floors)
+        raise Misuse(
+            f"{options.map_path}: error: the way leads from {floors}, and a simulated robot of processes "
+            "stays on its floor; leave out --processes to ride elevators"
+        )
+    return way
 
 
 class _Run:
     """What both ways have in common. Mutable: what was seen of the run."""
 
-    def __init__(self, program: Program, place: Place, options: Options) -> None:
+    def __init__(self, program: Program, place: Place, options: Options, way: Way | None) -> None:
         self._place = place
         self._options = options
+        self._way = way
+        self._mission: LiveMission | None = None
         self._length_ns = None if options.duration is None else duration_ns(options.duration)
         self.held = variables(program, options.settings)
         inputs = [options.file, *([options.map_path] if options.map_path is not None else [])]
@@ -159,6 +194,40 @@ class _Run:
         """How its clients are started; modules in Python are looked for where this process looks for them."""
         search = (str(Path(self._options.file).resolve().parent), os.getcwd())
         return client_jobs(self._place, self._deployed, self._compiled, self.folder, search)
+
+    def follow(self, led: LedRun, *, meanwhile: Callable[[], object] = lambda: None) -> bool:
+        """Lead it to its end, or to that of its way; whether it was interrupted before."""
+        if self._way is None:
+            return not led.follow(self.stop, meanwhile=meanwhile)
+        from colony.cli.terminal import Terminal
+        from colony.experiment.live_mission import LiveMission
+        from colony.nav.elevator_prompt import elevator_prompt
+
+        way, operator = self._way, None
+        if len(way.plan.floors) > 1:
+            operator = elevator_prompt(way.building, Terminal(sys.__stdin__), say=say)
+        with session_with(self._place) as session:
+            self._mission = LiveMission(session, way.building, way.plan, operator=operator)
+            with self._mission as mission:
+                led.follow(lambda: self.stop() or mission.over, meanwhile=meanwhile)
+                return self.stop() and not mission.over
+
+    def arrival(self, place: tuple[float, float] | None) -> Arrival | None:
+        """What came of the way, if there was one, for a robot that is really at a place, as far as that is
+        known."""
+        if self._way is None or self._mission is None:
+            return None
+        mission, name = self._mission, self._way.name
+        off_mm, by = mission.off_mm, " as it reckons"
+        if place is not None:
+            goal = self._way.plan.segments[-1].end
+            off_mm, by = math.hypot(place[0] - goal.x_mm, place[1] - goal.y_mm), ""
+        when, where = f"after {mission.took_s:.1f} s", f"{off_mm / 1000:.2f} m from the goal{by}"
+        if mission.problem:
+            text = f"{name}: broke off {when}, {where}: {mission.problem}"
+        else:
+            text = f"{name}: {'arrived' if mission.arrived else 'not done'} {when}, {where}"
+        return Arrival(arrived=mission.arrived, text=text)
 
     def summary(self, interrupted: bool, travel: Travel | None) -> RunSummary:
         """What came of it."""

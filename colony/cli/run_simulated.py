@@ -10,9 +10,11 @@ from colony.cli.interruption import interruptible
 from colony.cli.outputs import cannot_write
 from colony.cli.recordings import is_mcap, recording_into
 from colony.cli.run_options import Arrival, Misuse, Options, duration_ns, variables
-from colony.cli.run_outputs import check_outputs, draw_way
+from colony.cli.run_outputs import check_outputs, draw_paths
 from colony.cli.run_progress import Progress
 from colony.compile.pipeline import compile_program
+from colony.experiment.expected import longest_ns
+from colony.experiment.variants import OURS
 from colony.ir.program import Program
 from colony.nav.stickrep import Map
 from colony.nav.stickrep_reader import load_map
@@ -41,17 +43,17 @@ def run(program: Program, options: Options) -> tuple[RunSummary, Arrival | None]
     assert options.map_path is not None
     held = variables(program, options.settings)
     check_outputs(options.record, options.picture, [options.file, options.map_path])
-    building = load_map(options.map_path)
     mission = None
     if options.goal is not None:
         from colony.cli.run_mission import Mission
+        from colony.cli.run_way import way_of
 
-        mission = Mission(building, options, program.robot.frame_ns)
+        mission = Mission(way_of(options), options, program.robot.frame_ns)
     length_ns = _length_ns(options, mission)
     clients = compile_program(program).clients
     clock = VirtualClock()
-    plant = Plant(_world(building, options) if mission is None else mission.world(), clock)
-    tally, way = Tally(program, places_of(program, clients)), Way(plant.world)
+    floors, plant, path = _building(options, mission, clock)
+    tally = Tally(program, places_of(program, clients))
     session = Session(
         program,
         clients,
@@ -59,7 +61,7 @@ def run(program: Program, options: Options) -> tuple[RunSummary, Arrival | None]
         clock=clock,
         seed=options.seed,
         variables=held,
-        sinks=(tally, way),
+        sinks=(tally, path),
         requests=is_mcap(options.record),
         nodes=() if mission is None else mission.nodes(plant),
     )
@@ -73,19 +75,31 @@ def run(program: Program, options: Options) -> tuple[RunSummary, Arrival | None]
         interrupted=interrupted,
         travel=Travel(bumps=plant.world.bumps(0), distance_mm=plant.world.distance(0)),
     )
+    others: tuple[str, ...] = ()
     if options.picture is not None:
-        draw_way(building, way.places, program.robot.name, options.picture)
-    if mission is None:
-        return summary, None
-    arrived = mission.arrived(plant.world)
-    return summary, Arrival(arrived=arrived, text=mission.told(plant.world, clock()))
+        others = draw_paths(floors, path.places, program.robot.name, options.picture)
+    return summary, None if mission is None else mission.arrival(clock())._replace(pictures=others)
+
+
+def _building(
+    options: Options, mission: Mission | None, clock: VirtualClock
+) -> tuple[tuple[Map, ...], Plant, Path]:
+    """The floors, the robot on one of them, and its way."""
+    if mission is not None:
+        site = mission.site
+        plant = Plant(site.world, clock, [site.elevators.advance])
+        return tuple(site.maps.values()), plant, Path(plant.world, lambda: site.elevators.floor)
+    assert options.map_path is not None
+    floor = load_map(options.map_path)
+    plant = Plant(_world(floor, options), clock)
+    return (floor,), plant, Path(plant.world, lambda: floor.name)
 
 
 def _length_ns(options: Options, mission: Mission | None) -> int:
     if options.duration is not None:
         return duration_ns(options.duration)
     assert mission is not None
-    return mission.longest_ns
+    return longest_ns(mission.plan, OURS.mm_s)
 
 
 def _run(session: Session, length_ns: int, options: Options, mission: Mission | None) -> bool:
@@ -131,12 +145,12 @@ def wall_clock() -> Callable[[int], None]:
 # --- the way -------------------------------------------------------------------------------------
 
 
-class Way:
-    """The true way of the robot, a place a frame. A sink; mutable: the places so far."""
+class Path:
+    """The true way of the robot, a place a frame. A sink; mutable: the places so far, by floor."""
 
-    def __init__(self, world: World) -> None:
-        self._world = world
-        self.places: list[tuple[float, float]] = []
+    def __init__(self, world: World, floor: Callable[[], str]) -> None:
+        self._world, self._floor = world, floor
+        self.places: dict[str, list[tuple[float, float]]] = {}
 
     def take(self, log: FrameLog) -> None:
         self._here()
@@ -146,4 +160,4 @@ class Way:
 
     def _here(self) -> None:
         pose = self._world.true_pose(0)
-        self.places.append((pose.x_mm, pose.y_mm))
+        self.places.setdefault(self._floor(), []).append((pose.x_mm, pose.y_mm))

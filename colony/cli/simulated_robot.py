@@ -24,14 +24,15 @@ SERVERS_OF_PLANT = "colony.sim.child"
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SimulatedRobot:
     """What it is made of: the building, the seed of its sensors' noise, servers of cameras with where each
-    looks, the folder of what survives the death of a server, how DServer keeps it, and the seed of the
-    building's hazards, None where there are none."""
+    looks, the folder of what survives the death of a server, how DServer keeps it, where the robot begins
+    (None: where the map says), and the seed of the building's hazards, None where there are none."""
 
     map_path: str
     seed: int
     state: Path
     cameras: Mapping[str, Look] = field(default_factory=dict)
     fsync: bool = False
+    start: tuple[float, float, float] | None = None
     hazards: int | None = None
     held: Mapping[str, Value] = field(default_factory=dict)
 
@@ -44,6 +45,7 @@ def plant_spec(place: Local, robot: SimulatedRobot) -> PlantSpec:
         map=os.path.abspath(robot.map_path),
         seed=robot.seed,
         cameras=dict(robot.cameras),
+        start=robot.start,
         hazards=robot.hazards,
     )
 

@@ -11,11 +11,15 @@ from colony.experiment.auditing import AuditedRun, audit, audited
 from colony.experiment.behavior import behavior_of
 from colony.experiment.lists import ListedRun
 from colony.experiment.parallel import Engine
-from colony.experiment.record import RunKey, RunResult
-from colony.experiment.results import Results
-from colony.experiment.runs import RunSpec, run
-from colony.experiment.variants import VARIANTS, VariantName
+from colony.experiment.record import RunKey
+from colony.experiment.results import R, Results
+from colony.experiment.runs import RunSpec, building_at
+from colony.experiment.variants import CEILING_CAMERA, SIDE_CAMERA, VARIANTS, VariantName
+from colony.nav.pose_tracker import ALL, Source
 from colony.sim.hazards import Hazard, Hazards
+
+_KINDS = (".py", ".npz")
+"""Of files that results depend on: programs, and the weights of the reader."""
 
 _SOURCES = ("experiment", "nav", "runtime", "sim", "vision")
 
@@ -31,6 +35,8 @@ class Experiment:
         seeds: each run is run with each of them.
         variant: what drives.
         hazards: what goes wrong.
+        sources: what the pose is estimated from; not with the variant of the thesis, which estimates none.
+        cameras: what the robot has.
     """
 
     name: str
@@ -39,14 +45,19 @@ class Experiment:
     seeds: tuple[int, ...]
     variant: VariantName
     hazards: Hazards
+    sources: frozenset[Source] = ALL
+    cameras: frozenset[str] = frozenset({CEILING_CAMERA})
 
     @property
     def label(self) -> str:
-        """The variant with what is switched off: "ours/no-people"."""
+        """The variant with what is switched off or on: "ours/no-people,no-lights"."""
         off = [f"no-{name}" for name, hazard in HAZARD_NAMES.items() if hazard not in self.hazards.on]
         if len(off) == len(HAZARD_NAMES):
             off = ["no-hazards"]
-        return "/".join([self.variant, *([",".join(off)] if off else [])])
+        other = [*off, *(f"no-{source.value}" for source in Source if source not in self.sources)]
+        if SIDE_CAMERA in self.cameras:
+            other.append("side-camera")
+        return "/".join([self.variant, *([",".join(other)] if other else [])])
 
     def specs(self) -> tuple[RunSpec, ...]:
         """All of its runs, seed by seed."""
@@ -57,6 +68,8 @@ class Experiment:
                 origin=run.origin,
                 goal=run.goal,
                 hazards=self.hazards,
+                sources=self.sources,
+                cameras=self.cameras,
             )
             for seed in self.seeds
             for run in self.runs
@@ -67,25 +80,32 @@ class Experiment:
         digest = sha256()
         digest.update(behavior_of(VARIANTS[self.variant].behavior).source.encode())
         digest.update(repr(replace(self.hazards, on=frozenset())).encode())
-        digest.update(self.map_path.read_bytes())
+        digest.update(repr(building_at(self.map_path).maps).encode())
         package = Path(__file__).parents[1]
         for folder in _SOURCES:
-            for path in sorted((package / folder).rglob("*.py")):
-                digest.update(path.read_bytes())
+            for path in sorted((package / folder).rglob("*")):
+                if path.suffix in _KINDS:
+                    digest.update(path.read_bytes())
         return digest.hexdigest()
 
 
 HAZARD_NAMES = {hazard.name.lower().replace("_", "-"): hazard for hazard in Hazard}
 """The hazards by the names that users give them."""
 
-Tell = Callable[[int, int, RunResult], None]
-"""Is told how many of how many runs are done, and the result of the newest."""
-
 
 def conduct(
-    experiment: Experiment, results: Results, engine: Engine, *, tell: Tell = lambda done, of, result: None
+    experiment: Experiment,
+    work: Callable[[RunSpec], R],
+    results: Results[R],
+    engine: Engine,
+    *,
+    tell: Callable[[int, int, R], None] = lambda done, of, result: None,
 ) -> None:
     """Run what is not there yet; each result is kept as it comes.
+
+    Args:
+        work: a run, as `runs.run` or another one that gives a result of its own kind.
+        tell: is told how many of how many runs are done, and the result of the newest.
 
     Raises:
         NoPlan, Failure: a run cannot be planned, or the map or behavior is bad.
@@ -95,7 +115,7 @@ def conduct(
     results.expect(experiment.name, experiment.label, experiment.made_with())
     specs, there = experiment.specs(), results.keys()
     missing = [spec for spec in specs if spec.key not in there]
-    for done, result in enumerate(engine.results(run, missing), len(specs) - len(missing) + 1):
+    for done, result in enumerate(engine.results(work, missing), len(specs) - len(missing) + 1):
         results.put(result)
         tell(done, len(specs), result)
 
@@ -121,7 +141,7 @@ def conduct_audit(
     return tuple(sorted(found, key=lambda one: one.key))
 
 
-def of_experiment(experiment: Experiment, results: Results) -> tuple[RunResult, ...]:
+def of_experiment(experiment: Experiment, results: Results[R]) -> tuple[R, ...]:
     """Its results, by number and seed: of the runs and seeds that it has."""
     numbers, seeds = {run.number for run in experiment.runs}, set(experiment.seeds)
     kept = results.of(experiment.name, experiment.label)

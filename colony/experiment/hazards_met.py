@@ -2,24 +2,36 @@
 
 from __future__ import annotations
 
+from collections import Counter
+
 import numpy as np
 from numpy.typing import NDArray
 
 from colony.nav.plan import Plan
+from colony.nav.walls import walls_of
 from colony.sim.scenery import Scenery
+from colony.sim.site import Site
 
 _BESIDE_MM = 3000.0
 """A door or a person farther than this from the way is in another corridor."""
 
 
-def hazards_met(scenery: Scenery, walls: NDArray[np.float64], plan: Plan, slips: int) -> str:
-    """What was drawn for the way of a plan, and what came of it: "lights: 1 out; doors open: 3; slips: 1".
+def hazards_met(site: Site, plan: Plan, slips: int) -> str:
+    """What was drawn for the way of a plan, and what came of it: "lights out: 1, doors open: 3, slips: 1".
 
     Args:
-        walls: (n, 4), the edges of the map in mm, in the order in which the scenery numbers them.
         slips: how often the wheels slipped.
     """
-    legs = np.array([(*s.start[:2], *s.end[:2]) for s in plan.segments], dtype=np.float64)
+    found: Counter[str] = Counter()
+    for name, floor in site.maps.items():
+        legs = [(*s.start[:2], *s.end[:2]) for s in plan.segments if s.start.floor == s.end.floor == name]
+        found.update(_met(site.sceneries[name], walls_of(floor).segments, np.array(legs).reshape(-1, 4)))
+    found["slips"] = slips
+    return ", ".join(f"{name}: {count}" for name, count in found.items() if count)
+
+
+def _met(scenery: Scenery, walls: NDArray[np.float64], legs: NDArray[np.float64]) -> dict[str, int]:
+    """What there is along the legs, (m, 4), of one floor, whose edges are (n, 4), all in mm."""
     lights = [(light.x_mm, light.y_mm, light.brightness) for light in scenery.lights]
     near = _near([light[:2] for light in lights], legs, _BESIDE_MM / 3)
     levels = [light[2] for light, on_way in zip(lights, near, strict=True) if on_way]
@@ -30,7 +42,7 @@ def hazards_met(scenery: Scenery, walls: NDArray[np.float64], plan: Plan, slips:
     starts = [person.track.at(person.along_mm, person.offset_mm) for person in scenery.people]
     people = _count([(at.x, at.y) for at in starts], legs, _BESIDE_MM)
     joints = [((j.x0_mm + j.x1_mm) / 2, (j.y0_mm + j.y1_mm) / 2) for j in scenery.joints]
-    found = {
+    return {
         "lights out": sum(level == 0.0 for level in levels),
         "lights dim": sum(0.0 < level < 1.0 for level in levels),
         "bands of sun": suns,
@@ -38,9 +50,7 @@ def hazards_met(scenery: Scenery, walls: NDArray[np.float64], plan: Plan, slips:
         "doors open": doors,
         "people": people,
         "joints": _count(joints, legs, _BESIDE_MM),
-        "slips": slips,
     }
-    return ", ".join(f"{name}: {count}" for name, count in found.items() if count)
 
 
 def _count(places: object, legs: NDArray[np.float64], beside_mm: float) -> int:

@@ -4,10 +4,12 @@ from __future__ import annotations
 
 import csv
 import random
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
+from colony.nav.building import Building
+from colony.nav.published_plates import PUBLISHED_WALKS
 from colony.nav.published_runs import PUBLISHED_RUNS, PublishedRun
 from colony.nav.route import JAMBS, NoPlan, plan
 from colony.nav.stickrep import EdgeKind, Map
@@ -27,12 +29,19 @@ class ListProblem(Exception):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ListedRun:
-    """A run of a list: its number there, from 1, and what was published of it, if anything."""
+    """A run of a list: its number there, from 1, the maps through which its path leads (none: the first one
+    of the building alone), and what was published of it, if anything."""
 
     number: int
     origin: str
     goal: str
+    floors: tuple[str, ...] = ()
     published: PublishedRun | None = None
+
+    @property
+    def rides(self) -> bool:
+        """Whether its path takes an elevator."""
+        return len(self.floors) > 1
 
 
 def published_list() -> tuple[ListedRun, ...]:
@@ -43,11 +52,19 @@ def published_list() -> tuple[ListedRun, ...]:
     )
 
 
-def own_list(path: Path, floor: Map) -> tuple[ListedRun, ...]:
+def plate_list() -> tuple[ListedRun, ...]:
+    """The eleven walks of the thesis past door plates (Table 6.3)."""
+    return tuple(
+        ListedRun(number=number, origin=walk.origin, goal=walk.goal)
+        for number, walk in enumerate(PUBLISHED_WALKS, 1)
+    )
+
+
+def own_list(path: Path, building: Building) -> tuple[ListedRun, ...]:
     """The runs of a CSV file: two columns, from and to, which its first line may name.
 
     Raises:
-        ListProblem: it cannot be read, or a line is no run in this map; the first such line is told.
+        ListProblem: it cannot be read, or a line is no run in this building; the first such line is told.
     """
     try:
         with path.open(newline="", encoding="utf-8") as file:
@@ -66,10 +83,9 @@ def own_list(path: Path, floor: Map) -> tuple[ListedRun, ...]:
             raise ListProblem(f"{path}:{line}: {len(row)} fields; expected 2, from and to, such as 350R,376L")
         origin, goal = (word.strip() for word in row)
         try:
-            plan(floor, origin, goal)
+            runs.append(_run(building, len(runs) + 1, origin, goal))
         except NoPlan as problem:
             raise ListProblem(f"{path}:{line}: {problem}") from None
-        runs.append(ListedRun(number=len(runs) + 1, origin=origin, goal=goal))
     return tuple(runs)
 
 
@@ -83,19 +99,49 @@ def random_list(floor: Map, pairs: int, seed: int) -> tuple[ListedRun, ...]:
     if len(doors) < 2:
         raise ListProblem(f"map `{floor.name}` has {len(doors)} doors; expected at least 2 to go between")
     chance = random.Random(seed)
+    return _drawn(floor, pairs, lambda: tuple(chance.sample(doors, 2)))
+
+
+def floors_list(building: Building, pairs: int, seed: int) -> tuple[ListedRun, ...]:
+    """Random pairs of doors on different floors between which a path leads, either way.
+
+    Raises:
+        ListProblem: there are no such pairs, or next to none.
+    """
+    named = [[f"{floor.name}:{door}" for door in rooms_of(floor)] for floor in building.maps]
+    floors = [doors for doors in named if doors]
+    if len(floors) < 2:
+        found = f"map `{building.maps[0].name}` and its elevators lead to {len(floors)} floors with doors"
+        raise ListProblem(f"{found}; expected at least 2 to go between")
+    chance = random.Random(seed)
+    return _drawn(building, pairs, lambda: tuple(map(chance.choice, chance.sample(floors, 2))))
+
+
+def _drawn(source: Map | Building, pairs: int, draw: Callable[[], tuple[str, ...]]) -> tuple[ListedRun, ...]:
+    """So many of the pairs that are drawn, those between which a path leads."""
     runs: list[ListedRun] = []
     for _ in range(_TRIES * pairs):
         if len(runs) == pairs:
             break
-        origin, goal = chance.sample(doors, 2)
+        origin, goal = draw()
         try:
-            plan(floor, origin, goal)
+            runs.append(_run(source, len(runs) + 1, origin, goal))
         except NoPlan:
             continue
-        runs.append(ListedRun(number=len(runs) + 1, origin=origin, goal=goal))
     if len(runs) < pairs:
-        raise ListProblem(f"map `{floor.name}`: paths lead between next to no doors; see `colony map`")
+        name = source.name if isinstance(source, Map) else source.maps[0].name
+        raise ListProblem(f"map `{name}`: paths lead between next to no doors; see `colony map`")
     return tuple(runs)
+
+
+def _run(source: Map | Building, number: int, origin: str, goal: str) -> ListedRun:
+    """A run of one's own.
+
+    Raises:
+        NoPlan: no path leads there.
+    """
+    floors = plan(source, origin, goal).floors
+    return ListedRun(number=number, origin=origin, goal=goal, floors=floors)
 
 
 def rooms_of(floor: Map) -> tuple[str, ...]:

@@ -11,7 +11,9 @@ from colony.runtime.images import Image
 from colony.runtime.library import camera
 from colony.runtime.locks import LockQueue
 from colony.runtime.servers.cserver import LONGEST_PERIOD_NS, PERIOD_NS, SHORTEST_PERIOD_NS
+from colony.sim.camera import Camera
 from colony.sim.ceiling import CeilingCamera
+from colony.sim.compiled import Bytes2
 from colony.sim.world import World
 
 
@@ -126,11 +128,27 @@ class CeilingShot:
                 f"{count} rows from row {first} on; expected at least 1 of rows 0 to {self.height - 1}"
             )
         pixels = self._ceiling.rows(self._pose, self._t_ns, range(first, first + count))
-        return Image(
-            t_ns=self._t_ns,
-            height=count,
-            width=self.width,
-            channels=1,
-            pixels=pixels.tobytes(),
-            first_row=first,
-        )
+        return _band(pixels, self._t_ns, first)
+
+
+class LevelShot:
+    """What a camera of robot 0 saw that looks along the floor, at `t_ns`: drawn as it is wanted, and only the
+    rows that are.
+
+    Robots, people and doors are remembered as they were when the shot was taken.
+    """
+
+    channels = 1
+
+    def __init__(self, camera: Camera, world: World, t_ns: int) -> None:
+        self._draw = camera.shot(world, 0, t_ns)
+        self._t_ns = t_ns
+        self.height, self.width = camera.config.height, camera.config.width
+
+    def rows(self, first: int, count: int) -> Image:
+        return _band(self._draw(first, count), self._t_ns, first)
+
+
+def _band(pixels: Bytes2, t_ns: int, first: int) -> Image:
+    height, width = pixels.shape
+    return Image(t_ns=t_ns, height=height, width=width, channels=1, pixels=pixels.tobytes(), first_row=first)

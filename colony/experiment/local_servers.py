@@ -88,6 +88,8 @@ class LocalData:
             "set_many": self._set_many,
             "get": self._get,
             "get_many": self._get_many,
+            "history": self._history,
+            "set_history": self._set_history,
             "create_semaphore": self._create_semaphore,
             "wait": self._wait,
             "signal": self._signal,
@@ -121,6 +123,15 @@ class LocalData:
     def _get(self, asked: Asked, arguments: data.Get, reply: Any, now_ns: int) -> object:
         found = self.variables.value(arguments.name, arguments.back)
         return _decoder(reply).decode(found.data)
+
+    def _history(
+        self, asked: Asked, arguments: data.Named, reply: Any, now_ns: int
+    ) -> tuple[data.Dated, ...]:
+        found = self.variables.history(arguments.name)
+        return tuple(data.Dated(t_ns=one.t_ns, value=msgspec.Raw(one.data)) for one in found)
+
+    def _set_history(self, asked: Asked, arguments: data.SetHistory, reply: Any, now_ns: int) -> None:
+        self.variables.set_history(named(arguments.name), arguments.length)
 
     def _get_many(self, asked: Asked, arguments: data.GetMany, reply: Any, now_ns: int) -> dict[str, object]:
         missing = [name for name in arguments.names if not self.variables.has(name)]

@@ -8,7 +8,7 @@ network reads in the next one, and what the network sets, too.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from typing import NamedTuple
 
 from colony.experiment.behavior import Behavior
@@ -56,6 +56,7 @@ class Loop:
         seed: of `Runtime.random`.
         variables: of DServer, held as fresh as each frame, in declared units.
         watch: is shown every frame.
+        moving: are told of the seconds of each step of the world, after it, as by `colony.sim.drivers.Plant`.
     """
 
     def __init__(
@@ -68,8 +69,10 @@ class Loop:
         seed: int = 0,
         variables: Mapping[str, Value] | None = None,
         watch: Watch | None = None,
+        moving: Sequence[Callable[[float], None]] = (),
     ) -> None:
         self.world = world
+        self._moving = tuple(moving)
         self.base, self.data, self.proximity = LocalBase(world), LocalData(), LocalProximity(world)
         self.data.variables.hold(variables or {})
         self._cameras = tuple(cameras)
@@ -117,6 +120,8 @@ class Loop:
             camera.tend(now_ns)
         self.scripts.run(now_ns)
         self.world.advance(self._frame_s)
+        for move in self._moving:
+            move(self._frame_s)
         self.k += 1
         self.now_ns = now_ns + self._frame_ns
 

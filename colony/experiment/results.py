@@ -1,5 +1,7 @@
 """Results in one SQLite file, a row a run: what is there need not be run again.
 
+A file has a table for each kind of result that is kept in it; `RUN_TABLE` is that of runs as such.
+
 Each row is committed as it comes, so that whatever ends an experiment, SIGKILL included, costs no run that
 was finished. Anything that reads SQLite can go on from there; docs/experiments.md has the columns.
 """
@@ -8,9 +10,11 @@ from __future__ import annotations
 
 import sqlite3
 from array import array
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
 from pathlib import Path
 from types import TracebackType
-from typing import Any
+from typing import Any, Generic, Protocol, TypeVar
 
 from colony.experiment.record import Contacts, LightCount, ModeCount, RunKey, RunResult
 
@@ -54,28 +58,67 @@ COLUMNS = {
 }
 """The columns of the table `run`, with their types."""
 
-_KEY = ("runs", "number", "seed", "variant")
+KEY_COLUMNS = {name: COLUMNS[name] for name in ("runs", "number", "seed", "variant")}
+"""The first columns of each table: the fields of `RunKey`."""
 
 
-_MADE = "CREATE TABLE made (runs TEXT, variant TEXT, made_with TEXT NOT NULL, PRIMARY KEY (runs, variant))"
+class Kept(Protocol):
+    """A result that can be kept."""
+
+    @property
+    def key(self) -> RunKey: ...
+
+
+R = TypeVar("R", bound=Kept)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Table(Generic[R]):
+    """How results of one kind are kept.
+
+    Attributes:
+        name: of the table.
+        columns: with their types; `KEY_COLUMNS` come first.
+        row: a result as a row.
+        result: a row as a result.
+    """
+
+    name: str
+    columns: Mapping[str, str]
+    row: Callable[[R], tuple[object, ...]]
+    result: Callable[[tuple[Any, ...]], R]
+
+    @property
+    def sql(self) -> str:
+        """What makes the table."""
+        columns = ", ".join(f"{name} {kind}" for name, kind in self.columns.items())
+        key = ", ".join(KEY_COLUMNS)
+        return f"CREATE TABLE IF NOT EXISTS {self.name} ({columns}, PRIMARY KEY ({key})) WITHOUT ROWID"
+
+
+_MADE = (
+    "CREATE TABLE IF NOT EXISTS made "
+    "(runs TEXT, variant TEXT, made_with TEXT NOT NULL, PRIMARY KEY (runs, variant))"
+)
 
 
 class ResultsError(Exception):
     """A file of results cannot be used; the message names it and tells why and what to do."""
 
 
-class Results:
-    """A file of results; made where there is none. Mutable: the file.
+class Results(Generic[R]):
+    """A file of results of one kind; made where there is none. Mutable: the file.
 
     Args:
         path: of the file; None: in memory, for this process alone.
+        table: the kind; there may be others in the same file.
 
     Raises:
         ResultsError: it cannot be opened, or is something else.
     """
 
-    def __init__(self, path: Path | None) -> None:
-        self._path = path
+    def __init__(self, path: Path | None, table: Table[R]) -> None:
+        self._path, self._table = path, table
         try:
             self._file = sqlite3.connect(path or ":memory:", isolation_level=None, timeout=30.0)
             self._file.execute("PRAGMA journal_mode = WAL")
@@ -89,16 +132,14 @@ class Results:
         tables = {
             name for (name,) in self._file.execute("SELECT name FROM sqlite_master WHERE type = 'table'")
         }
-        if not tables:
-            columns = ", ".join(f"{name} {kind}" for name, kind in COLUMNS.items())
+        if tables and (version != VERSION or "made" not in tables):
+            raise ResultsError(f"{self._path} has no results of this version; choose another file")
+        if self._table.name not in tables:
             self._file.execute("BEGIN IMMEDIATE")
-            self._file.execute(f"CREATE TABLE run ({columns}, PRIMARY KEY ({', '.join(_KEY)})) WITHOUT ROWID")
+            self._file.execute(self._table.sql)
             self._file.execute(_MADE)
             self._file.execute(f"PRAGMA user_version = {VERSION}")
             self._file.execute("COMMIT")
-            return
-        if version != VERSION or "run" not in tables:
-            raise ResultsError(f"{self._path} has no results of this version; choose another file")
 
     def expect(self, runs: str, variant: str, made_with: str) -> None:
         """Say what the results of a list and variant are made with, besides their keys.
@@ -115,32 +156,36 @@ class Results:
                 "another file with -o, or remove that one"
             )
 
-    def put(self, result: RunResult) -> None:
+    def put(self, result: R) -> None:
         """Keep a result; one with the same key is replaced.
 
         Raises:
             ResultsError: the file cannot be written.
         """
-        marks = ", ".join("?" * len(COLUMNS))
+        marks = ", ".join("?" * len(self._table.columns))
         try:
-            self._file.execute(f"INSERT OR REPLACE INTO run VALUES ({marks})", _row(result))
+            row = self._table.row(result)
+            self._file.execute(f"INSERT OR REPLACE INTO {self._table.name} VALUES ({marks})", row)
         except sqlite3.Error as problem:
             raise ResultsError(f"{self._path} cannot be written: {problem}") from None
 
     def keys(self) -> frozenset[RunKey]:
         """The runs whose results are there."""
-        return frozenset(RunKey(*row) for row in self._file.execute(f"SELECT {', '.join(_KEY)} FROM run"))
+        query = f"SELECT {', '.join(KEY_COLUMNS)} FROM {self._table.name}"
+        return frozenset(RunKey(*row) for row in self._file.execute(query))
 
-    def of(self, runs: str, variant: str) -> tuple[RunResult, ...]:
+    def of(self, runs: str, variant: str) -> tuple[R, ...]:
         """The results of a list and variant, by number and seed."""
-        query = f"SELECT {', '.join(COLUMNS)} FROM run WHERE runs = ? AND variant = ? ORDER BY number, seed"
-        return tuple(map(_result, self._file.execute(query, (runs, variant))))
+        columns = ", ".join(self._table.columns)
+        where = "runs = ? AND variant = ? ORDER BY number, seed"
+        query = f"SELECT {columns} FROM {self._table.name} WHERE {where}"
+        return tuple(map(self._table.result, self._file.execute(query, (runs, variant))))
 
     def close(self) -> None:
         """End it; again is nothing."""
         self._file.close()
 
-    def __enter__(self) -> Results:
+    def __enter__(self) -> Results[R]:
         return self
 
     def __exit__(
@@ -199,3 +244,7 @@ def _result(row: tuple[Any, ...]) -> RunResult:
         hazards=row[32],
         path=tuple(zip(numbers[0::2], numbers[1::2], strict=True)),
     )
+
+
+RUN_TABLE: Table[RunResult] = Table(name="run", columns=COLUMNS, row=_row, result=_result)
+"""Runs as such."""

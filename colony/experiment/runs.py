@@ -7,57 +7,70 @@ whatever process and on whatever machine of one kind.
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import lru_cache
 from pathlib import Path
+from types import MappingProxyType
 
 from colony.experiment.behavior import behavior_of
+from colony.experiment.expected import expected_s
 from colony.experiment.hazards_met import hazards_met
 from colony.experiment.lists import PUBLISHED
-from colony.experiment.local_cameras import CeilingShot, LocalCamera
 from colony.experiment.local_scripts import ScriptFailed
 from colony.experiment.loop import Loop, Watch
 from colony.experiment.record import Failure, RunKey, RunResult
+from colony.experiment.run_cameras import run_cameras
 from colony.experiment.variants import CEILING_CAMERA, PLANNER, VARIANTS, Variant
 from colony.experiment.watching import Watcher
+from colony.nav.building import Building, load_building
 from colony.nav.plan import Plan
+from colony.nav.pose_tracker import ALL, Source
 from colony.nav.published_runs import PUBLISHED_RUNS
 from colony.nav.route import plan
-from colony.nav.stickrep import Map
-from colony.nav.stickrep_reader import load_map
-from colony.nav.walls import Walls, walls_of
-from colony.sim.ceiling import CeilingCamera
-from colony.sim.hazards import Hazards, draw
+from colony.runtime.kit.script import Script
+from colony.sim.hazards import Hazards
+from colony.sim.operator import operator
 from colony.sim.scenery import Scenery
-from colony.sim.world import World
+from colony.sim.site import Site
 
 AT_GOAL_MM = 1000.0
 """A robot that is farther from the goal has not reached it, whatever it believes."""
 
-CORNER_S = 10.0
-"""What a corner is expected to take besides the way."""
+OPERATOR = "operator"
+
+NO_SCRIPTS: Mapping[str, Script] = MappingProxyType({})
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class RunSpec:
-    """What to run: `key.variant` names the variant; all chance comes from `key.seed` and `key.number`."""
+    """What to run: `key.variant` names the variant; all chance comes from `key.seed` and `key.number`.
+
+    `sources` are what the pose is estimated from, `cameras` what the robot has, by the names of the servers.
+    """
 
     key: RunKey
     map_path: Path
     origin: str
     goal: str
     hazards: Hazards
+    sources: frozenset[Source] = ALL
+    cameras: frozenset[str] = frozenset({CEILING_CAMERA})
 
 
 @lru_cache(maxsize=4)
-def _floor(path: Path) -> tuple[Map, Walls]:
-    floor = load_map(path)
-    return floor, walls_of(floor)
+def building_at(path: Path) -> Building:
+    """The building of a map, with the floors that its elevators lead to.
+
+    Raises:
+        Failure: one of its maps is bad.
+    """
+    return load_building(path)
 
 
 @lru_cache(maxsize=256)
 def _plan(path: Path, origin: str, goal: str) -> Plan:
-    return plan(_floor(path)[0], origin, goal)
+    return plan(building_at(path), origin, goal)
 
 
 def plan_of(spec: RunSpec) -> Plan:
@@ -83,35 +96,45 @@ def _is_compensated(key: RunKey) -> bool:
 class Run:
     """A run that can be driven frame by frame. Mutable: all of it.
 
+    Args:
+        watch: is shown every frame.
+        more: scripts that run after those of the variant, or in place of one that has the same name.
+
     Raises:
         NoPlan, Failure: see `plan_of`.
     """
 
-    def __init__(self, spec: RunSpec, *, watch: Watch | None = None) -> None:
+    def __init__(
+        self, spec: RunSpec, *, watch: Watch | None = None, more: Mapping[str, Script] = NO_SCRIPTS
+    ) -> None:
         self.spec = spec
         self.variant: Variant = VARIANTS[spec.key.variant.partition("/")[0]]
-        floor, self._walls = _floor(spec.map_path)
+        self.building = building_at(spec.map_path)
         self.plan = plan_of(spec)
         seed = chance_of(spec.key)
-        self.scenery: Scenery = draw(spec.hazards, floor, seed=seed)
-        first = self.plan.segments[0]
-        pose = (first.start.x_mm, first.start.y_mm, first.heading_deg)
-        self.world = World(walls=self.scenery, poses=[pose], config=self.variant.robot, seed=seed)
-        ceiling = CeilingCamera(self.scenery)
-        camera = LocalCamera(CEILING_CAMERA, lambda now_ns: CeilingShot(ceiling, self.world, now_ns))
+        self.site = Site(self.building, self.plan, spec.hazards, seed=seed, config=self.variant.robot)
+        self.world = self.site.world
+        presses = {OPERATOR: operator(self.site.elevators, self.world, seed=seed)}
         begun: list[int] = []
         self.loop = Loop(
             behavior_of(self.variant.behavior),
             self.world,
-            self.variant.scripts(
-                self.plan,
-                self._walls,
-                lambda number, segment: begun.append(number),
-                compensate=_is_compensated(spec.key),
-            ),
-            cameras=(camera,),
+            {
+                **self.variant.scripts(
+                    self.plan,
+                    self.site.building,
+                    lambda number, segment: begun.append(number),
+                    compensate=_is_compensated(spec.key),
+                    sources=spec.sources,
+                    cameras=spec.cameras,
+                ),
+                **(presses if len(self.plan.floors) > 1 else {}),
+                **more,
+            },
+            cameras=run_cameras(self.site, spec.cameras, seed=seed),
             seed=seed,
             watch=watch,
+            moving=(self.site.elevators.advance,),
         )
         self.watcher = Watcher(self.plan, self.loop, self.expected_s, begun)
         self.failure: Failure | None = None
@@ -120,7 +143,12 @@ class Run:
     @property
     def expected_s(self) -> float:
         """How long it takes where nothing goes wrong."""
-        return self.plan.way_mm / self.variant.mm_s + CORNER_S * self.plan.modes.count("c") + CORNER_S
+        return expected_s(self.plan, self.variant.mm_s)
+
+    @property
+    def scenery(self) -> Scenery:
+        """The floor where it begins."""
+        return self.site.sceneries[self.plan.floors[0]]
 
     def step(self) -> bool:
         """One frame; False when the run is over."""
@@ -133,7 +161,9 @@ class Run:
         if failure:
             self.failure = failure
         elif self.loop.scripts.ended(PLANNER):
-            self.failure = "" if self.off_mm <= AT_GOAL_MM else "astray"
+            there = self.site.floor == self.plan.segments[-1].end.floor
+            self.failure = "" if there and self.off_mm <= AT_GOAL_MM else "astray"
+            self.remark = "" if there else f"on {self.site.floor}"
             self.watcher.done = not self.failure
         return self.failure is None
 
@@ -143,7 +173,7 @@ class Run:
 
     @property
     def off_mm(self) -> float:
-        """How far the robot really is from the goal."""
+        """How far the robot really is from the goal; on another floor, from the place above or below it."""
         pose, goal = self.world.true_pose(0), self.plan.segments[-1].end
         return math.hypot(pose.x_mm - goal.x_mm, pose.y_mm - goal.y_mm)
 
@@ -177,7 +207,7 @@ class Run:
             first_light=watcher.first_light,
             lights=watcher.lights,
             contacts=watcher.contacts,
-            hazards=hazards_met(self.scenery, self._walls.segments, self.plan, watcher.slips),
+            hazards=hazards_met(self.site, self.plan, watcher.slips),
             path=tuple(watcher.path),
         )
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from colony.experiment.figures import MM_S_TO_M_MIN, percentile, targets
+from colony.experiment.figures import MM_S_TO_M_MIN, Target, percentile, targets
 from colony.experiment.lists import ListedRun
 from colony.experiment.record import MODES, RunResult
 from colony.nav.published_runs import PublishedRun
@@ -29,10 +29,12 @@ def table(runs: Sequence[ListedRun], results: Sequence[RunResult]) -> str:
 
 def target_table(results: Sequence[RunResult], *, published: bool) -> str:
     """How the results stand to what was promised."""
-    rows = [
-        [t.what, t.found, t.promised, "met" if t.met else "**missed**"]
-        for t in targets(results, published=published)
-    ]
+    return targets_markdown(targets(results, published=published))
+
+
+def targets_markdown(found: Sequence[Target]) -> str:
+    """A row for each thing that was promised."""
+    rows = [[t.what, t.found, t.promised, "met" if t.met else "**missed**"] for t in found]
     return markdown(["what", "found", "promised", ""], rows)
 
 

@@ -5,21 +5,29 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Literal
+from typing import TYPE_CHECKING, Literal
 
+from colony.nav.building import Building
 from colony.nav.clerk import clerk
+from colony.nav.goal_verification import plate_at
 from colony.nav.local_mapper import local_mapper
 from colony.nav.plan import Plan
-from colony.nav.planner import OnSegment, planner
-from colony.nav.walls import Walls
+from colony.nav.planner import OnSegment, OnVerdict, planner
+from colony.nav.pose_estimate import pose_estimator
+from colony.nav.pose_tracker import ALL, Source
+from colony.nav.signs import markers_of, plates_of
+from colony.nav.walls import walls_of
 from colony.runtime.kit.script import Script
 from colony.sim.config import RobotConfig
 from colony.vision.light_tracker import light_tracker
 
+if TYPE_CHECKING:
+    from colony.vision.plate_finder import OnPlate
+
 VariantName = Literal["ours", "thesis"]
 
 BEHAVIORS = Path(__file__).parents[2] / "behaviors"
-CEILING_CAMERA = "CServerUp"
+CEILING_CAMERA, SIDE_CAMERA, FRONT_CAMERA = "CServerUp", "CServerSide", "CServerFront"
 PLANNER = "planner"
 
 
@@ -40,25 +48,66 @@ class Variant:
     robot: RobotConfig = field(default_factory=RobotConfig)
 
     def scripts(
-        self, plan: Plan, walls: Walls, on_segment: OnSegment | None = None, *, compensate: bool = True
+        self,
+        plan: Plan,
+        building: Building,
+        on_segment: OnSegment | None = None,
+        *,
+        compensate: bool = True,
+        sources: frozenset[Source] = ALL,
+        cameras: frozenset[str] = frozenset({CEILING_CAMERA}),
+        on_plate: OnPlate | None = None,
+        on_verdict: OnVerdict | None = None,
     ) -> Mapping[str, Script]:
         """The clients around the Navigator, in the order in which they run in a moment.
 
         Args:
+            building: all floors that the plan leads over; the first one is where it begins.
             compensate: as printed, take the overshoot of lights off the distance that follows.
+            sources: what the pose is estimated from. Without `LIGHTS` the tracker sees none, and counts them
+                by the pose alone.
+            cameras: which of them the robot has.
+            on_plate: is told of each plate that is found.
+            on_verdict: is told whether the goal's plate was read, where there is a camera for plates.
         """
         thesis = self.name == "thesis"
-        return {
+        lights = thesis or Source.LIGHTS in sources
+        upward = (CEILING_CAMERA,) if CEILING_CAMERA in cameras and lights else ()
+        scripts = {
             "clerk": clerk(),
-            "tracker": light_tracker(thesis=thesis),
-            "mapper": local_mapper(walls, thesis=thesis),
-            PLANNER: planner(
-                plan,
-                positions="reckoning" if thesis else "pose",
-                compensate=compensate,
-                on_segment=on_segment,
-            ),
+            "tracker": light_tracker(cameras=upward, thesis=thesis),
+            **_finders(building, cameras, thesis, on_plate),
         }
+        walls = {floor.name: walls_of(floor) for floor in building.maps}
+        scripts["mapper"] = local_mapper() if thesis else pose_estimator(walls, sources=sources)
+        goal = building.map_named(plan.segments[-1].end.floor)
+        scripts[PLANNER] = planner(
+            plan,
+            positions="reckoning" if thesis else "pose",
+            compensate=compensate,
+            on_segment=on_segment,
+            verify=plate_at(goal, plan.goal) if SIDE_CAMERA in cameras and not thesis else None,
+            on_verdict=on_verdict,
+        )
+        return scripts
+
+
+def _finders(
+    building: Building, cameras: frozenset[str], thesis: bool, on_plate: OnPlate | None
+) -> Mapping[str, Script]:
+    """Those of door plates and of elevators' markers, where there is a camera for them."""
+    found: dict[str, Script] = {}
+    if SIDE_CAMERA in cameras:
+        from colony.vision.plate_finder import plate_finder
+
+        plates = None if thesis else {floor.name: plates_of(floor) for floor in building.maps}
+        found["plates"] = plate_finder(plates, camera=SIDE_CAMERA, thesis=thesis, on_plate=on_plate)
+    if FRONT_CAMERA in cameras and not thesis:
+        from colony.vision.marker_finder import marker_finder
+
+        markers = {floor.name: markers_of(floor) for floor in building.maps}
+        found["markers"] = marker_finder(markers, camera=FRONT_CAMERA)
+    return found
 
 
 OURS = Variant(name="ours", behavior=BEHAVIORS / "navigator.colony", mm_s=250.0)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 
+from colony.experiment.expected import PATIENCE
 from colony.experiment.loop import Loop
 from colony.experiment.record import MODES, Contacts, Failure, LightCount, Mode, ModeCount
 from colony.nav.plan import Plan, Segment
@@ -17,14 +18,14 @@ STUCK_NS = 60_000_000_000
 PLACE_MM = 500.0
 """The radius of one place."""
 
-PATIENCE = 3.0
-"""How many times the expected time a run may take."""
-
 BELOW_LIGHT_MM = 1500.0
 """A light that is counted farther from it than this was not it: lights are 5 to 6 m apart."""
 
 SLIP_MM = 20.0
 """Where the odometry counts so much more in a frame than was driven, wheels have slipped."""
+
+RIDE_MM = 200.0
+"""Who is elsewhere by so much in a frame was taken there by an elevator."""
 
 PATH_NS = 1_000_000_000
 
@@ -72,7 +73,8 @@ class Watcher:
         now_ns, world = loop.now_ns, loop.world
         self.top_mm_s = max(self.top_mm_s, abs(world.speed(0).velocity_mm_s))
         pose, counts = world.true_pose(0), world.odometry(0)
-        self.slips += abs(_apart(pose, self._pose) - _apart(counts, self._counts)) > SLIP_MM
+        drifted = abs(_apart(pose, self._pose) - _apart(counts, self._counts))
+        self.slips += SLIP_MM < drifted < RIDE_MM
         self._pose, self._counts = pose, counts
         if now_ns % PATH_NS == 0:
             self.path.append((round(pose.x_mm), round(pose.y_mm)))

@@ -1,13 +1,20 @@
-"""What scripts of the navigation ask of DServer: semaphores that may be 0, variables that may be unset."""
+"""What scripts of the navigation ask: of DServer semaphores that may be 0 and variables that may be unset,
+and of other servers what these may not know now."""
 
 from __future__ import annotations
 
 from collections.abc import Generator
-from typing import Any
+from typing import Any, TypeVar
 
-from colony.runtime.kit.errors import CallRefused
+from colony.runtime.kit.errors import CallRefused, ConnectionProblem
 from colony.runtime.kit.script import Step, do
-from colony.runtime.library import data
+from colony.runtime.library import data, robot
+from colony.runtime.library.ask import Ask
+
+T = TypeVar("T")
+
+_NOT_YET = ("no value", "unknown", "unset")
+"""The codes of servers that have nothing to tell so far."""
 
 
 def taken(semaphore: str, wait_s: float) -> Generator[Step, Any, bool]:
@@ -33,3 +40,36 @@ def values(*names: str) -> Generator[Step, Any, dict[str, Any] | None]:
         if refused.code not in ("unknown", "unset"):
             raise
         return None
+
+
+def asked(server: str, ask: Ask[T]) -> Generator[Step, Any, T | None]:
+    """What a server answers; None while it is away, or has no value yet.
+
+    Raises:
+        CallRefused: it refuses that, and always will.
+    """
+    try:
+        return (yield from do(server, ask))
+    except ConnectionProblem as problem:
+        _pass_over(problem)
+        return None
+
+
+def adjusted(x_mm: float, y_mm: float, turn_deg: float) -> Generator[Step, Any, bool]:
+    """Correct RServer's position by so much; False where RServer is away.
+
+    Raises:
+        CallRefused: it refuses that, and always will.
+    """
+    try:
+        yield from do("RServer", robot.adjust_position(x_mm, y_mm, turn_deg))
+    except ConnectionProblem as problem:
+        _pass_over(problem)
+        return False
+    return True
+
+
+def _pass_over(problem: ConnectionProblem) -> None:
+    """A server that dies is started again; but what it refuses now it will always refuse."""
+    if isinstance(problem, CallRefused) and problem.code not in _NOT_YET:
+        raise problem

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 from collections import deque
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from typing import NamedTuple
 
@@ -53,6 +54,15 @@ class Building:
             if one.name == name:
                 return one
         raise KeyError(f"the building has no map `{name}`; it has {', '.join(m.name for m in self.maps)}")
+
+    def part(self, names: Sequence[str]) -> Building:
+        """Only these floors, by the names of their maps, in this order, and the rides between them.
+
+        Raises:
+            KeyError: there is no such floor.
+        """
+        rides = (r for r in self.rides if r.one.map in names and r.other.map in names)
+        return Building(maps=tuple(self.map_named(name) for name in names), rides=tuple(rides))
 
     def maps_with(self, node: str) -> tuple[Map, ...]:
         """The floors that have a node of this name; names are unique within one map only."""

@@ -26,8 +26,9 @@ from colony.nav.walls import free_distance, walls_of
 NARROWEST_MM, WIDEST_MM = 1000.0, 4500.0
 """How wide a corridor may be: what is wider is a hall, in which two walls do not guide a robot."""
 
-STAND_MM = 500.0
-"""No robot is sent nearer to the wall with which a corridor ends: its hull has a radius of 0.4 m."""
+STAND_MM = 650.0
+"""No robot is sent nearer to the wall with which a corridor ends: its hull has a radius of 0.4 m, and half a
+meter before a wall the Navigator stands; askew, a little sooner."""
 
 _LEAST_FACING_MM = 300.0
 _PARALLEL = math.cos(math.radians(3.0))

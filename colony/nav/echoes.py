@@ -118,6 +118,9 @@ class Expected(NamedTuple):
 _RAYS = 5
 _LEAST_COSINE = 1e-6
 _LEAK_MM = 0.5
+# A wall that is heard from so many times as far away as if it went on is heard by its end. That is somewhere
+# between two rays, the same two scan after scan: up to 3 % wrong, and no other scan makes up for it.
+_END = 1.003
 _CHANNEL = np.arange(CHANNELS)
 _RAY = np.arange(_RAYS)[None, :]
 
@@ -192,8 +195,9 @@ class Ring:
         secant = np.where(hit.heard, 1.0 / np.cos(psi), 1.0)
         turning = model.ring_mm * np.sin(phi) * secant + hit.height * np.sin(psi) * secant * secant
         sigma = np.where(psi == 0.0, model.noise_mm, model.oblique_mm) + model.noise * hit.height
+        whole = hit.heard & (hit.echo < _END * hit.height * secant)
         return Expected(
             ranges=hit.echo,
-            sigma=np.where(hit.heard, sigma * mirrors.doubt[hit.wall], np.inf),
+            sigma=np.where(whole, sigma * mirrors.doubt[hit.wall], np.inf),
             jacobian=np.stack([normal_x * secant, normal_y * secant, turning], axis=1),
         )

@@ -4,12 +4,16 @@ A ceiling light tells the place along its corridor; a plate that is known from t
 the wall is; lines on the ceiling, or a wall, the heading. Each is a row: the coefficients of x and y (in mm)
 and of the heading (in radians), what they add up to, and the standard deviation of that. Rows hold for the
 pose at the time of the image, `t_ns`.
+
+Headings may be counted from any turn: whether one is 359 degrees or -1, `value` is right for both, since who
+takes a row in looks for the turn that fits best. A row of both, the place and the heading, needs a heading
+that counts: a turn of it has to make more than the place may be off, or the row is not taken.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from typing import NamedTuple
+import math
+from typing import Any, NamedTuple
 
 
 class Row(NamedTuple):
@@ -34,9 +38,11 @@ def fix_list(fix: Fix) -> list[float]:
     return [fix.t_ns, *(number for row in fix.rows for number in row)]
 
 
-def fix_of(told: Sequence[float]) -> Fix | None:
-    """The fix in such a list; None where it is none: empty, or cut short."""
-    if len(told) < 1 or len(told) % 5 != 1:
+def fix_of(told: Any) -> Fix | None:
+    """The fix in what DServer has; None where it is none: no list, cut short, not all finite numbers."""
+    if not isinstance(told, list | tuple) or len(told) % 5 != 1:
+        return None
+    if not all(isinstance(number, int | float) and math.isfinite(number) for number in told):
         return None
     numbers = tuple(float(number) for number in told[1:])
     rows = tuple(Row(*numbers[i : i + 5]) for i in range(0, len(numbers), 5))

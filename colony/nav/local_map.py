@@ -8,7 +8,7 @@ from collections import deque
 from colony.nav.echoes import Floats
 from colony.nav.himm import HimmMap, HimmSetting, LocalPose
 from colony.nav.hough import HoughSetting, Line, lines_in
-from colony.nav.pose_filter import Step
+from colony.nav.steps import Step
 from colony.nav.stickrep import Pose
 
 
@@ -68,10 +68,12 @@ class Trail:
         """Forget all scans."""
         self._scans.clear()
 
-    def add(self, step: Step, ranges: Floats) -> None:
-        """The robot moved, and then scanned."""
+    def add(self, step: Step, ranges: Floats | None) -> None:
+        """The robot moved, and then scanned, or did not."""
         self._at = beyond(self._at, step)
         self._way_mm += math.hypot(step.ahead_mm, step.left_mm)
+        if ranges is None:
+            return
         if self._scans:
             way, last, _ = self._scans[-1]
             turned = abs(self._at.heading_rad - last.heading_rad)

@@ -26,7 +26,8 @@ class Segment:
     turning space, with a turn to its heading, and ends where the robot is in the next corridor. `width_mm`
     is the corridor's. An elevator segment leads from before its doors, which `heading_deg` faces, to before
     them on another floor, whose map has them `turn_deg` further counterclockwise; its `width_mm` is that of
-    the doors, and `doors_mm` how far they are from its start and from its end.
+    the doors, `doors_mm` how far they are from its start and from its end, and `doors` the nodes where they
+    begin on both floors.
     """
 
     kind: GoalKind
@@ -37,6 +38,7 @@ class Segment:
     lights_mm: tuple[float, ...] = ()
     turn_deg: float = 0.0
     doors_mm: tuple[float, float] = (0.0, 0.0)
+    doors: tuple[str, str] = ("", "")
 
     @property
     def length_mm(self) -> float:
@@ -64,6 +66,12 @@ class Plan:
     segments: tuple[Segment, ...]
     distance_mm: float
     modes: str
+
+    @property
+    def floors(self) -> tuple[str, ...]:
+        """The names of the maps that it leads through, each once, in order."""
+        places = (place for segment in self.segments for place in (segment.start, segment.end))
+        return tuple(dict.fromkeys(place.floor for place in places))
 
     @property
     def way_mm(self) -> float:

@@ -9,6 +9,9 @@ How far a goal is can be told in two ways. By the pose, it is what is left of th
 believes to be, which others keep correcting. By reckoning, as in the thesis, it is the segment's length, less
 the overshoot of the lights before it; the thesis did that from December 1993 on, and before not even that.
 
+Before a segment that is an elevator's it sets ElevatorCall, for who presses the buttons, and after it Floor,
+for who needs the walls around the robot: when the position has become one of that floor's map.
+
 Where a Planner dies, the robot goes on to the present goal and stands there. Another one begins with a plan
 from where the robot is: its first goal takes the place of what is pursued, and answers that nobody took are
 thrown away. GoalType NONE, set by somebody else, halts the robot while the Planner goes on waiting. It is no
@@ -23,13 +26,18 @@ from itertools import pairwise
 from typing import Any, Literal, NamedTuple, assert_never
 
 from colony.nav.asks import taken
+from colony.nav.elevator_calls import Call
+from colony.nav.goal_verification import Verdict, goal_verdict, remember_plates
 from colony.nav.plan import Plan, Segment
 from colony.nav.shared import (
+    ELEVATOR_CALL,
     END_L_MODE,
+    FLOOR,
     GOAL_DATA,
     GOAL_DIRECTION,
     GOAL_DISTANCE,
     GOAL_TYPE,
+    GOAL_VERIFIED,
     LIGHT_OFFSET,
     OVERSHOOT,
     ROBOT_STATUS,
@@ -38,18 +46,26 @@ from colony.nav.shared import (
     TRACK_DATA,
     GoalKind,
 )
+from colony.nav.signs import Plate
 from colony.nav.stickrep_geometry import Point, direction
-from colony.runtime.kit.script import Script, Step, do
+from colony.runtime.kit.script import Script, Step, do, sleep
 from colony.runtime.library import data, robot
 
 INTO_ELEVATOR_MM = 900.0
 """How far behind its doors a robot stands in an elevator: in the middle of a cabin that is 1.8 m deep."""
+
+SHORT_MM, MOST_SHORT_MM = 50.0, 1_500.0
+"""A robot that is short of its goal by so much, by what the plate there told of its place, goes on; who is
+short by more than the latter is lost, and better stays."""
 
 Positions = Literal["pose", "reckoning"]
 """How distances are told: from where the robot believes to be, or from nominal lengths and overshoots."""
 
 OnSegment = Callable[[int, Segment], None]
 """Is told the number, from 0, of each segment that begins."""
+
+OnVerdict = Callable[[Verdict], None]
+"""Is told what the plates say of the goal, in the end."""
 
 
 class Goal(NamedTuple):
@@ -117,6 +133,8 @@ def planner(
     positions: Positions = "pose",
     compensate: bool = True,
     on_segment: OnSegment | None = None,
+    verify: Plate | None = None,
+    on_verdict: OnVerdict | None = None,
 ) -> Script:
     """Lead the robot along a plan; ends when it has arrived and was told to stand.
 
@@ -124,16 +142,22 @@ def planner(
         positions: how distances are told.
         compensate: with `reckoning`, take the overshoot of lights off the distance that follows.
         on_segment: is told of each segment that begins.
+        verify: the plate that hangs at the goal: whether it was read there is told by GoalVerified, and what
+            the robot is short of the goal by then is driven.
+        on_verdict: is told whether it was read, too.
     """
-    for name in SEMAPHORES:
-        yield from do("DServer", data.create_semaphore(name, 0))
-    # What a Planner that was ended half-way has announced, and nobody took, is not meant any more.
-    for name in (START_MAP, TRACK_DATA, GOAL_DATA):
-        yield from _drain(name)
-    reckoned_mm = 0.0
+    yield from _begin(plan.segments[0].start.floor)
+    if verify is not None:
+        yield from remember_plates()
+    reckoned_mm, begun_ns = 0.0, 0
     for number, segment in enumerate(plan.segments):
         if on_segment is not None:
             on_segment(number, segment)
+        if verify is not None:
+            begun_ns = yield from sleep(0.0)
+        if segment.kind is GoalKind.ELEVATOR:
+            call = Call(segment.doors[0], segment.start.floor, segment.end.floor)
+            yield from do("DServer", data.set(ELEVATOR_CALL, list(call)))
         progress_mm = reckoned_mm
         if positions == "pose":
             here = yield from do("RServer", robot.position())
@@ -144,6 +168,32 @@ def planner(
         if segment.kind is GoalKind.ELEVATOR:
             yield from _change_floor(segment)
     yield from do("DServer", data.set(GOAL_TYPE, int(GoalKind.NONE)))
+    if verify is not None:
+        verdict = yield from _verify(verify, plan.segments[-1], begun_ns)
+        if on_verdict is not None:
+            on_verdict(verdict)
+
+
+def _begin(floor: str) -> Generator[Step, Any, None]:
+    """See to it that all semaphores are there, and that nothing is meant any more that a Planner announced
+    which was ended half-way."""
+    for name in SEMAPHORES:
+        yield from do("DServer", data.create_semaphore(name, 0))
+    for name in (START_MAP, TRACK_DATA, GOAL_DATA):
+        yield from _drain(name)
+    yield from do("DServer", data.set_many({FLOOR: floor, ELEVATOR_CALL: []}))
+
+
+def _verify(plate: Plate, last: Segment, begun_ns: int) -> Generator[Step, Any, Verdict]:
+    """Read the plate at the goal, which corrects the position too, and drive what is left of the way."""
+    verdict = yield from goal_verdict(plate, begun_ns=begun_ns)
+    here = yield from do("RServer", robot.position())
+    rest_mm = last.length_mm - progress_along(last, here.x, here.y)
+    if SHORT_MM < rest_mm < MOST_SHORT_MM:
+        yield from _pursue(Goal(GoalKind.DEAD_RECKONING, last.heading_deg, rest_mm))
+        yield from do("DServer", data.set(GOAL_TYPE, int(GoalKind.NONE)))
+    yield from do("DServer", data.set(GOAL_VERIFIED, int(verdict)))
+    return verdict
 
 
 def _drain(semaphore: str) -> Generator[Step, Any, None]:
@@ -182,3 +232,4 @@ def _change_floor(ride: Segment) -> Generator[Step, Any, None]:
     here = yield from do("RServer", robot.position())
     there = landing(ride, here.x, here.y)
     yield from do("RServer", robot.adjust_position(there.x - here.x, there.y - here.y, ride.turn_deg))
+    yield from do("DServer", data.set_many({FLOOR: ride.end.floor, ELEVATOR_CALL: []}))

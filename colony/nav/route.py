@@ -231,4 +231,5 @@ def _ride(layouts: tuple[Layout, ...], lift: Lift) -> Segment:
         width_mm=ring.edges[lift.one.node].length_mm,
         turn_deg=(headings[1] - headings[0]) % 360.0,
         doors_mm=(ways[0], ways[1]),
+        doors=(_name(layouts, lift.one), _name(layouts, lift.other)),
     )

@@ -15,8 +15,8 @@
 | CeilingLight  |         | read      | write    | read        |
 | Overshoot     | read    |           | write    |             |
 
-CTracker also reads GoalDirection, along which it corrects the position, and GoalType. A Planner that starts
-downs what one before it has upped and nobody took.
+CTracker also reads GoalDirection, along which the lights tell the position, and GoalType. A Planner that
+starts downs what one before it has upped and nobody took.
 
 Three more variables belong to the Navigator alone: GoalNumber, GoalReached and GoalAnswered. It is a compiled
 network, which knows variables and no semaphores, and a clerk that takes and gives these in its place
@@ -88,8 +88,18 @@ PLATE_SEEN = "PlateSeen"
 """Set by the plate finder at each new plate: a list of the time in nanoseconds, the number of plates so far,
 what is written on it, and where its middle is, x and y in mm."""
 
+GOAL_VERIFIED = "GoalVerified"
+"""Set by the Planner at the end of a plan, if it was told which plate hangs at the goal: a `Verdict`
+(`colony/nav/goal_verification.py`) as a number."""
+
 MARKER_BEARING = "MarkerBearing"
 """Set by the marker finder: where the elevator's marker is seen, in degrees counterclockwise from ahead."""
+
+MARKER_FACING = "MarkerFacing"
+"""Set with it: how far the robot has to turn to face the doors squarely, in degrees counterclockwise."""
+
+MARKER_DISTANCE = "MarkerDistance"
+"""Set with it: how far the robot's middle is from the marker's, in mm."""
 
 ELEVATOR_CALL = "ElevatorCall"
 """Set by the Planner before a ride: a list of the elevator's node, the name of the map of this floor and of

@@ -83,27 +83,28 @@ def plate_text(door: str) -> str:
 
 
 def plates_of(floor: Map) -> tuple[Plate, ...]:
-    """The plates of all doors, in the order of the map. A door beside which no wall is wide enough has none,
-    and so has one whose name has nothing to be written."""
+    """The plates of all doors, in the order of the map. A door beside which no wall is wide enough, or where
+    its neighbor's plate leaves no room, has none, and so has one whose name has nothing to be written."""
     walls = walls_of(floor)
     rows = walls.segments.tolist()
     lengths = _lengths(rows)
-    plates: list[Plate] = []
-    for ring, first in _rings(floor):
-        count = len(ring)
-        for i, name in enumerate(ring):
-            if walls.kinds[first + i] is not EdgeKind.DOOR:
-                continue
-            text = plate_text(door_name(name))
-            after, before = first + (i + 1) % count, first + (i - 1) % count
-            for edge, from_start in ((after, True), (before, False)):
-                room = lengths[edge]
-                free = walls.kinds[edge] is EdgeKind.WALL and room >= PLATE_WIDTH_MM + _GAP_MM
-                if text and free and _is_straight(rows[edge], rows[first + i]):
-                    start = _GAP_MM if from_start else room - _GAP_MM - PLATE_WIDTH_MM
-                    plates.append(_plate(rows[edge], edge, start, door_name(name), text))
-                    break
-    return tuple(plates)
+    doors = [
+        (first + i, first + (i + 1) % len(ring), first + (i - 1) % len(ring), door_name(name))
+        for ring, first in _rings(floor)
+        for i, name in enumerate(ring)
+        if walls.kinds[first + i] is EdgeKind.DOOR
+    ]
+    plates: dict[int, Plate] = {}
+    for at_right in (True, False):
+        for door, after, before, name in doors:
+            edge, text = after if at_right else before, plate_text(name)
+            room = lengths[edge]
+            start = _GAP_MM if at_right else room - _GAP_MM - PLATE_WIDTH_MM
+            free = walls.kinds[edge] is EdgeKind.WALL and room >= PLATE_WIDTH_MM + _GAP_MM
+            free = free and not any(_reaches(other, edge, start) for other in plates.values())
+            if text and free and door not in plates and _is_straight(rows[edge], rows[door]):
+                plates[door] = _plate(rows[edge], edge, start, name, text)
+    return tuple(plates[door] for door, *_ in doors if door in plates)
 
 
 def markers_of(floor: Map) -> tuple[Marker, ...]:
@@ -147,6 +148,11 @@ def _plate(row: list[float], edge: int, start: float, door: str, text: str) -> P
     return Plate(
         edge=edge, start_mm=start, end_mm=end, middle=middle, heading_deg=_facing(row), door=door, text=text
     )
+
+
+def _reaches(plate: Plate, edge: int, start: float) -> bool:
+    """Whether a plate hangs where another one would begin at `start`, or within the usual gap of it."""
+    return plate.edge == edge and abs(plate.start_mm - start) < PLATE_WIDTH_MM + _GAP_MM
 
 
 def _lengths(rows: list[list[float]]) -> list[float]:

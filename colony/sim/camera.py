@@ -1,9 +1,10 @@
-"""What the cameras of a robot see: an image of the building in shades of gray.
+"""What the cameras of a robot see that look along the floor: an image of the building in shades of gray.
 
-The optical axis is level, and walls are upright. So an image column looks in one direction over the floor,
-its ray ends at one wall, and all of the wall in that column is equally far away: a column is the ceiling, the
-wall with its panels, the floor, and the robots in front of them, from far to near. Only ceiling and floor are
-computed pixel by pixel.
+The optical axis is level, and walls are upright. So a ray of an image column looks in one direction over the
+floor, it ends at one wall, and all of the wall in that column is equally far away: a column is the ceiling,
+the wall with what is on it, the floor, and the robots and people in front of them, from far to near. A column
+has several rays, spread over its width and over the time of the exposure, so that edges are where they are to
+a part of a pixel, and what moves is smeared.
 
 Depths are measured along the optical axis, as projection wants them; what is far away is darker.
 """
@@ -11,23 +12,24 @@ Depths are measured along the optical axis, as projection wants them; what is fa
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, fields
-from typing import NamedTuple
+from collections.abc import Callable
+from dataclasses import dataclass, field, fields
 
 import numpy as np
 
-from colony.sim.compiled import Bytes2, Floats2, compiled, inlined
-from colony.sim.scene import Scene
+from colony.sim.atlas import Atlas
+from colony.sim.columns import Canvas, canvas_of, draw_columns
+from colony.sim.compiled import Bytes2, Floats2, compiled
+from colony.sim.fitting import fitted
+from colony.sim.optics import Optics, Sensor, blur_columns, expose, gain_at, sensor_of
+from colony.sim.rays import Lens
+from colony.sim.surfaces import Lighting, Scene
+from colony.sim.world import World
 
 MOST_PIXELS = 4_000_000
 
-_FARTHEST_MM = 1.0e6
-_EDGE = 1e-9  # rays meet walls up to this part beyond their ends: no leak where two walls meet
-_HALF_LIGHT_MM = 12_000.0  # what is as far away as this is half as bright
-_SIDE_LIGHT = 0.2  # how much darker walls are that run from north to south
-_FLOOR_SHADE, _FLOOR_TILE_MM, _FLOOR_CONTRAST = 0.42, 600.0, 0.10
-_CEILING_SHADE, _CEILING_TILE_MM, _CEILING_CONTRAST = 0.88, 1200.0, 0.06
-_ROBOT_SHADE, _ROBOT_TOP_SHADE, _ROBOT_RIM = 0.30, 0.18, 0.4
+_NOBODY = np.zeros((0, 2))
+_RECORDS = (Atlas, Lighting)  # parts of a scene, whose types the compiler looks up here
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -39,6 +41,7 @@ class CameraConfig:
         view_deg: the angle that the image's width sees, below 180.
         yaw_deg: where it looks, counterclockwise from ahead: 90 is to the left.
         above_floor_mm: the height of the lens; below the ceiling.
+        optics: its lens and sensor.
 
     Raises:
         ValueError: a number is not finite or not in its range.
@@ -49,11 +52,12 @@ class CameraConfig:
     view_deg: float = 60.0
     yaw_deg: float = 0.0
     above_floor_mm: float = 1350.0
+    optics: Optics = field(default_factory=Optics)
 
     def __post_init__(self) -> None:
-        for field in fields(self):
-            if not math.isfinite(getattr(self, field.name)):
-                raise ValueError(f"{field.name} is {getattr(self, field.name)!r}; expected a finite number")
+        for one in fields(self):
+            if one.name != "optics" and not math.isfinite(getattr(self, one.name)):
+                raise ValueError(f"{one.name} is {getattr(self, one.name)!r}; expected a finite number")
         if min(self.width, self.height) < 1 or self.width * self.height > MOST_PIXELS:
             raise ValueError(
                 f"an image of {self.width} x {self.height}; expected 1 to {MOST_PIXELS} pixels in all"
@@ -64,27 +68,6 @@ class CameraConfig:
             raise ValueError(f"above_floor_mm is {self.above_floor_mm}; expected a height above 0")
 
 
-class Lens(NamedTuple):
-    """A camera as the renderer takes it: focal length in pixels, heights in mm, yaw in radians, and the hull
-    of the robots that it sees."""
-
-    focal: float
-    above_floor: float
-    yaw: float
-    robot_radius: float
-    robot_height: float
-
-
-class Ray(NamedTuple):
-    """The direction of an image column in the world's frame, for one mm of depth, and where it starts."""
-
-    x: float
-    y: float
-    dx: float
-    dy: float
-    length: float
-
-
 def lens_of(config: CameraConfig, *, robot_radius_mm: float, robot_height_mm: float) -> Lens:
     """A camera as the renderer takes it."""
     return Lens(
@@ -93,190 +76,128 @@ def lens_of(config: CameraConfig, *, robot_radius_mm: float, robot_height_mm: fl
         yaw=math.radians(config.yaw_deg),
         robot_radius=float(robot_radius_mm),
         robot_height=float(robot_height_mm),
+        rays=config.optics.rays,
+        exposure=float(config.optics.exposure_s),
     )
 
 
-@inlined
-def _level(shade: float, distance: float) -> np.uint8:
-    """A shade as it comes out from a distance."""
-    light = 1.0 / (1.0 + distance / _HALF_LIGHT_MM)
-    return np.uint8(min(max(255.0 * shade * light, 0.0), 255.0))
-
-
-@inlined
-def _checkered(x: float, y: float, tile: float, contrast: float, size: float) -> float:
-    """By how much a tiled plane differs from its shade at (x, y), where a pixel covers `size` mm of it."""
-    odd = (math.floor(x / tile) + math.floor(y / tile)) % 2.0
-    fade = max(0.0, 1.0 - 2.0 * size / tile)
-    return contrast * fade * (odd - 0.5)
-
-
-@inlined
-def _floor_shade(x: float, y: float, size: float) -> float:
-    """The shade of the floor at (x, y), where a pixel covers `size` mm of it."""
-    return _FLOOR_SHADE + _checkered(x, y, _FLOOR_TILE_MM, _FLOOR_CONTRAST, size)
-
-
-@inlined
-def _ceiling_shade(x: float, y: float, size: float) -> float:
-    """The shade of the ceiling at (x, y), likewise."""
-    return _CEILING_SHADE + _checkered(x, y, _CEILING_TILE_MM, _CEILING_CONTRAST, size)
-
-
-@inlined
-def _row(above_floor: float, depth: float, lens: Lens, rows: int) -> int:
-    """The first row, from 0 to `rows`, that looks below the height `above_floor` at a depth."""
-    row = rows / 2.0 - 0.5 - lens.focal * (above_floor - lens.above_floor) / depth
-    return int(min(max(math.ceil(row), 0.0), rows + 0.0))
-
-
-@inlined
-def _paint(image: Bytes2, column: int, start: int, end: int, level: np.uint8) -> None:
-    for row in range(start, end):
-        image[row, column] = level
-
-
-@inlined
-def _paint_planes(
-    image: Bytes2, column: int, top: int, bottom: int, ray: Ray, lens: Lens, ceiling: float
-) -> None:
-    """The ceiling above row `top`, and the floor from row `bottom` on."""
-    middle = image.shape[0] / 2.0 - 0.5
-    for row in range(top):
-        depth = (ceiling - lens.above_floor) * lens.focal / (middle - row)
-        size = depth * depth / (lens.focal * (ceiling - lens.above_floor))
-        shade = _ceiling_shade(ray.x + depth * ray.dx, ray.y + depth * ray.dy, size)
-        image[row, column] = _level(shade, depth * ray.length)
-    for row in range(bottom, image.shape[0]):
-        depth = lens.above_floor * lens.focal / (row - middle)
-        size = depth * depth / (lens.focal * lens.above_floor)
-        shade = _floor_shade(ray.x + depth * ray.dx, ray.y + depth * ray.dy, size)
-        image[row, column] = _level(shade, depth * ray.length)
-
-
-@inlined
-def _meet_wall(ray: Ray, walls: Floats2) -> tuple[int, float]:
-    """The wall at which a ray ends, -1 where there is none, and its depth."""
-    met, nearest = -1, _FARTHEST_MM
-    for wall in range(walls.shape[0]):
-        ax, ay, length = walls[wall, 0] - ray.x, walls[wall, 1] - ray.y, walls[wall, 6]
-        ex, ey = walls[wall, 4] * length, walls[wall, 5] * length
-        across = ray.dx * ey - ray.dy * ex
-        side = 1.0 if across >= 0.0 else -1.0
-        across *= side
-        depth = side * (ax * ey - ay * ex)
-        along = side * (ax * ray.dy - ay * ray.dx)
-        first = (depth > 0.0) & (depth < nearest * across)
-        first &= (along >= -_EDGE * across) & (along <= (1.0 + _EDGE) * across)
-        if first:
-            met, nearest = wall, depth / across
-    return met, nearest
-
-
-@inlined
-def _paint_wall(
-    image: Bytes2, column: int, wall: int, depth: float, ray: Ray, lens: Lens, scene: Scene
-) -> None:
-    """A wall and its panels; each column of it is equally far away, so equally bright."""
-    rows = image.shape[0]
-    east, distance = abs(scene.walls[wall, 4]), depth * ray.length
-    light = 1.0 - _SIDE_LIGHT * (1.0 - east)
-    top, bottom = _row(scene.ceiling, depth, lens, rows), _row(0.0, depth, lens, rows)
-    _paint(image, column, top, bottom, _level(scene.shades[wall] * light, distance))
-    x, y = ray.x + depth * ray.dx - scene.walls[wall, 0], ray.y + depth * ray.dy - scene.walls[wall, 1]
-    along = x * scene.walls[wall, 4] + y * scene.walls[wall, 5]
-    for panel in range(scene.first[wall], scene.first[wall + 1]):
-        if scene.panels[panel, 0] <= along and along < scene.panels[panel, 1]:
-            start = _row(min(scene.panels[panel, 3], scene.ceiling), depth, lens, rows)
-            end = _row(scene.panels[panel, 2], depth, lens, rows)
-            _paint(image, column, start, end, _level(scene.panels[panel, 4] * light, distance))
-
-
-@inlined
-def _robot_depth(ray: Ray, x: float, y: float, radius: float) -> tuple[float, float]:
-    """Between which depths a ray is in the hull of a robot at (x, y); infinite where it misses it."""
-    ox, oy, squared = x - ray.x, y - ray.y, ray.length * ray.length
-    ahead = ox * ray.dx + oy * ray.dy
-    under_root = ahead * ahead - squared * (ox * ox + oy * oy - radius * radius)
-    near = far = math.inf
-    if under_root > 0.0 and ahead > 0.0:
-        root = math.sqrt(under_root)
-        near, far = (ahead - root) / squared, (ahead + root) / squared
-    return near, far
-
-
-@inlined
-def _paint_robots(
-    image: Bytes2, column: int, robot: int, poses: Floats2, depth: float, ray: Ray, lens: Lens
-) -> None:
-    """The robots that stand nearer than `depth`, from far to near: upright cylinders, darker at the rim."""
-    rows, limit, more = image.shape[0], depth, poses.shape[0] > 1
-    while more:
-        nearest, farthest = 0.0, 0.0
-        for other in range(poses.shape[0]):
-            if other != robot:
-                near, far = _robot_depth(ray, poses[other, 0], poses[other, 1], lens.robot_radius)
-                if near > nearest and near < limit:
-                    nearest, farthest = near, far
-        more = nearest > 0.0
-        if more:
-            limit = nearest
-            thickness = (farthest - nearest) * ray.length / (2.0 * lens.robot_radius)
-            shade = _ROBOT_SHADE * (_ROBOT_RIM + (1.0 - _ROBOT_RIM) * thickness)
-            rear = _row(lens.robot_height, farthest, lens, rows)
-            top, bottom = _row(lens.robot_height, nearest, lens, rows), _row(0.0, nearest, lens, rows)
-            _paint(image, column, rear, top, _level(_ROBOT_TOP_SHADE, nearest * ray.length))
-            _paint(image, column, top, bottom, _level(shade, nearest * ray.length))
-
-
 @compiled
-def render(poses: Floats2, robot: int, scene: Scene, lens: Lens, image: Bytes2) -> None:
-    """Draw what a camera of a robot sees.
+def render(
+    poses: Floats2, robot: int, people: Floats2, velocity: float, turn: float, t_ns: int, scene: Scene,
+    lens: Lens, sensor: Sensor, canvas: Canvas, first: int, height: int, image: Bytes2,
+) -> None:  # fmt: skip
+    """Draw some rows of what a camera of a robot sees.
 
     Args:
         poses: (robots, 3), x and y in mm, heading in degrees.
         robot: whose camera it is.
-        image: (height, width), gets the image, from 0, black, to 255.
+        people: (people, 2), where they are.
+        velocity, turn: how the robot moves, in mm/s and degrees/s.
+        t_ns: when.
+        canvas: larger than the image by what the blur reaches, on all sides.
+        first, height: the number of the first row drawn, and how many the whole image has.
+        image: (rows, width), gets the rows, from 0, black, to 255.
     """
-    x, y, heading = poses[robot, 0], poses[robot, 1], math.radians(poses[robot, 2]) + lens.yaw
-    sine, cosine = math.sin(heading), math.cos(heading)
-    for column in range(image.shape[1]):
-        right = (column + 0.5 - image.shape[1] / 2.0) / lens.focal
-        ray = Ray(x, y, -sine + right * cosine, cosine + right * sine, math.sqrt(1.0 + right * right))
-        wall, depth = _meet_wall(ray, scene.walls)
-        top = _row(scene.ceiling, depth, lens, image.shape[0])
-        bottom = _row(0.0, depth, lens, image.shape[0])
-        _paint_planes(image, column, top, bottom, ray, lens, scene.ceiling)
-        if wall >= 0:
-            _paint_wall(image, column, wall, depth, ray, lens, scene)
-        else:
-            _paint(image, column, top, bottom, np.uint8(0))
-        _paint_robots(image, column, robot, poses, depth, ray, lens)
+    reach = sensor.weights.shape[0] - 1
+    middle, axis = image.shape[1] / 2.0 + reach, height / 2.0 - 0.5 - first + reach
+    draw_columns(poses, robot, people, velocity, turn, scene, lens, middle, axis, canvas)
+    gain = gain_at(poses[robot, 0], poses[robot, 1], sensor)
+    if reach > 0:
+        blur_columns(canvas.picture, canvas.blurred, sensor)
+        expose(canvas.blurred, t_ns, first, height, gain, sensor, image)
+    else:
+        expose(canvas.picture, t_ns, first, height, gain, sensor, image)
 
 
 class Camera:
-    """A camera of a robot, in a scene. Mutable: the buffer that it draws into.
+    """A camera of a robot, in a scene. Mutable: the canvas that it draws on, and the scene, whose doors are
+    as those of the world that it saw last.
 
     Args:
-        scene: what there is to be seen; the same walls as the robot's world.
+        scene: what there is to be seen.
         config: the camera.
         robot_radius_mm, robot_height_mm: the hull of other robots.
+        seed: of the noise and of the gain.
 
     Raises:
         ValueError: the lens would be in the ceiling or above.
     """
 
     def __init__(
-        self, scene: Scene, config: CameraConfig, *, robot_radius_mm: float, robot_height_mm: float = 1000.0
+        self,
+        scene: Scene,
+        config: CameraConfig,
+        *,
+        robot_radius_mm: float,
+        robot_height_mm: float = 1000.0,
+        seed: int = 0,
     ) -> None:
         if config.above_floor_mm >= scene.ceiling:
             found = f"above_floor_mm is {config.above_floor_mm}"
             raise ValueError(f"{found}; expected less than the ceiling's {scene.ceiling}")
+        self.config = config
         self._scene = scene
+        self._seen_walls: Floats2 | None = None
         self._lens = lens_of(config, robot_radius_mm=robot_radius_mm, robot_height_mm=robot_height_mm)
-        self._image = np.zeros((config.height, config.width), dtype=np.uint8)
+        own_seed = seed * 1_000_003 + round(config.yaw_deg * 1000.0) % 360_000
+        self._sensor = sensor_of(config.optics, width=config.width, seed=own_seed)
+        self._canvas: Canvas | None = None
 
-    def image(self, poses: Floats2, robot: int) -> Bytes2:
-        """What robot number `robot` of those at `poses`, (robots, 3), sees; (height, width) of uint8."""
-        render(poses, robot, self._scene, self._lens, self._image)
-        return self._image.copy()
+    def shot(self, world: World, robot: int, t_ns: int) -> Callable[[int, int], Bytes2]:
+        """Take a picture of a world as it is, to be drawn later.
+
+        Gives what draws `count` rows from row `first` on, exactly as they are in the whole image, or raises
+        `ValueError` where the image has none such."""
+        if world.walls is not self._seen_walls:
+            self._scene, self._seen_walls = fitted(self._scene, world.walls), world.walls
+        scene, poses, people, speed = self._scene, world.true_poses, world.people, world.speed(robot)
+        return lambda first, count: self._drawn(scene, poses, robot, t_ns, people, speed, first, count)
+
+    def see(self, world: World, robot: int, t_ns: int) -> Bytes2:
+        """What robot number `robot` of a world sees, with its people and its doors as they are; (height,
+        width)."""
+        return self.shot(world, robot, t_ns)(0, self.config.height)
+
+    def image(
+        self,
+        poses: Floats2,
+        robot: int,
+        t_ns: int = 0,
+        *,
+        people: Floats2 = _NOBODY,
+        speed: tuple[float, float] = (0.0, 0.0),
+    ) -> Bytes2:
+        """What robot number `robot` of those at `poses`, (robots, 3), sees; (height, width) of uint8.
+
+        Args:
+            t_ns: when.
+            people: (people, 2), where they are, in mm.
+            speed: how the robot moves, in mm/s and degrees/s.
+        """
+        return self._drawn(self._scene, poses, robot, t_ns, people, speed, 0, self.config.height)
+
+    def _drawn(
+        self, scene: Scene, poses: Floats2, robot: int, t_ns: int, people: Floats2,
+        speed: tuple[float, float], first: int, count: int,
+    ) -> Bytes2:  # fmt: skip
+        height = self.config.height
+        if first < 0 or count < 1 or first + count > height:
+            raise ValueError(
+                f"{count} rows from row {first} on; expected at least 1 of rows 0 to {height - 1}"
+            )
+        image = np.empty((count, self.config.width), dtype=np.uint8)
+        render(
+            np.ascontiguousarray(poses, dtype=np.float64), robot, np.ascontiguousarray(people),
+            float(speed[0]), float(speed[1]), t_ns, scene, self._lens, self._sensor,
+            self._room(count, len(scene.walls)), first, height, image,
+        )  # fmt: skip
+        return image
+
+    def _room(self, rows: int, walls: int) -> Canvas:
+        """A canvas for so many rows, and for a scene of so many walls."""
+        margin = 2 * (len(self._sensor.weights) - 1)
+        size = self.config.width + margin, rows + margin
+        canvas = self._canvas
+        if canvas is None or canvas.picture.shape != size or len(canvas.near) < walls:
+            canvas = self._canvas = canvas_of(*size, walls)
+        return canvas

@@ -14,13 +14,13 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, fields
-from statistics import NormalDist
 from typing import NamedTuple
 
 import numpy as np
 
 from colony.sim.chance import PIXELS, SEEDS, mixed
 from colony.sim.compiled import Bytes2, Floats, Floats2, Ints, compiled, inlined
+from colony.sim.grain import QUANTILES, quantiles
 from colony.sim.scenery import CeilingLight, Scenery, SunBand
 
 LIGHT_ALONG_MM, LIGHT_ACROSS_MM = 600.0, 1200.0
@@ -33,7 +33,6 @@ _SEAM_MM, _SEAM_LEVEL = 12.0, -18.0  # half the width of what holds the tiles
 _SUN_SOFT_MM = 60.0
 _MOST_NEAR = 32
 _TILES = 64  # the pattern of the tiles repeats after so many
-_QUANTILES = 4096
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -112,12 +111,11 @@ class UpwardLens(NamedTuple):
 def overhead_of(scenery: Scenery, width: int) -> Overhead:
     """The ceiling of a building in one run, for images of a width."""
     seed = scenery.seed % SEEDS
-    parts = (np.arange(_QUANTILES) + 0.5) / _QUANTILES
     return Overhead(
         lights=np.array([_light_row(light) for light in scenery.lights], dtype=np.float64).reshape(-1, 7),
         sun=np.array([_sun_row(band) for band in scenery.sun], dtype=np.float64).reshape(-1, 7),
         tiles=_TILE_LEVELS * (np.random.default_rng(seed).random((_TILES, _TILES)) - 0.5),
-        quantiles=np.array([NormalDist().inv_cdf(part) for part in parts.tolist()]),
+        quantiles=quantiles(),
         near_lights=np.zeros(_MOST_NEAR, dtype=np.int64),
         near_sun=np.zeros(_MOST_NEAR, dtype=np.int64),
         level=np.zeros(width),
@@ -215,7 +213,7 @@ def _expose(row: int, t_ns: int, overhead: Overhead, lens: UpwardLens, out: Byte
     for column in range(out.shape[1]):
         if column % 4 == 0:  # four pixels have sixteen bits each
             bits = mixed(overhead.seed, PIXELS, t_ns, row * 4096 + column)
-        deviate = overhead.quantiles[int(bits & np.uint64(_QUANTILES - 1))]
+        deviate = overhead.quantiles[int(bits & np.uint64(QUANTILES - 1))]
         bits >>= np.uint64(16)
         right = (column - lens.middle_column) * scale
         level = overhead.level[column] * (1.0 - lens.vignetting * (right * right + down * down) / 2.0)

@@ -57,6 +57,11 @@ def inlined(function: F) -> F:
     return cast(F, numba.njit(inline="always", error_model="numpy")(function))
 
 
+def called(function: F) -> F:
+    """Mark a helper of compiled functions that is large or used in many places: they call it."""
+    return cast(F, numba.njit(nogil=True, error_model="numpy")(function))
+
+
 def _native(annotation: str | ForwardRef, names: Mapping[str, Any]) -> Any:
     """Numba's type for an annotation of the module whose global names are given."""
     name = annotation.__forward_arg__ if isinstance(annotation, ForwardRef) else annotation

@@ -198,7 +198,7 @@ class Devices:
     def _pixels(self, robot: int, eye: Eye) -> Bytes2:
         match eye:
             case Camera():
-                return eye.image(self._world.true_poses, robot)
+                return eye.see(self._world, robot, self.reached_ns)
             case CeilingCamera():
                 return eye.image(self._world.true_pose(robot), self.reached_ns)
             case _:

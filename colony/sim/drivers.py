@@ -128,29 +128,30 @@ class SimulatedProximity:
 
 
 class SimulatedCamera:
-    """A camera of robot number `robot`; each image is taken when it is grabbed."""
+    """A camera of robot number `robot`; each image is taken when it is grabbed, by what `camera` gives then:
+    there is one a floor."""
 
-    def __init__(self, plant: Plant, robot: int, camera: Camera) -> None:
+    def __init__(self, plant: Plant, robot: int, camera: Callable[[], Camera]) -> None:
         self._plant = plant
         self._robot = robot
         self._camera = camera
 
     def grab(self) -> Image:
         now = self._plant.catch_up()
-        return _gray(self._camera.image(self._plant.world.true_poses, self._robot), now)
+        return _gray(self._camera().see(self._plant.world, self._robot, now), now)
 
 
 class SimulatedCeilingCamera:
-    """A camera of robot number `robot` that looks up; each image is taken when it is grabbed."""
+    """A camera of robot number `robot` that looks up; likewise."""
 
-    def __init__(self, plant: Plant, robot: int, camera: CeilingCamera) -> None:
+    def __init__(self, plant: Plant, robot: int, camera: Callable[[], CeilingCamera]) -> None:
         self._plant = plant
         self._robot = robot
         self._camera = camera
 
     def grab(self) -> Image:
         now = self._plant.catch_up()
-        return _gray(self._camera.image(self._plant.world.true_pose(self._robot), now), now)
+        return _gray(self._camera().image(self._plant.world.true_pose(self._robot), now), now)
 
 
 def _gray(pixels: Bytes2, t_ns: int) -> Image:

@@ -8,7 +8,7 @@
 An elevator's edge is a pair of doors that slide apart, and a cabin 2 m wide and 1.8 m deep lies behind it.
 Until it is opened for the first time it is the shut door that a map has. Doors do not close on a robot: where
 one stands between them they open again, as those do that have a light barrier. The buttons are pressed by
-somebody outside of the simulation (thesis section 5.4.6).
+somebody else (thesis section 5.4.6): `colony/sim/operator.py`.
 """
 
 from __future__ import annotations
@@ -68,6 +68,12 @@ class Cabin:
     @property
     def _along(self) -> tuple[float, float]:
         return (self.x1_mm - self.x0_mm) / self.width_mm, (self.y1_mm - self.y0_mm) / self.width_mm
+
+    def holds(self, x_mm: float, y_mm: float, radius_mm: float) -> bool:
+        """Whether something round is inside, behind the doors, at this place."""
+        along, deep = self.inside(x_mm, y_mm)
+        aside = abs(along) <= CABIN_WIDTH_MM / 2 - radius_mm
+        return aside and radius_mm <= deep <= CABIN_DEPTH_MM - radius_mm
 
     def walls(self, opening: float) -> list[tuple[float, float, float, float]]:
         """The cabin, and its doors: `opening` is 0 where they are shut, 1 where they are open."""
@@ -146,6 +152,14 @@ class Elevators:
         """Let them slide shut."""
         self._at(node).to_open = False
 
+    def cabin(self, node: str) -> Cabin:
+        """The elevator at a node of this floor.
+
+        Raises:
+            ValueError: no elevator begins there.
+        """
+        return self._at(node).cabin
+
     def opening(self, node: str) -> float:
         """How far the doors are open: from 0, shut, to 1."""
         return self._doors[node].opening if node in self._doors else 0.0
@@ -214,7 +228,7 @@ class Elevators:
         """Where a robot is after the ride: at the same place of the cabin."""
         pose, radius = self._world.true_pose(robot), self._world.config.radius_mm
         along, deep = here.inside(pose.x_mm, pose.y_mm)
-        if not (abs(along) <= CABIN_WIDTH_MM / 2 - radius and radius <= deep <= CABIN_DEPTH_MM - radius):
+        if not here.holds(pose.x_mm, pose.y_mm, radius):
             place = f"{deep:.0f} mm behind its doors and {along:.0f} mm aside"
             raise ValueError(f"robot {robot} is not in the cabin: {place}")
         return *there.at(along, deep), pose.heading_deg + there.heading_deg - here.heading_deg

@@ -20,15 +20,18 @@ from numpy.typing import NDArray
 
 from colony.nav.stickrep import Map
 from colony.sim.compiled import Floats2
+from colony.sim.furnishing import Spacings, furnished
 from colony.sim.premises import Premises, premises_of
 from colony.sim.rooms import opened
 from colony.sim.scenery import (
     NO_SLIP,
     CeilingLight,
+    Extinguisher,
     Iron,
     Joint,
     OpenDoor,
     Person,
+    Poster,
     Scenery,
     Slip,
     SunBand,
@@ -43,7 +46,7 @@ _BAND_MM = (800.0, 2500.0)
 
 
 _MOST = dict.fromkeys(("slip", "glass", "light_out", "light_dim", "dim_brightness", "sunlit"), 1.0)
-_MOST |= {"open_door": 1.0, "cross_talk": 1.0, "door_deg": 90.0, "compass_deg": 180.0}
+_MOST |= {"poster_on_door": 1.0, "open_door": 1.0, "cross_talk": 1.0, "door_deg": 90.0, "compass_deg": 180.0}
 """What a number of `Hazards` is at most, where it has a limit."""
 
 
@@ -59,6 +62,7 @@ class Hazard(IntEnum):
     CROSS_TALK = 6
     ENCODERS = 7
     COMPASS = 8
+    POSTERS = 9
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -80,6 +84,9 @@ class Hazards:
         cross_talk: the probability that a sonar reading is false.
         encoder_scale: the standard deviation of a factor common to both wheels.
         compass_deg: the compass is off by this much at most.
+        black_poster_spacing_mm, poster_spacing_mm, extinguisher_spacing_mm: so much wall has one black
+            poster, another one, and a fire extinguisher in the mean.
+        poster_on_door: the probability that a black poster hangs on a door.
 
     Raises:
         ValueError: a number is not finite or not in its range, or of two the first is the greater.
@@ -102,6 +109,10 @@ class Hazards:
     cross_talk: float = 0.005
     encoder_scale: float = 0.01
     compass_deg: float = 60.0
+    black_poster_spacing_mm: float = 80_000.0
+    poster_spacing_mm: float = 15_000.0
+    extinguisher_spacing_mm: float = 25_000.0
+    poster_on_door: float = 0.02
 
     def __post_init__(self) -> None:
         for field in fields(self):
@@ -119,10 +130,9 @@ class Hazards:
         if self.light_out + self.light_dim > 1.0:
             found = f"light_out and light_dim are {self.light_out} and {self.light_dim}"
             raise ValueError(f"{found}; expected 1 at most in all")
-        if min(self.joint_spacing_mm, self.person_spacing_mm) <= 0.0:
-            raise ValueError(
-                "joint_spacing_mm and person_spacing_mm: expected more than 0; see Hazards.without"
-            )
+        spacings = [field.name for field in fields(self) if field.name.endswith("_spacing_mm")]
+        if min(getattr(self, name) for name in spacings) <= 0.0:
+            raise ValueError(f"{', '.join(spacings)}: expected more than 0; see Hazards.without")
 
     @staticmethod
     def none() -> Hazards:
@@ -151,6 +161,7 @@ def draw(hazards: Hazards, floor: Map, seed: int) -> Scenery:
         raise ValueError(f"the seed of a scenery is {seed}; expected 0 or more")
     premises = premises_of(floor)
     glass, doors = _glass(hazards, premises, seed), _doors(hazards, premises, seed)
+    posters, extinguishers = _furnishings(hazards, floor, seed)
     walls, silent = _walls(premises, glass, doors)
     return Scenery(
         seed=seed,
@@ -166,6 +177,8 @@ def draw(hazards: Hazards, floor: Map, seed: int) -> Scenery:
         cross_talk=hazards.cross_talk if Hazard.CROSS_TALK in hazards.on else 0.0,
         encoder_scale=_encoder_scale(hazards, seed),
         iron=_iron(hazards, seed),
+        posters=posters,
+        extinguishers=extinguishers,
     )
 
 
@@ -278,6 +291,20 @@ def _slip(hazards: Hazards) -> Slip:
 def _encoder_scale(hazards: Hazards, seed: int) -> float:
     drawn = float(_stream(seed, Hazard.ENCODERS).standard_normal())
     return 1.0 + hazards.encoder_scale * drawn if Hazard.ENCODERS in hazards.on else 1.0
+
+
+def _furnishings(
+    hazards: Hazards, floor: Map, seed: int
+) -> tuple[tuple[Poster, ...], tuple[Extinguisher, ...]]:
+    if Hazard.POSTERS not in hazards.on:
+        return (), ()
+    spacings = Spacings(
+        black_poster_mm=hazards.black_poster_spacing_mm,
+        poster_mm=hazards.poster_spacing_mm,
+        extinguisher_mm=hazards.extinguisher_spacing_mm,
+        on_door=hazards.poster_on_door,
+    )
+    return furnished(floor, spacings, lambda item: _stream(seed, Hazard.POSTERS, item))
 
 
 def _iron(hazards: Hazards, seed: int) -> Iron:

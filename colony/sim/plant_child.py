@@ -27,6 +27,7 @@ Look = float | Literal["up"]
 class PlantSpec(msgspec.Struct, frozen=True, kw_only=True):
     """What is simulated: one robot in the building of a map, with cameras by name, each with where it looks.
 
+    `start` is where the robot begins, x and y in mm and its heading in degrees, None for where the map says;
     `hazards` is the seed of what goes wrong there (docs/hazards.md), None where nothing does; `folder` is the
     robot's, `logical_ns` as in `colony.sim.plant_process.PlantOptions`.
     """
@@ -36,6 +37,7 @@ class PlantSpec(msgspec.Struct, frozen=True, kw_only=True):
     map: str
     seed: int
     cameras: dict[str, Look] = {}
+    start: tuple[float, float, float] | None = None
     hazards: int | None = None
     logical_ns: int | None = None
 
@@ -72,7 +74,7 @@ def serve(spec: PlantSpec, ending: Ending, *, ready: Callable[[], None] = lambda
         options = PlantOptions(
             path=spec.socket,
             building=building,
-            robots={spec.robot: (start.x_mm, start.y_mm, start.heading_deg)},
+            robots={spec.robot: spec.start or (start.x_mm, start.y_mm, start.heading_deg)},
             cameras={name: _camera(look) for name, look in spec.cameras.items()},
             hazards=Hazards.none() if spec.hazards is None else Hazards(),
             hazards_seed=spec.hazards or 0,

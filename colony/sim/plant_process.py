@@ -127,11 +127,11 @@ def _devices(options: PlantOptions, clock: Callable[[], int]) -> Devices:
         config=options.config,
         seed=options.seed,
     )
-    scene, radius = scene_of(options.building), options.config.radius_mm
+    scene, radius = scene_of(options.building, scenery), options.config.radius_mm
     cameras: dict[str, Eye] = {
         name: CeilingCamera(scenery, config)
         if isinstance(config, CeilingCameraConfig)
-        else Camera(scene, config, robot_radius_mm=radius)
+        else Camera(scene, config, robot_radius_mm=radius, seed=options.seed)
         for name, config in options.cameras.items()
     }
     devices = Devices(

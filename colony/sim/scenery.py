@@ -122,6 +122,25 @@ class SunBand:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class Poster:
+    """A sheet on edge number `edge` of the map: it begins `start_mm` along it, and its middle is `middle_mm`
+    above the floor. `kind` is which of `colony.sim.posters` it is."""
+
+    edge: int
+    start_mm: float
+    middle_mm: float
+    kind: int
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Extinguisher:
+    """A fire extinguisher, and the sign above it, `along_mm` along edge number `edge` of the map."""
+
+    edge: int
+    along_mm: float
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class Iron:
     """What disturbs a compass: a field drawn from `seed` that stays within `most_deg` to either side.
 
@@ -149,6 +168,7 @@ class Scenery:
         cross_talk: the probability that a sonar reading is false.
         encoder_scale: what both wheels report of a millimeter, beyond their own errors.
         iron: what disturbs the compass.
+        posters, extinguishers: on the walls and doors, for cameras to see.
     """
 
     seed: int
@@ -164,6 +184,8 @@ class Scenery:
     cross_talk: float = 0.0
     encoder_scale: float = 1.0
     iron: Iron = Iron()
+    posters: tuple[Poster, ...] = ()
+    extinguishers: tuple[Extinguisher, ...] = ()
 
 
 def bare(walls: NDArray[np.float64], *, seed: int = 0) -> Scenery:

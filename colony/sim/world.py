@@ -213,6 +213,12 @@ class World:
         return (heading + disturbance_deg(self._iron, x, y)) % 360.0
 
     @property
+    def walls(self) -> NDArray[np.float64]:
+        """What is solid at the moment, (n, 7) as `wall_table` gives it; another array after each change, and
+        not to be written to."""
+        return self._walls
+
+    @property
     def people(self) -> NDArray[np.float64]:
         """Where people are: a copy, (people, 2), x and y in mm of their middles."""
         return self._crowd.places[:, [X, Y]]

@@ -10,6 +10,9 @@ robot is beyond all places where it could be, save those that the camera has in 
 
 Lights that are where none is expected are strays: a reflection, or the robot is lost. When two strays in a
 row are as far apart as two lights of the map, that decides: the robot is lost, and knows where it is again.
+
+What a light says of the robot's place is told as a `Sighting`, of one image and by that alone: who estimates
+the pose knows what else is known, and must not be told twice.
 """
 
 from __future__ import annotations
@@ -40,7 +43,9 @@ _MOST_ERRORS, _MOST_TURNS = 5, 3  # only the newest count: others correct the po
 _STRAY_MM = 200.0
 _STRAY_TIMES = 2
 _PAIR_MM, _PAIR_PART = 120.0, 0.03
-_LOST_SIGMA_MM = 60.0
+LOST_SIGMA_MM = 60.0
+"""How well two lights tell a lost robot where it is."""
+
 _WIDEST_MM = 2_500.0
 
 
@@ -70,23 +75,38 @@ class LightGoal:
 
 
 class Seen(NamedTuple):
-    """What an image shows, and the robot's reported progress and tilt when it was taken."""
+    """What an image shows, the robot's reported progress and tilt when it was taken, and when that was."""
 
     lights: tuple[Light, ...]
     progress_mm: float
     tilt_deg: float
+    t_ns: int = 0
+
+
+class Sighting(NamedTuple):
+    """What one image says of where the robot was when it was taken: its true progress, by a light whose place
+    is known. `error_mm` is how far the reported one was short of that, `tilt_deg` the reported tilt, and
+    `sigma_mm` how sure the place is."""
+
+    t_ns: int
+    place_mm: float
+    error_mm: float
+    tilt_deg: float
+    sigma_mm: float
 
 
 class Passing(NamedTuple):
     """The robot's center came below a light: the `number`th of its goal, from 1, `beyond_mm` ago.
 
-    `valid` says that the light was seen; `turned_deg` how far the reported heading is off, None: not told.
+    `valid` says that the light was seen; `turned_deg` how far the reported heading is off, None: not told;
+    `sighting` is what one image of the light says, None where none did.
     """
 
     number: int
     valid: bool
     beyond_mm: float
     turned_deg: float | None = None
+    sighting: Sighting | None = None
 
 
 class _Stray(NamedTuple):
@@ -101,27 +121,31 @@ class LightTrack:
     Attributes:
         reckoning: of the progress, at the last light.
         passed: how many lights were passed.
-        errors_mm: what images of the next light said of the error of the reported progress; those that show
-            it whole, once there is one.
+        sightings: what images of the next light said of the progress; those that show it whole, once there
+            is one.
         turned_deg: what they said of that of the heading.
         sure: an image showed the next light whole.
         dark_looks: how many images should have shown it, and did not.
+        found: what two lights said of the progress of a robot that was lost, in the newest image.
+        blind: no image will ever show a light: they are passed by the progress alone.
     """
 
     goal: LightGoal
     reckoning: Reckoning
     passed: int = 0
-    errors_mm: tuple[float, ...] = ()
+    sightings: tuple[Sighting, ...] = ()
     turned_deg: tuple[float, ...] = ()
     sure: bool = False
     dark_looks: int = 0
     strays: tuple[_Stray, ...] = field(default=())
+    found: Sighting | None = None
+    blind: bool = False
 
     @classmethod
-    def start(cls, goal: LightGoal, scale: Scale, passed: int = 0) -> LightTrack:
+    def start(cls, goal: LightGoal, scale: Scale, passed: int = 0, *, blind: bool = False) -> LightTrack:
         """At the start of a goal, or at one of its lights, with what is known of the odometry's scale."""
         at_mm = goal.lights_mm[passed - 1] if passed else 0.0
-        return cls(goal=goal, reckoning=Reckoning(at_mm=at_mm, scale=scale), passed=passed)
+        return cls(goal=goal, reckoning=Reckoning(at_mm=at_mm, scale=scale), passed=passed, blind=blind)
 
     @property
     def done(self) -> bool:
@@ -131,22 +155,27 @@ class LightTrack:
     def reckoned(self, progress_mm: float) -> Reckoning:
         """What is known where the reported progress is this, with what was seen of the next light."""
         moved = self.reckoning.moved(progress_mm)
-        if not self.errors_mm:
+        if not self.sightings:
             return moved
-        variance = LIGHT_SIGMA_MM**2 + SEEN_SIGMA_MM**2 / len(self.errors_mm)
+        variance = LIGHT_SIGMA_MM**2 + SEEN_SIGMA_MM**2 / len(self.sightings)
         return moved.fixed(median(self.errors_mm), variance)
+
+    @property
+    def errors_mm(self) -> tuple[float, ...]:
+        """What images of the next light said of the error of the reported progress."""
+        return tuple(sighting.error_mm for sighting in self.sightings)
 
     def seen(self, seen: Seen) -> LightTrack:
         """The same, after an image."""
         if self.done:
             return self
         reckoning = self.reckoning.moved(seen.progress_mm)
-        track = self
+        track = self if self.found is None else replace(self, found=None)
         for light in seen.lights:
             track = track._with(light, seen, reckoning)
         ahead = self.goal.lights_mm[self.passed] - self.reckoned(seen.progress_mm).progress_mm
         upright = abs(seen.tilt_deg) <= STEEPEST_DEG
-        if upright and abs(ahead) <= _IN_VIEW_MM and track.errors_mm == self.errors_mm:
+        if upright and abs(ahead) <= _IN_VIEW_MM and track.sightings == self.sightings:
             track = replace(track, dark_looks=track.dark_looks + 1)
         return track
 
@@ -154,7 +183,7 @@ class LightTrack:
         """The same, and the light that the robot's center came below, if it did."""
         if self.done:
             return self, None
-        valid = self.sure or len(self.errors_mm) > 1
+        valid = self.sure or len(self.sightings) > 1
         reckoning = self.reckoned(progress_mm) if valid else self.reckoning.moved(progress_mm)
         beyond = reckoning.progress_mm - self.goal.lights_mm[self.passed]
         if beyond < (0.0 if valid else self._dark_way(reckoning)):
@@ -165,22 +194,37 @@ class LightTrack:
             self,
             reckoning=reckoning,
             passed=number,
-            errors_mm=(),
+            sightings=(),
             turned_deg=(),
             sure=False,
             dark_looks=0,
             strays=() if valid else self.strays,
         )
-        return track, Passing(number, valid, beyond, median(self.turned_deg) if told else None)
+        turned = median(self.turned_deg) if told else None
+        return track, Passing(number, valid, beyond, turned, self._sighting if valid else None)
+
+    @property
+    def _sighting(self) -> Sighting:
+        """The middle one of what images of the next light said."""
+        by_error = sorted(self.sightings, key=lambda sighting: sighting.error_mm)
+        return by_error[len(by_error) // 2]
 
     def told(self, correction_mm: float) -> LightTrack:
         """The same, after what is reported was corrected by so much along the way."""
         return replace(
             self,
             reckoning=self.reckoning.told(correction_mm),
-            errors_mm=tuple(error - correction_mm for error in self.errors_mm),
+            sightings=tuple(s._replace(error_mm=s.error_mm - correction_mm) for s in self.sightings),
             strays=tuple(stray._replace(place_mm=stray.place_mm + correction_mm) for stray in self.strays),
         )
+
+    def estimated(self, progress_mm: float, sigma_mm: float) -> LightTrack:
+        """The same, after somebody who knows more corrected what is reported, so that it is as good as this.
+
+        What was known here of its error is in that.
+        """
+        told = self.told(self.reckoning.error_mm)
+        return replace(told, reckoning=told.reckoning.moved(progress_mm).anchored(0.0, sigma_mm))
 
     def to_next(self, progress_mm: float) -> float | None:
         """How far it still is to the next light, in mm; None: there is none."""
@@ -190,6 +234,8 @@ class LightTrack:
 
     def _dark_way(self, reckoning: Reckoning) -> float:
         """How far beyond the place of a light that was not seen the robot must be."""
+        if self.blind:
+            return 0.0
         in_view = _IN_VIEW_MM if self.dark_looks >= _DARK_LOOKS else 0.0
         return max(0.0, tolerance_mm(reckoning, self.goal.lights_mm) - in_view)
 
@@ -204,14 +250,16 @@ class LightTrack:
             return self  # one that was passed already, or one of which there is time to think later
         if self.sure and not light.whole:
             return self  # half a light tells no more of what was seen whole
-        error = lights[nearest] - light.ahead_mm - seen.progress_mm
-        errors = (*self.errors_mm, error) if self.sure or not light.whole else (error,)
+        sighting = _sighting(
+            seen, lights[nearest] - light.ahead_mm, math.hypot(LIGHT_SIGMA_MM, SEEN_SIGMA_MM)
+        )
+        sightings = (*self.sightings, sighting) if self.sure or not light.whole else (sighting,)
         turned = self.turned_deg
         if light.tilt_deg is not None and light.whole:
             turned = (*turned, light.tilt_deg - seen.tilt_deg)
         return replace(
             self,
-            errors_mm=errors[-_MOST_ERRORS:],
+            sightings=sightings[-_MOST_ERRORS:],
             turned_deg=turned[-_MOST_TURNS:],
             sure=self.sure or light.whole,
         )
@@ -230,8 +278,15 @@ class LightTrack:
         error = _lost_by(strays, self.goal.lights_mm)
         if error is None:
             return replace(self, strays=strays)
-        anchored = self.reckoning.moved(seen.progress_mm).anchored(error, _LOST_SIGMA_MM)
-        return replace(self, reckoning=anchored, strays=(), errors_mm=(), sure=False, dark_looks=0)
+        anchored = self.reckoning.moved(seen.progress_mm).anchored(error, LOST_SIGMA_MM)
+        found = _sighting(seen, seen.progress_mm + error, LOST_SIGMA_MM)
+        return replace(
+            self, reckoning=anchored, strays=(), sightings=(), sure=False, dark_looks=0, found=found
+        )
+
+
+def _sighting(seen: Seen, place_mm: float, sigma_mm: float) -> Sighting:
+    return Sighting(seen.t_ns, place_mm, place_mm - seen.progress_mm, seen.tilt_deg, sigma_mm)
 
 
 def tolerance_mm(reckoning: Reckoning, lights_mm: Sequence[float]) -> float:

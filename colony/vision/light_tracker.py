@@ -7,9 +7,10 @@ far beyond it the robot is, and $EndLMode is upped. A tracker that is started an
 it was ended (`track_goals.py`). Lights are given up where the robot has a goal of another kind meanwhile,
 from another Planner.
 
-The map knows the place of a light to centimeters, so each valid light also corrects the position at RServer
-along the corridor, and its tilted edges the heading. From light to light the scale of the odometry is
-learned, and what the robot travels is corrected by it, tracking or not.
+The map knows the place of a light to centimeters, so each valid light also tells where the robot is along the
+corridor, and its tilted edges the heading. That goes to the estimator of the pose as LightFix; the tracker
+corrects nothing itself. In turn it believes the reported position as far as the estimator does. Where nobody
+estimates the pose, it reckons by itself, from light to light, and learns the scale of the odometry.
 
 One script does that for any number of cameras: their lights meet in the same track, where one that is seen by
 two cameras is still one light. That is cheaper than the children of the thesis, and needs no token. Where
@@ -25,11 +26,16 @@ from collections.abc import Generator, Sequence
 from dataclasses import dataclass
 from typing import Any
 
+from colony.nav.asks import values
+from colony.nav.fixes import Fix, Row, fix_list
+from colony.nav.pose import PoseEstimate, pose_of
 from colony.nav.shared import (
     CEILING_LIGHT,
     END_L_MODE,
     LIGHT_DETECTED,
+    LIGHT_FIX,
     OVERSHOOT,
+    POSE,
     TRACK_DATA,
 )
 from colony.runtime.kit.script import Script, Step, do, sleep
@@ -38,7 +44,7 @@ from colony.runtime.library.robot import Position
 from colony.vision.along_track import Scale
 from colony.vision.ceiling_camera import UPWARD, CeilingCamera
 from colony.vision.light_looks import SILENT, Looker, cameras_looker, children_looker, hurry
-from colony.vision.light_track import LightTrack, Passing, Seen
+from colony.vision.light_track import LightTrack, Passing, Seen, Sighting
 from colony.vision.thesis_track import ThesisTrack
 from colony.vision.track_goals import (
     Unfinished,
@@ -53,23 +59,15 @@ from colony.vision.track_goals import (
 PERIOD_S, THESIS_PERIOD_S = 0.25, 0.5
 """From one look at the ceiling to the next. Half a second is 250 mm at full speed."""
 
-IDLE_S = 0.5
-"""How often the travel is corrected while no light is tracked."""
-
 ASK_AGAIN_S = 1.0
 """How often it is asked, while tracking, whether there is a new goal in place of the present one."""
 
-LEAST_CORRECTION_MM = 10.0
-"""The least correction that RServer is told between lights."""
-
-LEAST_TURN_DEG, MOST_TURN_DEG = 0.3, 20.0
-"""Headings that are off by less are let be; more than that is no heading but a mistake."""
-
-LEAP_MM = 1_000.0
-"""Nobody travels that far between two looks at the position."""
+TILT_SIGMA_DEG = 0.5
+"""How well the edges of a light tell the heading."""
 
 _SOONEST_S = 0.02
 _OLDEST_IMAGE_S = 1.0
+_OLDEST_POSE_S = 1.0
 _STANDING_MM = 2.0
 _POSITIONS = 8
 
@@ -78,11 +76,12 @@ Track = LightTrack | ThesisTrack
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class TrackerSettings:
-    """How a tracker works: how often it looks, whether it corrects RServer, whether it is the thesis's."""
+    """How a tracker works: how often it looks, whether its lights tell the heading, whether it has no camera
+    at all, and whether it is the thesis's."""
 
     period_s: float
-    correct: bool
-    correct_heading: bool
+    heading: bool
+    blind: bool
     thesis: bool
 
 
@@ -91,41 +90,34 @@ def light_tracker(
     cameras: Sequence[str] = ("CServerUp",),
     geometry: CeilingCamera | Sequence[CeilingCamera] = UPWARD,
     period_s: float | None = None,
-    correct: bool = True,
-    correct_heading: bool = True,
     thesis: bool = False,
 ) -> Script:
     """CTracker, which looks at its cameras itself.
 
     Args:
+        cameras: without any, lights are passed by the position alone.
         geometry: of all cameras, or of each.
         period_s: from one look at the ceiling to the next; 0.25 unless told, 0.5 as printed.
-        correct: correct the position at RServer; `correct_heading` also the heading.
-        thesis: count as printed, without any correction.
+        thesis: count as printed, and tell no fix.
 
     Raises:
         ValueError: there is not a geometry for each camera, or no period; later, in the script: the variables
             of a goal are not what the Planner should have set.
     """
     geometries = (geometry,) * len(cameras) if isinstance(geometry, CeilingCamera) else tuple(geometry)
-    if not cameras or len(geometries) != len(cameras):
+    if len(geometries) != len(cameras):
         raise ValueError(f"{len(cameras)} cameras with {len(geometries)} geometries; expected one for each")
     settings = TrackerSettings(
-        period_s=_period_s(period_s, thesis),
-        correct=correct and not thesis,
-        correct_heading=correct and correct_heading and not thesis,
-        thesis=thesis,
+        period_s=_period_s(period_s, thesis), heading=True, blind=not cameras, thesis=thesis
     )
     return _tracker(cameras_looker(cameras, geometries), settings, cameras)
 
 
-def parent(*, period_s: float | None = None, correct: bool = True, thesis: bool = False) -> Script:
-    """CTracker's parent: as `light_tracker`, with what the cameras' children tell."""
+def parent(*, period_s: float | None = None, thesis: bool = False) -> Script:
+    """CTracker's parent: as `light_tracker`, with what the cameras' children tell. They do not know the
+    heading, and so cannot correct it."""
     settings = TrackerSettings(
-        period_s=_period_s(period_s, thesis),
-        correct=correct and not thesis,
-        correct_heading=False,
-        thesis=thesis,
+        period_s=_period_s(period_s, thesis), heading=False, blind=False, thesis=thesis
     )
     return _tracker(children_looker(), settings, ())
 
@@ -146,32 +138,17 @@ def _tracker(looker: Looker, settings: TrackerSettings, cameras: Sequence[str]) 
     left = None if again else (yield from unfinished_goal())
     while True:
         if left is None and not again:
-            yield from _awaited_goal(scale if settings.correct else None)
+            yield from do("DServer", data.wait(TRACK_DATA))
         goal, passed = left or Unfinished((yield from take_goal()), 0)
         left = None
         track: Track = (
-            ThesisTrack.start(goal, passed) if settings.thesis else LightTrack.start(goal, scale, passed)
+            ThesisTrack.start(goal, passed)
+            if settings.thesis
+            else LightTrack.start(goal, scale, passed, blind=settings.blind)
         )
         tracking = _Tracking(track, looker, settings)
         again = yield from tracking.run()
         scale = tracking.scale(scale)
-
-
-def _awaited_goal(scale: Scale | None) -> Generator[Step, Any, None]:
-    """Wait for $TrackData; meanwhile what the robot travels is corrected by the odometry's scale."""
-    if scale is None or scale.error == 0.0:
-        yield from do("DServer", data.wait(TRACK_DATA))
-        return
-    last = yield from do("RServer", robot.position())
-    while not (yield from new_goal(IDLE_S)):
-        now = yield from do("RServer", robot.position())
-        dx, dy = scale.error * (now.x - last.x), scale.error * (now.y - last.y)
-        if math.hypot(now.x - last.x, now.y - last.y) > LEAP_MM:  # it was told to be elsewhere
-            last = now
-            continue
-        if max(abs(dx), abs(dy)) >= LEAST_CORRECTION_MM:
-            yield from do("RServer", robot.adjust_position(dx, dy, 0.0))
-            last = Position(x=now.x + dx, y=now.y + dy, heading=now.heading, t_ns=now.t_ns)
 
 
 class _Tracking:
@@ -184,6 +161,7 @@ class _Tracking:
         self._positions: deque[Position] = deque(maxlen=_POSITIONS)
         self._looked_at_mm: float | None = None
         self._asked_ns: int | None = None
+        self._told_ns = -1
 
     def scale(self, known: Scale) -> Scale:
         """What is known of the odometry's scale now."""
@@ -205,14 +183,14 @@ class _Tracking:
                     yield from give_up()
                     return False
             wait_s = self._settings.period_s
+            pose = yield from self._pose()
             try:
                 here = yield from do("RServer", robot.position())
             except SILENT:
                 continue
             if not self._positions or here.t_ns > self._positions[-1].t_ns:
                 self._positions.append(here)
-            if self._settings.correct:  # by the odometry's scale
-                yield from self._correct(least_mm=LEAST_CORRECTION_MM)
+            self._believe(pose)
             yield from self._look(here)
             while not self._track.done:
                 progress = self._progress(self._positions[-1])
@@ -246,41 +224,53 @@ class _Tracking:
             if here.t_ns - look.t_ns > _OLDEST_IMAGE_S * 1e9:
                 continue
             self._looked_at_mm = at_mm
-            seen = Seen(look.lights, goal.progress(then.x, then.y), goal.tilt(then.heading))
+            seen = Seen(look.lights, goal.progress(then.x, then.y), goal.tilt(then.heading), look.t_ns)
             self._track = self._track.seen(seen)
+            if isinstance(self._track, LightTrack) and self._track.found is not None:
+                yield from self._tell_fix(self._track.found, None)
 
     def _tell(self, passing: Passing) -> Generator[Step, Any, None]:
         """A light was passed."""
-        if self._settings.correct and passing.valid:
-            yield from self._correct(passing.turned_deg)
-        values: dict[str, object] = {CEILING_LIGHT: passing.number}
+        if passing.sighting is not None:
+            yield from self._tell_fix(passing.sighting, passing.turned_deg)
+        told: dict[str, object] = {CEILING_LIGHT: passing.number}
         if self._track.done:
-            values[OVERSHOOT] = passing.beyond_mm
-        yield from do("DServer", data.set_many(values))
+            told[OVERSHOOT] = passing.beyond_mm
+        yield from do("DServer", data.set_many(told))
         yield from do("DServer", data.signal(LIGHT_DETECTED))
         if self._track.done:
             yield from end_goal()
 
-    def _correct(
-        self, turned_deg: float | None = None, *, least_mm: float = 0.0
-    ) -> Generator[Step, Any, None]:
-        """Tell RServer by how much it is off, along the corridor and in the heading."""
-        if not isinstance(self._track, LightTrack):
+    def _tell_fix(self, sighting: Sighting, turned_deg: float | None) -> Generator[Step, Any, None]:
+        """Tell the estimator of the pose what an image says of the place along the corridor, and what several
+        together of the heading, which is to be turned by so much."""
+        goal = self._track.goal
+        east, north = goal.ahead
+        along = east * goal.x_mm + north * goal.y_mm + sighting.place_mm
+        rows = [Row(east, north, 0.0, along, sighting.sigma_mm)]
+        if turned_deg is not None and self._settings.heading:
+            heading = math.radians(goal.direction_deg + sighting.tilt_deg + turned_deg)
+            rows.append(Row(0.0, 0.0, 1.0, heading, math.radians(TILT_SIGMA_DEG)))
+        yield from do("DServer", data.set(LIGHT_FIX, fix_list(Fix(sighting.t_ns, tuple(rows)))))
+        self._told_ns = self._positions[-1].t_ns
+
+    def _pose(self) -> Generator[Step, Any, PoseEstimate | None]:
+        """The estimate of the pose; None where there is none. To be asked before the position, which then
+        has in it what the estimator corrected."""
+        if self._settings.thesis:
+            return None
+        told = yield from values(POSE)
+        return None if told is None else pose_of(told[POSE])
+
+    def _believe(self, pose: PoseEstimate | None) -> None:
+        """Trust the reported position as far as the estimator does, once it knows of the last fix."""
+        newest = self._positions[-1]
+        if pose is None or not isinstance(self._track, LightTrack) or pose.t_ns <= self._told_ns:
             return
-        off_mm = self._track.reckoning.moved(self._progress(self._positions[-1])).error_mm
-        turn = turned_deg if turned_deg is not None and self._settings.correct_heading else 0.0
-        if not LEAST_TURN_DEG <= abs(turn) <= MOST_TURN_DEG:
-            turn = 0.0
-        if abs(off_mm) < least_mm and turn == 0.0:
+        if newest.t_ns - pose.t_ns > _OLDEST_POSE_S * 1e9:
             return
-        east, north = self._track.goal.ahead
-        yield from do("RServer", robot.adjust_position(off_mm * east, off_mm * north, turn))
-        self._track = self._track.told(off_mm)
-        moved = [
-            Position(x=p.x + off_mm * east, y=p.y + off_mm * north, heading=p.heading + turn, t_ns=p.t_ns)
-            for p in self._positions
-        ]
-        self._positions = deque(moved, maxlen=_POSITIONS)
+        sigma_mm = pose.sigma_along(*self._track.goal.ahead)
+        self._track = self._track.estimated(self._progress(newest), sigma_mm)
 
     def _progress(self, position: Position) -> float:
         return self._track.goal.progress(position.x, position.y)

@@ -9,10 +9,12 @@ Corner = tuple[float, float]
 
 
 class Reading(NamedTuple):
-    """What is written on a plate. `text` is "" where nothing can be read; `confidence` is from 0 to 1."""
+    """What is written on a plate. `text` is "" where nothing can be read; `confidence` is from 0 to 1.
+    `alternatives` are the next most probable texts with their confidences, best first."""
 
     text: str
     confidence: float
+    alternatives: tuple[tuple[str, float], ...] = ()
 
 
 class PlateBox(NamedTuple):
@@ -28,13 +30,20 @@ class PlateBox(NamedTuple):
         columns, rows = zip(*self.corners, strict=True)
         return sum(columns) / 4.0, sum(rows) / 4.0
 
+    def lowered(self, rows: float) -> PlateBox:
+        """The same in an image that begins so many rows higher up."""
+        first, second, third, fourth = ((column, row + rows) for column, row in self.corners)
+        return PlateBox((first, second, third, fourth), self.score)
+
 
 class MarkerBox(NamedTuple):
     """A marker in an image: its outer edges in columns, the rows in which it was found, from the first one to
-    the last one, and its code of three bits, the left one first."""
+    the last one, and its code of three bits, the left one first. `edges` are those of all its stripes, from
+    the left one to the right one."""
 
     left: float
     right: float
     first_row: int
     last_row: int
     code: int
+    edges: tuple[float, ...] = ()

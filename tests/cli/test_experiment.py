@@ -18,6 +18,7 @@ from colony.cli.experiment_outputs import Found
 from colony.experiment.auditing import AuditedRun
 from colony.experiment.record import RunKey
 from tests.cli.conftest import Colony
+from tests.nav.floors import two_floors
 
 ROOT = Path(__file__).parents[2]
 MAP = str(ROOT / "maps" / "msu_engineering_3.stickrep")
@@ -72,8 +73,11 @@ def test_pictures_and_a_page(colony: Colony, rounds: Path, tmp_path: Path) -> No
     assert "100 %" not in missing.err
     name = missing.err.split("<!-- ")[1].split(" -->")[0]
     page.write_text(f"Before.\n\n<!-- {name} -->\nOld.\n<!-- end of {name} -->\n\nAfter.\n")
-    result = colony("experiment", *arguments, "--plot", str(pictures))
+    result = colony("experiment", *arguments, "--plot", str(pictures), "--format", "json")
     assert result.code == 0
+    assert len(json.loads(result.out)["results"]) == 2
+    assert f"put into {page}" in result.err
+    assert f"drawn in {pictures}: 2 pictures of paths" in result.err
     text = page.read_text()
     assert text.startswith("Before.\n\n<!-- ")
     assert text.endswith(" -->\n\nAfter.\n")
@@ -85,6 +89,34 @@ def test_pictures_and_a_page(colony: Colony, rounds: Path, tmp_path: Path) -> No
         "errors.png",
     ]
     assert all(path.read_bytes().startswith(b"\x89PNG") for path in pictures.iterdir())
+
+
+def test_ways_are_drawn_on_their_floor_and_none_on_two(colony: Colony, tmp_path: Path) -> None:
+    two_floors(tmp_path)
+    ways, pictures = tmp_path / "ways.csv", tmp_path / "pictures"
+    ways.write_text("from,to\nA,C\nupper:A,upper:C\nliftR,upper:D\n")
+    arguments = (str(ways), "--map", str(tmp_path / "ground.stickrep"), "--engine", "serial", "--no-hazards")
+    refused = colony("experiment", *arguments, "--plot", str(pictures))
+    assert refused.code == 2
+    assert "run 3 takes an elevator: `colony run ... --from liftR --to upper:D` draws each" in refused.err
+    drawn = colony("experiment", *arguments, "--plot", str(pictures), "--runs", "1,2")
+    assert drawn.code == 0
+    names = sorted(path.name for path in pictures.iterdir())
+    assert names == ["A_to_C.png", "A_to_C_of_upper.png", "errors.png"]
+
+
+def test_pages_that_cannot_be_filled_are_told_before_the_runs(colony: Colony, tmp_path: Path) -> None:
+    page = tmp_path / "page.md"
+    page.write_bytes(b"\xff<!-- thesis ours/no-hazards -->")
+    told = f"{page}: error: cannot write: byte 0 is no UTF-8; expected a page of Markdown\n"
+    assert colony("experiment", *QUICK, "--write", str(page)) == (2, "", told)
+    source = tmp_path / "page.colony"
+    source.write_text("<!-- thesis ours/no-hazards -->\n<!-- end of thesis ours/no-hazards -->\n")
+    result = colony("experiment", *QUICK, "--write", str(source))
+    assert (result.code, result.err) == (
+        2,
+        f"{source}: error: cannot write: it is a source, and exists already\n",
+    )
 
 
 def test_random_pairs(colony: Colony) -> None:
@@ -121,11 +153,15 @@ def test_differences_are_told() -> None:
 @pytest.mark.parametrize(
     ("arguments", "told"),
     [
-        (("rounds",), "give --map MAP"),
-        (("rounds", "--map", MAP), "there is no list `rounds`; expected thesis, random or a file"),
+        (("rounds.csv",), "give --map MAP"),
+        (("rounds",), "no list `rounds`; expected thesis, random, floors, plates, lights"),
+        (("rounds", "--map", MAP), "no list `rounds`; expected thesis, random, floors, plates, lights"),
         (("none.csv", "--map", MAP), "none.csv: cannot be read"),
         (("thesis", "--map", MAP), "leave out --map"),
         (("thesis", "--runs", "41"), "there is no run 41"),
+        (("thesis", "--audit", "nan"), "`nan`; expected a part of the runs, from 0 to 1"),
+        (("thesis", "--audit", "1.5"), "`1.5`; expected a part of the runs, from 0 to 1"),
+        (("plates", "--pairs", "3"), "--pairs goes with `random` and `floors`, not with `plates`"),
         (("thesis", "--no-hazard", "rain"), "there is no hazard `rain`; expected slip, glass"),
         (("thesis", "--engine", "cloud"), "there is no engine `cloud`; expected pool, serial, dask"),
         (("thesis", "-o", "/nowhere/r.sqlite"), "there is no such folder"),

@@ -17,6 +17,12 @@ def test_help_names_every_command(colony: Colony) -> None:
     assert all(name in out for name in COMMANDS)
 
 
+def test_alone_it_shows_its_help_as_it_is_with_help(colony: Colony) -> None:
+    _, shown, _ = colony("--help")
+    assert shown.startswith("Usage: colony [OPTIONS] COMMAND [ARGS]...\n")
+    assert colony() == (2, "", shown)
+
+
 @pytest.mark.parametrize("name", COMMANDS)
 def test_each_command_has_help_with_an_example(colony: Colony, name: str) -> None:
     code, out, _ = colony(name, "--help")

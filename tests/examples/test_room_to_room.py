@@ -33,3 +33,15 @@ def test_a_room_that_is_not_there() -> None:
         leading = here.run(f"python examples/room_to_room.py rome {MAP} 350R 35Z")
         assert leading.ended == 2
         assert "35Z" in leading.printed()
+
+
+def test_a_map_or_a_robot_that_is_not_there_is_told_in_a_line() -> None:
+    with machine() as here:
+        for map_path, ended, told in (
+            ("maps/nowhere.stickrep", 2, "cannot read"),
+            (MAP, 1, "no robot `rome`"),
+        ):
+            leading = here.run(f"python examples/room_to_room.py rome {map_path} 350R 352L")
+            assert leading.ended == ended
+            assert told in leading.printed()
+            assert "Traceback" not in leading.printed()

@@ -10,15 +10,18 @@ from colony.experiment.lists import (
     PUBLISHED_MAP,
     ListProblem,
     chosen,
+    floors_list,
     own_list,
     published_list,
     random_list,
     rooms_of,
 )
+from colony.nav.building import Building, load_building
 from colony.nav.route import plan
-from colony.nav.stickrep_reader import load_map
+from colony.nav.shared import GoalKind
 
-FLOOR = load_map(PUBLISHED_MAP)
+BUILDING = load_building(PUBLISHED_MAP)
+FLOOR = BUILDING.maps[0]
 
 
 def test_the_forty_published_runs() -> None:
@@ -32,7 +35,7 @@ def test_the_forty_published_runs() -> None:
 def test_ones_own_list(tmp_path: Path) -> None:
     path = tmp_path / "rounds.csv"
     path.write_text("From, To\n350R,376L\n\n 341L , 311R \n")
-    runs = own_list(path, FLOOR)
+    runs = own_list(path, BUILDING)
     assert [(run.number, run.origin, run.goal) for run in runs] == [(1, "350R", "376L"), (2, "341L", "311R")]
 
 
@@ -50,12 +53,12 @@ def test_bad_lists_are_told_with_their_line(tmp_path: Path, text: str, told: str
     path = tmp_path / "rounds.csv"
     path.write_text(text)
     with pytest.raises(ListProblem, match=told):
-        own_list(path, FLOOR)
+        own_list(path, BUILDING)
 
 
 def test_a_list_that_cannot_be_read(tmp_path: Path) -> None:
     with pytest.raises(ListProblem, match="cannot be read"):
-        own_list(tmp_path / "none.csv", FLOOR)
+        own_list(tmp_path / "none.csv", BUILDING)
 
 
 def test_random_pairs_are_the_same_for_a_seed_and_can_be_driven() -> None:
@@ -66,6 +69,33 @@ def test_random_pairs_are_the_same_for_a_seed_and_can_be_driven() -> None:
     assert set(rooms_of(FLOOR)) > {run.origin for run in runs}
     for run in runs[:5]:
         assert plan(FLOOR, run.origin, run.goal).segments
+
+
+def test_random_pairs_of_rooms_on_different_floors() -> None:
+    runs = floors_list(BUILDING, 40, 1)
+    assert runs == floors_list(BUILDING, 40, 1)
+    assert runs != floors_list(BUILDING, 40, 2)
+    plans = [plan(BUILDING, run.origin, run.goal) for run in runs]
+    assert {p.floors for p in plans} == {
+        ("msu_engineering_3", "msu_engineering_2"),
+        ("msu_engineering_2", "msu_engineering_3"),
+    }
+    assert all(run.rides for run in runs)
+    rides = {segment.doors for p in plans for segment in p.segments if segment.kind is GoalKind.ELEVATOR}
+    assert rides == {("acs.elev.L", "acs.elev.L"), ("old.elev.L", "old.elev.L")}
+
+
+def test_a_list_of_ones_own_tells_which_runs_take_an_elevator(tmp_path: Path) -> None:
+    path = tmp_path / "rounds.csv"
+    path.write_text("350R,376L\n350R,2:250R\n2:250R,2:235L\n")
+    runs = own_list(path, BUILDING)
+    assert [run.rides for run in runs] == [False, True, False]
+    assert runs[2].floors == ("msu_engineering_2",)
+
+
+def test_one_floor_has_no_pairs_on_different_floors() -> None:
+    with pytest.raises(ListProblem, match="lead to 1 floors with doors; expected at least 2"):
+        floors_list(Building(maps=(FLOOR,)), 3, 1)
 
 
 def test_rooms_are_named_once() -> None:

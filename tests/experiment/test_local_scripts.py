@@ -88,7 +88,7 @@ def test_strange_servers_and_methods_are_refused() -> None:
         except ServerNotFound as problem:
             found.append(str(problem))
         try:
-            yield from do("DServer", data.history("X"))
+            yield from do("DServer", data.delete("X"))
         except CallRefused as refused:
             found.append(refused.code)
 

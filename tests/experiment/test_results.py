@@ -12,24 +12,24 @@ from pathlib import Path
 
 import pytest
 
-from colony.experiment.results import Results, ResultsError
+from colony.experiment.results import RUN_TABLE, Results, ResultsError
 from tests.experiment.stage import REACHED, STUCK, result
 
 
 def test_results_come_back_as_they_were(tmp_path: Path) -> None:
     path = tmp_path / "r.sqlite"
     kept = [result(1, 1), result(2, 1, STUCK), result(1, 2), replace(result(2, 2), path=(), remark="é")]
-    with Results(path) as results:
+    with Results(path, RUN_TABLE) as results:
         for one in kept:
             results.put(one)
-    with Results(path) as results:
+    with Results(path, RUN_TABLE) as results:
         assert results.of("thesis", "ours") == tuple(sorted(kept, key=lambda one: one.key))
         assert results.keys() == {one.key for one in kept}
         assert results.of("thesis", "thesis") == results.of("own", "ours") == ()
 
 
 def test_the_same_run_again_takes_the_place_of_the_old_one() -> None:
-    with Results(None) as results:
+    with Results(None, RUN_TABLE) as results:
         results.put(REACHED)
         results.put(replace(REACHED, off_mm=7.0))
         assert [one.off_mm for one in results.of("thesis", "ours")] == [7.0]
@@ -37,12 +37,12 @@ def test_the_same_run_again_takes_the_place_of_the_old_one() -> None:
 
 def test_results_of_another_program_are_not_mixed_in(tmp_path: Path) -> None:
     path = tmp_path / "r.sqlite"
-    with Results(path) as results:
+    with Results(path, RUN_TABLE) as results:
         results.expect("thesis", "ours", "one")
         results.expect("thesis", "thesis", "other")
         results.expect("thesis", "ours", "one")
     with (
-        Results(path) as results,
+        Results(path, RUN_TABLE) as results,
         pytest.raises(ResultsError, match="another program or map; choose another"),
     ):
         results.expect("thesis", "ours", "changed")
@@ -56,7 +56,7 @@ def test_a_file_of_something_else_is_refused_and_left_alone(tmp_path: Path) -> N
     database.close()
     for path in (text, other, tmp_path / "nowhere" / "r.sqlite"):
         with pytest.raises(ResultsError, match="choose another file"):
-            Results(path)
+            Results(path, RUN_TABLE)
     with sqlite3.connect(other) as database:
         assert database.execute("SELECT name FROM sqlite_master").fetchall() == [("precious",)]
     database.close()
@@ -68,9 +68,9 @@ def test_what_was_put_survives_sigkill(tmp_path: Path) -> None:
     program = (
         "import sys, time\n"
         "from pathlib import Path\n"
-        "from colony.experiment.results import Results\n"
+        "from colony.experiment.results import RUN_TABLE, Results\n"
         "from tests.experiment.stage import result\n"
-        "results = Results(Path(sys.argv[1]))\n"
+        "results = Results(Path(sys.argv[1]), RUN_TABLE)\n"
         "for seed in range(1, 100_000):\n"
         "    results.put(result(1, seed))\n"
         "    print(seed, flush=True)\n"
@@ -86,7 +86,7 @@ def test_what_was_put_survives_sigkill(tmp_path: Path) -> None:
         assert child.stdout is not None
         told = [int(child.stdout.readline()) for _ in range(25)]
         child.send_signal(signal.SIGKILL)
-    with Results(path) as results:
+    with Results(path, RUN_TABLE) as results:
         kept = [one.key.seed for one in results.of("thesis", "ours")]
     assert kept == list(range(1, len(kept) + 1))
     assert len(kept) >= told[-1]

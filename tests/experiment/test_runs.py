@@ -6,6 +6,7 @@ import math
 from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import pytest
 
@@ -16,13 +17,14 @@ from colony.experiment.conduct import Experiment, conduct, conduct_audit, of_exp
 from colony.experiment.lists import PUBLISHED_MAP, ListedRun, published_list
 from colony.experiment.parallel import PoolEngine, SerialEngine
 from colony.experiment.record import LightCount, ModeCount, RunKey, RunResult
-from colony.experiment.results import Results
+from colony.experiment.results import RUN_TABLE, Results
 from colony.experiment.runs import Run, RunSpec, chance_of, run
-from colony.experiment.variants import OURS, Variant
+from colony.experiment.variants import OURS, SIDE_CAMERA, Variant
 from colony.ir.frame import Decision, Frame, Outcome
+from colony.nav.building import Building
 from colony.nav.plan import Plan
 from colony.nav.planner import OnSegment
-from colony.nav.walls import Walls
+from colony.nav.pose_tracker import ALL, Source
 from colony.runtime.kit.script import Script, do, sleep
 from colony.runtime.library import robot
 from colony.sim.hazards import Hazard, Hazards
@@ -101,10 +103,11 @@ def test_overshoots_are_compensated_in_the_later_ones_of_the_published_runs(
         def scripts(
             self,
             plan: Plan,
-            walls: Walls,
+            building: Building,
             on_segment: OnSegment | None = None,
             *,
             compensate: bool = True,
+            **more: Any,
         ) -> Mapping[str, Script]:
             told.append(compensate)
             return {}
@@ -126,12 +129,13 @@ def _with_scripts(monkeypatch: pytest.MonkeyPatch, **others: Script) -> None:
         def scripts(
             self,
             plan: Plan,
-            walls: Walls,
+            building: Building,
             on_segment: OnSegment | None = None,
             *,
             compensate: bool = True,
+            **more: Any,
         ) -> Mapping[str, Script]:
-            return {**OURS.scripts(plan, walls, on_segment, compensate=compensate), **others}
+            return {**OURS.scripts(plan, building, on_segment, compensate=compensate, **more), **others}
 
     other = Other(name="ours", behavior=OURS.behavior, mm_s=OURS.mm_s)
     monkeypatch.setattr(variants, "VARIANTS", {"ours": other})
@@ -239,8 +243,8 @@ def test_results_do_not_depend_on_where_the_work_is_done(tmp_path: Path) -> None
     assert asked.label == "ours/no-people"
     found = []
     for engine in (SerialEngine(), PoolEngine(2)):
-        with Results(None) as results:
-            conduct(asked, results, engine)
+        with Results(None, RUN_TABLE) as results:
+            conduct(asked, run, results, engine)
             found.append(of_experiment(asked, results))
     assert found[0] == found[1]
     assert [one.key.number for one in found[0]] == [1, 1, 2, 2]
@@ -248,11 +252,11 @@ def test_results_do_not_depend_on_where_the_work_is_done(tmp_path: Path) -> None
 
 def test_what_is_there_is_not_run_again(tmp_path: Path) -> None:
     path, asked, told = tmp_path / "r.sqlite", _experiment(1), []
-    with Results(path) as results:
-        conduct(asked, results, SerialEngine(), tell=lambda *args: told.append(args[:2]))
+    with Results(path, RUN_TABLE) as results:
+        conduct(asked, run, results, SerialEngine(), tell=lambda *args: told.append(args[:2]))
     more = replace(asked, seeds=(1, 2))
-    with Results(path) as results:
-        conduct(more, results, SerialEngine(), tell=lambda *args: told.append(args[:2]))
+    with Results(path, RUN_TABLE) as results:
+        conduct(more, run, results, SerialEngine(), tell=lambda *args: told.append(args[:2]))
         assert len(of_experiment(more, results)) == 4
         assert len(of_experiment(asked, results)) == 2
     assert told == [(1, 2), (2, 2), (3, 4), (4, 4)]
@@ -266,6 +270,10 @@ def test_an_audit_of_an_experiment_is_of_one_run_at_least() -> None:
 def test_all_hazards_off_has_a_short_name() -> None:
     assert replace(_experiment(), hazards=Hazards.none()).label == "ours/no-hazards"
     assert replace(_experiment(), hazards=Hazards()).label == "ours"
+    seeing = replace(_experiment(), sources=ALL - {Source.LIGHTS}, cameras=frozenset({SIDE_CAMERA}))
+    assert seeing.label == "ours/no-people,no-lights,side-camera"
+    assert {spec.key.variant for spec in seeing.specs()} == {seeing.label}
+    assert all((spec.sources, spec.cameras) == (seeing.sources, seeing.cameras) for spec in seeing.specs())
 
 
 def test_a_behavior_is_compiled_once_and_each_executor_begins_anew() -> None:

@@ -7,6 +7,7 @@ from collections.abc import Iterable
 from itertools import pairwise
 from typing import Any
 
+import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
@@ -91,7 +92,12 @@ class Bench:
                         return
                     self._step = self._script.throw(CallRefused("timeout", "was not signaled in time"))
                 case Do(server, asked):
-                    self._step = self._script.send(self._answer(server, asked.method, asked.arguments))
+                    try:
+                        answer = self._answer(server, asked.method, asked.arguments)
+                    except CallRefused as refused:
+                        self._step = self._script.throw(refused)
+                    else:
+                        self._step = self._script.send(answer)
 
     def _can_take(self, wanted: data.Wait) -> bool:
         return self.semaphores[wanted.name] > 0
@@ -113,8 +119,15 @@ class Bench:
             case "DServer", "wait":
                 self.semaphores[asked.name] -= 1
                 return None
-            case "DServer", "get":
-                return self.variables[asked.name]
+            case "DServer", "get" | "get_many":
+                names = asked.names if method == "get_many" else (asked.name,)
+                if missing := [name for name in names if name not in self.variables]:
+                    raise CallRefused("unset", f"{missing[0]} was never set")
+                found = {name: self.variables[name] for name in names}
+                return found if method == "get_many" else found[asked.name]
+            case "DServer", "set":
+                self.variables[asked.name] = msgspec.msgpack.decode(asked.value)
+                return None
         raise AssertionError(f"the bench has no {server}.{method}")
 
     def _scan(self) -> SonarReading:

@@ -10,6 +10,7 @@ import msgspec
 
 from colony.runtime.kit.errors import CallRefused
 from colony.runtime.kit.script import Do, Script, Sleep, Step
+from colony.runtime.library import data
 from colony.runtime.library.robot import Position
 
 FRAME_NS = 50_000_000
@@ -25,6 +26,7 @@ class Stage:
         self.now_ns = 0
         self.variables: dict[str, Any] = {}
         self.semaphores: dict[str, int] = {}
+        self._histories: dict[str, deque[data.Dated]] = {}
         self.x = self.y = self.heading = 0.0
         self.calls: list[tuple[str, str, Any, Any]] = []
         self._scripts = scripts
@@ -102,6 +104,11 @@ class Stage:
             case "DServer", "get":
                 found = self._get([told["name"]])
                 return found if isinstance(found, Exception) else found[told["name"]]
+            case "DServer", "set_history":
+                self._histories[told["name"]] = deque(maxlen=told["length"])
+                return None
+            case "DServer", "history":
+                return tuple(self._histories.get(told["name"], ()))
             case "DServer", "get_many":
                 return self._get(told["names"])
             case "DServer", "create_semaphore":
@@ -128,6 +135,8 @@ class Stage:
         values = {name: msgspec.msgpack.decode(value) for name, value in raw.items()}
         self.calls.append((by, how, tuple(values), tuple(values.values())))
         self.variables.update(values)
+        for name in self._histories.keys() & raw.keys():
+            self._histories[name].appendleft(data.Dated(t_ns=self.now_ns, value=raw[name]))
 
     def _get(self, names: list[str]) -> Any:
         missing = [name for name in names if name not in self.variables]

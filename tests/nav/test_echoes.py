@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from colony.nav.echoes import CHANNELS, Ring, SonarModel, mirrors_of
+from colony.nav.echoes import CHANNELS, Mirrors, Ring, SonarModel, mirrors_of
 from colony.nav.stickrep_reader import load_map, read_map
 from colony.nav.walls import walls_of
 from colony.sim.config import IDEAL
@@ -109,3 +109,27 @@ def test_nothing_near_by_and_nothing_within_reach() -> None:
         assert not np.isfinite(expected.ranges).any()
         assert not np.isfinite(expected.sigma).any()
         assert expected.jacobian.shape == (CHANNELS, 3)
+
+
+def facing(*walls: tuple[float, float]) -> Mirrors:
+    """Walls in a line 3 m north of the origin, each from west to east between two places."""
+    start = np.array([(west, 3_000.0) for west, _ in walls])
+    count = len(walls)
+    return Mirrors(
+        start=start,
+        along=np.tile([1.0, 0.0], (count, 1)),
+        normal=np.tile([0.0, -1.0], (count, 1)),
+        length=np.array([east - west for west, east in walls]),
+        doubt=np.ones(count),
+    )
+
+
+def test_the_end_of_a_wall_is_heard_but_not_trusted() -> None:
+    """Where it is heard lies between two rays; scan after scan the same two."""
+    whole = RING.expect(facing((-3_000.0, 3_000.0)), 0.0, 0.0, 0.0)
+    assert np.isfinite(whole.sigma[10:15]).all()
+    gap = RING.expect(facing((-3_000.0, -900.0), (900.0, 3_000.0)), 0.0, 0.0, 0.0)
+    heard = np.flatnonzero(np.isfinite(gap.ranges)).tolist()
+    assert heard == [10, 11, 13, 14]
+    assert (gap.ranges[[11, 13]] > whole.ranges[[11, 13]] + 50.0).all()
+    assert np.isinf(gap.sigma[[11, 13]]).all()

@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from colony.nav.echoes import CHANNELS
 from colony.nav.himm import HimmSetting, LocalPose
 from colony.nav.local_map import Trail, beyond, local_pose, seen_from
-from colony.nav.pose_filter import Step
+from colony.nav.steps import Step
 from colony.nav.stickrep import Pose
 
 coordinates = st.floats(-5_000.0, 5_000.0)

@@ -9,23 +9,30 @@ from typing import Any
 
 import pytest
 
+from colony.nav.goal_verification import Verdict
 from colony.nav.plan import Place, Plan, Segment
 from colony.nav.planner import INTO_ELEVATOR_MM, Goal, goal_of, landing, planner, progress_along
 from colony.nav.shared import (
     CEILING_LIGHT,
+    ELEVATOR_CALL,
     END_L_MODE,
+    FLOOR,
     GOAL_DATA,
     GOAL_DIRECTION,
     GOAL_DISTANCE,
     GOAL_TYPE,
+    GOAL_VERIFIED,
     LIGHT_OFFSET,
     OVERSHOOT,
+    PLATE_SEEN,
     ROBOT_STATUS,
     SEMAPHORES,
     START_MAP,
     TRACK_DATA,
     GoalKind,
 )
+from colony.nav.signs import Plate
+from colony.nav.stickrep_geometry import Point
 from colony.runtime.kit.script import Script, do
 from colony.runtime.library import data
 from tests.nav.script_stage import Stage
@@ -87,6 +94,8 @@ def goals(stage: Stage) -> list[tuple[str, float, float]]:
     found = []
     for names, values in stage.told("planner", "set_many"):
         told = dict(zip(names, values, strict=True))
+        if GOAL_TYPE not in told:
+            continue  # of floors and elevators
         found.append((chr(told[GOAL_TYPE]), told[GOAL_DIRECTION], told[GOAL_DISTANCE]))
     return found
 
@@ -108,16 +117,17 @@ def test_it_makes_the_semaphores_and_uses_none_but_those_of_the_table() -> None:
     ]  # fmt: skip
     written = {name for names, _ in stage.told("planner", "set_many") for name in names}
     written |= {name for names, _ in stage.told("planner", "set") for name in names}
-    assert written == {GOAL_TYPE, GOAL_DIRECTION, GOAL_DISTANCE, LIGHT_OFFSET}
+    assert written == {GOAL_TYPE, GOAL_DIRECTION, GOAL_DISTANCE, LIGHT_OFFSET, FLOOR, ELEVATOR_CALL}
 
 
 def test_what_a_goal_is_stands_before_it_is_announced() -> None:
     """Who is woken by a semaphore reads at once."""
     stage = driven(PLAN)
     by_planner = [(how, name) for by, how, name, _ in stage.calls if by == "planner" and how != "create"]
-    first = [how for how, name in by_planner[:4]]
+    assert by_planner[0][1] == (FLOOR, ELEVATOR_CALL)
+    first = [how for how, name in by_planner[1:5]]
     assert first == ["set_many", "signal", "signal", "signal"]
-    assert [name for _, name in by_planner[1:4]] == [TRACK_DATA, START_MAP, GOAL_DATA]
+    assert [name for _, name in by_planner[2:5]] == [TRACK_DATA, START_MAP, GOAL_DATA]
     assert stage.variables[LIGHT_OFFSET] == [2000.0, 3000.0, 3000.0]
 
 
@@ -234,6 +244,7 @@ RIDE = Segment(
     width_mm=1000.0,
     turn_deg=90.0,
     doors_mm=(1200.0, 1500.0),
+    doors=("lift.one", "lift.two"),
 )
 
 
@@ -254,7 +265,99 @@ def test_after_a_ride_the_robot_is_on_the_other_floor() -> None:
     assert RIDE.length_mm == 0.0
 
 
+def test_a_ride_is_called_for_and_when_it_is_over_the_floor_is_another() -> None:
+    stage: list[Stage] = []
+    made = Stage(
+        robot=obedient(stage, lambda goal: (0.0, 0.0)), planner=planner(replace(PLAN, segments=(RIDE,)))
+    )
+    stage.append(made)
+    made.run(10.0)
+    told = [(how, name, value) for by, how, name, value in made.calls if by == "planner"]
+    calls = [value for how, name, value in told if how == "set" and name == (ELEVATOR_CALL,)]
+    floors = [value for how, name, value in told if how == "set_many" and FLOOR in name]
+    assert calls == [(["lift.one", "one", "two"],)]
+    assert [list(value) for value in floors] == [["one", []], ["two", []]]
+    # The position is that of the new floor's map before anybody hears of the floor.
+    order = [how for how, name, _ in told if how == "adjust" or (how == "set_many" and FLOOR in name)]
+    assert order == ["set_many", "adjust", "set_many"]
+
+
 def test_an_elevator_is_entered_however_near_its_doors_are() -> None:
     """A goal of 0 mm would make the Navigator turn around before them."""
     assert goal_of(RIDE, 5000.0).distance == INTO_ELEVATOR_MM
     assert goal_of(replace(RIDE, doors_mm=(0.0, 0.0)), 0.0).distance == INTO_ELEVATOR_MM
+
+
+# --- what hangs at the goal -----------------------------------------------------------------------------
+
+PLATE = Plate(
+    edge=0, start_mm=0.0, end_mm=356.0, middle=Point(-6000.0, 10800.0), heading_deg=180.0, door="b", text="12"
+)
+
+
+def arrived(seen: list[tuple[str, float]], ahead: float = 0.0, before_s: float = 0.0) -> Stage:
+    """A whole plan, by a robot that is so far beyond its last goal when it arrives, and tells of plates then
+    that it saw so long before."""
+    stage: list[Stage] = []
+
+    def finder() -> Script:
+        yield from do("DServer", data.wait("$Arrived"))
+        for number, (text, x) in enumerate(seen, 1):
+            told = [stage[0].now_ns - round(before_s * 1e9), number, text, x, 10800.0]
+            yield from do("DServer", data.set(PLATE_SEEN, told))
+
+    def robot() -> Script:
+        goals = 0
+        yield from do("DServer", data.create_semaphore("$Arrived", 0))
+
+        def error(goal: Goal) -> tuple[float, float]:
+            nonlocal goals
+            goals += 1
+            if goals == len(PLAN.segments):
+                stage[0].signal("$Arrived")
+            return (ahead if goals == len(PLAN.segments) else 0.0), 0.0
+
+        yield from obedient(stage, error)
+
+    made = Stage(robot=robot(), finder=finder(), planner=planner(PLAN, verify=PLATE))
+    stage.append(made)
+    made.run(30.0)
+    assert "planner" in made.ended
+    return made
+
+
+@pytest.mark.parametrize(
+    ("seen", "verdict"),
+    [
+        ([("12", -6100.0)], Verdict.RIGHT),
+        ([("14", -6100.0)], Verdict.WRONG),
+        ([("14", -6100.0), ("12", -5900.0), ("16", -3000.0)], Verdict.RIGHT),
+        ([("16", -3000.0)], Verdict.UNSEEN),
+        ([], Verdict.UNSEEN),
+    ],
+)
+def test_the_plate_at_the_goal_is_looked_for(seen: list[tuple[str, float]], verdict: Verdict) -> None:
+    stage = arrived(seen)
+    assert stage.variables[GOAL_VERIFIED] == verdict
+    assert stage.variables[GOAL_TYPE] == GoalKind.NONE
+
+
+@pytest.mark.parametrize(("before_s", "verdict"), [(2.0, Verdict.RIGHT), (60.0, Verdict.UNSEEN)])
+def test_a_plate_may_be_read_before_the_last_segment_but_not_long_before(
+    before_s: float, verdict: Verdict
+) -> None:
+    """The last segment may be 20 mm long, and the plate was in view all the time before."""
+    assert arrived([("12", -6100.0)], before_s=before_s).variables[GOAL_VERIFIED] == verdict
+
+
+@pytest.mark.parametrize(("ahead", "rest"), [(-200.0, 200.0), (-40.0, None), (300.0, None), (-1600.0, None)])
+def test_what_is_left_of_the_way_by_then_is_driven(ahead: float, rest: float | None) -> None:
+    stage = arrived([("12", -6000.0)], ahead)
+    more = goals(stage)[len(PLAN.segments) :]
+    assert [(mode, direction) for mode, direction, _ in more] == ([] if rest is None else [("D", 90.0)])
+    assert [distance for *_, distance in more] == pytest.approx([] if rest is None else [rest])
+    assert stage.variables[GOAL_TYPE] == GoalKind.NONE
+
+
+def test_without_a_plate_to_verify_nothing_is_said_of_the_goal() -> None:
+    assert GOAL_VERIFIED not in driven(PLAN).variables

@@ -4,9 +4,13 @@ import math
 
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
 from colony.nav.echoes import CHANNELS, Floats, Ring, SonarModel, mirrors_of
-from colony.nav.pose_filter import PoseFilter, Step, Uncertainty
+from colony.nav.fixes import Row
+from colony.nav.pose_filter import Leap, PoseFilter, Uncertainty
+from colony.nav.steps import Since, Step
 from colony.nav.stickrep_reader import read_map
 from colony.nav.walls import walls_of
 from colony.source import Source
@@ -140,3 +144,113 @@ def test_a_correction_by_others_moves_the_pose_and_not_the_doubt() -> None:
     assert (pose_filter.covariance == covariance).all()
     pose_filter.reset((0.0, 0.0, 90.0))
     assert pose_filter.state[:3].tolist() == pytest.approx([0.0, 0.0, math.pi / 2])
+
+
+# --- landmarks ----------------------------------------------------------------------------------------
+
+
+BELIEVED = Leap(500.0, 0.3)
+
+
+def drive(pose_filter: PoseFilter, way_mm: float) -> None:
+    """Go straight on, in steps of 50 mm."""
+    for _ in range(round(way_mm / 50.0)):
+        pose_filter.move(Step(50.0, 0.0, 0.0))
+
+
+def test_a_landmark_corrects_the_place_along_its_row_and_nothing_across_it() -> None:
+    pose_filter = PoseFilter(RING, (1_000.0, 2_000.0, 0.0))
+    before = pose_filter.covariance.copy()
+    assert pose_filter.observe(Row(0.0, 1.0, 0.0, 2_050.0, 20.0))
+    part = before[1, 1] / (before[1, 1] + 400.0)
+    assert pose_filter.state[1] == pytest.approx(2_000.0 + part * 50.0)
+    assert pose_filter.covariance[1, 1] == pytest.approx(part * 400.0)
+    assert pose_filter.state[0] == 1_000.0
+    assert pose_filter.covariance[0, 0] == pytest.approx(before[0, 0])
+
+
+@pytest.mark.parametrize("turns", [-1, 0, 2])
+def test_a_heading_is_right_from_whatever_turn_it_is_counted(turns: int) -> None:
+    pose_filter = PoseFilter(RING, (0.0, 0.0, 359.0))
+    value = math.radians(1.0) + turns * 2.0 * math.pi
+    for _ in range(200):
+        assert pose_filter.observe(Row(0.0, 0.0, 1.0, value, math.radians(0.5)))
+    assert math.degrees(pose_filter.state[2]) == pytest.approx(361.0, abs=0.1)
+
+
+def test_what_was_seen_a_while_ago_holds_for_the_pose_of_then() -> None:
+    """The robot went a meter to the north and half a meter to the west since."""
+    now, then = PoseFilter(RING, (0.0, 0.0, 90.0)), PoseFilter(RING, (0.0, 0.0, 90.0))
+    since = Since(ahead_mm=500.0, left_mm=-1_000.0, turned_rad=math.radians(90.0), way_mm=0.0)
+    assert now.observe(Row(0.0, 1.0, 0.0, 30.0, 20.0))
+    assert then.observe(Row(0.0, 1.0, 0.0, 30.0 - 1_000.0, 20.0), since)
+    assert then.state[1] == pytest.approx(now.state[1], rel=0.5)
+    # A heading that is off by a radian puts the place of then half a meter off: it goes with it.
+    assert then.covariance[1, 2] < -1e-3
+    assert then.covariance[1, 1] > now.covariance[1, 1]
+
+
+def test_the_scale_of_the_odometry_is_learned_from_landmarks() -> None:
+    """Who believes to go a meter goes 985 mm."""
+    pose_filter, true = PoseFilter(RING, (0.0, 0.0, 0.0)), 0.0
+    for _ in range(10):
+        drive(pose_filter, 5_000.0)
+        true += 5_000.0 * 0.985
+        assert pose_filter.observe(Row(0.0, 1.0, 0.0, true, 25.0))
+    assert pose_filter.state[4] == pytest.approx(-0.015, abs=0.002)
+    drive(pose_filter, 5_000.0)
+    assert pose_filter.state[1] == pytest.approx(true + 5_000.0 * 0.985, abs=15.0)
+
+
+def test_a_landmark_that_surprises_tells_of_a_slip_and_teaches_nothing() -> None:
+    pose_filter = PoseFilter(RING, (0.0, 0.0, 0.0))
+    drive(pose_filter, 5_000.0)
+    assert pose_filter.observe(Row(0.0, 1.0, 0.0, 5_000.0, 25.0))
+    scale = pose_filter.state[4]
+    drive(pose_filter, 1_000.0)
+    assert pose_filter.observe(Row(0.0, 1.0, 0.0, 5_600.0, 25.0), most=BELIEVED)
+    assert pose_filter.state[1] == pytest.approx(5_600.0, abs=10.0)
+    assert pose_filter.state[4] == scale
+    assert pose_filter.covariance[1, 1] < 30.0**2
+
+
+def test_a_heading_that_surprises_is_taken_over() -> None:
+    pose_filter = PoseFilter(RING, (0.0, 0.0, 0.0))
+    pose_filter.observe(Row(0.0, 0.0, 1.0, 0.0, 0.005))
+    assert pose_filter.observe(Row(0.0, 0.0, 1.0, 0.2, 0.01), most=BELIEVED)
+    assert pose_filter.state[2] == pytest.approx(0.2, abs=0.005)
+
+
+@pytest.mark.parametrize(
+    "row",
+    [
+        Row(0.0, 1.0, 0.0, 900.0, 25.0),  # farther off than any slip
+        Row(0.0, 1.0, 0.0, 0.0, 0.0),
+        Row(0.0, 1.0, 0.0, 0.0, -1.0),
+        Row(0.0, 0.0, 0.0, 5.0, 1.0),
+        Row(0.0, 0.0, 1.0, 0.5, 0.01),
+        Row(0.0, 1.0, 10.0, 100.0, 25.0),  # a turn of the heading is 63 mm: is it off by 100 or by 37?
+    ],
+)
+def test_what_is_not_believed_changes_nothing(row: Row) -> None:
+    pose_filter = PoseFilter(RING, (0.0, 0.0, 0.0))
+    state, covariance = pose_filter.state.copy(), pose_filter.covariance.copy()
+    assert not pose_filter.observe(row, most=BELIEVED)
+    assert (pose_filter.state == state).all()
+    assert (pose_filter.covariance == covariance).all()
+
+
+rows = st.builds(
+    Row, st.floats(-1, 1), st.floats(-1, 1), st.floats(-2e3, 2e3), st.floats(-1e4, 1e4), st.floats(0.1, 1e3)
+)
+
+
+@given(st.lists(rows, max_size=8))
+def test_the_covariance_stays_one_whatever_landmarks_tell(told: list[Row]) -> None:
+    pose_filter = PoseFilter(RING, (0.0, 0.0, 0.0))
+    for row in told:
+        pose_filter.observe(row, most=BELIEVED)
+        pose_filter.move(Step(50.0, 0.0, 0.02))
+    assert np.isfinite(pose_filter.state).all()
+    scale = np.sqrt(np.diag(pose_filter.covariance))
+    assert (np.linalg.eigvalsh(pose_filter.covariance / np.outer(scale, scale)) > -1e-7).all()

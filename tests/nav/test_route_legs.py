@@ -94,9 +94,9 @@ def test_lights_of_turning_spaces_at_the_ends_of_a_leg_are_not_tracked() -> None
 
 def test_who_stands_in_the_turning_space_goes_back_to_its_middle() -> None:
     """On an outer wall a jamb may lie beyond the middle of the space in which the path turns."""
-    text, letters = modes((SOUTH, WEST), Point(-400.0, -900.0), Point(0.0, 9000.0))
-    assert (text, letters) == ("E400 C1500 D7500 ", "cd")
-    legs = legs_of((SOUTH, WEST), Point(-400.0, 0.0), Point(0.0, 9000.0))
+    text, letters = modes((SOUTH, WEST), Point(-300.0, -900.0), Point(0.0, 9000.0))
+    assert (text, letters) == ("E300 C1500 D7500 ", "cd")
+    legs = legs_of((SOUTH, WEST), Point(-300.0, 0.0), Point(0.0, 9000.0))
     assert not isinstance(legs, Apart)
     assert legs[0].heading_deg == 270.0
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from itertools import pairwise
 from pathlib import Path
 
 import pytest
@@ -85,6 +86,18 @@ def test_a_plate_is_at_the_right_jamb_as_seen_by_who_stands_before_it(tmp_path: 
     assert plate.heading_deg == pytest.approx(90.0)
     assert plate.middle.y > 4900.0
     assert plate.start_mm == 70.0
+
+
+@pytest.mark.parametrize(("between_m", "doors"), [(0.5, ["12"]), (0.92, ["12"]), (0.93, ["12", "13"])])
+def test_two_plates_never_hang_on_each_other(between_m: float, doors: list[str], tmp_path: Path) -> None:
+    # Door 13 has no wall at its right jamb, and between it and door 12 is room for one plate, or for two.
+    after = f" 180 12R W 0 {between_m}\n 180 13L D 0 0.9"
+    path = tmp_path / "nook.stickrep"
+    path.write_text(NOOK.format(after=after, rest=2, length=5.8 + between_m))
+    plates = plates_of(load_map(path))
+    assert [plate.door for plate in plates] == doors
+    starts = sorted(plate.start_mm for plate in plates)
+    assert all(right - left >= PLATE_WIDTH_MM for left, right in pairwise(starts))
 
 
 def test_a_plate_hangs_on_the_other_side_where_there_is_no_wall(tmp_path: Path) -> None:

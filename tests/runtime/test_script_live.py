@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import threading
+import time
 from collections.abc import Iterator
 
 import pytest
@@ -81,6 +82,32 @@ def test_a_script_that_waits_for_ever_can_be_stopped(session: Session) -> None:
         thread.join()
         assert cleaned == ["cleaned"]
         until(lambda: _waiting(other, "$Never") == 0, "its place in the queue is free")
+
+
+def test_a_script_is_stopped_that_is_just_opening_a_connection(session: Session) -> None:
+    stop, ended = threading.Event(), threading.Event()
+
+    class Slow(Session):
+        """Stop is asked for while this opens a connection, and long before it has."""
+
+        def connect(
+            self, server: str, *, name: str | None = None, priority: int = 0, timeout_s: float = 10.0
+        ) -> Connection:
+            stop.set()
+            time.sleep(0.3)
+            return super().connect(server, name=name, priority=priority, timeout_s=timeout_s)
+
+    def run() -> None:
+        assert run_script(Slow(session.hub), wait_for_ever(), name="waiter", stop=stop) is False
+        ended.set()
+
+    def wait_for_ever() -> Script:
+        yield from do("DServer", data.wait("$Never"))
+
+    with session.connect("DServer") as other:
+        other.do(data.create_semaphore("$Never", 0))
+        threading.Thread(target=run, daemon=True).start()
+        until(ended.is_set, "the script ended")
 
 
 def _waiting(connection: Connection, name: str) -> int:

@@ -159,7 +159,7 @@ def test_a_driver_grabs_what_is_above_the_robot_now() -> None:
     clock = VirtualClock()
     world = World(walls=every, poses=[MSU.start], seed=1)
     camera = CeilingCamera(every)
-    driver = SimulatedCeilingCamera(Plant(world, clock), 0, camera)
+    driver = SimulatedCeilingCamera(Plant(world, clock), 0, lambda: camera)
     world.command(0, 300.0, 0.0)
     before = driver.grab()
     clock.now_ns = 1_500_000_000

@@ -12,8 +12,8 @@ from colony.sim.camera import Camera, CameraConfig
 from colony.sim.ceiling import CeilingCamera
 from colony.sim.config import IDEAL
 from colony.sim.devices import MOST_BEHIND_NS, WATCHDOG_NS, Devices
-from colony.sim.scene import scene
 from colony.sim.scenery import CeilingLight, bare
+from colony.sim.surfaces import scene
 from colony.sim.world import World
 
 MS = 1_000_000

@@ -9,7 +9,7 @@ from colony.runtime.virtual import VirtualClock
 from colony.sim.camera import Camera, CameraConfig
 from colony.sim.config import IDEAL
 from colony.sim.drivers import Plant, RegisterBase, SimulatedCamera, simulated_drivers
-from colony.sim.scene import scene
+from colony.sim.surfaces import scene
 from colony.sim.world import World
 
 S = 1_000_000_000
@@ -71,7 +71,8 @@ def test_a_camera_sees_where_the_robot_is_now() -> None:
     clock = VirtualClock()
     shared = plant(clock)
     scenery = scene([[-5000.0, 3000.0, 5000.0, 3000.0]])
-    camera = SimulatedCamera(shared, 0, Camera(scenery, CameraConfig(), robot_radius_mm=400.0))
+    eye = Camera(scenery, CameraConfig(), robot_radius_mm=400.0)
+    camera = SimulatedCamera(shared, 0, lambda: eye)
     first = camera.grab()
     simulated_drivers(shared).base.drive(500.0, 0.0)
     clock.now_ns = 2 * S

@@ -31,6 +31,7 @@ PARTS = {
     Hazard.CROSS_TALK: ("cross_talk",),
     Hazard.ENCODERS: ("encoder_scale",),
     Hazard.COMPASS: ("iron",),
+    Hazard.POSTERS: ("posters", "extinguishers"),
 }
 """What of a scenery comes from which hazard."""
 

@@ -133,7 +133,7 @@ class Base:
 
     def _position(self, asked: Asked, arguments: Any, reply: Any, now_ns: int) -> robot.Position:
         if self._moves.silent[0] <= self.along_mm < self._moves.silent[1]:
-            raise Refused("base", "the base does not answer")
+            raise Refused("no value", "the base does not answer")
         return robot.Position(x=self.x, y=self.y, heading=self.heading % 360.0, t_ns=now_ns)
 
     def _adjust(self, asked: Asked, arguments: robot.PoseArguments, reply: Any, now_ns: int) -> None:

@@ -4,9 +4,13 @@ import math
 from collections.abc import Sequence
 from typing import Any
 
+import numpy as np
 import pytest
 
 from colony.experiment.local_scripts import ScriptFailed
+from colony.nav.fixes import fix_of
+from colony.nav.pose_estimate import pose_estimator
+from colony.nav.pose_tracker import Source
 from colony.nav.shared import (
     CEILING_LIGHT,
     END_L_MODE,
@@ -14,10 +18,12 @@ from colony.nav.shared import (
     GOAL_DISTANCE,
     GOAL_TYPE,
     LIGHT_DETECTED,
+    LIGHT_FIX,
     LIGHT_OFFSET,
     TRACK_START,
     GoalKind,
 )
+from colony.nav.walls import Walls
 from colony.runtime.kit.errors import CallRefused
 from colony.runtime.kit.script import Script, sleep
 from colony.runtime.library.robot import Position
@@ -37,6 +43,9 @@ UNFINISHED: dict[str, object] = {
 """What a tracker finds that begins where one before it was ended."""
 
 
+NO_WALLS = Walls(segments=np.empty((0, 4)), kinds=(), attributes=())
+
+
 def ceiling(*out: int, level: float = 240.0) -> Ceiling:
     return Ceiling(lights=tuple((place, level) for i, place in enumerate(PLACES) if i not in out))
 
@@ -49,11 +58,15 @@ def driven(
     goals: Sequence[Sequence[float]] = (PLACES,),
     seconds: float = 120.0,
     patience_s: float | None = None,
+    alone: bool = False,
     **kinds: Any,
 ) -> Stage:
+    """The tracker, and unless it is alone the estimator of the pose, which knows of lights only."""
     print(f"seed {seed}")
-    tracker = light_tracker(**kinds)
-    stage = Stage(ceiling, robot, {"tracker": tracker}, seed=seed, goals=goals, patience_s=patience_s)
+    scripts = {"tracker": light_tracker(**kinds)}
+    if not alone:
+        scripts["estimator"] = pose_estimator({"": NO_WALLS}, sources=frozenset({Source.LIGHTS}))
+    stage = Stage(ceiling, robot, scripts, seed=seed, goals=goals, patience_s=patience_s)
     stage.run(seconds)
     return stage
 
@@ -93,7 +106,7 @@ def test_the_overshoot_is_how_far_the_robot_is_beyond_the_last_light() -> None:
     ],
     ids=["ahead", "behind", "long", "short", "slips", "tilted", "aside", "silent", "stands"],
 )
-def test_it_corrects_the_position_along_the_corridor(robot: Robot) -> None:
+def test_with_the_estimator_the_position_along_the_corridor_is_right(robot: Robot) -> None:
     stage = driven(ceiling(), robot)
     assert numbers(stage) == [0, 1, 2, 3, 4, 5]
     assert abs(stage.log.errors_mm[-1]) < 30.0
@@ -101,11 +114,42 @@ def test_it_corrects_the_position_along_the_corridor(robot: Robot) -> None:
     assert at - overshoot == pytest.approx(PLACES[-1], abs=30.0)
 
 
-def test_it_corrects_the_heading_by_the_edges_of_the_lights() -> None:
+@pytest.mark.parametrize("robot", [Robot(off_mm=300.0), Robot(scale=0.98), Robot(slips=((4000.0, 80.0),))])
+def test_alone_it_counts_all_the_same_and_tells_nothing_to_the_base(robot: Robot) -> None:
+    stage = driven(ceiling(), robot, alone=True)
+    assert numbers(stage) == [0, 1, 2, 3, 4, 5]
+    ((at, overshoot),) = stage.log.overshoots
+    assert at - overshoot == pytest.approx(PLACES[-1], abs=30.0)
+    assert stage.base.corrections == []
+
+
+def test_the_edges_of_the_lights_tell_the_heading() -> None:
     stage = driven(ceiling(), Robot(tilt_deg=6.0, believed_deg=-1.0))
     assert stage.base.heading == pytest.approx(6.0, abs=0.7)
-    left_alone = driven(ceiling(), Robot(tilt_deg=6.0, believed_deg=-1.0), correct_heading=False)
+    left_alone = driven(ceiling(), Robot(tilt_deg=6.0, believed_deg=-1.0), alone=True)
     assert left_alone.base.heading == -1.0
+
+
+def test_a_fix_is_of_one_image_and_says_where_the_robot_was_then() -> None:
+    stage = driven(
+        ceiling(), Robot(tilt_deg=4.0, believed_deg=4.0, off_mm=250.0), alone=True, goals=(PLACES[:1],)
+    )
+    fix = fix_of(stage.variable(LIGHT_FIX))
+    assert fix is not None
+    along, heading = fix.rows
+    then_mm = 300.0 * fix.t_ns / 1e9
+    assert along[:3] == pytest.approx((0.0, 1.0, 0.0))
+    assert along.value == pytest.approx(then_mm, abs=20.0)
+    assert along.sigma == pytest.approx(25.0)
+    assert math.degrees(heading.value) == pytest.approx(4.0, abs=0.7)
+
+
+def test_without_cameras_lights_are_passed_by_the_position_alone() -> None:
+    stage = driven(ceiling(), Robot(off_mm=40.0), cameras=())
+    assert numbers(stage) == [0, 1, 2, 3, 4, 5]
+    for (at, _), place in zip(stage.log.counts[1:], PLACES, strict=True):
+        assert place <= at + 40.0 <= place + 100.0
+    assert fix_of(stage.variable(LIGHT_FIX)) is None
 
 
 @pytest.mark.parametrize("out", [(0,), (2,), (4,), (0, 1, 2, 3, 4)])
@@ -136,11 +180,11 @@ def test_what_is_traveled_without_lights_is_corrected_by_the_scale() -> None:
     assert abs(stage.log.errors_mm[-1]) < 50.0
 
 
-def test_without_correction_nothing_is_told_to_the_base() -> None:
-    for kinds in ({"correct": False}, {"thesis": True, "period_s": 0.5}):
-        stage = driven(ceiling(), Robot(scale=1.01), **kinds)
-        assert numbers(stage)[-1] == 5
-        assert stage.base.corrections == []
+def test_as_printed_no_fix_is_told() -> None:
+    stage = driven(ceiling(), Robot(scale=1.01), thesis=True, period_s=0.5)
+    assert numbers(stage)[-1] == 5
+    assert stage.base.corrections == []
+    assert fix_of(stage.variable(LIGHT_FIX)) is None
 
 
 def test_as_printed_a_last_light_that_is_out_ends_nothing() -> None:
@@ -241,7 +285,13 @@ def test_a_goal_that_is_none_is_refused_in_words() -> None:
 
 
 @pytest.mark.parametrize(
-    "wrong", [{"cameras": ()}, {"geometry": (UPWARD, UPWARD)}, {"period_s": 0.0}, {"period_s": math.nan}]
+    "wrong",
+    [
+        {"cameras": ("a", "b"), "geometry": (UPWARD,)},
+        {"geometry": (UPWARD, UPWARD)},
+        {"period_s": 0.0},
+        {"period_s": math.nan},
+    ],
 )
 def test_what_is_no_tracker_is_refused_at_once(wrong: dict[str, Any]) -> None:
     with pytest.raises(ValueError, match="expected"):

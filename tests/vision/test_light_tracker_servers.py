@@ -9,6 +9,8 @@ import pytest
 
 from colony.compile.pipeline import compile_program
 from colony.dsl.load import load_text
+from colony.nav.pose_estimate import pose_estimator
+from colony.nav.pose_tracker import Source
 from colony.nav.shared import (
     CEILING_LIGHT,
     END_L_MODE,
@@ -19,8 +21,10 @@ from colony.nav.shared import (
     OVERSHOOT,
     TRACK_DATA,
 )
+from colony.nav.stickrep import EdgeKind
+from colony.nav.walls import Walls
 from colony.runtime.images import Image
-from colony.runtime.kit.script import Script, do
+from colony.runtime.kit.script import Script, do, sleep
 from colony.runtime.kit.script_node import ScriptNode
 from colony.runtime.library import data, robot
 from colony.runtime.servers.cserver import CServer
@@ -68,7 +72,7 @@ class Camera:
 
 def lead(world: World, log: list[tuple[float, int, float]]) -> Script:
     """Gives one goal, by a position that is off, and notes where the robot is at each light, and by how much
-    the position is off then; at last the overshoot."""
+    the position is off soon after; at last the overshoot."""
     for name in (TRACK_DATA, END_L_MODE, LIGHT_DETECTED):
         yield from do("DServer", data.create_semaphore(name, 0))
     yield from do("RServer", robot.adjust_position(BELIEVED_MM, 0.0, 0.0))
@@ -80,11 +84,19 @@ def lead(world: World, log: list[tuple[float, int, float]]) -> Script:
     for _ in PLACES:
         yield from do("DServer", data.wait(LIGHT_DETECTED))
         passed = yield from do("DServer", data.get(CEILING_LIGHT, type=int))
+        at_mm = world.true_pose(0).x_mm
+        yield from sleep(0.3)
         here = yield from do("RServer", robot.position())
-        log.append((world.true_pose(0).x_mm, passed, here.x - world.true_pose(0).x_mm))
+        log.append((at_mm, passed, here.x - world.true_pose(0).x_mm))
     yield from do("DServer", data.wait(END_L_MODE))
     overshoot = yield from do("DServer", data.get(OVERSHOOT, type=float))
     log.append((overshoot, -1, 0.0))
+
+
+def estimator() -> Script:
+    """Corrects the position by the lights alone."""
+    walls = Walls(segments=WALLS, kinds=(EdgeKind.WALL,) * len(WALLS), attributes=("",) * len(WALLS))
+    return pose_estimator({"": walls}, sources=frozenset({Source.LIGHTS}))
 
 
 @pytest.mark.parametrize("children", [False, True], ids=["one script", "child and parent"])
@@ -101,7 +113,7 @@ def test_it_counts_and_corrects_among_real_servers(order: int, children: bool) -
     )
     scripts = [
         ScriptNode(name, script, ("DServer", "RServer", "CServerUp"), delay_ns=1)
-        for name, script in {**trackers, "planner": lead(world, log)}.items()
+        for name, script in {**trackers, "estimator": estimator(), "planner": lead(world, log)}.items()
     ]
     program = load_text(PROGRAM)
     session = Session(

@@ -89,7 +89,7 @@ def _closed_by(stop: Event, connections: Mapping[str, Connection]) -> Iterator[N
             if stop.wait(_LOOK_S):
                 for connection in tuple(connections.values()):
                     connection.close()
-                return
+                done.wait(_LOOK_S)  # one that was being opened is to be closed, too
 
     watcher = Thread(target=watch, daemon=True, name="script's end")
     watcher.start()

@@ -1,0 +1,58 @@
+"""What somebody enters at the terminal while a run goes on: lines, read without waiting for them."""
+
+from __future__ import annotations
+
+import os
+import select
+import termios
+from contextlib import suppress
+from typing import TextIO
+
+from colony.nav.elevator_prompt import Heard
+
+
+class Terminal:
+    """An `Ear` at a stream, such as the standard input: a terminal or a pipe. Mutable: what was read of it.
+
+    Lines of a pipe all count; of a terminal only those that were typed after the question, as long as
+    this runs in the foreground.
+    """
+
+    def __init__(self, stream: TextIO | None) -> None:
+        try:
+            self._file = None if stream is None else stream.fileno()
+        except (OSError, ValueError):
+            self._file = None
+        self._read = b""
+
+    def forget(self) -> None:
+        """Drop what was typed so far."""
+        if self._file is None or not os.isatty(self._file) or self._is_behind():
+            return
+        with suppress(termios.error):  # it has hung up
+            termios.tcflush(self._file, termios.TCIFLUSH)
+        self._read = b""
+
+    def listen(self) -> Heard:
+        """Whether there is one more line."""
+        while b"\n" not in self._read:
+            if self._file is None:
+                return "end"
+            if self._is_behind() or not select.select([self._file], [], [], 0.0)[0]:
+                return "nothing"
+            try:
+                chunk = os.read(self._file, 4096)
+            except OSError:
+                chunk = b""
+            if not chunk:
+                self._file = None
+            self._read += chunk
+        self._read = self._read.partition(b"\n")[2]
+        return "line"
+
+    def _is_behind(self) -> bool:
+        """Whether this runs in the background of its terminal: who touches that then is stopped."""
+        try:
+            return self._file is not None and os.tcgetpgrp(self._file) != os.getpgrp()
+        except OSError:  # no terminal, or not that of this process
+            return False

@@ -1,0 +1,205 @@
+"""`colony vision`: what the detectors see in a picture of one's own."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, NamedTuple
+
+import click
+
+from colony.cli.exit_codes import EXIT_MISUSE
+from colony.cli.outputs import check_output, write_whole
+from colony.cli.reporting import say
+
+if TYPE_CHECKING:
+    from colony.vision.image_files import Rgb
+    from colony.vision.spotting import Detector, Spot
+
+_DETECTORS = ("plates", "markers", "lights")
+
+
+class _Look(NamedTuple):
+    """What a detector found, and how long it took."""
+
+    detector: Detector
+    found: tuple[Spot, ...]
+    milliseconds: float
+
+
+@click.command("vision", short_help="show what the detectors see in a picture")
+@click.argument("files", metavar="FILE...", nargs=-1, required=True)
+@click.option(
+    "--detector",
+    "chosen",
+    type=click.Choice(_DETECTORS),
+    multiple=True,
+    help="What to look for; may be given several times. Default: plates and markers, and lights where there "
+    "is neither.",
+)
+@click.option(
+    "-o",
+    "--output",
+    metavar="OUT.png",
+    help="The picture with what was found drawn in. Default: FILE.seen.png beside each file.",
+)
+@click.option("--format", "format_", type=click.Choice(["text", "json"]), default="text", show_default=True)
+def command(files: tuple[str, ...], chosen: tuple[str, ...], output: str | None, format_: str) -> None:
+    """Look for door plates, elevator markers and ceiling lights in pictures, and draw them in.
+
+    Pictures are PNG, JPEG, BMP, WebP or TIFF of any size, gray or in color. Plates and markers are found by a
+    level camera that is as high as they hang, so that they are about the middle row; lights by one that looks
+    straight up at the ceiling. Both see 60 degrees across. Places are in pixels of the file, from its upper
+    left one, which is (0, 0).
+
+    Exit code 0, whether anything was found or not; 2 where a file is no image that can be read. FILE.seen.png
+    beside FILE is an older drawing, and passed over.
+
+    \b
+    Example:
+      colony vision side.png
+      colony vision photo.jpg --detector plates -o found.png
+      colony vision *.png --format json
+    """
+    drawn = {_drawn(file) for file in files} if output is None else set()
+    files = tuple(file for file in files if Path(file) not in drawn)
+    pictures = _pictures(files, output)
+    reports = [
+        _looked_at(file, picture, chosen, files) for file, picture in zip(files, pictures, strict=True)
+    ]
+    if format_ == "json":
+        import json
+
+        click.echo(json.dumps({"files": [_summary(report) for report in reports]}, indent=2))
+    else:
+        for report in reports:
+            if report.error is None:
+                click.echo(_text(report))
+    if any(report.error for report in reports):
+        raise click.exceptions.Exit(EXIT_MISUSE)
+
+
+class _Report(NamedTuple):
+    """What came of a file: its looks, or why it could not be looked at."""
+
+    file: str
+    size: tuple[int, int]
+    looks: tuple[_Look, ...]
+    picture: Path
+    error: str | None = None
+
+
+def _pictures(files: Sequence[str], output: str | None) -> list[Path]:
+    """Where to draw, for each file; no two into one."""
+    context = click.get_current_context()
+    if output is not None:
+        if Path(output).suffix.lower() != ".png":
+            raise click.UsageError(f"cannot draw into `{output}`; expected a file ending in .png", context)
+        if len(files) > 1:
+            found = f"{len(files)} files and one -o {output}"
+            raise click.UsageError(f"{found}; expected one file, or no -o", context)
+        return [Path(output)]
+    pictures = [_drawn(file) for file in files]
+    for i, picture in enumerate(pictures):
+        if picture in pictures[:i]:
+            other = files[pictures.index(picture)]
+            both = f"`{other}` and `{files[i]}` would both be drawn into `{picture}`"
+            message = f"{both}; give one at a time, with -o"
+            raise click.UsageError(message, context)
+    return pictures
+
+
+def _drawn(file: str) -> Path:
+    """Where a file is drawn, unless told."""
+    return Path(file).parent / f"{Path(file).stem or 'image'}.seen.png"
+
+
+def _looked_at(file: str, picture: Path, chosen: Sequence[str], files: Sequence[str]) -> _Report:
+    """Read, look, draw; what is wrong with the file is said."""
+    from colony.vision.annotate import annotate, encode_png
+    from colony.vision.image_files import MOST_BYTES, BadImage, decode_image
+
+    try:
+        with open(file, "rb") as stream:
+            image = decode_image(stream.read(MOST_BYTES + 1))
+    except (OSError, BadImage, ValueError) as problem:
+        why = (problem.strerror if isinstance(problem, OSError) else None) or str(problem)
+        say(f"{file}: error: {why}")
+        return _Report(file, (0, 0), (), picture, why)
+    check_output(picture, files)
+    looks = tuple(_looks(image, chosen))
+    found = [(look.detector, spot) for look in looks for spot in look.found]
+    write_whole(picture, encode_png(annotate(image, found)))
+    return _Report(file, (image.shape[1], image.shape[0]), looks, picture)
+
+
+def _looks(image: Rgb, chosen: Sequence[str]) -> Iterator[_Look]:
+    """What each detector finds. A ceiling has no plates and markers, and a wall no ceiling lights: these are
+    looked for where nothing else is seen."""
+    from colony.vision.gray_images import gray_image
+    from colony.vision.spotting import Detector, spots
+
+    gray, seen = gray_image(image), False
+    for detector in Detector:
+        if detector.value in chosen or (not chosen and not (detector is Detector.LIGHTS and seen)):
+            spots(detector, gray)  # loads what the detector needs, which is not its time
+            start = time.perf_counter()
+            found = spots(detector, gray)
+            yield _Look(detector, found, (time.perf_counter() - start) * 1e3)
+            seen = seen or bool(found)
+
+
+def _box(spot: Spot) -> tuple[float, float, float, float]:
+    """The column and row of a spot's middle, its width and height, in pixels."""
+    columns, rows = zip(*spot.corners, strict=True)
+    width, height = max(columns) - min(columns), max(rows) - min(rows)
+    return min(columns) + width / 2.0, min(rows) + height / 2.0, width, height
+
+
+def _text(report: _Report) -> str:
+    lines = [
+        f"{report.file}: {report.size[0]} x {report.size[1]} pixels, drawn in {report.picture}",
+        "detector  found       column     row   width  height  confidence       ms",
+    ]
+    for look in report.looks:
+        rows = [_row(spot) for spot in look.found] or [f"{'nothing':<46}"]
+        for i, row in enumerate(rows):
+            spent = f"{look.milliseconds:8.1f}" if i == 0 else ""
+            lines.append(f"{look.detector.value if i == 0 else '':8}  {row:<58}{spent}".rstrip())
+    return "\n".join(lines)
+
+
+def _row(spot: Spot) -> str:
+    column, row, width, height = _box(spot)
+    sure = spot.label_confidence if spot.label and spot.label_confidence is not None else spot.confidence
+    confidence = "" if sure is None else f"{sure:.2f}"
+    return f"{spot.label or '-':8}  {column:8.1f}{row:8.1f}{width:8.1f}{height:8.1f}{confidence:>12}"
+
+
+def _summary(report: _Report) -> dict[str, object]:
+    if report.error is not None:
+        return {"file": report.file, "error": report.error}
+    return {
+        "file": report.file,
+        "columns": report.size[0],
+        "rows": report.size[1],
+        "picture": str(report.picture),
+        "detectors": [
+            {
+                "detector": look.detector.value,
+                "milliseconds": round(look.milliseconds, 3),
+                "found": [_found(spot) for spot in look.found],
+            }
+            for look in report.looks
+        ],
+    }
+
+
+def _found(spot: Spot) -> dict[str, object]:
+    return {
+        "label": spot.label,
+        "corners": [[round(column, 2), round(row, 2)] for column, row in spot.corners],
+        "confidence": None if spot.confidence is None else round(spot.confidence, 4),
+        "label_confidence": None if spot.label_confidence is None else round(spot.label_confidence, 4),
+    }

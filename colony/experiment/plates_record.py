@@ -1,0 +1,130 @@
+"""What plate finders made of one run, as data, and how it is kept."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any, Literal, NamedTuple
+
+from colony.experiment.record import Failure, RunKey
+from colony.experiment.results import KEY_COLUMNS, Table
+
+Finder = Literal["thesis", "ours", "map"]
+"""As printed in the thesis; ours, which knows only images, heading and sonar; ours with the map."""
+
+FINDERS: tuple[Finder, ...] = ("thesis", "ours", "map")
+
+FINDER_NAMES: Mapping[Finder, str] = {
+    "thesis": "as printed",
+    "ours": "ours without the map",
+    "map": "ours with the map",
+}
+
+Kind = Literal["found", "missed", "unseen", "false", "beyond"]
+"""What became of a plate, or of a sighting.
+
+found, missed: a plate that was passed, and in view for long enough. unseen: one that was passed, but not in
+view for long enough: nobody can find it. false: a sighting of something else, or of a plate once more.
+beyond: a sighting of a plate that was not passed, as at the end of the way; it counts neither way.
+"""
+
+
+class Outcome(NamedTuple):
+    """One plate or sighting.
+
+    `at_ns` is when the plate was passed, of false ones when they were seen; `name` the door, or what was
+    taken for a plate; `text` what was read, `right` whether that is on the plate; (x_mm, y_mm) where the
+    sighting really was, or the plate.
+    """
+
+    kind: Kind
+    at_ns: int
+    name: str
+    text: str
+    right: bool
+    x_mm: int
+    y_mm: int
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class PlateResult:
+    """One run with several finders that looked at the same images.
+
+    Attributes:
+        key: which one.
+        origin, goal: nodes of the map.
+        failure: why the drive failed; "" where it reached the goal. What was found until then counts.
+        time_s: of the drive.
+        outcomes: of each finder, in the order of their times.
+    """
+
+    key: RunKey
+    origin: str
+    goal: str
+    failure: Failure
+    time_s: float
+    outcomes: Mapping[Finder, tuple[Outcome, ...]]
+
+
+class Tally(NamedTuple):
+    """How many plates were found, missed and out of view, how many of the found ones were read right, and how
+    many false sightings there were."""
+
+    found: int
+    missed: int
+    unseen: int
+    right: int
+    false: int
+
+    @property
+    def due(self) -> int:
+        """The plates that could be found."""
+        return self.found + self.missed
+
+
+def tally(outcomes: Sequence[Outcome]) -> Tally:
+    """Count them."""
+    kinds = [one.kind for one in outcomes]
+    return Tally(
+        found=kinds.count("found"),
+        missed=kinds.count("missed"),
+        unseen=kinds.count("unseen"),
+        right=sum(one.right for one in outcomes if one.kind == "found"),
+        false=kinds.count("false"),
+    )
+
+
+def _row(result: PlateResult) -> tuple[object, ...]:
+    told = (json.dumps(result.outcomes[finder]) for finder in FINDERS)
+    return (*result.key, result.origin, result.goal, result.failure, result.time_s, *told)
+
+
+def _result(row: tuple[Any, ...]) -> PlateResult:
+    return PlateResult(
+        key=RunKey(*row[0:4]),
+        origin=row[4],
+        goal=row[5],
+        failure=row[6],
+        time_s=row[7],
+        outcomes={
+            finder: tuple(Outcome(*one) for one in json.loads(told))
+            for finder, told in zip(FINDERS, row[8:], strict=True)
+        },
+    )
+
+
+PLATE_TABLE: Table[PlateResult] = Table(
+    name="plates",
+    columns={
+        **KEY_COLUMNS,
+        "origin": "TEXT NOT NULL",
+        "goal": "TEXT NOT NULL",
+        "failure": "TEXT NOT NULL",
+        "time_s": "REAL NOT NULL",
+        **{f"found_{finder}": "TEXT NOT NULL" for finder in FINDERS},
+    },
+    row=_row,
+    result=_result,
+)
+"""A row a run; what came of each finder is a JSON list of `Outcome`s."""

@@ -1,0 +1,64 @@
+"""The cameras of the robot of a run, each a server."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable
+
+from colony.experiment.local_cameras import CeilingShot, LevelShot, LocalCamera, Shot
+from colony.experiment.variants import CEILING_CAMERA, FRONT_CAMERA, SIDE_CAMERA
+from colony.runtime.drivers import CameraDriver
+from colony.sim.camera import Camera, CameraConfig
+from colony.sim.drivers import Plant, SimulatedCamera, SimulatedCeilingCamera
+from colony.sim.scene import scene_of
+from colony.sim.site import Site
+from colony.vision.level_camera import AHEAD, SIDE
+
+_LEVEL = {SIDE_CAMERA: SIDE, FRONT_CAMERA: AHEAD}
+
+
+def run_cameras(site: Site, names: Iterable[str], *, seed: int) -> tuple[LocalCamera, ...]:
+    """The cameras of these names: the one that looks up, the one to the left and the one ahead.
+
+    Args:
+        seed: of the noise of those that look along the floor.
+
+    Raises:
+        ValueError: a robot has no such camera.
+    """
+    return tuple(LocalCamera(name, _shutter(site, name, seed)) for name in sorted(names))
+
+
+def camera_driver(plant: Plant, site: Site, name: str, *, seed: int) -> CameraDriver:
+    """The same camera for the real server.
+
+    Raises:
+        ValueError: a robot has no such camera.
+    """
+    if name == CEILING_CAMERA:
+        return SimulatedCeilingCamera(plant, 0, site.ceiling)
+    return SimulatedCamera(plant, 0, _level_eye(site, name, seed))
+
+
+def _shutter(site: Site, name: str, seed: int) -> Callable[[int], Shot]:
+    if name == CEILING_CAMERA:
+        return lambda now_ns: CeilingShot(site.ceiling(), site.world, now_ns)
+    eye = _level_eye(site, name, seed)
+    return lambda now_ns: LevelShot(eye(), site.world, now_ns)
+
+
+def _level_eye(site: Site, name: str, seed: int) -> Callable[[], Camera]:
+    """The camera of the floor on which the robot is."""
+    if name not in _LEVEL:
+        raise ValueError(f"there is no camera `{name}`; expected {', '.join((CEILING_CAMERA, *_LEVEL))}")
+    geometry = _LEVEL[name]
+    config = CameraConfig(
+        width=geometry.columns,
+        height=geometry.rows,
+        view_deg=geometry.view_deg,
+        yaw_deg=geometry.yaw_deg,
+        above_floor_mm=geometry.height_mm,
+    )
+    radius_mm = site.world.config.radius_mm
+    return site.eyes(
+        lambda floor, scenery: Camera(scene_of(floor, scenery), config, robot_radius_mm=radius_mm, seed=seed)
+    )

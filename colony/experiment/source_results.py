@@ -1,0 +1,155 @@
+"""Runs whose pose was estimated from different sources: as data, how they are kept, and in tables."""
+
+from __future__ import annotations
+
+import json
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any, NamedTuple
+
+from colony.experiment.figures import Target, percentile
+from colony.experiment.lists import ListedRun
+from colony.experiment.record import Failure, RunKey
+from colony.experiment.results import KEY_COLUMNS, Table
+from colony.experiment.tables import markdown, targets_markdown
+
+ALL_SOURCES, ODOMETRY = "all", "odometry alone"
+
+HONEST = (0.85, 0.999)
+"""Which part of the true poses is in the ellipsoid that should hold 95 in 100: within these bounds the
+covariance is right within a factor of about two, in either direction."""
+
+
+class PoseErrors(NamedTuple):
+    """How far the estimate was from the true pose, along a run.
+
+    `looks` is how often it was looked at; `square_mm2` and `square_deg2` are the sums of the squares of how
+    far the position and the heading were off, `worst_mm` the worst of the former; `inside` is how often the
+    true pose lay in the ellipsoid that should hold 95 in 100.
+    """
+
+    looks: int = 0
+    square_mm2: float = 0.0
+    square_deg2: float = 0.0
+    worst_mm: float = 0.0
+    inside: int = 0
+
+
+class SourceOutcome(NamedTuple):
+    """A run with some of the sources: why it failed, "" where it reached the goal; how far from the goal the
+    robot stood at last; the speed of its worst contact; how the estimate was along the way."""
+
+    failure: Failure
+    off_mm: float
+    contact_mm_s: float
+    errors: PoseErrors
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class SourceResult:
+    """One run, driven once for each choice of sources.
+
+    Attributes:
+        key: which one.
+        origin, goal: nodes of the map.
+        outcomes: by what was left out, as "no lights"; `ALL_SOURCES` and `ODOMETRY` are among them.
+    """
+
+    key: RunKey
+    origin: str
+    goal: str
+    outcomes: Mapping[str, SourceOutcome]
+
+    @property
+    def failure(self) -> Failure:
+        """Why the run failed that had all sources."""
+        return self.outcomes[ALL_SOURCES].failure
+
+
+def source_targets(results: Sequence[SourceResult]) -> tuple[Target, ...]:
+    """How the estimate from all sources stands to what is expected of it."""
+    if not results:
+        return ()
+    outcomes = [result.outcomes[ALL_SOURCES] for result in results]
+    looks = sum(outcome.errors.looks for outcome in outcomes)
+    part = sum(outcome.errors.inside for outcome in outcomes) / looks if looks else 0.0
+    reached = sum(not outcome.failure for outcome in outcomes)
+    return (
+        Target(
+            what="runs that reached the goal, with all sources",
+            found=f"{reached} of {len(outcomes)}",
+            promised="all",
+            met=reached == len(outcomes),
+        ),
+        Target(
+            what="true poses in the ellipsoid that should hold 95 %",
+            found=f"{part:.1%}",
+            promised=f"{HONEST[0]:.0%} to {HONEST[1]:.1%}",
+            met=HONEST[0] <= part <= HONEST[1],
+        ),
+    )
+
+
+def source_tables(runs: Sequence[ListedRun], results: Sequence[SourceResult]) -> list[str]:
+    """Which runs, what came of it, and a row for each choice of sources; none without results."""
+    if not results:
+        return []
+    head = [
+        "sources",
+        "reached",
+        "off, p95",
+        "pose off, rms",
+        "worst",
+        "heading off, rms",
+        "in 95 %",
+        "bumped",
+    ]
+    rows = [_cells(name, [r.outcomes[name] for r in results]) for name in results[0].outcomes]
+    return [_told(results), targets_markdown(source_targets(results)), markdown(head, rows)]
+
+
+def _told(results: Sequence[SourceResult]) -> str:
+    """Which runs these are."""
+    numbers = ", ".join(map(str, sorted({result.key.number for result in results})))
+    seeds = ", ".join(map(str, sorted({result.key.seed for result in results})))
+    return f"Runs {numbers}; seeds {seeds}."
+
+
+def _cells(name: str, outcomes: Sequence[SourceOutcome]) -> list[str]:
+    errors = [outcome.errors for outcome in outcomes]
+    looks = max(sum(one.looks for one in errors), 1)
+    rms_mm = math.sqrt(sum(one.square_mm2 for one in errors) / looks)
+    rms_deg = math.sqrt(sum(one.square_deg2 for one in errors) / looks)
+    reached = [outcome.off_mm for outcome in outcomes if not outcome.failure]
+    return [
+        name,
+        f"{len(reached)}/{len(outcomes)}",
+        f"{percentile(reached, 0.95) / 1000:.2f} m" if reached else "",
+        f"{rms_mm:,.0f} mm",
+        f"{max(one.worst_mm for one in errors):,.0f} mm",
+        f"{rms_deg:.2f} deg",
+        f"{sum(one.inside for one in errors) / looks:.1%}",
+        str(sum(outcome.contact_mm_s > 0.0 for outcome in outcomes)),
+    ]
+
+
+def _row(result: SourceResult) -> tuple[object, ...]:
+    return (*result.key, result.origin, result.goal, json.dumps(result.outcomes))
+
+
+def _result(row: tuple[Any, ...]) -> SourceResult:
+    outcomes = {
+        name: SourceOutcome(failure, off_mm, contact_mm_s, PoseErrors(*errors))
+        for name, (failure, off_mm, contact_mm_s, errors) in json.loads(row[6]).items()
+    }
+    return SourceResult(key=RunKey(*row[0:4]), origin=row[4], goal=row[5], outcomes=outcomes)
+
+
+SOURCE_TABLE: Table[SourceResult] = Table(
+    name="source",
+    columns={**KEY_COLUMNS, "origin": "TEXT NOT NULL", "goal": "TEXT NOT NULL", "outcomes": "TEXT NOT NULL"},
+    row=_row,
+    result=_result,
+)
+"""Runs with different sources."""

@@ -1,0 +1,30 @@
+"""Where the robot really was, frame by frame: what sightings are held against."""
+
+from __future__ import annotations
+
+from bisect import bisect_right
+
+from colony.sim.world import Pose
+
+
+class TruePath:
+    """Mutable: the poses so far."""
+
+    def __init__(self) -> None:
+        self._times: list[int] = []
+        self._poses: list[Pose] = []
+
+    def add(self, t_ns: int, pose: Pose) -> None:
+        """The robot is there; times grow from call to call."""
+        self._times.append(t_ns)
+        self._poses.append(pose)
+
+    def at(self, t_ns: int) -> Pose:
+        """Where it was in the newest frame that is not after that time; before the first one, there.
+
+        Raises:
+            ValueError: there is no pose yet.
+        """
+        if not self._poses:
+            raise ValueError("no pose was added yet")
+        return self._poses[max(bisect_right(self._times, t_ns) - 1, 0)]

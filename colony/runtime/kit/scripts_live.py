@@ -1,0 +1,93 @@
+"""Several scripts side by side over live connections, one of which leads: when it ends, all of them do.
+
+with LiveScripts(session, {"clerk": clerk(), "planner": planner(plan)}, leader="planner") as team:
+    team.wait()
+print(team.done, team.problem)
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Mapping
+from threading import Event, Lock, Thread
+from types import TracebackType
+
+from colony.runtime.kit.connection import Session
+from colony.runtime.kit.errors import ConnectionProblem
+from colony.runtime.kit.script import Script
+from colony.runtime.kit.script_live import run_script
+
+
+class LiveScripts:
+    """Scripts, each in a thread with connections of its own. Mutable: how far they are.
+
+    Args:
+        session: what this process has with the robot.
+        scripts: by name; generators that have not begun.
+        leader: whose end is the end of all. So is any other script's that fails: nobody gets anywhere without
+            the others.
+        clock: the robot's time in nanoseconds, as of `run_script`.
+    """
+
+    def __init__(
+        self,
+        session: Session,
+        scripts: Mapping[str, Script],
+        *,
+        leader: str,
+        clock: Callable[[], int] = time.monotonic_ns,
+    ) -> None:
+        if leader not in scripts:
+            raise ValueError(f"the leader `{leader}` is no script; expected one of {', '.join(scripts)}")
+        self._session, self._clock, self._leader = session, clock, leader
+        self._stop = Event()
+        self._lock = Lock()
+        self._threads = [
+            Thread(target=self._run, args=one, name=one[0], daemon=True) for one in scripts.items()
+        ]
+        self.done = False
+        self.problem = ""
+
+    @property
+    def over(self) -> bool:
+        """Whether the leader has ended, or one has failed, or it was told to stop."""
+        return self._stop.is_set()
+
+    def wait(self, timeout_s: float | None = None) -> bool:
+        """Until it is over, or for so long; whether it is."""
+        return self._stop.wait(timeout_s)
+
+    def close(self) -> None:
+        """End all of them; again is nothing. `done` says then whether the leader came to its end, `problem`
+        what was raised first; "" where nothing was."""
+        self._stop.set()
+        for thread in self._threads:
+            thread.join()
+
+    def __enter__(self) -> LiveScripts:
+        for thread in self._threads:
+            thread.start()
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self.close()
+
+    def _run(self, name: str, script: Script) -> None:
+        try:
+            ended = run_script(self._session, script, name=name, clock=self._clock, stop=self._stop)
+        except Exception as problem:
+            # What is lost because all are ended is no news, and neither is what follows from a first failure.
+            self._fail(name, problem)
+        else:
+            if ended and name == self._leader:
+                self.done = True
+                self._stop.set()
+
+    def _fail(self, name: str, problem: Exception) -> None:
+        with self._lock:
+            if not self._stop.is_set():
+                kind = "" if isinstance(problem, ConnectionProblem) else f"{type(problem).__name__}: "
+                self.problem = f"{name}: {kind}{problem}"
+            self._stop.set()

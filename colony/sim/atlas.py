@@ -1,0 +1,145 @@
+"""Pictures on walls, stored so that the mean of any rectangle of one is found at once.
+
+A pixel of a camera sees a patch of a wall, small or large as the wall is near or far, and narrow or wide as
+it is faced or grazed. Its gray level is the mean over that patch, which a summed-area table gives exactly
+(Crow 1984), whatever the patch's shape: no aliasing, and edges that move by less than a pixel are seen to.
+
+A picture is as wide and high as it is in the building; it begins at its upper left corner.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+
+from colony.sim.compiled import Floats, Floats2, called, inlined
+
+OFFSET, COLUMNS, ROWS, ACROSS, DOWN, COVER, WRAPS = range(7)
+"""Columns of `Atlas.pictures`: where its table begins, its size in texels, mm a texel across and down, where
+the table of what it covers begins (below 0: all of it), and whether it repeats to the sides (1) or not."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Picture:
+    """A picture of `width_mm` by `height_mm`.
+
+    Attributes:
+        shades: (rows, columns), from 0, black, to 1.
+        cover: likewise, how much of what is behind each texel hides; None: all.
+        wraps: whether it repeats to the sides.
+    """
+
+    shades: Floats2
+    width_mm: float
+    height_mm: float
+    cover: Floats2 | None = None
+    wraps: bool = False
+
+
+class Atlas(NamedTuple):
+    """Pictures as the renderer takes them: `sums` has the summed-area tables of all, one behind the other,
+    each (columns + 1, rows + 1); `pictures`, (n, 7), tells where."""
+
+    sums: Floats
+    pictures: Floats2
+
+
+def atlas_of(pictures: Sequence[Picture]) -> Atlas:
+    """An atlas of pictures, which keep their numbers."""
+    tables: list[Floats] = []
+    rows: list[tuple[float, ...]] = []
+    used = 0
+    for picture in pictures:
+        high, wide = picture.shades.shape
+        layers = [picture.shades if picture.cover is None else picture.shades * picture.cover]
+        layers += [] if picture.cover is None else [picture.cover]
+        places = []
+        for layer in layers:
+            table = np.zeros((wide + 1, high + 1))
+            table[1:, 1:] = layer.T.cumsum(axis=0).cumsum(axis=1)
+            tables.append(table.ravel())
+            places.append(used)
+            used += table.size
+        across, down = picture.width_mm / wide, picture.height_mm / high
+        covering = float(places[1]) if len(places) > 1 else -1.0
+        rows.append((places[0], wide, high, across, down, covering, float(picture.wraps)))
+    return Atlas(
+        sums=np.concatenate([np.zeros(0), *tables]),
+        pictures=np.array(rows, dtype=np.float64).reshape(-1, 7),
+    )
+
+
+@inlined
+def _at(sums: Floats, start: int, high: int, part: float, row: int, rest: float) -> float:
+    """A table between its columns and rows, `start` being the place of the column before."""
+    here = start + row
+    left: float = sums[here] + rest * (sums[here + 1] - sums[here])
+    here += high + 1
+    right: float = sums[here] + rest * (sums[here + 1] - sums[here])
+    return left + part * (right - left)
+
+
+@inlined
+def _strip(
+    sums: Floats, place: int, wide: int, high: int, left: float, right: float, laps: float, down: float
+) -> float:
+    """The sum over the strip from the column `left` to `right`, from the top down to row `down`; `laps` is
+    how often the whole picture lies between."""
+    row = min(int(down), high - 1)
+    rest = down - row
+    first, last = min(int(left), wide - 1), min(int(right), wide - 1)
+    found = _at(sums, place + last * (high + 1), high, right - last, row, rest)
+    found -= _at(sums, place + first * (high + 1), high, left - first, row, rest)
+    if laps != 0.0:
+        found += laps * _at(sums, place + (wide - 1) * (high + 1), high, 1.0, row, rest)
+    return found
+
+
+@called
+def paint_picture(
+    out: Floats, atlas: Atlas, picture: int, left: float, right: float, width: float,
+    first: int, last: int, above: float, step: float, clip_top: float, clip_bottom: float, gain: float,
+) -> None:  # fmt: skip
+    """Paint the part of a picture that a column of pixels sees.
+
+    Args:
+        out: the column, from its top.
+        left, right: which part of the picture the column sees, in mm from its left edge, and not beyond its
+            edges unless it repeats.
+        width: how much of the wall the column covers, of which `left` to `right` is a part.
+        first, last: the rows that see something of it.
+        above: how far below the picture's top the upper edge of row 0 looks, in mm.
+        step: how many mm a row covers.
+        clip_top, clip_bottom: between which heights, in mm below its top, the picture is there at all.
+        gain: from shades to gray levels.
+    """
+    about = atlas.pictures[picture]
+    wide, high, place, covering = int(about[COLUMNS]), int(about[ROWS]), int(about[OFFSET]), int(about[COVER])
+    start, end, laps = left / about[ACROSS], right / about[ACROSS], 0.0
+    if about[WRAPS] > 0.0:
+        start_lap, end_lap = math.floor(start / wide), math.floor(end / wide)
+        start, end, laps = start - start_lap * wide, end - end_lap * wide, end_lap - start_lap
+    start, end = min(max(start, 0.0), wide + 0.0), min(max(end, 0.0), wide + 0.0)
+    area = width / about[ACROSS] * step / about[DOWN]
+    share = min((right - left) / width, 1.0)
+    down = min(max(above + first * step, clip_top), clip_bottom)
+    reached = min(max(down / about[DOWN], 0.0), high + 0.0)
+    before = _strip(atlas.sums, place, wide, high, start, end, laps, reached)
+    hidden_before = 0.0
+    if covering >= 0:
+        hidden_before = _strip(atlas.sums, covering, wide, high, start, end, laps, reached)
+    for row in range(first, last):
+        lower = min(max(above + (row + 1) * step, clip_top), clip_bottom)
+        reached = min(max(lower / about[DOWN], 0.0), high + 0.0)
+        after = _strip(atlas.sums, place, wide, high, start, end, laps, reached)
+        hidden = share * (lower - down) / step
+        if covering >= 0:
+            hidden_after = _strip(atlas.sums, covering, wide, high, start, end, laps, reached)
+            hidden = (hidden_after - hidden_before) / area
+            hidden_before = hidden_after
+        out[row] += gain * (after - before) / area - hidden * out[row]
+        before, down = after, lower

@@ -1,0 +1,23 @@
+"""The noise of cameras: deviates of pixels from a table, as drawing each is too slow.
+
+`QUANTILES` is part of compiled functions in other files, whose kept code is renewed when those files change.
+"""
+
+from __future__ import annotations
+
+from functools import lru_cache
+from statistics import NormalDist
+
+import numpy as np
+
+from colony.sim.compiled import Floats
+
+QUANTILES = 4096
+"""How many there are; a power of two."""
+
+
+@lru_cache(maxsize=1)
+def quantiles() -> Floats:
+    """(4096,), of the normal distribution: one picked at random is a deviate. Read-only for all its users."""
+    parts = (np.arange(QUANTILES) + 0.5) / QUANTILES
+    return np.array([NormalDist().inv_cdf(part) for part in parts.tolist()])

@@ -1,0 +1,73 @@
+"""Draws what detectors found into the picture in which they found it."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from colony.vision.image_files import MOST_PIXELS, MOST_SIDE, Rgb
+from colony.vision.spotting import Detector, Spot
+
+LEAST_COLUMNS = 480
+"""A picture with fewer columns is drawn enlarged, so that the writing in it can be read."""
+
+_COLORS = {Detector.PLATES: (40, 220, 60), Detector.MARKERS: (255, 150, 0), Detector.LIGHTS: (255, 60, 200)}
+"""Red, green and blue."""
+
+_SUBPIXEL_BITS = 4
+
+
+def annotate(image: Rgb, found: Iterable[tuple[Detector, Spot]]) -> Rgb:
+    """The picture with the outline of each spot and what it is written above it, (rows, columns, 3).
+
+    It is enlarged by a whole number where it has less than 480 columns, as far as an image may be large.
+    """
+    import cv2
+
+    rows, columns = image.shape[:2]
+    most = min(math.isqrt(MOST_PIXELS // (rows * columns)), MOST_SIDE // max(rows, columns))
+    factor = max(1, min(-(-LEAST_COLUMNS // columns), most))
+    canvas = np.ascontiguousarray(image.repeat(factor, axis=0).repeat(factor, axis=1))
+    for detector, spot in found:
+        corners = (np.array(spot.corners) + 0.5) * factor - 0.5
+        fixed = np.rint(np.clip(corners, -1e4, 1e4 + canvas.shape[1]) * 2**_SUBPIXEL_BITS).astype(np.int32)
+        color, thick = _COLORS[detector], max(1, canvas.shape[1] // 480)
+        cv2.polylines(canvas, [fixed], True, color, thick, cv2.LINE_AA, _SUBPIXEL_BITS)
+        _write(canvas, label_of(detector, spot), corners, color)
+    return canvas
+
+
+def label_of(detector: Detector, spot: Spot) -> str:
+    """What a spot is, in a few letters."""
+    match detector:
+        case Detector.PLATES:
+            return spot.label or "plate"
+        case Detector.MARKERS:
+            return spot.label
+        case Detector.LIGHTS:
+            return "light"
+
+
+def encode_png(image: Rgb) -> bytes:
+    """A picture as the bytes of a PNG file."""
+    import cv2
+
+    _, data = cv2.imencode(".png", image[:, :, ::-1])
+    return bytes(data)
+
+
+def _write(canvas: Rgb, text: str, corners: NDArray[Any], color: tuple[int, int, int]) -> None:
+    """Text above a spot, on black, and within the picture."""
+    import cv2
+
+    rows, columns = canvas.shape[:2]
+    size = max(0.45, columns / 1600)
+    (width, height), below = cv2.getTextSize(text, cv2.FONT_HERSHEY_SIMPLEX, size, 1)
+    left = int(np.clip(corners[:, 0].min(), 0, max(columns - width, 0)))
+    bottom = int(np.clip(corners[:, 1].min() - 4, height + below, rows - below))
+    cv2.rectangle(canvas, (left, bottom - height - 2), (left + width, bottom + below), (0, 0, 0), cv2.FILLED)
+    cv2.putText(canvas, text, (left, bottom), cv2.FONT_HERSHEY_SIMPLEX, size, color, 1, cv2.LINE_AA)

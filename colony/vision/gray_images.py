@@ -1,0 +1,59 @@
+"""Images as detectors take them: one channel of gray."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from colony.vision.level_camera import LevelCamera
+
+Gray = NDArray[np.uint8]
+"""(rows, columns), from 0, black, to 255."""
+
+LEAST_PIXELS = 4
+"""The least number of rows and of columns of an image in which something can be found."""
+
+_WEIGHTS = np.array([77, 150, 29], dtype=np.uint16)  # of 256: red, green, blue
+
+
+def gray_image(image: NDArray[Any]) -> Gray:
+    """An image as gray, whatever its channels: (rows, columns), or with a last axis of 1 or 3 (RGB).
+
+    Raises:
+        ValueError: it is no array of uint8 of such a shape, or too small.
+    """
+    if not isinstance(image, np.ndarray) or image.dtype != np.uint8:
+        found = f"dtype {image.dtype}" if isinstance(image, np.ndarray) else type(image).__name__
+        raise ValueError(f"an image of {found}; expected an array of uint8, from 0 to 255")
+    channels = image.shape[2] if image.ndim == 3 else 1
+    if image.ndim not in (2, 3) or channels not in (1, 3) or min(image.shape[:2]) < LEAST_PIXELS:
+        least = f"{LEAST_PIXELS} x {LEAST_PIXELS}"
+        raise ValueError(
+            f"an image of shape {image.shape}; expected (rows, columns), (rows, columns, 1) or "
+            f"(rows, columns, 3) with at least {least} pixels"
+        )
+    if image.ndim == 2:
+        return image
+    if channels == 1:
+        return np.ascontiguousarray(image[:, :, 0])
+    mixed: Gray = ((image.astype(np.uint16) * _WEIGHTS).sum(axis=2, dtype=np.uint16) >> 8).astype(np.uint8)
+    return mixed
+
+
+def gray_band(image: NDArray[Any], camera: LevelCamera | None, first_row: int) -> tuple[Gray, LevelCamera]:
+    """An image of a camera, or the band of it that begins with row `first_row`, as gray; and the camera: one
+    of 60 degrees that gives such an image, where none is told.
+
+    Raises:
+        ValueError: it is no image, or not one of this camera.
+    """
+    gray = gray_image(image)
+    camera = camera or LevelCamera(columns=gray.shape[1], rows=gray.shape[0])
+    if gray.shape[1] != camera.columns or first_row < 0 or first_row + gray.shape[0] > camera.rows:
+        raise ValueError(
+            f"an image of {gray.shape[0]} rows from row {first_row} on, {gray.shape[1]} columns; expected "
+            f"rows of a camera's {camera.rows}, of {camera.columns} columns"
+        )
+    return gray, camera

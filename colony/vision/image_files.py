@@ -1,0 +1,100 @@
+"""Images that people bring, from the bytes of a file: PNG, JPEG, BMP, WebP or TIFF, gray or in color, with 8
+or 16 bits a channel, with or without a transparent part.
+
+What is no image, is damaged, or is too large to be one that a detector has a use for is told in one line.
+"""
+
+from __future__ import annotations
+
+import io
+import warnings
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from colony.vision.gray_images import LEAST_PIXELS
+
+if TYPE_CHECKING:
+    from PIL import Image
+
+Rgb = NDArray[np.uint8]
+"""(rows, columns, 3), each channel from 0 to 255."""
+
+MOST_BYTES = 64 * 2**20
+"""Of a file."""
+
+MOST_PIXELS, MOST_SIDE = 50_000_000, 30_000
+"""Of an image: in all, and in a row or a column."""
+
+_AT_MOST = f"at most {MOST_PIXELS // 10**6} million"
+_FORMATS = ("PNG", "JPEG", "BMP", "WEBP", "TIFF")
+
+
+class BadImage(ValueError):
+    """Bytes that are no image that can be looked at; the message says why."""
+
+
+def decode_image(data: bytes) -> Rgb:
+    """The picture in the bytes of a file, upright as a camera tells in it, on white where it is transparent.
+
+    Of a file with several pictures it is the first one. Levels of 16 bits are made 8.
+
+    Raises:
+        BadImage: there is no picture in them, or it is damaged, too large or too small.
+    """
+    from PIL import Image, ImageOps, UnidentifiedImageError
+
+    if not data:
+        raise BadImage("the file is empty; expected an image")
+    if len(data) > MOST_BYTES:
+        raise BadImage(f"more than {MOST_BYTES // 2**20} MB; expected an image file that is smaller")
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")  # of what is odd in a file that can be read all the same
+        try:
+            with Image.open(io.BytesIO(data), formats=_FORMATS) as file:
+                _check_size(*file.size)
+                file.load()
+                return _rgb(ImageOps.exif_transpose(file))
+        except BadImage:
+            raise
+        except UnidentifiedImageError:
+            expected = f"{', '.join(_FORMATS[:-1])} or {_FORMATS[-1]}"
+            raise BadImage(f"no image that can be read; expected {expected}") from None
+        except Image.DecompressionBombError:
+            raise BadImage(f"an image of far more pixels than expected: {_AT_MOST}") from None
+        # The decoders raise whatever comes of bytes that make no sense: errors of zlib, struct, of an index.
+        except Exception as problem:
+            why = str(problem).splitlines()
+            raise BadImage(f"the image is damaged: {why[0] if why else type(problem).__name__}") from None
+
+
+def _check_size(columns: int, rows: int) -> None:
+    size = f"an image of {columns} x {rows} pixels"
+    if columns * rows > MOST_PIXELS:
+        raise BadImage(f"{size}; expected {_AT_MOST}")
+    if max(columns, rows) > MOST_SIDE:
+        raise BadImage(f"{size}; expected at most {MOST_SIDE} a side")
+    if min(columns, rows) < LEAST_PIXELS:
+        raise BadImage(f"{size}; expected at least {LEAST_PIXELS} x {LEAST_PIXELS}")
+
+
+def _rgb(image: Image.Image) -> Rgb:
+    """Any kind of pixels as red, green and blue of 8 bits."""
+    from PIL import Image
+
+    if image.mode == "F" or image.mode.startswith("I"):
+        return np.repeat(_narrowed(np.asarray(image))[:, :, None], 3, axis=2)
+    if image.has_transparency_data:
+        white = Image.new("RGBA", image.size, (255, 255, 255, 255))
+        image = Image.alpha_composite(white, image.convert("RGBA"))
+    return np.array(image.convert("RGB"))
+
+
+def _narrowed(levels: NDArray[np.generic]) -> NDArray[np.uint8]:
+    """Levels of 16 bits, or parts of 1, as 8 bits."""
+    values = np.nan_to_num(levels.astype(np.float64))
+    is_part = np.issubdtype(levels.dtype, np.floating) and values.max(initial=0.0) <= 1.0
+    full = 1.0 if is_part else 65535.0 if values.max(initial=0.0) > 255.0 else 255.0
+    narrowed: NDArray[np.uint8] = np.rint(np.clip(values / full, 0.0, 1.0) * 255.0).astype(np.uint8)
+    return narrowed

@@ -1,0 +1,73 @@
+"""What may stand on a door plate, before anyone looks at it: how probable a text is as the number of a room
+or as a word on a door.
+
+Rooms are numbers of one to five digits, perhaps with a letter before or after them. Some doors have a word
+that many buildings share. The rest is any string of letters, or of letters and digits. It is no list of the
+rooms of a building; where a map tells those, they are given as a lexicon.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Collection
+from functools import cache
+
+SHAPES = {
+    "0": 0.02, "00": 0.10, "000": 0.37, "0000": 0.15, "00000": 0.01,
+    "A0": 0.01, "A00": 0.04, "A000": 0.12, "A0000": 0.02,
+    "0A": 0.005, "00A": 0.015, "000A": 0.04, "0000A": 0.01,
+    "A": 0.004, "AA": 0.004, "AAA": 0.004, "AAAA": 0.004, "AAAAA": 0.004,
+}  # fmt: skip
+"""How often plates have a text of a shape: a 0 is any digit, an A any letter. Beside digits, the letters I
+and O are left out, as rules for the numbers of rooms do."""
+
+ROOM_LETTERS = "ABCDEFGHJKLMNPQRSTUVWXYZ"
+
+WORDS = (
+    "BOYS", "CLASS", "CLOSE", "COPY", "DEAN", "ELEC", "ELEV", "EXIT", "FIRE", "GIRLS", "GYM", "HALL",
+    "JAN", "JANIT", "KITCH", "LAB", "LADIE", "LIBRA", "LIFT", "LOBBY", "LOUNG", "MAIL", "MECH", "MEETI",
+    "MEN", "OFFIC", "PRINT", "ROOM", "SHOP", "STAFF", "STAIR", "STORA", "STUDY", "TOILE", "WC", "WOMEN",
+)  # fmt: skip
+"""On doors anywhere; a plate has at most five characters."""
+
+WORD_SHARE = 0.06
+"""How often plates have one of these words."""
+
+ANYTHING_SHARE = 0.01
+"""How often they have just any digits and letters."""
+
+LONGEST = 5
+"""How many characters a plate has at most."""
+
+KNOWN = 0.97
+"""How often a plate has one of the texts of a lexicon, where there is one."""
+
+
+def log_prior(text: str, lexicon: Collection[str] = ()) -> float:
+    """How much more probable a text is on a plate than among random strings, as a natural logarithm.
+
+    Args:
+        text: of digits and capital letters, not empty.
+        lexicon: texts one of which a plate has nearly always (`KNOWN`), all of them equally often.
+    """
+    share = _share(text)
+    if lexicon:
+        here = KNOWN / len(lexicon) if text in lexicon else 0.0
+        share = here + (1.0 - KNOWN) * share
+    return math.log(share / _random_share(text))
+
+
+@cache
+def _share(text: str) -> float:
+    """How often plates have this text."""
+    shape = "".join("0" if c.isdigit() else "A" for c in text)
+    letters = len(ROOM_LETTERS) if "0" in shape else 26
+    choices = math.prod(10 if c == "0" else letters for c in shape)
+    is_room = "0" not in shape or all(c.isdigit() or c in ROOM_LETTERS for c in text)
+    room = SHAPES.get(shape, 0.0) / choices if is_room else 0.0
+    word = WORD_SHARE / len(WORDS) if text in WORDS else 0.0
+    return room + word + ANYTHING_SHARE * _random_share(text)
+
+
+def _random_share(text: str) -> float:
+    return 1.0 / (LONGEST * 36.0 ** len(text))

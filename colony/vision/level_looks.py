@@ -1,0 +1,31 @@
+"""What finders have a camera do that looks along the floor, before they look."""
+
+from __future__ import annotations
+
+from collections.abc import Generator
+from typing import Any
+
+from colony.runtime.kit.script import Step, do
+from colony.runtime.library import camera
+from colony.vision.level_camera import LevelCamera
+from colony.vision.light_looks import SILENT, hurry
+
+
+def made_ready(name: str, geometry: LevelCamera, period_s: float) -> Generator[Step, Any, bool]:
+    """Have it take an image every `period_s` at least; False where it does not answer. To be done again where
+    it was away, or had no new image after a period: it may have been started anew.
+
+    Raises:
+        ValueError: its images are not as large as `geometry` says, and so would be misunderstood.
+    """
+    yield from hurry((name,), period_s)
+    try:
+        size = yield from do(name, camera.size())
+    except SILENT:
+        return False
+    if (size.width, size.height) != (geometry.columns, geometry.rows):
+        found = f"{name} gives images of {size.width} x {size.height} pixels"
+        raise ValueError(
+            f"{found}; expected {geometry.columns} x {geometry.rows}: tell the finder its `geometry`"
+        )
+    return True

@@ -1,0 +1,53 @@
+"""Patches of an image that stand out at a threshold, and which of them do so at several ones."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from typing import NamedTuple
+
+SAME = 0.62
+"""Two patches are the same if what they share is this part of what they cover together."""
+
+
+class Patch(NamedTuple):
+    """Columns from `left` to before `right`, rows from `top` to before `bottom`."""
+
+    left: int
+    top: int
+    right: int
+    bottom: int
+
+    def scaled(self, factor: int) -> Patch:
+        """The same in an image that is so many times as large."""
+        return Patch(self.left * factor, self.top * factor, self.right * factor, self.bottom * factor)
+
+    @property
+    def area(self) -> int:
+        """In pixels."""
+        return (self.right - self.left) * (self.bottom - self.top)
+
+
+def agreed(found: Iterable[Patch]) -> tuple[Patch, ...]:
+    """Patches that are nearly the same at several thresholds as one, the middle one of them; that of most
+    thresholds first.
+
+    Args:
+        found: in the order of the thresholds.
+    """
+    groups: list[list[Patch]] = []
+    for patch in found:
+        group = next((group for group in groups if _is_same(patch, group[-1])), None)
+        if group is None:
+            groups.append([patch])
+        else:
+            group.append(patch)
+    groups.sort(key=lambda group: -len(group))
+    return tuple(group[len(group) // 2] for group in groups)
+
+
+def _is_same(one: Patch, other: Patch) -> bool:
+    width = min(one.right, other.right) - max(one.left, other.left)
+    height = min(one.bottom, other.bottom) - max(one.top, other.top)
+    if width <= 0 or height <= 0:
+        return False
+    return width * height >= SAME * (one.area + other.area - width * height)

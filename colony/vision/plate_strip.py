@@ -1,0 +1,96 @@
+"""A door plate cut out of an image: a small upright strip of fixed size and contrast, as the reader of its
+characters wants it.
+
+The plate is warped from its four corners. Where it is larger in the image than in the strip, areas are
+averaged, so that nothing is lost between pixels.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from colony.vision.gray_images import Gray, gray_image
+from colony.vision.sightings import Corner
+
+STRIP_ROWS, STRIP_COLUMNS = 24, 64
+
+PLATE_LEFT, PLATE_RIGHT, PLATE_TOP, PLATE_BOTTOM = 2.5, 60.5, 1.5, 21.5
+"""Where the plate's edges lie in the strip. There is a margin since corners are not found to the pixel."""
+
+LEAST_CONTRAST = 6.0
+"""Strips whose gray levels deviate by less than this from their mean are not stretched any further: what is
+stretched there is noise."""
+
+_MOST_SAMPLES = 4
+_LEAST_AREA = 12.0
+_FARTHEST = 1e5
+
+Floats = npt.NDArray[np.float32]
+Corners = tuple[Corner, Corner, Corner, Corner]
+
+
+def plate_strip(image: Gray, corners: Corners) -> Floats | None:
+    """The strip of a plate.
+
+    Args:
+        image: uint8, (rows, columns), or with a last axis of one or three channels.
+        corners: of the plate in the image, from the upper left one clockwise; they may be outside of it,
+            where the pixels at its border are repeated.
+
+    Returns:
+        (24, 64), with mean 0 and, where there is contrast, standard deviation 1; None where the corners are
+        not finite, or no upright convex quadrilateral of some pixels.
+
+    Raises:
+        ValueError: it is no such image.
+    """
+    gray = gray_image(image)
+    if not _is_plate(corners):
+        return None
+    import cv2
+
+    samples = _samples(corners)
+    away = np.array(
+        [
+            [PLATE_LEFT, PLATE_TOP], [PLATE_RIGHT, PLATE_TOP],
+            [PLATE_RIGHT, PLATE_BOTTOM], [PLATE_LEFT, PLATE_BOTTOM],
+        ], np.float32
+    )  # fmt: skip
+    target = (away + 0.5) * samples - 0.5
+    transform: Any = cv2.getPerspectiveTransform(target.astype(np.float32), np.array(corners, np.float32))
+    size = (STRIP_COLUMNS * samples, STRIP_ROWS * samples)
+    flags = cv2.INTER_LINEAR | cv2.WARP_INVERSE_MAP
+    fine = cv2.warpPerspective(gray, transform, size, flags=flags, borderMode=cv2.BORDER_REPLICATE)
+    cells = fine.reshape(STRIP_ROWS, samples, STRIP_COLUMNS, samples)
+    return _stretched(cells.mean(axis=(1, 3), dtype=np.float32))
+
+
+def _is_plate(corners: Corners) -> bool:
+    """Whether the corners go clockwise (with rows downward) around a convex area of some pixels."""
+    if not all(math.isfinite(x) and abs(x) < _FARTHEST for corner in corners for x in corner):
+        return False
+    turns = []
+    for i in range(4):
+        (ax, ay), (bx, by), (cx, cy) = (corners[(i + k) % 4] for k in range(3))
+        turns.append((bx - ax) * (cy - by) - (by - ay) * (cx - bx))
+    is_upright = corners[0][0] < corners[1][0] and corners[0][1] < corners[3][1]
+    return is_upright and min(turns) > 0.0 and sum(turns) / 4.0 >= _LEAST_AREA
+
+
+def _samples(corners: Corners) -> int:
+    """How many samples a pixel of the strip takes in each direction."""
+    (ax, ay), (bx, by), (cx, cy), (dx, dy) = corners
+    width = max(math.hypot(bx - ax, by - ay), math.hypot(cx - dx, cy - dy))
+    height = max(math.hypot(dx - ax, dy - ay), math.hypot(cx - bx, cy - by))
+    most = max(width / (PLATE_RIGHT - PLATE_LEFT), height / (PLATE_BOTTOM - PLATE_TOP))
+    return max(1, min(_MOST_SAMPLES, math.ceil(most)))
+
+
+def _stretched(strip: Floats) -> Floats:
+    centered = strip - strip.mean()
+    stretched: Floats = centered / np.float32(max(float(centered.std()), LEAST_CONTRAST))
+    return stretched

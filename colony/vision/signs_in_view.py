@@ -1,0 +1,87 @@
+"""Which plates and markers of a map a camera at a pose looks at, and where in its image they are.
+
+This is what a map says: doors are shut, and nobody stands before them.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+from colony.nav.signs import (
+    PLATE_HEIGHT_MM,
+    SIGN_HEIGHT_MM,
+    STRIPE_HEIGHT_MM,
+    Marker,
+    Plate,
+    markers_of,
+    plates_of,
+)
+from colony.nav.stickrep import Map
+from colony.nav.stickrep_geometry import Point, direction
+from colony.nav.walls import free_distance, walls_of
+from colony.vision.level_camera import LevelCamera
+from colony.vision.sightings import Corner
+
+_LEAST_DEPTH_MM = 50.0
+_SLACK_MM = 20.0
+
+
+class SignInView(NamedTuple):
+    """A sign in an image: its corners from the upper left one clockwise, in pixels, and how far away its
+    middle is."""
+
+    sign: Plate | Marker
+    corners: tuple[Corner, Corner, Corner, Corner]
+    distance_mm: float
+
+
+def signs_in_view(
+    floor: Map, pose: tuple[float, float, float], camera: LevelCamera
+) -> tuple[SignInView, ...]:
+    """The signs that are in the image as a whole, and that no wall hides; the nearest one first.
+
+    Args:
+        pose: of the robot, x and y in mm, heading in degrees.
+    """
+    segments = walls_of(floor).segments
+    seen = []
+    signs: tuple[Plate | Marker, ...] = (*plates_of(floor), *markers_of(floor))
+    for sign in signs:
+        corners = corners_of(sign, pose, camera)
+        if corners is None or not all(_inside(corner, camera) for corner in corners):
+            continue
+        dx, dy = sign.middle.x - pose[0], sign.middle.y - pose[1]
+        distance = math.hypot(dx, dy)
+        way = Point(dx / distance, dy / distance)
+        if free_distance(segments, Point(pose[0], pose[1]), way) >= distance - _SLACK_MM:
+            seen.append(SignInView(sign, corners, distance))
+    return tuple(sorted(seen, key=lambda one: one.distance_mm))
+
+
+def corners_of(
+    sign: Plate | Marker, pose: tuple[float, float, float], camera: LevelCamera
+) -> tuple[Corner, Corner, Corner, Corner] | None:
+    """Where in the image the corners of a sign are, from the upper left one clockwise, whatever is before it;
+    None where the camera does not look at its front, or is nearer than 50 mm."""
+    wide = sign.end_mm - sign.start_mm
+    high = PLATE_HEIGHT_MM if isinstance(sign, Plate) else STRIPE_HEIGHT_MM
+    ahead, into = direction(pose[2] + camera.yaw_deg), direction(sign.heading_deg)
+    if (sign.middle.x - pose[0]) * into.x + (sign.middle.y - pose[1]) * into.y <= 0.0:
+        return None
+    ends = []
+    for half in (-wide / 2, wide / 2):  # the left end first, as seen by who faces it
+        dx = sign.middle.x + half * into.y - pose[0]
+        dy = sign.middle.y - half * into.x - pose[1]
+        depth, right = dx * ahead.x + dy * ahead.y, dx * ahead.y - dy * ahead.x
+        if depth < _LEAST_DEPTH_MM:
+            return None
+        column = (camera.columns - 1) / 2.0 + camera.focal * right / depth
+        rows = [camera.row_of(SIGN_HEIGHT_MM + side * high / 2, depth) for side in (1.0, -1.0)]
+        ends.append((column, *rows))
+    (left, left_top, left_bottom), (end, top, bottom) = ends
+    return (left, left_top), (end, top), (end, bottom), (left, left_bottom)
+
+
+def _inside(corner: Corner, camera: LevelCamera) -> bool:
+    return -0.5 <= corner[0] <= camera.columns - 0.5 and -0.5 <= corner[1] <= camera.rows - 0.5

@@ -1,0 +1,89 @@
+"""How well a network reads plates it has never seen, and how its confidence is set right."""
+
+from __future__ import annotations
+
+import itertools
+import math
+from collections.abc import Sequence
+from dataclasses import replace
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+
+from colony.vision.letters_network import Network
+from colony.vision.plate_reader import reading_of, texts_of, weighed
+from colony.vision.plate_strip import plate_strip
+from colony.vision.sightings import Reading
+from colony.vision.training.samples import Look, junk_look, plate_look
+from colony.vision.training.texts import door_text
+from colony.vision.training.views import drawn_height
+
+SHARPNESSES = (0.4, 0.6, 0.8, 1.0, 1.2, 1.4, 1.7, 2.0, 2.5)
+TRUSTS = (0.0, 0.1, 0.2, 0.3, 0.4, 0.5, 0.6, 0.8, 1.0)
+"""No more than 1: doors elsewhere may have other texts than the prior says."""
+
+_CALIBRATION_JUNK = 0.15
+_LEAST = 1e-4
+
+
+class Score(NamedTuple):
+    """Of some looks at plates: how many there were, and how many were read right, as a whole."""
+
+    looks: int
+    right: int
+
+
+class JunkScore(NamedTuple):
+    """Of some looks at what is no plate: how many there were, how many were read as something, and how many
+    of these with a confidence of 0.9 and more."""
+
+    looks: int
+    read: int
+    sure: int
+
+
+def calibrated(net: Network, fonts: Sequence[Path], count: int, random: np.random.Generator) -> Network:
+    """The network with the sharpness and the trust in its prior that make the right readings of so many looks
+    most probable."""
+    seen: list[tuple[dict[str, float], float, str]] = []
+    for _ in range(count):
+        font = fonts[int(random.integers(len(fonts)))]
+        if random.random() < _CALIBRATION_JUNK:
+            look = junk_look(font, random)
+        else:
+            look = plate_look(door_text(random), font, drawn_height(random), random)
+        strip = plate_strip(look.image, look.corners)
+        if strip is not None:
+            told = net.look(strip)
+            seen.append((texts_of(told), told.plate, look.text))
+    choices = (replace(net, sharpness=s, trust=t) for s, t in itertools.product(SHARPNESSES, TRUSTS))
+    return min(
+        choices,
+        key=lambda choice: sum(_surprise(weighed(texts, plate, choice), text) for texts, plate, text in seen),
+    )
+
+
+def plate_score(net: Network, font: Path, height_px: float, count: int, random: np.random.Generator) -> Score:
+    """Single looks at plates with texts as on doors, in a font, with characters of a height in pixels."""
+    looks = (plate_look(door_text(random), font, height_px, random) for _ in range(count))
+    return Score(count, sum(read(net, look).text == look.text for look in looks))
+
+
+def junk_score(net: Network, fonts: Sequence[Path], count: int, random: np.random.Generator) -> JunkScore:
+    """Single looks at what is no plate."""
+    looks = [junk_look(fonts[i % len(fonts)], random) for i in range(count)]
+    found = [reading for reading in (read(net, look) for look in looks) if reading.text]
+    return JunkScore(count, len(found), sum(reading.confidence >= 0.9 for reading in found))
+
+
+def read(net: Network, look: Look) -> Reading:
+    """What the network reads there."""
+    strip = plate_strip(look.image, look.corners)
+    return Reading("", 1.0) if strip is None else reading_of(net.look(strip), net)
+
+
+def _surprise(reading: Reading, text: str) -> float:
+    """The negative logarithm of the probability that a reading gives to a text."""
+    share = dict(((reading.text, reading.confidence), *reading.alternatives)).get(text, 0.0)
+    return -math.log(max(share, _LEAST))

@@ -1,0 +1,35 @@
+"""docs/missions.md: its commands print what it says, and its numbers are those of the program."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from colony.nav.building import load_building
+from colony.nav.elevator_calls import Call
+from colony.nav.elevator_prompt import asked_for
+from colony.sim.operator import DELAY_S, RIDE_S, STANDS_S
+from tests.pages import COMMANDS, typed
+
+ROOT = Path(__file__).parents[1]
+PAGE = (ROOT / "docs" / "missions.md").read_text(encoding="utf-8")
+
+
+@pytest.mark.parametrize(("commands", "printed"), COMMANDS.findall(PAGE))
+def test_commands_print_what_the_page_says(
+    commands: str, printed: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(ROOT)
+    assert "".join(typed(line, monkeypatch) for line in commands.splitlines()) == printed
+
+
+def test_the_operator_is_as_slow_as_the_page_says() -> None:
+    assert f"{DELAY_S[0]:g} to {DELAY_S[1]:g} s |" in PAGE
+    assert f"{RIDE_S[0]:g} to {RIDE_S[1]:g} s |" in PAGE
+    assert PAGE.count(f"for {STANDS_S:g} s") == 2
+
+
+def test_the_question_at_the_terminal_is_the_one_on_the_page() -> None:
+    building = load_building(ROOT / "maps" / "msu_engineering_3.stickrep")
+    assert asked_for(building, Call("acs.elev.L", "msu_engineering_3", "msu_engineering_2")) in PAGE
