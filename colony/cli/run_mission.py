@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 
 from colony.cli.run_options import Arrival, Options
-from colony.cli.run_way import Way
+from colony.cli.run_way import TOLD_OF_PLATE, Way
 from colony.experiment.run_cameras import camera_driver
 from colony.experiment.runs import AT_GOAL_MM
 from colony.experiment.variants import CEILING_CAMERA, FRONT_CAMERA, OURS, PLANNER, SIDE_CAMERA
@@ -22,11 +22,6 @@ from colony.sim.site import Site
 
 _CAMERAS = (CEILING_CAMERA, SIDE_CAMERA, FRONT_CAMERA)
 _SERVERS = (DSERVER.name, RSERVER.name, PSERVER.name, *_CAMERAS)
-_TOLD = {
-    Verdict.UNSEEN: "",
-    Verdict.RIGHT: "; the goal's plate was read",
-    Verdict.WRONG: "; another plate was read at the goal",
-}
 _AFTER_NS = 1_000_000
 """Scripts begin so long after a frame, so that they know what was seen in it."""
 
@@ -87,7 +82,7 @@ class Mission:
             return Arrival(arrived=False, text=f"{self._way.name}: the planner was done {when}, {where}")
         speed = self.plan.distance_mm / (t_ns / 1e9) * 0.06
         driven = f"{self.plan.distance_mm / 1000:.1f} m, {speed:.1f} m/min"
-        arrived = f"{self._way.name}: arrived {when}, {where}; {driven}{_TOLD[self._verdict]}"
+        arrived = f"{self._way.name}: arrived {when}, {where}; {driven}{TOLD_OF_PLATE[self._verdict]}"
         return Arrival(arrived=True, text=arrived)
 
     def _verified(self, verdict: Verdict) -> None:

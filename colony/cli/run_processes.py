@@ -217,6 +217,8 @@ class _Run:
         known."""
         if self._way is None or self._mission is None:
             return None
+        from colony.cli.run_way import TOLD_OF_PLATE
+
         mission, name = self._mission, self._way.name
         off_mm, by = mission.off_mm, " as it reckons"
         if place is not None:
@@ -227,6 +229,7 @@ class _Run:
             text = f"{name}: broke off {when}, {where}: {mission.problem}"
         else:
             text = f"{name}: {'arrived' if mission.arrived else 'not done'} {when}, {where}"
+            text += TOLD_OF_PLATE[mission.verdict]
         return Arrival(arrived=mission.arrived, text=text)
 
     def summary(self, interrupted: bool, travel: Travel | None) -> RunSummary:

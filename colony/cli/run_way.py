@@ -6,8 +6,16 @@ from dataclasses import dataclass
 
 from colony.cli.run_options import Misuse, Options
 from colony.nav.building import Building, load_building
+from colony.nav.goal_verification import Verdict
 from colony.nav.plan import Plan
 from colony.nav.route import NoPlan, plan
+
+TOLD_OF_PLATE = {
+    Verdict.UNSEEN: "",
+    Verdict.RIGHT: "; the goal's plate was read",
+    Verdict.WRONG: "; another plate was read at the goal",
+}
+"""What to say of the plate at the end of a way."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -15,8 +15,9 @@ from contextlib import suppress
 from types import TracebackType
 from typing import Any
 
-from colony.experiment.variants import CEILING_CAMERA, OURS, PLANNER
+from colony.experiment.variants import CEILING_CAMERA, FRONT_CAMERA, OURS, PLANNER, SIDE_CAMERA
 from colony.nav.building import Building
+from colony.nav.goal_verification import Verdict
 from colony.nav.plan import Plan
 from colony.nav.shared import ELEVATOR_CALL, FLOOR, FLOOR_REACHED, GOAL_TYPE, GoalKind
 from colony.runtime.kit.connection import Connection, Session
@@ -25,6 +26,7 @@ from colony.runtime.kit.script import Script, do
 from colony.runtime.kit.scripts_live import LiveScripts
 from colony.runtime.library import camera, data, robot
 from colony.runtime.library.ask import Ask
+from colony.vision.level_camera import AHEAD, SIDE
 
 DEVICE_S = 10.0
 """For how long a device may be about to start."""
@@ -38,7 +40,8 @@ class LiveMission:
     """The scripts that lead a robot along a plan, from `__enter__` on. Mutable: how far they are.
 
     The robot has to stand before the first room, and is told so. In the end it has no goal any more: nobody
-    is there who could give it the next one.
+    is there who could give it the next one. It needs the camera that looks up; those that look to the left
+    and ahead are of use where it has them, with images as large as their finders expect.
 
     Args:
         session: what this process has with the robot.
@@ -49,34 +52,38 @@ class LiveMission:
     def __init__(
         self, session: Session, building: Building, plan: Plan, *, operator: Script | None = None
     ) -> None:
-        self._session, self._plan = session, plan
-        scripts = {**OURS.scripts(plan, building.part(plan.floors)), "operator": operator or nobody()}
-        self._team = LiveScripts(session, scripts, leader=PLANNER)
+        self._session, self._building, self._plan = session, building.part(plan.floors), plan
+        self._operator = operator or nobody()
+        self._team: LiveScripts | None = None
         self._began_s = time.monotonic()
         self.took_s = 0.0
         self.off_mm = math.nan
+        self.verdict = Verdict.UNSEEN
 
     @property
     def over(self) -> bool:
         """Whether the planner is done, or a script has failed."""
-        return self._team.over
+        return self._team is not None and self._team.over
 
     @property
     def arrived(self) -> bool:
         """Whether the planner is done, after the end."""
-        return self._team.done
+        return self._team is not None and self._team.done
 
     @property
     def problem(self) -> str:
         """What a script raised; "" where none did."""
-        return self._team.problem
+        return "" if self._team is None else self._team.problem
 
     def wait(self) -> None:
         """Until it is over."""
-        self._team.wait()
+        if self._team is not None:
+            self._team.wait()
 
     def __enter__(self) -> LiveMission:
         self._begin()
+        scripts = OURS.scripts(self._plan, self._building, cameras=self._cameras(), on_verdict=self._verified)
+        self._team = LiveScripts(self._session, {**scripts, "operator": self._operator}, leader=PLANNER)
         self._began_s = time.monotonic()
         self._team.__enter__()
         return self
@@ -84,6 +91,7 @@ class LiveMission:
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
+        assert self._team is not None
         try:
             self._team.close()
         finally:  # also where somebody does not wait for the scripts' end
@@ -111,6 +119,19 @@ class LiveMission:
         except ServerNotFound as problem:
             hint = f"it finds its way by ceiling lights: serve it with `--camera {CEILING_CAMERA}=up`"
             raise NoCamera(f"{problem}; {hint}") from None
+
+    def _cameras(self) -> frozenset[str]:
+        """Those that the robot has and the scripts understand."""
+        there = {CEILING_CAMERA}
+        for name, geometry in ((SIDE_CAMERA, SIDE), (FRONT_CAMERA, AHEAD)):
+            with suppress(ConnectionProblem), self._session.connect(name, name=PLANNER) as eye:
+                size = eye.do(camera.size())
+                if (size.width, size.height) == (geometry.columns, geometry.rows):
+                    there.add(name)
+        return frozenset(there)
+
+    def _verified(self, verdict: Verdict) -> None:
+        self.verdict = verdict
 
     def _end(self) -> None:
         """Nothing is to be driven any more; where is it?"""

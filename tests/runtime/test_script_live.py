@@ -42,6 +42,20 @@ def test_a_script_asks_sleeps_and_ends(session: Session) -> None:
     assert seen == [True, [42, 0.5], True]
 
 
+def test_its_time_is_that_of_the_servers(session: Session) -> None:
+    times: list[int] = []
+
+    def script() -> Script:
+        times.append((yield from sleep(0.0)))
+        yield from do("DServer", data.set("Answer", 42))
+        (dated,) = yield from do("DServer", data.history("Answer"))
+        times.append(dated.t_ns)
+        times.append((yield from sleep(0.0)))
+
+    assert run_script(session, script(), name="asker")
+    assert times == sorted(times)
+
+
 def test_refusals_are_raised_in_the_script(session: Session) -> None:
     codes: list[str] = []
 

@@ -16,7 +16,7 @@ import os
 import sys
 import time
 from collections import deque
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import ExitStack, suppress
 from pathlib import Path
 from queue import Empty, SimpleQueue
@@ -33,6 +33,7 @@ from colony.runtime.kit.hub import Hub
 from colony.runtime.kit.wire import Wire
 from colony.runtime.library.ask import Ask
 from colony.runtime.live.place import Credentials
+from colony.runtime.live.robot_time import time_of
 from colony.runtime.messages import Notice
 
 T = TypeVar("T")
@@ -196,6 +197,7 @@ class Session:
 
     def __init__(self, hub: Hub) -> None:
         self.hub = hub
+        self._time: Callable[[], int] | None = None
 
     @classmethod
     def open(
@@ -225,6 +227,16 @@ class Session:
     def servers(self) -> tuple[str, ...]:
         """The addresses of all nodes of the robot that are there now."""
         return self.hub.network.alive()
+
+    def time_ns(self) -> int:
+        """The robot's time now, in nanoseconds.
+
+        Raises:
+            NotReached: the robot is on another machine, and no tick of its Clock came.
+        """
+        if self._time is None:
+            self._time = time_of(self.hub.network)
+        return self._time()
 
     def close(self) -> None:
         """End all connections and leave; again is nothing."""

@@ -6,8 +6,7 @@ with Session.open("rome") as rome:
 
 from __future__ import annotations
 
-import time
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Iterator, Mapping
 from contextlib import ExitStack, closing, contextmanager
 from threading import Event, Thread
 from typing import Any
@@ -26,7 +25,6 @@ def run_script(
     *,
     name: str,
     priority: int = 0,
-    clock: Callable[[], int] = time.monotonic_ns,
     stop: Event | None = None,
     timeout_s: float = TIMEOUT_S,
 ) -> bool:
@@ -41,7 +39,6 @@ def run_script(
         script: a generator that has not begun.
         name: what its connections go by.
         priority: of its connections.
-        clock: the robot's time in nanoseconds; on the robot's own machine that is the monotonic clock.
         stop: ends the script, also while it waits for an answer.
         timeout_s: for how long answers are waited for where a call says nothing else.
     """
@@ -70,7 +67,7 @@ def run_script(
             match step:
                 case Sleep(seconds=seconds):
                     ended.wait(max(0.0, seconds))
-                    value = clock()
+                    value = session.time_ns()
                 case Do(server=server, ask=ask):
                     try:
                         value = connection(server).do(ask)

@@ -7,8 +7,7 @@ print(team.done, team.problem)
 
 from __future__ import annotations
 
-import time
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from threading import Event, Lock, Thread
 from types import TracebackType
 
@@ -26,20 +25,12 @@ class LiveScripts:
         scripts: by name; generators that have not begun.
         leader: whose end is the end of all. So is any other script's that fails: nobody gets anywhere without
             the others.
-        clock: the robot's time in nanoseconds, as of `run_script`.
     """
 
-    def __init__(
-        self,
-        session: Session,
-        scripts: Mapping[str, Script],
-        *,
-        leader: str,
-        clock: Callable[[], int] = time.monotonic_ns,
-    ) -> None:
+    def __init__(self, session: Session, scripts: Mapping[str, Script], *, leader: str) -> None:
         if leader not in scripts:
             raise ValueError(f"the leader `{leader}` is no script; expected one of {', '.join(scripts)}")
-        self._session, self._clock, self._leader = session, clock, leader
+        self._session, self._leader = session, leader
         self._stop = Event()
         self._lock = Lock()
         self._threads = [
@@ -76,7 +67,7 @@ class LiveScripts:
 
     def _run(self, name: str, script: Script) -> None:
         try:
-            ended = run_script(self._session, script, name=name, clock=self._clock, stop=self._stop)
+            ended = run_script(self._session, script, name=name, stop=self._stop)
         except Exception as problem:
             # What is lost because all are ended is no news, and neither is what follows from a first failure.
             self._fail(name, problem)

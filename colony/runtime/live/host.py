@@ -28,10 +28,10 @@ from colony.runtime.closing import close_all
 from colony.runtime.codec import LARGEST, NotAMessage
 from colony.runtime.live import keys
 from colony.runtime.live.inbox import Inbox
-from colony.runtime.live.network import Network, local_time
+from colony.runtime.live.network import Network
 from colony.runtime.live.outbox import Outbox, Report
-from colony.runtime.live.place import Local, Place
-from colony.runtime.live.robot_time import learned_time
+from colony.runtime.live.place import Place
+from colony.runtime.live.robot_time import time_of
 from colony.runtime.live.waiting import Waiting, WaitingRoom
 from colony.runtime.messages import (
     Checkpoint,
@@ -122,7 +122,7 @@ class Host:
         with ExitStack() as holds:
             network = holds.enter_context(Network.open(place, listens=listens))
             if time is None:
-                time = local_time(place) if isinstance(place, Local) else learned_time(network)
+                time = time_of(network)
             host = cls(network, nodes, time=time, direct=direct, report=report)
             host.and_close(holds.pop_all())
             return host

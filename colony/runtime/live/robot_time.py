@@ -17,7 +17,8 @@ from colony.runtime import codec, topics
 from colony.runtime.codec import NotAMessage
 from colony.runtime.live import keys
 from colony.runtime.live.errors import NotReached
-from colony.runtime.live.network import Network
+from colony.runtime.live.network import Network, local_time
+from colony.runtime.live.place import Local
 from colony.runtime.messages import Tick
 
 DRIFT = 1e-4
@@ -54,6 +55,17 @@ class LearnedTime:
         if self._best is not None:
             self._last_ns = max(self._last_ns, self._monotonic() + self._best[0])
         return self._last_ns
+
+
+def time_of(network: Network) -> Callable[[], int]:
+    """The robot's time in nanoseconds: that of this machine where the robot is on it, else as it is learned.
+
+    Raises:
+        RunDirectoryError: the robot's folder cannot be used.
+        NotReached: no tick came.
+    """
+    place = network.place
+    return local_time(place) if isinstance(place, Local) else learned_time(network)
 
 
 def learned_time(network: Network, *, timeout_s: float = FIRST_TICK_S) -> LearnedTime:
