@@ -13,7 +13,7 @@ from colony.experiment.plates_judged import Sighting, judged, true_place
 from colony.experiment.plates_named import names_in
 from colony.experiment.plates_passed import PassWatch
 from colony.experiment.plates_record import FINDERS, Finder, Outcome, PlateResult
-from colony.experiment.runs import Run, RunSpec, building_at
+from colony.experiment.runs import Run, RunSpec, building_at, finished
 from colony.experiment.true_path import TruePath
 from colony.experiment.variants import SIDE_CAMERA
 from colony.nav.pose_tracker import Source
@@ -91,10 +91,4 @@ class PlateRun:
 
 def run_with_finders(spec: RunSpec) -> PlateResult:
     """Drive a run to its end, and see what the finders made of it."""
-    driven = PlateRun(spec)
-    try:
-        while driven.step():
-            pass
-        return driven.result()
-    finally:
-        driven.close()
+    return finished(PlateRun(spec))

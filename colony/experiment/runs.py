@@ -12,6 +12,7 @@ from dataclasses import dataclass
 from functools import lru_cache
 from pathlib import Path
 from types import MappingProxyType
+from typing import Protocol, TypeVar
 
 from colony.experiment.behavior import behavior_of
 from colony.experiment.expected import expected_s
@@ -36,6 +37,8 @@ from colony.sim.site import Site
 
 AT_GOAL_MM = 1000.0
 """A robot that is farther from the goal has not reached it, whatever it believes."""
+
+R_co = TypeVar("R_co", covariant=True)
 
 OPERATOR = "operator"
 
@@ -212,12 +215,24 @@ class Run:
         )
 
 
-def run(spec: RunSpec) -> RunResult:
-    """Drive a run to its end."""
-    driven = Run(spec)
+class Driven(Protocol[R_co]):
+    """What is driven frame by frame, and gives something in the end."""
+
+    def step(self) -> bool: ...
+    def close(self) -> None: ...
+    def result(self) -> R_co: ...
+
+
+def finished(driven: Driven[R_co]) -> R_co:
+    """What comes of it, driven to its end."""
     try:
         while driven.step():
             pass
         return driven.result()
     finally:
         driven.close()
+
+
+def run(spec: RunSpec) -> RunResult:
+    """Drive a run to its end."""
+    return finished(Run(spec))

@@ -27,6 +27,8 @@ from colony.runtime.library.proximity import SonarReading
 from colony.runtime.library.robot import Position
 
 _FIXES = {LIGHT_FIX: Source.LIGHTS, PLATE_FIX: Source.PLATES, MARKER_FIX: Source.MARKERS}
+_AHEAD_NS = 1_000_000_000
+"""A fix of a moment that is farther in the future is of a clock that is wrong."""
 _WITH_SCANS = frozenset({Source.SONAR, Source.LOCAL_MAPS})
 
 
@@ -92,7 +94,7 @@ class _Estimator:
             at = position_at(scan.t_ns, where, self._last)
             if not (yield from self._rides()):
                 ranges = scan.ranges
-        told = yield from self._fixes()
+        told = yield from self._fixes(where.t_ns)
         correction = self._tracker.take(ranges, at, told)
         self._last = where
         dx, dy, turn = correction.x_mm, correction.y_mm, correction.heading_deg
@@ -118,7 +120,7 @@ class _Estimator:
         goal = yield from asked("DServer", data.get(GOAL_TYPE))
         return goal == GoalKind.ELEVATOR
 
-    def _fixes(self) -> Generator[Step, Any, list[Told]]:
+    def _fixes(self, now_ns: int) -> Generator[Step, Any, list[Told]]:
         """The fixes that are new."""
         told = yield from asked("DServer", data.get_many(_FIXES))
         if told is None:
@@ -127,7 +129,7 @@ class _Estimator:
         found: list[Told] = []
         for name, source in _FIXES.items():
             fix = fix_of(told[name])
-            if fix is not None and fix.t_ns > self._newest_ns[name]:
+            if fix is not None and self._newest_ns[name] < fix.t_ns <= now_ns + _AHEAD_NS:
                 self._newest_ns[name] = fix.t_ns
                 found.append(Told(source, fix))
         return found

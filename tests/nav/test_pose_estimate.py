@@ -466,3 +466,7 @@ def test_a_fix_of_a_moment_to_come_waits_for_it() -> None:
     soon = [300_000_000, *FIX[1:]]
     assert told_twice([soon]) == (EAST_POSE.x, EAST_POSE.y)
     assert told_twice([soon, soon])[0] > 6_020.0
+
+
+def test_a_fix_of_a_clock_that_is_wrong_does_not_keep_others_out() -> None:
+    assert told_twice([[10**15, *FIX[1:]], FIX]) == pytest.approx(told_twice([[], FIX]))
