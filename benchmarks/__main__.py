@@ -51,6 +51,15 @@ def _table(rows: list[dict[str, Any]]) -> list[str]:
     return out
 
 
+def _written(page: str, sections: dict[str, str]) -> str:
+    """The page with these results; those of benchmarks that were not run stay."""
+    text, _, results = page.partition(MARK)
+    _, *kept = results.split("\n### ")
+    known = {part.split("\n", 1)[0]: f"### {part.rstrip()}" for part in kept} | sections
+    parts = [f"Measured on {_machine()}.", *(known[name] for name in MODULES if name in known)]
+    return f"{text}{MARK}\n\n" + "\n\n".join(parts) + "\n"
+
+
 def _name(text: str) -> str:
     if text in MODULES:
         return text
@@ -65,7 +74,7 @@ def main() -> None:
     parser.add_argument("names", nargs="*", type=_name, help=f"which: {', '.join(MODULES)} (default: all)")
     parser.add_argument("--write", action="store_true", help="put the results into docs/benchmarks.md")
     arguments = parser.parse_args()
-    lines: list[str] = []
+    sections: dict[str, str] = {}
     missed = 0
     for name in arguments.names or MODULES:
         module = importlib.import_module(f"benchmarks.{name}")
@@ -74,12 +83,11 @@ def main() -> None:
         missed += sum(1 for row in rows if row["target"] is not None and not row["ok"])
         table = _table(rows)
         print("\n".join(table), flush=True)
-        lines += [f"\n### {name}", "", (module.__doc__ or "").splitlines()[0], "", *table]
+        told = [f"### {name}", "", (module.__doc__ or "").splitlines()[0], "", *table]
+        sections[name] = "\n".join(told)
     print(f"\n{missed} targets missed; {_machine()}")
     if arguments.write:
-        page = PAGE.read_text(encoding="utf-8").split(MARK)[0]
-        results = "\n".join([f"Measured on {_machine()}.", *lines])
-        PAGE.write_text(f"{page}{MARK}\n\n{results}\n", encoding="utf-8")
+        PAGE.write_text(_written(PAGE.read_text(encoding="utf-8"), sections), encoding="utf-8")
 
 
 if __name__ == "__main__":
