@@ -43,7 +43,7 @@ def _part(context: click.Context, option: click.Parameter, value: float) -> floa
     "--seeds",
     type=click.IntRange(min=1),
     metavar="N",
-    help="Seeds a run. [default: 25 of `thesis`, 10 of `plates`, 5 of `lights`, 2 of `sources`, else 1]",
+    help="Seeds a run. [default: 25 of `thesis`, 5 of `plates`, 2 of `lights`, else 1]",
 )
 @click.option("--runs", "chosen", metavar="NUMBERS", help="Only these runs of the list, as 1-5,22.")
 @click.option(
