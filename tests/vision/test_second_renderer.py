@@ -15,7 +15,6 @@ import pytest
 from colony.nav.signs import PLATE_HEIGHT_MM, PLATE_WIDTH_MM
 from colony.vision.level_camera import LevelCamera
 from colony.vision.spotting import Detector, Spot
-from tests.vision.second_renderer import __main__ as command
 from tests.vision.second_renderer import measure
 from tests.vision.second_renderer.lettering import FONTS, font_file, plate
 from tests.vision.second_renderer.measure import CORPUS, PAGE, Picture, Score, overlap, pictures, score
@@ -225,6 +224,9 @@ def test_sets_that_cannot_be_are_refused(
     monkeypatch: pytest.MonkeyPatch,
     capsys: pytest.CaptureFixture[str],
 ) -> None:
+    pytest.importorskip("mitsuba", reason="the extra `renderer` is not installed")
+    from tests.vision.second_renderer import __main__ as command
+
     monkeypatch.setattr("sys.argv", ["renderer", *arguments, "-o", str(tmp_path / "set")])
     with pytest.raises(SystemExit, match="2"):
         command.main()
