@@ -53,12 +53,15 @@ CONNECTIONS = 1000
 WAITING_EACH = 256
 """Calls of one connection that may wait for their answers."""
 
+ARGUMENT_BYTES = 64 * 1024
+"""Largest arguments, in msgpack, of a method that sets no limit of its own."""
+
 
 class Refused(Exception):
     """A call that a server does not do.
 
-    `code` is for programs: "arguments", "method", "right", "closed", "malformed", "full", or one of the
-    server's own.
+    `code` is for programs: "arguments", "size", "method", "right", "closed", "malformed", "full", or one of
+    the server's own.
     """
 
     def __init__(self, code: str, message: str) -> None:
@@ -94,19 +97,26 @@ Handler = Callable[[Asked, Any, int], object]
 
 
 class Method(NamedTuple):
-    """A method of a server: its arguments, a struct of msgspec, and the right that it needs."""
+    """A method of a server: its arguments, a struct of msgspec, the right that it needs, and the most bytes
+    of arguments that it decodes."""
 
     name: str
     arguments: type[msgspec.Struct]
     handler: Handler
     right: Right
+    largest: int = ARGUMENT_BYTES
 
 
 def method(
-    name: str, arguments: type[msgspec.Struct], handler: Handler, *, right: Right = "command"
+    name: str,
+    arguments: type[msgspec.Struct],
+    handler: Handler,
+    *,
+    right: Right = "command",
+    largest: int = ARGUMENT_BYTES,
 ) -> Method:
-    """A line of a server's table of methods."""
-    return Method(name, arguments, handler, right)
+    """A line of a server's table of methods. Larger arguments are refused with "size" before any decoding."""
+    return Method(name, arguments, handler, right, largest)
 
 
 class Open(msgspec.Struct, frozen=True, kw_only=True):
@@ -303,6 +313,9 @@ class CallDesk:
         if call.priority != asked.caller.priority:
             mine = asked.caller.priority
             raise Refused("arguments", f"{where}: the connection has priority {mine}, not {call.priority}")
+        size = len(memoryview(call.arguments))
+        if size > called.largest:
+            raise Refused("size", f"{where}: {size} bytes of arguments; expected at most {called.largest}")
         try:
             arguments = decoder.decode(call.arguments)
         except (msgspec.DecodeError, UnicodeDecodeError, RecursionError) as problem:

@@ -17,12 +17,16 @@ from colony.ir.program import Actuator, ActuatorField, Program
 from colony.ir.types import BOOL, PLAIN, Bool, ScalarValue
 from colony.runtime import topics
 from colony.runtime.bindings import ActuatorBinding, Bindings
+from colony.runtime.fields import DSERVER
 from colony.runtime.servers.commanding import Commanded
 
 SHORTEST_FRAME_NS = 100_000
 LONGEST_FRAME_NS = 3_600_000_000_000
 """Of the frames of a robot. Faster ones would run out of numbers (see `clock.py`); with slower ones nobody
 would notice for hours that a client is lost."""
+
+DEPLOYMENT_BYTES = 256 * 1024
+"""Largest deployment, in msgpack, that the method `deploy` of a server decodes."""
 
 
 class FieldTable(msgspec.Struct, frozen=True, kw_only=True):
@@ -54,6 +58,7 @@ class Deployment(msgspec.Struct, frozen=True, kw_only=True):
     `announced` are the modules in Python whose activity DServer hands on; `seed` is that of `Runtime.random`;
     `servers` are read besides those that every robot has.
     `lockstep`: each frame begins as soon as the one before it is decided, instead of after `frame_ns`.
+    `reads` are the variables that the program's sensors are bound to: DServer's frames show them.
     """
 
     run: str
@@ -64,6 +69,7 @@ class Deployment(msgspec.Struct, frozen=True, kw_only=True):
     announced: tuple[str, ...] = ()
     lockstep: bool = False
     servers: tuple[str, ...] = ()
+    reads: tuple[str, ...] = ()
 
 
 def deployment(
@@ -91,7 +97,13 @@ def deployment(
         announced=announced,
         lockstep=lockstep,
         servers=servers,
+        reads=variables_read(bindings),
     )
+
+
+def variables_read(bindings: Bindings) -> tuple[str, ...]:
+    """The variables of DServer that sensors are bound to, each once, in the order declared."""
+    return tuple(dict.fromkeys(b.field for b in bindings.sensors if b.server == DSERVER.name))
 
 
 def commanded_by(deployed: Deployment, server: str) -> tuple[Commanded, ...]:

@@ -11,6 +11,7 @@ import pytest
 from colony.runtime.calls import (
     ANSWER_BYTES_KEPT,
     ANSWERS_KEPT,
+    ARGUMENT_BYTES,
     LATER,
     LEASE_NS,
     Asked,
@@ -63,6 +64,7 @@ class Sums:
                 method("large", Nothing, lambda *_: self.sent_large),
                 method("wait", Nothing, self._wait, right="read"),
                 method("halt", Nothing, lambda *_: None, right="stop"),
+                method("long", Nothing, lambda *_: None, largest=100_000),
             ),
             admit=self._admit,
             lost=self._lost,
@@ -209,6 +211,26 @@ def test_arguments_that_are_no_msgpack(sums: Sums) -> None:
     assert code(sums.tell(bad)) == "arguments"
     opening = Call(connection=BOB, number=1, method="open", arguments=msgspec.Raw(b"\x81"))
     assert code(sums.tell(opening)) == "arguments"
+
+
+@pytest.mark.parametrize(("method", "most"), [("add", ARGUMENT_BYTES), ("long", 100_000)])
+def test_arguments_that_are_too_large_are_refused_before_they_are_decoded(
+    sums: Sums, method: str, most: int
+) -> None:
+    def padded(size: int) -> msgspec.Raw:
+        """A mapping of so many bytes with an amount, and a key that no method knows."""
+        begin = (
+            b"\x82" + msgspec.msgpack.encode("amount") + b"\x01" + msgspec.msgpack.encode("rest") + b"\xc6"
+        )
+        rest = size - len(begin) - 4
+        return msgspec.Raw(begin + rest.to_bytes(4, "big") + bytes(rest))
+
+    for number, size, expected in ((2, most, None), (3, most + 1, "size")):
+        arguments = padded(size)
+        assert len(memoryview(arguments)) == size
+        (reply,) = sums.tell(Call(connection=ANN, number=number, method=method, arguments=arguments))
+        assert isinstance(reply, Reply)
+        assert (None if reply.problem is None else reply.problem.code) == expected
 
 
 def test_who_is_not_connected(sums: Sums) -> None:

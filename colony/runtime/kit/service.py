@@ -52,14 +52,22 @@ def field(
 
 
 def method(
-    name: str, arguments: type[A], handler: Callable[[Caller, A], object], *, right: Right = "command"
+    name: str,
+    arguments: type[A],
+    handler: Callable[[Caller, A], object],
+    *,
+    right: Right = "command",
+    largest: int = calls.ARGUMENT_BYTES,
 ) -> Method:
-    """A line of a server's table of methods. `handler` gives the result, or raises `Refused`."""
+    """A line of a server's table of methods. `handler` gives the result, or raises `Refused`.
+
+    Calls with more than `largest` bytes of arguments, in msgpack, are refused with the code "size".
+    """
 
     def handle(asked: Asked, given: A, now_ns: int) -> object:
         return handler(asked.caller, given)
 
-    return calls.method(name, arguments, handle, right=right)
+    return calls.method(name, arguments, handle, right=right, largest=largest)
 
 
 class Service:

@@ -17,7 +17,7 @@ from colony.runtime import topics
 from colony.runtime.arbitration import Timing, declared_units, timing
 from colony.runtime.assembly import KEPT_MOST
 from colony.runtime.calls import Asked, Refused, method
-from colony.runtime.deployment import Deployment, commanded_by
+from colony.runtime.deployment import DEPLOYMENT_BYTES, Deployment, commanded_by
 from colony.runtime.fields import DSERVER
 from colony.runtime.messages import (
     Alive,
@@ -100,7 +100,7 @@ class DServer:
             semaphores,
             answers,
             watches,
-            others=(method("deploy", Deployment, self._deploy),),
+            others=(method("deploy", Deployment, self._deploy, largest=DEPLOYMENT_BYTES),),
             lost=self._leadership.lost,
         )
         self._changed: list[str] = []

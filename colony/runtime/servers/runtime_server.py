@@ -6,7 +6,7 @@ from collections.abc import Iterable
 from hashlib import blake2b
 
 from colony.runtime.calls import Asked, CallDesk, Caller, method
-from colony.runtime.deployment import Deployment
+from colony.runtime.deployment import DEPLOYMENT_BYTES, Deployment
 from colony.runtime.fields import RUNTIME
 from colony.runtime.messages import Alive, Call, Effect, Fetch, Malformed, Message, Sample, Tick, Wake
 from colony.runtime.servers.leadership import Leadership
@@ -27,7 +27,11 @@ class RuntimeServer:
         self._seed = seed
         self._publisher = Publisher(self.address, self._read, keep=keep)
         self._leadership = Leadership(self.address)
-        self._desk = CallDesk(self.address, (method("deploy", Deployment, self._deploy),), lost=self._lost)
+        self._desk = CallDesk(
+            self.address,
+            (method("deploy", Deployment, self._deploy, largest=DEPLOYMENT_BYTES),),
+            lost=self._lost,
+        )
         self.listens = (*self._publisher.listens, *self._desk.listens)
 
     def use(self, deployed: Deployment) -> None:
