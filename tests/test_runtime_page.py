@@ -12,7 +12,7 @@ import msgspec
 import pytest
 
 from colony.dsl.load import check_text
-from colony.runtime import assembly, calls, client, clock, codec, liveness
+from colony.runtime import assembly, calls, client, clock, codec, deployment, liveness
 from colony.runtime.arbitration import timing
 from colony.runtime.kit import connection, conversation
 from colony.runtime.kit.connection import Session
@@ -86,6 +86,10 @@ def test_the_behavior_is_right() -> None:
         ("A history has 1 value unless told", variables.HISTORY_LENGTH == 10_000),
         ("| a message | 4 MiB |", codec.LARGEST == 4 << 20),
         ("| connections to a server | 1000 |", calls.CONNECTIONS == 1000),
+        ("| connections to a server of one user | 500 |", calls.CONNECTIONS_EACH == 500),
+        ("| answers that a server keeps | 8 MiB |", calls.ANSWER_BYTES == 8 << 20),
+        ("| clients of a program | 2000 |", deployment.MOST_CLIENTS == 2000),
+        ("| a position that is told to the base | 10 km from the origin |", rserver.FARTHEST_MM == 1e7),
         ("| calls of one connection that wait | 256 |", waiting.CALLS_EACH == 256),
         ("| the value of a variable, in msgpack | 1 MiB |", variables.VALUE_BYTES == 1 << 20),
         ("| values in a history | 10000 |", variables.HISTORY_LENGTH == 10_000),
@@ -156,7 +160,7 @@ def test_programs_come_and_go(rome: Machine) -> None:
         ("halves.py", r"at -?\d+, -?\d+; bumpers 0; \d+ mm ahead\n"),
         ("awaited.py", r"Greeting is hello\n"),
         ("shared.py", r"107 103\n0\n"),
-        ("drive.py", r"locked\n"),
+        ("drive.py", r"locked\nTrue\n"),
         ("readme.py", r"Position\(x=.*, y=.*, heading=.*\)\n"),
     ],
 )

@@ -84,6 +84,7 @@ def _lines(state: RobotState) -> Iterator[str]:
     width = max(len(s.server) for s in state.servers)
     for server in state.servers:
         yield f"  {server.server:<{width}}  {_server(server)}"
+    yield from (f"  {line}" for line in _emergency(state))
     if state.arbitration is not None:
         yield from (f"  {line}" for line in _arbitration(state))
     if state.run is not None:
@@ -107,18 +108,23 @@ def _server(server: ServerState) -> str:
         parts.append(f"process {server.process}")
     if server.malformed:
         parts.append(f"{server.malformed} malformed messages")
+    parts += server.full
     if server.problem is not None:
         parts.append(server.problem)
     return ", ".join(parts)
 
 
+def _emergency(state: RobotState) -> Iterator[str]:
+    stops = [found.stopped for found in (state.who, state.arbitration) if found is not None]
+    if stopped := next((stop for stop in stops if stop is not None), None):
+        yield f"EMERGENCY STOP, by {stopped.by}; `colony stop --release` ends it"
+    if state.who is not None and state.who.trouble is not None:
+        yield f"trouble: {state.who.trouble}"
+
+
 def _arbitration(state: RobotState) -> Iterator[str]:
     found = state.arbitration
     assert found is not None
-    if found.stopped is not None:
-        yield f"EMERGENCY STOP, by {found.stopped.by}; `colony stop --release` ends it"
-    if found.trouble is not None:
-        yield f"trouble: {found.trouble}"
     if found.lock_holder is not None:
         yield f"locked by {found.lock_holder}"
     yield f"the base is commanded by {found.acting or 'nobody'}"

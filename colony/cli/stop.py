@@ -20,7 +20,7 @@ from colony.cli.places import (
 from colony.cli.reporting import say
 
 if TYPE_CHECKING:
-    from colony.runtime.kit.connection import Connection
+    from colony.runtime.kit.connection import Session
 
 
 OF_A_BASE = frozenset({"RServer", "Clock", "Leader", "Simulator", "Supervisor"})
@@ -36,11 +36,12 @@ them is a data server that robots share."""
 def command(robot: str | None, release: bool, connect: str | None, security: Path | None) -> None:
     """Stop a robot at once, whatever else goes on, and keep it from moving until it is released.
 
-    The stop is a latch in RServer: it goes before all other calls, holds against every program and
-    connection, and survives a restart of the server. Programs go on meanwhile, and drive again after the
-    release. Each robot that was stopped has acknowledged it.
+    The stop goes to every server that moves something, before all other calls, and to the Clock, which keeps
+    it in a file and repeats it in every frame: it holds against every program and connection, and survives
+    the death of any process. Programs go on meanwhile, and drive again after the release.
 
-    Exit code 0, 1 where a robot did not acknowledge, 2 where there is none.
+    Exit code 0 if the Clock keeps the stop and every server that is up has acknowledged it, 1 if not (the
+    robot may be stopped all the same), 2 where there is no robot.
 
     \b
     Example:
@@ -74,34 +75,53 @@ def _robots(robot: str | None, connect: str | None) -> list[str]:
 
 def _command(name: str, release: bool, connect: str | None, security: Path | None) -> bool:
     """Whether the robot has acknowledged."""
-    from colony.runtime.fields import RSERVER
-    from colony.runtime.kit.errors import CallRefused, ConnectionProblem
-    from colony.runtime.library import robot
+    from colony.runtime.kit.errors import ConnectionProblem
 
     with problems_told():
         session = session_with(place_of(name, connect, security))
     with session:
         try:
-            with session.connect(RSERVER.name, name="colony stop") as base:
-                base.do(robot.release() if release else robot.emergency_stop())
-                click.echo(f"{name}: {'released' if release else 'stopped'}{_told(base)}")
-        except CallRefused as problem:
-            say(f"{name}: error: {problem.message}")
-            return False
+            return _release(name, session) if release else _stop(name, session)
         except ConnectionProblem as problem:
-            say(f"{name}: error: not acknowledged: {problem}")
+            say(f"{name}: error: {problem}")
             return False
+
+
+def _stop(name: str, session: Session) -> bool:
+    from colony.runtime.kit.emergency import StopButton
+
+    with StopButton(session, name="colony stop") as button:
+        pressed = button.press()
+    for problem in pressed.problems.values():
+        say(f"{name}: error: {problem}")
+    if pressed.acknowledged:
+        by, run = _told(session)
+        click.echo(f"{name}: stopped{by}; acknowledged by {', '.join(pressed.acknowledged)}{run}")
+    return pressed.kept
+
+
+def _release(name: str, session: Session) -> bool:
+    from colony.runtime.library.clock import release
+    from colony.runtime.topics import CLOCK
+
+    with session.connect(CLOCK, name="colony stop") as clock:
+        clock.do(release())
+    click.echo(f"{name}: released{_told(session)[1]}")
     return True
 
 
-def _told(base: Connection) -> str:
-    """Who stopped it first, and what it is in; nothing where this user may not know."""
+def _told(session: Session) -> tuple[str, str]:
+    """Who stopped the robot first, and the run that goes on; nothing where this user may not know."""
     from colony.runtime.kit.errors import ConnectionProblem
-    from colony.runtime.library import robot
+    from colony.runtime.library.clock import who
+    from colony.runtime.topics import CLOCK
 
+    if CLOCK not in session.servers():
+        return "", ""
     try:
-        found = base.do(robot.arbitration())
+        with session.connect(CLOCK, name="colony stop") as clock:
+            found = clock.do(who())
     except ConnectionProblem:
-        return ""
+        return "", ""
     by = "" if found.stopped is None else f" by {found.stopped.by}"
-    return by + (f"; the run {found.run} goes on" if found.run else "")
+    return by, f"; the run {found.run} goes on" if found.run else ""

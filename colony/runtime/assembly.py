@@ -35,7 +35,9 @@ ACTIVE = "active"
 """The one field of the frames in which the activity of a module in Python is published."""
 
 ASKED_AT_ONCE = 100
-"""How many ticks and frames that did not come are asked for again with each tick, the oldest first."""
+"""How many ticks and frames that did not come are asked for with each tick, the oldest first. What was asked
+for and does not come is asked for again when it is 2, 4, 8... ticks old, so that a server that is behind is
+not asked more the further behind it is."""
 
 V = TypeVar("V")
 
@@ -91,7 +93,7 @@ class FrameAssembler:
         self._ticks: dict[int, Tick] = {}
         self._frames: dict[int, dict[str, ServerFrame]] = {}
         self._void: dict[tuple[str, int], int] = {}  # and by which tick
-        self._start = self._next = self._latest = -1
+        self._start = self._next = self._latest = self._asked = -1
         self._contradicted = False
 
     @property
@@ -176,7 +178,7 @@ class FrameAssembler:
         return left_out
 
     def _go_to(self, k: int) -> None:
-        self._next = k
+        self._next, self._asked = k, k - 1
         self._ticks = {at: tick for at, tick in self._ticks.items() if at >= k}
         self._frames = {at: got for at, got in self._frames.items() if at >= k}
 
@@ -204,7 +206,7 @@ class FrameAssembler:
 
     def _begin(self, tick: Tick) -> None:
         self._start = self._next = tick.start
-        self._latest = -1
+        self._latest = self._asked = -1
         self._contradicted = False
         self._ticks.clear()
         self._void.clear()
@@ -216,6 +218,10 @@ class FrameAssembler:
         for k in range(self._next, self._latest):
             if left <= 0:
                 return
+            age = self._latest - k
+            if k <= self._asked and age & (age - 1):
+                continue
+            self._asked = max(self._asked, k)
             tick = self._ticks.get(k)
             if tick is None:
                 left -= 1

@@ -52,6 +52,7 @@ class Others(NamedTuple):
 
 
 NOBODY = Others()
+STOPPED = Others(hold="stopped")
 
 
 class Choice(NamedTuple):

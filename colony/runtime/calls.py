@@ -8,9 +8,9 @@ A server lists its methods and gives its messages to a `CallDesk`:
     effects = desk.handle(message, now_ns)
 
 A connection begins with the call `open` and ends with the call `close`, or when nothing was heard of it for
-the lease. A call is done once however often it arrives: what was answered is answered again in the same
-words. A handler gives the result, raises `Refused`, or says `LATER` and answers through `CallDesk.answer` in
-its time.
+the lease. A call that changes something is done once however often it arrives: what was answered is answered
+again in the same words. A handler gives the result, raises `Refused`, or says `LATER` and answers through
+`CallDesk.answer` in its time.
 """
 
 from __future__ import annotations
@@ -47,8 +47,20 @@ ANSWERS_KEPT = 64
 ANSWER_BYTES_KEPT = 1024 * 1024
 """How large they may be together; the newest is kept whatever its size."""
 
+ANSWER_BYTES = 8 * 1024 * 1024
+"""How large the kept replies of all connections may be together."""
+
 CONNECTIONS = 1000
 """How many connections a server takes at a time."""
+
+CONNECTIONS_EACH = 500
+"""How many of them one user may have."""
+
+MOST_REACHED = 16
+"""Limits that were reached of which `status` tells."""
+
+LONGEST_NAME = 255
+"""Characters of the name that a connection goes by; the rest is left out."""
 
 WAITING_EACH = 256
 """Calls of one connection that may wait for their answers."""
@@ -91,6 +103,9 @@ class Later:
 
 LATER: Final = Later()
 """What a handler gives whose answer comes later."""
+
+EMERGENCY_STOP = "emergency_stop"
+"""The method that stops a server's actuators."""
 
 Handler = Callable[[Asked, Any, int], object]
 """From the call, its arguments and the time to its result, which msgspec can put into bytes."""
@@ -142,12 +157,16 @@ class ConnectionStatus(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class Status(msgspec.Struct, frozen=True, kw_only=True):
-    """`status`: who is connected, and how many messages could not be read."""
+    """`status`: who is connected, and how many messages could not be read.
+
+    `full` names the limits of the server that are, or were, reached, each in a sentence.
+    """
 
     server: str
     connections: tuple[ConnectionStatus, ...]
     malformed: int
     last_malformed: str | None
+    full: tuple[str, ...] = ()
 
 
 @dataclass(frozen=False, slots=True, kw_only=True)
@@ -163,17 +182,25 @@ class _Connection:
     answer_bytes: int = 0
     forgotten: int = 0
 
-    def keep(self, reply: Reply) -> None:
-        """Keep an answer, and forget the oldest where there are too many."""
-        self.pending.discard(reply.number)
+    def keep(self, reply: Reply) -> int:
+        """Keep an answer, and forget the oldest where there are too many; by how many bytes all have
+        grown."""
+        before = self.answer_bytes
         self.answers[reply.number] = reply
         self.answer_bytes += len(memoryview(reply.result))
         while len(self.answers) > ANSWERS_KEPT or (
             len(self.answers) > 1 and self.answer_bytes > ANSWER_BYTES_KEPT
         ):
-            number, old = self.answers.popitem(last=False)
-            self.answer_bytes -= len(memoryview(old.result))
-            self.forgotten = max(self.forgotten, number)
+            self.forget_oldest()
+        return self.answer_bytes - before
+
+    def forget_oldest(self) -> int:
+        """Forget the oldest answer; its bytes."""
+        number, old = self.answers.popitem(last=False)
+        size = len(memoryview(old.result))
+        self.answer_bytes -= size
+        self.forgotten = max(self.forgotten, number)
+        return size
 
 
 _RIGHTS: dict[Right, tuple[Right, ...]] = {
@@ -193,6 +220,9 @@ class CallDesk:
         admit: asked before a connection opens; raises `Refused` to turn it away.
         lost: told that a connection ended, by `close` or by its lease; gives effects.
         lease_ns: after which silence a connection is lost.
+        stop: carries out an emergency stop: by whom, and when; raises `Refused` where that is not all well.
+            Without it the server has nothing to stop.
+        full: the limits of the server's other parts that are reached, for `status`.
     """
 
     def __init__(
@@ -203,8 +233,12 @@ class CallDesk:
         admit: Callable[[Caller], None] = lambda caller: None,
         lost: Callable[[Caller, int], Iterable[Effect]] = lambda caller, now_ns: (),
         lease_ns: int = LEASE_NS,
+        stop: Callable[[str, int], None] | None = None,
+        full: Callable[[], Iterable[str]] = lambda: (),
     ) -> None:
         self._server = server
+        self._stop = stop
+        self._full = full
         own = (
             method("open", Open, lambda *_: None, right="read"),
             method("close", Nothing, lambda *_: None, right="read"),
@@ -215,6 +249,8 @@ class CallDesk:
         self._lost = lost
         self._lease_ns = lease_ns
         self._connections: dict[str, _Connection] = {}
+        self._answer_bytes = 0
+        self._reached: dict[str, None] = {}
         self._malformed = 0
         self._last_malformed: str | None = None
         self._alarm: int | None = None
@@ -223,6 +259,8 @@ class CallDesk:
     def handle(self, message: Message, now_ns: int) -> Iterator[Effect]:
         """Take a call, a sign of life, what could not be read, or the time; anything else is ignored."""
         match message:
+            case Call(method=called) if called == EMERGENCY_STOP and self._stop is not None:
+                yield self._stop_at_once(self._stop, message, now_ns)
             case Call():
                 yield from self._call(message, now_ns)
             case Alive():
@@ -264,6 +302,22 @@ class CallDesk:
 
     # --- calls ---------------------------------------------------------------------------------------
 
+    def _stop_at_once(self, stop: Callable[[str, int], None], call: Call, now_ns: int) -> Effect:
+        """An emergency stop gets through whatever else is wrong with it, also without an open connection."""
+        if call.right == "read":
+            text = f"{self._server}.{EMERGENCY_STOP} needs the right to stop, not to read"
+            return self._fail(call.connection, call.number, Problem(code="right", message=text))
+        connection = self._connections.get(call.connection)
+        if connection is not None:
+            connection.heard_ns = now_ns
+            connection.calls += 1
+        try:
+            stop(call.connection, now_ns)
+        except Refused as refused:
+            return self._fail(call.connection, call.number, refused.problem)
+        reply = Reply(connection=call.connection, number=call.number)
+        return Send(topics.replies(self._server, call.connection), reply)
+
     def _call(self, call: Call, now_ns: int) -> Iterator[Effect]:
         connection = self._connections.get(call.connection)
         if connection is None and call.method == "open":
@@ -297,15 +351,17 @@ class CallDesk:
             yield from self.refuse(asked, refused)
             return
         if not isinstance(result, Later):
-            yield from self.answer(asked, result)
+            # what was only read is read again for a call that arrives again: answers may be large
+            kept = self._methods[call.method][0].right != "read"
+            yield from self._reply(asked, _result(asked, result), kept=kept)
         if call.method == "close":
             yield from self._end(call.connection, now_ns)
 
     def _result_of(self, asked: Asked, call: Call, now_ns: int) -> object:
         found = self._methods.get(call.method)
         if found is None:
-            known = ", ".join(self._methods)
-            raise Refused("method", f"{self._server} has no method `{call.method}`; it has {known}")
+            known, name = ", ".join(self._methods), call.method[:LONGEST_NAME]
+            raise Refused("method", f"{self._server} has no method `{name}`; it has {known}")
         called, decoder = found
         where = f"{self._server}.{called.name}"
         if call.right not in _RIGHTS[called.right]:
@@ -327,11 +383,12 @@ class CallDesk:
             opening = msgspec.msgpack.decode(call.arguments, type=Open)
         except (msgspec.DecodeError, UnicodeDecodeError, RecursionError) as problem:
             return None, Problem(code="arguments", message=f"{self._server}.open: {problem}")
-        if len(self._connections) >= CONNECTIONS:
-            text = f"{self._server} has {CONNECTIONS} connections already"
-            return None, Problem(code="full", message=text)
         user = call.connection.partition("/")[0]
-        caller = Caller(call.connection, opening.name, call.priority, user)
+        if len(self._connections) >= CONNECTIONS:
+            return None, self._no_room(f"{self._server} has {CONNECTIONS} connections already")
+        if sum(c.caller.user == user for c in self._connections.values()) >= CONNECTIONS_EACH:
+            return None, self._no_room(f"{self._server} has {CONNECTIONS_EACH} connections of {user} already")
+        caller = Caller(call.connection, opening.name[:LONGEST_NAME], call.priority, user)
         try:
             self._admit(caller)
         except Refused as refused:
@@ -340,15 +397,34 @@ class CallDesk:
         self._connections[call.connection] = connection
         return connection, _CLOSED
 
-    def _reply(self, asked: Asked, reply: Reply) -> Iterator[Effect]:
+    def _no_room(self, text: str) -> Problem:
+        self._note(text)
+        return Problem(code="full", message=text)
+
+    def _note(self, reached: str) -> None:
+        if len(self._reached) < MOST_REACHED:
+            self._reached[reached] = None
+
+    def _reply(self, asked: Asked, reply: Reply, *, kept: bool = True) -> Iterator[Effect]:
         connection = self._connections.get(asked.caller.connection)
         if connection is None:
             return
-        connection.keep(reply)
+        connection.pending.discard(reply.number)
+        if kept:
+            self._answer_bytes += connection.keep(reply)
+            if self._answer_bytes > ANSWER_BYTES:
+                self._forget_answers()
         if reply.problem is not None:
             connection.problems += 1
             connection.last_problem = reply.problem.message
         yield Send(topics.replies(self._server, asked.caller.connection), reply)
+
+    def _forget_answers(self) -> None:
+        """Make room for answers where there are most; the one that was given just now may go, too."""
+        most = max(self._connections.values(), key=lambda each: each.answer_bytes)
+        while self._answer_bytes > ANSWER_BYTES and most.answers:
+            self._answer_bytes -= most.forget_oldest()
+        self._note(f"{self._server} keeps {ANSWER_BYTES >> 20} MiB of answers, and forgets the oldest")
 
     def _fail(self, connection: str, number: int, problem: Problem) -> Effect:
         reply = Reply(connection=connection, number=number, problem=problem)
@@ -371,6 +447,7 @@ class CallDesk:
             ),
             malformed=self._malformed,
             last_malformed=self._last_malformed,
+            full=(*self._reached, *self._full()),
         )
 
     # --- who lives -----------------------------------------------------------------------------------
@@ -396,6 +473,7 @@ class CallDesk:
 
     def _end(self, connection: str, now_ns: int) -> Iterator[Effect]:
         ended = self._connections.pop(connection)
+        self._answer_bytes -= ended.answer_bytes
         yield from self._lost(ended.caller, now_ns)
 
 

@@ -8,6 +8,9 @@ The frames since one in which all memory was initial are an epoch. A new one beg
 was started anew; and when a client lost its memory for good. A frame's number is never used twice: a Clock
 that starts takes its first from the time, a number each `NUMBER_NS`, and no frames come faster than that.
 
+The emergency stop is latched here (`latch.py`): the Clock keeps it, repeats it in every tick, learns of stops
+that it did not hear from the frames of those that did, and alone releases it.
+
 A Clock that was stopped for a while leaves out the periods that it missed. In lockstep a frame begins as
 soon as the one before it is decided, at latest after a period; its time is a whole number of periods all the
 same.
@@ -16,11 +19,13 @@ same.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator
+from pathlib import Path
 
 from colony.runtime import topics
-from colony.runtime.calls import Asked, CallDesk, Caller, Nothing, method
-from colony.runtime.deployment import SHORTEST_FRAME_NS, Deployment, client_addresses
+from colony.runtime.calls import Asked, CallDesk, Caller, Nothing, Refused, method
+from colony.runtime.deployment import DEPLOYMENT_BYTES, Deployment, client_addresses
 from colony.runtime.fields import DSERVER
+from colony.runtime.latch import StopLatch
 from colony.runtime.library.clock import ServerWho, Who
 from colony.runtime.liveness import Answers, Liveness, lease
 from colony.runtime.messages import (
@@ -35,11 +40,13 @@ from colony.runtime.messages import (
     Restart,
     Send,
     ServerFrame,
+    Stopped,
     Tick,
     Verdict,
     Wake,
     WakeAt,
 )
+from colony.runtime.plausibility import NUMBER_NS
 from colony.runtime.roll import Roll
 from colony.runtime.servers.leadership import Leadership
 
@@ -48,12 +55,6 @@ IDLE_FRAME_NS = 50_000_000
 
 GATHER_NS = 5_000_000_000
 """For how long the clients of a run are waited for."""
-
-NUMBER_NS = SHORTEST_FRAME_NS
-"""A Clock that starts at time t begins with frame t / NUMBER_NS."""
-
-ASKED_AGAIN = 8
-"""How many frames of a server that have not come are asked for again with each tick."""
 
 
 class Clock:
@@ -64,6 +65,7 @@ class Clock:
         keep: how many ticks are kept for who missed one.
         deployment: a program that is there from the beginning; others come by `deploy`.
         told: hears of every deployment, before its first frame.
+        stop_path: where the emergency stop is kept, so that a restart does not forget it.
     """
 
     address = topics.CLOCK
@@ -75,7 +77,9 @@ class Clock:
         keep: int,
         deployment: Deployment | None = None,
         told: Callable[[Deployment], None] = lambda deployed: None,
+        stop_path: Path | None = None,
     ) -> None:
+        self._latch = StopLatch(stop_path)
         self._servers = servers
         self._keep = keep
         self._deployed = deployment
@@ -91,10 +95,12 @@ class Clock:
         self._desk = CallDesk(
             self.address,
             (
-                method("deploy", Deployment, self._deploy),
+                method("deploy", Deployment, self._deploy, largest=DEPLOYMENT_BYTES),
                 method("who", Nothing, self._who, right="read"),
+                method("release", Nothing, self._release),
             ),
             lost=self._lost,
+            stop=self._stop,
         )
         self.listens = (
             topics.fetches(self.address),
@@ -119,6 +125,8 @@ class Clock:
         match message:
             case ServerFrame():
                 self._heard(message.server, message.k, message.since, now_ns)
+                self._latch.observe(message.stopped)
+                self._overtake(message.k)
             case Announcement():
                 self._heard(topics.activity(DSERVER.name, message.module), message.k, 0, now_ns)
             case Verdict():
@@ -150,6 +158,23 @@ class Clock:
     def _heard(self, server: str, k: int, since: int, now_ns: int) -> None:
         self._liveness.heard(server, now_ns)
         self._answers.answered(server, k, since)
+
+    def _overtake(self, k: int) -> None:
+        """A server has seen frame `k`. Where that is not ours, somebody has spoken in our place: number on
+        above it, or the server would wait for us to get there."""
+        if k > self._tick.k and self._tick.k >= 0:
+            self._next_k, self._restart = max(self._next_k, k + 1), True
+
+    # --- the emergency stop ----------------------------------------------------------------------------
+
+    def _stop(self, by: str, now_ns: int) -> None:
+        self._latch.engage(Stopped(by=by, t_ns=now_ns))
+        if self._latch.trouble is not None:
+            text = f"stopped, but a Clock that is started again will not know it: {self._latch.trouble}"
+            raise Refused("not kept", f"{self.address}: {text}")
+
+    def _release(self, asked: Asked, arguments: Nothing, now_ns: int) -> None:
+        self._latch.release(now_ns)
 
     # --- runs ------------------------------------------------------------------------------------------
 
@@ -252,8 +277,11 @@ class Clock:
             down=down,
             lost=self._roll.lost(now_ns) if run else (),
             void=self._answers.void(down),
+            stopped=self._latch.stopped,
+            released_ns=self._latch.released_ns,
         )
-        overdue = list(self._answers.overdue(k - 1, ASKED_AGAIN))
+        self._latch.save()
+        overdue = list(self._answers.overdue(k))
         self._answers.asked(k, down)
         self._kept[k] = tick
         self._kept.pop(k - self._keep, None)
@@ -282,6 +310,8 @@ class Clock:
             restarts=self._restarts,
             servers=tuple(ServerWho(server=s, up=s not in down) for s in watched),
             clients=self._roll.who(now_ns),
+            stopped=self._latch.stopped,
+            trouble=self._latch.trouble,
         )
 
     def _watched_servers(self) -> tuple[str, ...]:

@@ -7,7 +7,8 @@ again wherever one of these was started anew. As long as the leader lives, nobod
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections import Counter
+from collections.abc import Iterator
 from typing import Literal
 
 import msgspec
@@ -18,15 +19,30 @@ from colony.ir.types import BOOL, PLAIN, Bool, ScalarValue
 from colony.runtime import topics
 from colony.runtime.bindings import ActuatorBinding, Bindings
 from colony.runtime.fields import DSERVER
+from colony.runtime.plausibility import NUMBER_NS
 from colony.runtime.servers.commanding import Commanded
 
-SHORTEST_FRAME_NS = 100_000
+SHORTEST_FRAME_NS = NUMBER_NS
 LONGEST_FRAME_NS = 3_600_000_000_000
 """Of the frames of a robot. Faster ones would run out of numbers (see `clock.py`); with slower ones nobody
 would notice for hours that a client is lost."""
 
 DEPLOYMENT_BYTES = 256 * 1024
 """Largest deployment, in msgpack, that the method `deploy` of a server decodes."""
+
+
+MOST_CLIENTS = 2000
+"""Clients that the actuators of a program may have together: each frame tells the fate of every one of
+them."""
+
+MOST_OTHERS = 1000
+"""Actuators, fields of one, modules in Python, servers and variables that a deployment may name, of each."""
+
+MOST_TOLD = 5
+"""Clients of one kind of problem that are named."""
+
+LONGEST_NAME = 255
+"""Characters of any name in a deployment."""
 
 
 class FieldTable(msgspec.Struct, frozen=True, kw_only=True):
@@ -121,24 +137,49 @@ def client_addresses(deployed: Deployment) -> tuple[tuple[str, str], ...]:
 
 
 def problems(deployed: Deployment) -> tuple[str, ...]:
-    """What makes a deployment impossible: no name, frames without length, two clients with one name or
-    priority."""
-    return tuple(_problems(deployed))
+    """Return what makes a deployment impossible: no name, frames without length, two clients with one name or
+    priority, more of anything than a robot can have. Limits come first, so that nothing large is looked
+    at."""
+    return tuple(_too_many(deployed)) or tuple(_problems(deployed))
 
 
-def _problems(deployed: Deployment) -> Iterable[str]:
+def _too_many(deployed: Deployment) -> Iterator[str]:
+    tables = deployed.actuators
+    counts = [
+        ("clients", sum(len(table.clients) for table in tables), MOST_CLIENTS),
+        ("actuators", len(tables), MOST_OTHERS),
+        ("fields of an actuator", max((len(t.fields) for t in tables), default=0), MOST_OTHERS),
+        ("modules in Python", len(deployed.announced), MOST_OTHERS),
+        ("servers", len(deployed.servers), MOST_OTHERS),
+        ("variables", len(deployed.reads), MOST_OTHERS),
+    ]
+    for what, count, most in counts:
+        if count > most:
+            yield f"{count} {what}; expected at most {most}"
+    for name in (deployed.run, deployed.program, *deployed.announced, *deployed.servers, *deployed.reads):
+        if len(name) > LONGEST_NAME:
+            yield f"the name `{name[:20]}...` has {len(name)} characters; expected at most {LONGEST_NAME}"
+
+
+def _problems(deployed: Deployment) -> Iterator[str]:
     if not deployed.run:
         yield "a run without a name"
     if not SHORTEST_FRAME_NS <= deployed.frame_ns <= LONGEST_FRAME_NS:
         expected = f"expected {SHORTEST_FRAME_NS} to {LONGEST_FRAME_NS}"
         yield f"a frame of {deployed.frame_ns} ns; {expected}"
     for table in deployed.actuators:
-        for what, of in (("name", 0), ("priority", 1)):
-            seen = [client[of] for client in table.clients]
-            for twice in sorted({str(x) for x in seen if seen.count(x) > 1}):
-                yield f"{table.name}: two clients have the {what} {twice}"
-        if table.idle is not None and len(table.idle) != len(table.fields):
-            yield f"{table.name}: an idle command of {len(table.idle)} values, not {len(table.fields)}"
+        yield from _problems_of(table)
+
+
+def _problems_of(table: ActuatorTable) -> Iterator[str]:
+    for what, of in (("name", 0), ("priority", 1)):
+        counted = Counter(client[of] for client in table.clients)
+        for twice in sorted(str(x) for x, count in counted.items() if count > 1)[:MOST_TOLD]:
+            yield f"{table.name}: two clients have the {what} {twice}"
+    if any(len(name) > LONGEST_NAME for name, _ in table.clients):
+        yield f"{table.name}: the name of a client has more than {LONGEST_NAME} characters"
+    if table.idle is not None and len(table.idle) != len(table.fields):
+        yield f"{table.name}: an idle command of {len(table.idle)} values, not {len(table.fields)}"
 
 
 def _table(

@@ -78,12 +78,15 @@ class Answers:
         void, self._void = tuple(self._void), []
         return void
 
-    def overdue(self, before: int, most: int) -> Iterator[tuple[str, int]]:
-        """Frames before `before` to ask for again, at most so many of a server, the oldest first."""
+    def overdue(self, tick: int) -> Iterator[tuple[str, int]]:
+        """Frames to ask for again with this tick, the newest first: those that are 2, 4, 8... ticks old, so
+        that a server that is behind is not asked more the further behind it is."""
         for server, waiting in self._waiting.items():
-            for _, k in zip(range(most), waiting, strict=False):
-                if k < before:
-                    yield server, k
+            age = 2
+            while waiting and age <= self._keep:
+                if tick - age in waiting:
+                    yield server, tick - age
+                age *= 2
 
     def forget(self) -> None:
         """No frame of the past is of use any more."""

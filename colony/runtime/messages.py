@@ -47,6 +47,13 @@ class _Message(msgspec.Struct, frozen=True, kw_only=True, tag=True, array_like=T
     """In bytes, an array that begins with the message's name."""
 
 
+class Stopped(msgspec.Struct, frozen=True, kw_only=True):
+    """An emergency stop: the connection that asked for it, and the robot's time at which it was heard."""
+
+    by: str
+    t_ns: int
+
+
 class Tick(_Message, frozen=True, kw_only=True):
     """Frame `k` begins at `t_ns`; `down` are servers and `lost` clients (by address) that do not live.
 
@@ -54,6 +61,8 @@ class Tick(_Message, frozen=True, kw_only=True):
     the last restart. Frames before it are of no use any more. `run` names the run of a program that the
     frame belongs to; "" is that of a robot without a program. `void` are frames of the past, by server and
     number, that never came and never will, because their server died: they count as "no value".
+
+    `stopped` is the emergency stop that is on. One that a server heard at or before `released_ns` is over.
     """
 
     k: int
@@ -63,18 +72,22 @@ class Tick(_Message, frozen=True, kw_only=True):
     down: tuple[str, ...] = ()
     lost: tuple[str, ...] = ()
     void: tuple[tuple[str, int], ...] = ()
+    stopped: Stopped | None = None
+    released_ns: int = -1
 
 
 class ServerFrame(_Message, frozen=True, kw_only=True):
     """What a server has for frame `k`: fields in base units by name; None, or absent, is "no value".
 
     `since` is the first frame that this process of the server answered. It knows nothing of those before.
+    `stopped` is the emergency stop that keeps the server's actuators idle.
     """
 
     server: str
     k: int
     fields: Mapping[str, Sample | None]
     since: int = 0
+    stopped: Stopped | None = None
 
 
 class Fetch(_Message, frozen=True, kw_only=True):

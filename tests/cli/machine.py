@@ -14,12 +14,12 @@ from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import TypeVar
 
-from colony.runtime.fields import RSERVER
 from colony.runtime.kit.connection import Session
 from colony.runtime.kit.errors import ConnectionProblem
-from colony.runtime.library import robot
+from colony.runtime.library import clock as clock_library
 from colony.runtime.library.leader import LEADER, RunStatus, run_status
 from colony.runtime.live.run_directory import RobotDirectory, RunDirectory
+from colony.runtime.topics import CLOCK
 from colony.sim.plant_child import plant_socket
 from colony.sim.plant_control import PlantControl
 from colony.sim.plant_protocol import Truth
@@ -182,6 +182,7 @@ def status(session: Session) -> RunStatus | None:
         return None
 
 
-def emergency_stop(session: Session, *, release: bool = False) -> None:
-    with session.connect(RSERVER.name, name="test") as base:
-        base.do(robot.release() if release else robot.emergency_stop())
+def release(session: Session) -> None:
+    """End the emergency stop."""
+    with session.connect(CLOCK, name="test") as clock:
+        clock.do(clock_library.release())

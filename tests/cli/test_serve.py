@@ -134,10 +134,17 @@ def test_stop_passes_over_a_data_server_that_robots_share(machine: Machine, colo
     assert "no robot runs on this machine that has a base; found fleet" in alone.err
     base = machine.start("serve", "RServer", "--robot", ROBOT)
     until(lambda: base.ended() or "listens at" in base.err, "RServer listens")
+    unkept = colony("stop")
+    assert (unkept.code, unkept.out) == (1, f"{ROBOT}: stopped; acknowledged by RServer\n")
+    assert "the Clock is not there" in unkept.err
+    clock = machine.start("serve", "Clock", "--robot", ROBOT)
+    until(lambda: clock.ended() or "listens at" in clock.err, "the Clock listens")
     both = colony("stop")
-    assert (both.code, both.out.partition(" by ")[0], both.err) == (0, f"{ROBOT}: stopped", "")
+    assert (both.code, both.err) == (0, "")
+    assert both.out.startswith(f"{ROBOT}: stopped by ")
+    assert both.out.endswith("; acknowledged by Clock, RServer\n")
     assert colony("stop", "--robot", "fleet").code == 1
-    for one in (fleet, base):
+    for one in (fleet, base, clock):
         one.tell(signal.SIGINT)
         assert one.wait() == 0
 

@@ -13,6 +13,7 @@ from colony.runtime import topics
 from colony.runtime.calls import Nothing, Open
 from colony.runtime.deployment import ActuatorTable, Deployment, FieldTable
 from colony.runtime.drivers import BaseLimits, BaseState
+from colony.runtime.latch import StopLatch
 from colony.runtime.library.ask import Ask
 from colony.runtime.messages import (
     Alive,
@@ -88,11 +89,12 @@ class RollingBase:
 
 
 class Stage:
-    """Ticks an RServer and keeps what it says."""
+    """Ticks an RServer and keeps what it says. `latch` is that of the Clock that ticks."""
 
     def __init__(self, base: RollingBase | None = None, *, run: str = "", **options: Any) -> None:
         self.base = RollingBase() if base is None else base
         self.server = RServer(self.base, **options)
+        self.latch = StopLatch(None)
         self.run = run
         self.k = -1
         self.now_ns = 0
@@ -127,7 +129,13 @@ class Stage:
         self.k += 1
         for connection in sorted(self._alive):
             self.give(Alive(connection=connection))
-        self.give(Tick(k=self.k, t_ns=self.k * FRAME, run=self.run if run is None else run, lost=tuple(lost)))
+        stop = {"stopped": self.latch.stopped, "released_ns": self.latch.released_ns}
+        run = self.run if run is None else run
+        self.give(Tick(k=self.k, t_ns=self.k * FRAME, run=run, lost=tuple(lost), **stop))  # type: ignore[arg-type]
+
+    def release(self) -> None:
+        """The Clock releases the emergency stop; the next tick says so."""
+        self.latch.release(self.now_ns)
 
     def frame(self, *requests: Request, count: int = 1, lost: Iterable[str] = ()) -> Verdict | None:
         """Whole frames, with these requests in each; gives the verdict of the last one."""
@@ -163,6 +171,7 @@ class Stage:
                     self.verdicts.append(verdict)
                 case ServerFrame() as frame:
                     self.frames.append(frame)
+                    self.latch.observe(frame.stopped)
                 case Reply() as reply:
                     assert effect.topic == topics.replies("RServer", reply.connection)
                     if reply.number == 0:

@@ -6,14 +6,14 @@ The titles after each name are what users of the best known multiplexer report, 
 from __future__ import annotations
 
 import math
-from pathlib import Path
 
 import msgspec
 import pytest
 
 from colony.runtime import topics
 from colony.runtime.calls import Nothing
-from colony.runtime.library import robot
+from colony.runtime.library import clock as clock_library
+from colony.runtime.library import emergency, robot
 from colony.runtime.library.ask import Ask
 from colony.runtime.messages import Call, Malformed, Send, Tick, Verdict
 from tests.runtime.base_stage import CLIENTS, FRAME, MS, Stage, bid, deployed, silent
@@ -172,7 +172,7 @@ def test_any_number_may_read_and_stop_with_one_priority() -> None:
     for i in range(50):
         stage.open(f"op/{i}", priority=2)
         stage.do(f"op/{i}", robot.position())
-    stage.do("op/7", robot.emergency_stop())
+    stage.do("op/7", emergency.stop())
 
 
 def test_every_priority_is_as_it_was_given() -> None:
@@ -303,7 +303,7 @@ def test_an_emergency_stop_acts_at_once_and_on_everybody() -> None:
     stage.frame(bid("cruise", 300.0, 0.0), *silent("cruise"))
     stage.wait(stage.now_ns + 1)
     before = len(stage.base.told)
-    stage.do("op/2", robot.emergency_stop())
+    stage.do("op/2", emergency.stop())
     assert stage.base.velocity == 0.0
     stage.frame(bid("cruise", 300.0, 0.0), *silent("cruise"), count=5)
     assert len(stage.base.told) == before
@@ -321,12 +321,12 @@ def test_after_the_release_the_network_goes_on_and_nobody_else_does() -> None:
     stage.open("op/1", priority=9)
     stage.do("op/1", robot.drive(100.0, 0.0, lease=60.0))
     stage.frame(*silent())
-    stage.do("op/1", robot.emergency_stop())
+    stage.do("op/1", emergency.stop())
     stage.frame(*silent())
-    stage.do("op/1", robot.release())
+    stage.release()
     stage.frame(bid("cruise", 300.0, 0.0), *silent("cruise"))
     assert (stage.verdicts[-1].by, stage.verdicts[-1].outside) == ("cruise", None)
-    assert "released by op/1" in stage.verdicts[-1].notes
+    assert "the emergency stop was released" in stage.verdicts[-1].notes
 
 
 @pytest.mark.parametrize(
@@ -363,23 +363,32 @@ def test_only_who_may_stop_stops() -> None:
         assert problem is not None
     stage.open("op/2")
     assert stage.do("op/2", robot.arbitration()).stopped is None
-    stage.give(urgent("op/2", number=99, method="release", right="stop"))
-    assert stage.replies["op/2", 99].problem is not None
 
 
-def test_a_stop_survives_a_restart_of_the_server(tmp_path: Path) -> None:
+def test_nobody_releases_at_the_server() -> None:
+    """Any server lifts the stop for itself."""
+    stage = running()
+    stage.open("op/1")
+    stage.do("op/1", emergency.stop())
+    assert stage.problem("op/1", clock_library.release()).code == "method"
+    stage.frame(bid("cruise", 300.0, 0.0), *silent("cruise"), count=3)
+    assert stage.base.told == []
+
+
+def test_a_stop_that_one_server_heard_survives_a_restart_of_that_server() -> None:
     """After a restart everything is as if nothing had happened."""
-    path = tmp_path / "stop"
-    first = running(state_path=path)
+    first = running()
     first.open("op/1")
-    first.do("op/1", robot.emergency_stop())
-    stage = running(state_path=path)
+    first.do("op/1", emergency.stop())
+    first.tick()
+    stage = running()
+    stage.latch = first.latch
     stage.frame(bid("cruise", 300.0, 0.0), *silent("cruise"), count=3)
     assert stage.base.told == []
     assert stage.verdicts[-1].hold == "stopped"
     stage.open("op/2")
     assert stage.do("op/2", robot.arbitration()).stopped.by == "op/1"
-    stage.do("op/2", robot.release())
+    stage.release()
     stage.frame(bid("cruise", 300.0, 0.0), *silent("cruise"))
     assert stage.base.velocity == 300.0
 

@@ -354,7 +354,7 @@ def test_a_frame_is_void_once() -> None:
     answers.answered("stranger", 1, 0)
     assert answers.void(("a",)) == (("a", 0), ("a", 2))
     assert answers.void(("a",)) == ()
-    assert list(answers.overdue(2, 1)) == [("b", 0)]
+    assert list(answers.overdue(2)) == [("b", 0)]
     answers.answered("b", 2, 1)
     assert answers.void(()) == (("b", 0),)
     answers.forget()

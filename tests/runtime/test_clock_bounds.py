@@ -335,15 +335,24 @@ def test_a_server_gives_up_only_frames_before_those_that_it_knows() -> None:
         answers.asked(k, ())
     answers.answered("a", 3, 2)
     assert answers.void(()) == (("a", 0), ("a", 1))
-    assert list(answers.overdue(9, 5)) == [("a", 2)]
+    assert list(answers.overdue(4)) == [("a", 2)]
     answers.answered("a", 9, 2)
     assert answers.void(()) == ()
     assert answers.void(("stranger",)) == ()
 
 
-def test_the_oldest_frames_are_asked_for_first() -> None:
+def test_frames_are_asked_for_when_they_are_two_four_and_eight_ticks_old() -> None:
     answers = Answers(("a", "b"), keep=10)
-    for k in range(6):
-        answers.asked(k, ("b",) if k < 4 else ())
-    assert list(answers.overdue(5, 3)) == [("a", 0), ("a", 1), ("a", 2), ("b", 4)]
-    assert list(answers.overdue(1, 3)) == [("a", 0)]
+    for k in range(10):
+        answers.asked(k, ("b",) if k < 6 else ())
+    assert list(answers.overdue(10)) == [("a", 8), ("a", 6), ("a", 2), ("b", 8), ("b", 6)]
+    assert list(answers.overdue(1)) == []
+    answers.answered("a", 6, 0)
+    assert list(answers.overdue(10)) == [("a", 8), ("a", 2), ("b", 8), ("b", 6)]
+
+
+def test_a_server_that_is_far_behind_is_not_asked_more() -> None:
+    answers = Answers(("a",), keep=2000)
+    for k in range(5000):
+        answers.asked(k, ())
+    assert len(list(answers.overdue(5000))) == 10

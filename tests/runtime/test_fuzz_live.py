@@ -17,6 +17,7 @@ from colony.runtime import codec, topics
 from colony.runtime.calls import Nothing, Status
 from colony.runtime.codec import LARGEST, NotAMessage
 from colony.runtime.kit.connection import Session
+from colony.runtime.library import clock as clock_library
 from colony.runtime.library import proximity, robot
 from colony.runtime.library.ask import Ask
 from colony.runtime.live.inbox import LONGEST_SLEEP_S, Inbox
@@ -137,7 +138,7 @@ def _cannonballs(network: Network) -> None:
     huge = bytes([1]) + bytes(LARGEST)
     for key in (
         f"colony/{ROBOT}/RServer/call/read/ada/1",
-        f"colony/{ROBOT}/DServer/requests",
+        f"colony/{ROBOT}/DServer/requests/ada",
         f"colony/{ROBOT}/{topics.TICKS}",
     ):
         with publish(network.session, key) as publisher:
@@ -148,8 +149,9 @@ def _cannonballs(network: Network) -> None:
 
 def _drives(machine: Machine, session: Session) -> None:
     """After all of this the robot goes where somebody sends it who may."""
+    with session.connect("Clock") as clock:
+        clock.do(clock_library.release())
     with session.connect("RServer", name="driver", priority=77) as base:
-        base.do(robot.release())
         base.do(robot.turn(20.0))
     truth = machine.truth()
     assert truth is not None

@@ -74,7 +74,7 @@ def test_a_call_on_a_topic_of_frames_is_malformed() -> None:
         hosted(environment, [node]),
         Network.open(local(ROBOT, environment)) as network,
     ):
-        _put(network, f"colony/{ROBOT}/RServer/fetches", codec.encode(CALL))
+        _put(network, f"colony/{ROBOT}/RServer/fetches/bob", codec.encode(CALL))
         until(lambda: bool(node.got), "it is told of")
     (found,) = node.got
     assert isinstance(found, Malformed)
@@ -97,7 +97,7 @@ def test_no_name_that_somebody_gives_breaks_a_server(client: str) -> None:
         Network.open(local(ROBOT, environment)) as network,
     ):
         for name in (client, "drive/cruise"):
-            _put(network, f"colony/{ROBOT}/DServer/checkpoints", codec.encode(Recall(client=name)))
+            _put(network, f"colony/{ROBOT}/DServer/checkpoints/bob", codec.encode(Recall(client=name)))
         until(lambda: len(node.got) == 2, "it lives")
     assert len(reports) == (client not in ("*", "**"))
 
@@ -110,9 +110,9 @@ def test_who_may_only_read_cannot_call_in_the_name_of_another(lab: _Lab) -> None
         for connection in ("ada/fetches", "ada/frames", "bob/fetches"):
             call = msgspec.structs.replace(CALL, connection=connection)
             network.session.put(f"colony/{ROBOT}/RServer/call/command/{connection}", codec.encode(call))
-        _put(network, f"colony/{ROBOT}/RServer/fetches", codec.encode(CALL))
+        _put(network, f"colony/{ROBOT}/RServer/fetches/bob", codec.encode(CALL))
         honest = Fetch(server="RServer", k=7)
-        _put(network, f"colony/{ROBOT}/RServer/fetches", codec.encode(honest))
+        _put(network, f"colony/{ROBOT}/RServer/fetches/bob", codec.encode(honest))
         until(lambda: honest in node.got, "the honest one")
         got = list(node.got)
     assert [m for m in got if isinstance(m, (Call, Alive))] == []

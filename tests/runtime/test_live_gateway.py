@@ -122,7 +122,7 @@ def test_who_does_not_ask_the_kit_does_not_get_past_the_gateway_either(lab: _Lab
             key = f"colony/{ROBOT}/RServer/call/{right}/{connection}"
             network.session.put(key, codec.encode(message))
         request = Request(k=1, actuator="drive", client="wander", bid="command", values=(1.0, 0.0))
-        network.session.put(f"colony/{ROBOT}/RServer/requests", codec.encode(request))
+        network.session.put(f"colony/{ROBOT}/RServer/requests/bob", codec.encode(request))
         honest = Alive(connection="bob/1")
         _put(network, f"colony/{ROBOT}/RServer/call/read/bob/1", codec.encode(honest))
         until(lambda: bool(node.got), "the honest one")

@@ -14,6 +14,7 @@ import msgspec
 import pytest
 
 from colony.runtime import codec, topics
+from colony.runtime.calls import EMERGENCY_STOP
 from colony.runtime.codec import LARGEST
 from colony.runtime.live import keys
 from colony.runtime.live.configuration import BLOCKED_US
@@ -33,6 +34,7 @@ from colony.runtime.messages import (
     Right,
     Sample,
     Send,
+    Sent,
     ServerFrame,
     Tick,
     Wake,
@@ -75,7 +77,9 @@ class _Outside:
             publisher.put(data)
 
     def call(self, call: Call) -> None:
-        self.put(keys.sending(ROBOT, CALLS, call).removeprefix(f"colony/{ROBOT}/"), codec.encode(call))
+        self.put(
+            keys.sending(ROBOT, CALLS, call, user="ada").removeprefix(f"colony/{ROBOT}/"), codec.encode(call)
+        )
 
     def hear(self, topic: str) -> None:
         import zenoh
@@ -96,11 +100,13 @@ def outside(environment: Mapping[str, str]) -> Iterator[_Outside]:
 class _Blocked(Recorder):
     """Handles a first tick for as long as `go` is not set; meanwhile others wait."""
 
-    def __init__(self) -> None:
+    def __init__(self, then: Callable[[], None] = lambda: None) -> None:
         super().__init__(SERVER, CALLS, topics.TICKS, on=self._block)
         self.busy, self.go = threading.Event(), threading.Event()
+        self._then = then
 
     def _block(self, message: Message, now_ns: int) -> Iterable[Effect]:
+        self._then()
         if len(self.got) == 1:
             self.busy.set()
             assert self.go.wait(20)
@@ -147,7 +153,7 @@ def test_a_flood_is_answered_and_harms_nobody_else(environment: Mapping[str, str
         until(lambda: len(outside.heard) == 10, "ten are told")
     assert node.got[1] == _call("u/other", 1)
     replies = [reply for reply in outside.heard if isinstance(reply, Reply)]
-    assert [reply.number for reply in replies] == list(range(1, 11))
+    assert [reply.number for reply in replies] == list(range(CALLS_EACH + 1, CALLS_EACH + 11))
     assert {reply.problem.code for reply in replies if reply.problem is not None} == {"flood"}
 
 
@@ -461,3 +467,81 @@ def test_a_process_ends_by_a_signal_and_another_takes_its_place(
             until(lambda n=network: n.alive() == (), "it is gone")  # type: ignore[misc]
         assert rest == ("closed\nended\n" if how is signal.SIGTERM else "")
         assert process.returncode == (0 if how is signal.SIGTERM else -9)
+
+
+def _stop(connection: str, number: int) -> Call:
+    return msgspec.structs.replace(_call(connection, number, right="stop"), method=EMERGENCY_STOP)
+
+
+def test_an_emergency_stop_has_a_thread_of_its_own_and_goes_before_all_that_waits(
+    environment: Mapping[str, str], outside: _Outside
+) -> None:
+    """The node is busy with a message, and hundreds wait, when the stop comes."""
+    threads: list[str] = []
+    node = _Blocked(then=lambda: threads.append(threading.current_thread().name))
+    with hosted(environment, [node]) as host:
+        outside.put(topics.TICKS, codec.encode(Tick(k=0, t_ns=0)))
+        assert node.busy.wait(20)
+        for number in range(1, CALLS_EACH + 1):
+            outside.call(_call("u/flood", number, priority=1 << 40))
+        until(lambda: len(host._inbox._room._calls) == CALLS_EACH, "they wait")
+        stop = _stop("u/stop", 1)
+        outside.call(stop)
+        until(lambda: not host._calm.is_set(), "the stop is next")
+        node.go.set()
+        until(lambda: len(node.got) == CALLS_EACH + 2, "all are handled")
+    assert node.got[1] == stop
+    assert threads[1] == "emergency stops"
+    assert "emergency stops" not in {t.name for t in threading.enumerate()}
+
+
+def test_an_answer_that_nobody_takes_does_not_hold_up_a_stop(environment: Mapping[str, str]) -> None:
+    """The thread that sends waits for room, which another process does not make."""
+    sending, go_on = threading.Event(), threading.Event()
+    node = Recorder(SERVER, CALLS, on=_echo)
+    with hosted(environment, [node]) as host, Network.open(place(environment)) as network:
+        send = host._outbox.send
+
+        def blocked(topic: str, message: Sent, now_ns: int) -> None:
+            sending.set()
+            assert go_on.wait(20)
+            send(topic, message, now_ns)
+
+        host._outbox.send = blocked  # type: ignore[method-assign]
+        for number, call in enumerate((_call("u/a", 1), _stop("u/a", 2))):
+            key = keys.sending(ROBOT, CALLS, call, user="u")
+            with publish(network.session, key) as publisher:
+                until(lambda p=publisher: p.matching_status.matching, "the server listens")  # type: ignore[misc]
+                publisher.put(codec.encode(call))
+            until(lambda n=number: len(node.got) > n, "it is handled")  # type: ignore[misc]
+            assert sending.wait(20)
+        go_on.set()
+
+
+def _echo(message: Message, now_ns: int) -> Iterable[Effect]:
+    if isinstance(message, Call):
+        reply = Reply(connection=message.connection, number=message.number)
+        yield Send(topics.replies(SERVER, message.connection), reply)
+
+
+def test_what_comes_under_the_right_to_stop_and_is_no_stop_waits_as_other_calls_do(
+    environment: Mapping[str, str], outside: _Outside
+) -> None:
+    node = Recorder(SERVER, CALLS)
+    with hosted(environment, [node]):
+        call = _call("u/a", 1, right="stop")
+        outside.call(call)
+        outside.put(f"{CALLS}/stop/u/a", b"nonsense")
+        until(lambda: len(node.got) == 2, "both are handled")
+    assert node.got[0] == call
+    assert isinstance(node.got[1], Malformed)
+
+
+def test_a_frame_that_cannot_be_yet_is_malformed(environment: Mapping[str, str], outside: _Outside) -> None:
+    node = Recorder(SERVER, topics.TICKS)
+    with hosted(environment, [node]):
+        outside.put(topics.TICKS, codec.encode(Tick(k=1 << 62, t_ns=0)))
+        outside.put(topics.TICKS, codec.encode(Tick(k=1, t_ns=0)))
+        until(lambda: len(node.got) == 2, "both are handled")
+    assert isinstance(node.got[0], Malformed)
+    assert node.got[1] == Tick(k=1, t_ns=0)

@@ -10,7 +10,7 @@ from colony.runtime import topics
 from colony.runtime.codec import NotAMessage
 from colony.runtime.live import keys
 from colony.runtime.live.keys import CallKey
-from colony.runtime.messages import Alive, Call, Reply, Right, Sent, Tick
+from colony.runtime.messages import Alive, Call, Fetch, Ready, Reply, Right, Sent, Tick
 
 
 def _call(right: Right = "command", connection: str = "ada/7") -> Call:
@@ -27,12 +27,22 @@ def _call(right: Right = "command", connection: str = "ada/7") -> Call:
         (topics.calls("RServer"), _call("stop")),
         (topics.calls("RServer"), Alive(connection="ada/7")),
         (topics.activity("DServer", "wander"), Tick(k=1, t_ns=1)),
+        (topics.fetches("RServer"), Fetch(server="RServer", k=1)),
+        (topics.READY, Ready(client="drive/cruise")),
     ],
 )
 def test_who_listens_to_a_topic_hears_what_is_sent_to_it_at_this_robot(topic: str, message: Sent) -> None:
-    key = zenoh.KeyExpr(keys.sending("rome", topic, message))
+    key = zenoh.KeyExpr(keys.sending("rome", topic, message, user="ada"))
     assert zenoh.KeyExpr(keys.listening("rome", topic)).includes(key)
     assert not zenoh.KeyExpr(keys.listening("siena", topic)).intersects(key)
+
+
+@pytest.mark.parametrize("topic", [topics.fetches("RServer"), topics.checkpoints("DServer"), topics.RESTARTS])
+def test_what_clients_send_has_their_user_in_its_key(topic: str) -> None:
+    key = keys.sending("rome", topic, Fetch(server="RServer", k=1), user="ada")
+    assert key == f"colony/rome/{topic}/ada"
+    assert keys.kind_of_users(topic) == topic.partition("/")[2]
+    assert keys.kind_of_users(topics.frames("RServer")) is None
 
 
 def test_the_key_of_a_call_says_whose_it_is_and_under_which_right() -> None:

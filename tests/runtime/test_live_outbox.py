@@ -27,7 +27,7 @@ def _reply(box: Outbox, connection: str, now_ns: int) -> None:
 
 
 def test_publishers_for_connections_are_given_back_when_they_are_idle(network: Network) -> None:
-    box = Outbox(network.session, ROBOT, lambda problem: None)
+    box = Outbox(network.session, ROBOT, lambda problem: None, user="u")
     _reply(box, "u/1", 0)
     _reply(box, "u/2", 0)
     _reply(box, "u/1", IDLE_NS)
@@ -38,7 +38,7 @@ def test_publishers_for_connections_are_given_back_when_they_are_idle(network: N
 
 def test_there_are_never_too_many_of_them(network: Network, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(outbox, "PASSING_MOST", 3)
-    box = Outbox(network.session, ROBOT, lambda problem: None)
+    box = Outbox(network.session, ROBOT, lambda problem: None, user="u")
     for n in range(10):
         _reply(box, f"u/{n}", n)
     assert [key.rsplit("/", 1)[1] for key in box._passing] == ["7", "8", "9"]
@@ -51,7 +51,7 @@ def test_what_is_sent_is_heard_also_when_its_publisher_was_given_back(network: N
     )
     network.session.declare_subscriber(keys.listening(ROBOT, topics.replies("RServer", "u/1")), handler)
     network.session.declare_subscriber(keys.listening(ROBOT, topics.TICKS), handler)
-    box = Outbox(network.session, ROBOT, lambda problem: None)
+    box = Outbox(network.session, ROBOT, lambda problem: None, user="u")
     for now_ns in (0, 2 * IDLE_NS, 4 * IDLE_NS):
         _reply(box, "u/1", now_ns)
         _reply(box, "u/2", now_ns + IDLE_NS + 1)

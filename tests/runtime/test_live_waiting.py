@@ -59,16 +59,19 @@ def test_signs_of_life_do_not_wait_behind_calls_and_do_not_pile_up() -> None:
     assert room.pop() == Waiting(CALLS, alive)
 
 
-def test_who_calls_too_fast_loses_the_oldest_calls_and_nobody_else_does() -> None:
+def test_who_calls_too_fast_is_refused_further_calls_and_nobody_else_is() -> None:
     room = WaitingRoom(calls_each=3)
     other = _call("u/other", 1)
     _put(room, other)
     flood = [_call("u/flood", n) for n in range(1, 6)]
     for call in flood:
         _put(room, call)
-    assert list(room.given_up()) == [GivenUp(CALLS, "u/flood", 1), GivenUp(CALLS, "u/flood", 2)]
+    assert list(room.given_up()) == [GivenUp(CALLS, "u/flood", 4), GivenUp(CALLS, "u/flood", 5)]
     assert not room.gave_up
-    assert _all(room) == [other, *flood[2:]]
+    assert room.crowded("u/flood")
+    assert not room.crowded("u/other")
+    assert _all(room) == [other, *flood[:3]]
+    assert not room.crowded("u/flood")
 
 
 def test_too_many_bytes_of_one_are_given_up_but_never_the_only_call() -> None:
@@ -116,7 +119,7 @@ def test_what_could_not_be_read_counts_as_a_call_of_its_connection() -> None:
     room = WaitingRoom(calls_each=2)
     for n in range(4):
         room.call(CALLS, "u/a", Malformed(topic=CALLS, connection="u/a", reason=str(n)), 0)
-    assert [m.reason for m in _all(room) if isinstance(m, Malformed)] == ["2", "3"]
+    assert [m.reason for m in _all(room) if isinstance(m, Malformed)] == ["0", "1"]
 
 
 def test_messages_of_frames_are_given_up_only_when_they_fill_the_memory() -> None:

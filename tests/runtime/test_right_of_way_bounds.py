@@ -8,8 +8,8 @@ import pytest
 
 from colony.runtime.calls import Refused
 from colony.runtime.latch import StopLatch
-from colony.runtime.library.robot import Stopped
 from colony.runtime.locks import LockQueue
+from colony.runtime.messages import Stopped
 from colony.runtime.motion import STILL, Drive
 from colony.runtime.outside import LONGEST_LEASE_S, Outsiders, lease_end
 from tests.runtime.test_locks import S, asked, names
@@ -145,7 +145,7 @@ def test_a_folder_in_the_place_of_the_file_counts_as_a_stop(tmp_path: Path) -> N
     latch = StopLatch(tmp_path)
     assert latch.stopped is not None
     assert latch.trouble is not None
-    latch.release()
+    latch.release(1)
     assert latch.stopped is None
     assert latch.trouble is not None
     assert str(tmp_path) in latch.trouble
@@ -154,26 +154,22 @@ def test_a_folder_in_the_place_of_the_file_counts_as_a_stop(tmp_path: Path) -> N
 def test_a_stop_that_is_on_is_not_written_again(tmp_path: Path) -> None:
     path = tmp_path / "stop"
     latch = StopLatch(path)
-    latch.release()
-    assert not path.exists()
-    latch.engage("ann/1", 5)
+    latch.engage(Stopped(by="ann/1", t_ns=5))
     path.unlink()
-    latch.engage("bob/1", 6)
+    latch.engage(Stopped(by="bob/1", t_ns=6))
+    latch.observe(Stopped(by="bob/1", t_ns=7))
     assert not path.exists()
-    latch.release()
-    assert path.read_bytes() == b"null"
-    path.unlink()
-    latch.release()
-    assert not path.exists()
+    latch.release(8)
+    assert path.read_bytes() == b'{"stopped":null,"released_ns":8}'
     assert StopLatch(None).trouble is None
 
 
 def test_what_was_not_written_once_is_written_with_the_next_stop(tmp_path: Path) -> None:
     path = tmp_path / "later" / "stop"
     latch = StopLatch(path)
-    latch.engage("ann/1", 5)
+    latch.engage(Stopped(by="ann/1", t_ns=5))
     assert latch.trouble == f"{path}: No such file or directory"
     path.parent.mkdir()
-    latch.engage("bob/1", 6)
+    latch.engage(Stopped(by="bob/1", t_ns=6))
     assert StopLatch(path).stopped == Stopped(by="ann/1", t_ns=5)
     assert [p.name for p in path.parent.iterdir()] == ["stop"]

@@ -9,7 +9,7 @@ from typing import Any
 import pytest
 
 from colony.runtime.drivers import BaseState
-from colony.runtime.library import robot
+from colony.runtime.library import emergency, robot
 from colony.runtime.library.ask import Ask
 from tests.runtime.base_stage import FRAME, RollingBase, Stage, deployed, silent
 
@@ -143,7 +143,7 @@ def test_a_motion_that_ends_early_says_why() -> None:
     stage.base.held = False
     fourth = stage.send("ann/1", robot.turn(90.0))
     stage.frame()
-    stage.do("ann/1", robot.emergency_stop())
+    stage.do("ann/1", emergency.stop())
     assert problem_of(stage, fourth) == "stopped"
 
 
@@ -239,7 +239,7 @@ def test_the_first_mode_is_the_joysticks_and_again_after_an_emergency_stop() -> 
     stage.do("ann/1", robot.go(100.0))
     stage.frame()
     assert stage.do("ann/1", robot.mode()) == "go"
-    stage.do("ann/1", robot.emergency_stop())
+    stage.do("ann/1", emergency.stop())
     assert stage.do("ann/1", robot.mode()) == "joystick"
 
 

@@ -118,10 +118,11 @@ class LiveStage:
         self._hosts.pop(address).end()
 
     def tell(self, topic: str, message: Sent) -> None:
-        self._put(keys.sending("rome", topic, message), codec.encode(message))
+        self._put(keys.sending("rome", topic, message, user="ada"), codec.encode(message))
 
     def throw(self, topic: str, data: bytes, connection: str | None = None) -> None:
-        key = f"colony/rome/{topic}" + ("" if connection is None else f"/command/{connection}")
+        ending = f"/command/{connection}" if connection is not None else ""
+        key = f"colony/rome/{topic}" + ("/ada" if keys.kind_of_users(topic) else ending)
         self._put(key, data)
 
     def _put(self, key: str, data: bytes) -> None:

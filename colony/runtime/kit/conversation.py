@@ -3,8 +3,10 @@
 A connection is opened under an id of its own. When the server says that it does not know it (it was started
 anew, or did not hear of us for the lease), or dies, the connection is opened again under the same id, and its
 calls are numbered on: a server that notes what it did (DServer) knows a call that it did before it died.
-Calls that may be repeated are then made again, each with its number; the others fail with `ConnectionLost`.
-A call without an answer is sent again with the same number: it is done once.
+Calls that may be repeated are then made again, each with its number; the others fail with `ConnectionLost`. A
+call without an answer, or that the server refused for the time being because there are too many, is sent
+again with the same number, after longer and longer pauses: it is done once. An emergency stop does not wait
+until the connection is open.
 """
 
 from __future__ import annotations
@@ -16,7 +18,7 @@ from typing import Any, NamedTuple
 
 import msgspec
 
-from colony.runtime.calls import Nothing, Open
+from colony.runtime.calls import EMERGENCY_STOP, Nothing, Open
 from colony.runtime.codec import LARGEST
 from colony.runtime.kit.errors import CallRefused, ConnectionLost, ConnectionProblem
 from colony.runtime.library.ask import Ask
@@ -139,6 +141,8 @@ class Conversation:
         match self.state:
             case State.OPEN:
                 yield self._transmit(pending, now_ns)
+            case State.OPENING if _urgent(pending):
+                yield self._transmit(pending, now_ns)
             case State.OPENING:
                 self._unsent.append(pending)
             case State.CLOSED:
@@ -202,7 +206,10 @@ class Conversation:
         """Send again what was not answered, and a sign of life where one is due; to be asked often."""
         if self.state is State.CLOSED:
             return
-        for pending in tuple(self._sent.values()) if self._opening is None else (self._opening,):
+        waiting = tuple(self._sent.values())
+        if self._opening is not None:
+            waiting = (self._opening, *filter(_urgent, waiting))
+        for pending in waiting:
             if now_ns - pending.sent_ns >= pending.again_ns:
                 pending.again_ns = min(2 * pending.again_ns, AGAIN_MOST_NS)
                 yield self._transmit(pending, now_ns)
@@ -225,6 +232,9 @@ class Conversation:
 
     def _answer(self, reply: Reply, now_ns: int) -> Iterator[Effect]:
         outcome: Outcome = reply.result
+        if reply.problem is not None and reply.problem.code == "flood":
+            self.complaint = reply.problem.message
+            return  # it was not done, and is sent again in a while
         if reply.problem is not None:
             outcome = CallRefused(reply.problem.code, reply.problem.message)
         opening = self._opening
@@ -279,6 +289,11 @@ class Conversation:
     def _alive(self, now_ns: int) -> Effect:
         self._spoke_ns = now_ns
         return Transmit(Alive(connection=self.connection))
+
+
+def _urgent(pending: Pending) -> bool:
+    """Return whether a call need not wait for the connection to be open."""
+    return pending.ask.method == EMERGENCY_STOP
 
 
 def _ignore(outcome: Outcome) -> None:

@@ -206,7 +206,8 @@ class Wire:
 
     def _send(self, message: Call | Alive, patient: bool) -> None:
         """Send; who is not patient would rather lose the message than wait for room."""
-        key = keys.sending(self.network.robot, topics.calls(self.server), message, least=self._least)
+        network, topic = self.network, topics.calls(self.server)
+        key = keys.sending(network.robot, topic, message, user=network.user, least=self._least)
         publisher = self._publishers.get((key, patient))
         with suppress(zenoh.ZError):  # this id is given up already: what was to be sent has no meaning
             if publisher is None:

@@ -7,6 +7,7 @@ import msgspec
 from colony.runtime.calls import Nothing
 from colony.runtime.deployment import Deployment
 from colony.runtime.library.ask import Ask
+from colony.runtime.messages import Stopped
 
 
 class ServerWho(msgspec.Struct, frozen=True, kw_only=True):
@@ -35,7 +36,8 @@ class Who(msgspec.Struct, frozen=True, kw_only=True):
 
     `run` and `program` are of the deployment, "" where there is none; `leader` is the connection that
     deployed it. `begun` is false while the Clock still waits for clients to be ready; `restarts` counts how
-    often all memory began anew since.
+    often all memory began anew since. `stopped` is the emergency stop that is on; `trouble` tells that it
+    could not be written to, or read from, its file.
     """
 
     k: int
@@ -49,6 +51,13 @@ class Who(msgspec.Struct, frozen=True, kw_only=True):
     restarts: int
     servers: tuple[ServerWho, ...]
     clients: tuple[ClientWho, ...]
+    stopped: Stopped | None = None
+    trouble: str | None = None
+
+
+def release() -> Ask[None]:
+    """Let the robot be moved again after an emergency stop. Nobody but the Clock can."""
+    return Ask("release", Nothing(), type(None), "command", repeatable=True)
 
 
 def deploy(deployment: Deployment) -> Ask[None]:

@@ -1,5 +1,5 @@
-"""What can be asked of RServer: to move the base, to tell how it is, to lock it, to stop it (thesis section
-4.6.3, Table 4.1).
+"""What can be asked of RServer: to move the base, to tell how it is, to lock it (thesis section 4.6.3, Table
+4.1). For the emergency stop see `library/emergency.py`.
 
     connection.do(robot.move(1500, velocity=250))
     where = connection.do(robot.position())
@@ -23,6 +23,7 @@ import msgspec
 
 from colony.runtime.calls import Nothing
 from colony.runtime.library.ask import Ask
+from colony.runtime.messages import Stopped
 from colony.runtime.motion import Mode
 
 if TYPE_CHECKING:
@@ -179,20 +180,12 @@ class OutsideReport(msgspec.Struct, frozen=True, kw_only=True):
     lease_s: float | None
 
 
-class Stopped(msgspec.Struct, frozen=True, kw_only=True):
-    """The emergency stop is on: by this connection, at this time of the robot."""
-
-    by: str
-    t_ns: int
-
-
 class Arbitration(msgspec.Struct, frozen=True, kw_only=True):
     """Who may move the base, and who does.
 
     `run` is "" where no program is deployed, `leader` the connection that deployed it, `acting` who commanded
     the newest frame (a client of the program, or a connection). Connections are in the order of their
-    priorities, those that wait for the lock in the order in which they will get it. `trouble` tells that the
-    emergency stop could not be written to, or read from, its file.
+    priorities, those that wait for the lock in the order in which they will get it.
     """
 
     run: str
@@ -203,7 +196,6 @@ class Arbitration(msgspec.Struct, frozen=True, kw_only=True):
     lock_holder: str | None
     lock_waiting: tuple[str, ...]
     stopped: Stopped | None
-    trouble: str | None
 
 
 # --- asks ------------------------------------------------------------------------------------------
@@ -232,7 +224,7 @@ def jog(rate: float, lease: float = LEASE_S) -> Ask[None]:
 def stop(mode: int = 0, lease: float = LEASE_S) -> Ask[None]:
     """Stop, at once where `mode` is not 0, else gradually, and stand for `lease` s (`ROBOT_STOP`).
 
-    Like every command it acts by the connection's priority; `emergency_stop` always does.
+    Like every command it acts by the connection's priority; an emergency stop always does.
     """
     return _order("stop", Halt(mode=mode, lease_s=lease))
 
@@ -327,16 +319,6 @@ def lock(wait: bool = True, wait_s: float = 60.0) -> Ask[None]:
 def unlock() -> Ask[None]:
     """Give the lock back (`RobotUnlock`)."""
     return Ask("unlock", Nothing(), type(None), "command")
-
-
-def emergency_stop() -> Ask[None]:
-    """Stop the base at once, and let nobody move it until `release`, not even after a restart of RServer."""
-    return Ask("emergency_stop", Nothing(), type(None), "stop", repeatable=True)
-
-
-def release() -> Ask[None]:
-    """Let the base be moved again after an emergency stop."""
-    return Ask("release", Nothing(), type(None), "command")
 
 
 def arbitration() -> Ask[Arbitration]:

@@ -6,7 +6,10 @@
 
 The threads of the network put bytes into the inbox. One thread, that of `run`, does all else: it takes
 messages in their order (see `waiting.py`), reads them, gives them to the nodes, lets these settle, and sends
-what they want sent.
+what they want sent. While it sends, which may have to wait for room, others may hand messages to the nodes.
+
+Emergency stops have a thread of their own (`stop_lane.py`). It takes the nodes as soon as the message that
+they are handling is handled, before anything that waits, and its answers wait for nobody.
 
 For nodes that never keep anyone waiting there is a shorter way: in a `direct` host the thread that receives
 a message of a frame hands it to the nodes itself, if nothing else waits or is being handled, and spares two
@@ -17,8 +20,8 @@ from __future__ import annotations
 
 import heapq
 from collections.abc import Callable, Sequence
-from contextlib import ExitStack
-from threading import Lock
+from contextlib import ExitStack, suppress
+from threading import Event, Lock
 from types import TracebackType
 
 import zenoh
@@ -27,13 +30,16 @@ from colony.runtime import codec, topics
 from colony.runtime.closing import close_all
 from colony.runtime.codec import LARGEST, NotAMessage
 from colony.runtime.live import keys
+from colony.runtime.live.border import Border
 from colony.runtime.live.inbox import Inbox
-from colony.runtime.live.network import Network
+from colony.runtime.live.network import Network, local_user
 from colony.runtime.live.outbox import Outbox, Report
 from colony.runtime.live.place import Place
 from colony.runtime.live.robot_time import time_of
+from colony.runtime.live.stop_lane import StopLane
 from colony.runtime.live.waiting import Waiting, WaitingRoom
 from colony.runtime.messages import (
+    Call,
     Checkpoint,
     Effect,
     Malformed,
@@ -46,6 +52,7 @@ from colony.runtime.messages import (
     Settling,
     Wake,
 )
+from colony.runtime.plausibility import check_plausible
 
 BATCH = 64
 """How many messages are handled, at most, before nodes settle and their effects leave."""
@@ -81,7 +88,10 @@ class Host:
         self._time = time
         self._report = report
         self._inbox = Inbox(WaitingRoom())
-        self._outbox = Outbox(network.session, network.robot, report)
+        session, robot, user = network.session, network.robot, network.user
+        self._outbox = Outbox(session, robot, report, user=user)
+        self._stop_outbox = Outbox(session, robot, report, user=user, urgent=True)
+        self._border = Border(local_user())
         self._listeners: dict[str, list[Node]] = {}
         for node in nodes:
             for topic in dict.fromkeys(node.listens):
@@ -89,9 +99,11 @@ class Host:
         self._settling = tuple(node for node in nodes if isinstance(node, Settling))
         self._direct = direct and not self._settling
         self._handling = Lock()
+        self._calm = Event()
+        self._calm.set()
         self._wakes: list[tuple[int, int, Node]] = []
         self._sleeps_until = NEVER_NS
-        self._later: list[_Due] = []
+        self._later: list[Send] = []
         self._count = 0
         self._stopping = False
         self._failure: BaseException | None = None
@@ -143,7 +155,8 @@ class Host:
                 while not self._stopping:
                     self._turn()
                 with self._handling:
-                    self._send_later()
+                    later, self._later = self._later, []
+                self._send(later, self._outbox)
         finally:
             self._handling.acquire()  # for good: from now on nobody hands the nodes anything
             close_all(self._nodes)
@@ -177,23 +190,24 @@ class Host:
         effects: list[_Due] = []
         for node in self._nodes:
             effects.extend((node, effect) for effect in node.start(self._time()))
-        for settling in self._settling:
-            settling.settle()
-        self._carry_out(effects)
+        self._settle()
+        self._send(self._note_wakes(effects), self._outbox)
 
     def _turn(self) -> None:
         """Handle what is due and what waits; sleep where there is nothing."""
+        self._calm.wait()
         with self._handling:
-            self._send_later()
-            handled = self._handle_batch()
-            if self._inbox.gave_up:
-                self._refuse_given_up()
+            sends, self._later = self._later, []
+            handled = self._handle_batch(sends)
             self._sleeps_until = self._wakes[0][0] if self._wakes else NEVER_NS
+        self._send(sends, self._outbox)
+        if self._inbox.gave_up:
+            self._refuse_given_up()
         if not handled:
             self._inbox.sleep(self._until_wake_s())
 
-    def _handle_batch(self) -> bool:
-        """Whether there was anything to handle."""
+    def _handle_batch(self, sends: list[Send]) -> bool:
+        """Handle what is due; whether there was anything. What is to be sent is added to `sends`."""
         effects: list[_Due] = []
         handled = self._wake(effects)
         for _ in range(BATCH if self._settling else 1):
@@ -201,12 +215,17 @@ class Host:
             if waiting is None:
                 break
             handled = True
-            self._deliver(waiting.topic, _read(waiting), effects)
+            self._deliver(waiting.topic, self._read(waiting), effects)
+            if not self._calm.is_set():
+                break
         if handled:
-            for settling in self._settling:
-                settling.settle()
-            self._carry_out(effects)
+            self._settle()
+            sends += self._note_wakes(effects)
         return handled
+
+    def _settle(self) -> None:
+        for settling in self._settling:
+            settling.settle()
 
     def _wake(self, effects: list[_Due]) -> bool:
         """Wake who is due; whether somebody was."""
@@ -226,24 +245,26 @@ class Host:
         for node in self._listeners[topic]:
             effects.extend((node, effect) for effect in node.handle(message, now))
 
-    def _carry_out(self, effects: list[_Due]) -> None:
-        now = self._time()
+    def _note_wakes(self, effects: list[_Due]) -> list[Send]:
+        """Note when nodes are to be woken; gives what is to be sent."""
+        sends: list[Send] = []
         for node, effect in effects:
             if isinstance(effect, Send):
-                self._outbox.send(effect.topic, effect.message, now)
+                sends.append(effect)
             else:
                 self._count += 1
                 heapq.heappush(self._wakes, (effect.t_ns, self._count, node))
+        return sends
 
-    def _send_later(self) -> None:
-        """Send what another thread handled and could not send."""
-        later, self._later = self._later, []
-        self._carry_out(later)
+    def _send(self, sends: list[Send], outbox: Outbox) -> None:
+        now = self._time()
+        for topic, message in sends:
+            outbox.send(topic, message, now)
 
     def _refuse_given_up(self) -> None:
         for topic, connection, number in self._inbox.given_up():
             server = topic.partition("/")[0]
-            text = f"{server}: too many calls of {connection} wait; this one was given up"
+            text = f"{server}: too many calls of {connection}; this one was not done"
             reply = Reply(connection=connection, number=number, problem=Problem(code="flood", message=text))
             self._outbox.send(topics.replies(server, connection), reply, self._time())
 
@@ -251,7 +272,7 @@ class Host:
 
     def _at_once(self, topic: str, data: bytes) -> bool:
         """Handle a message of a frame in this thread, and what waits because of it; False if it must wait."""
-        if not self._handling.acquire(blocking=False):
+        if not self._calm.is_set() or not self._handling.acquire(blocking=False):
             return False  # somebody is handling, perhaps this very thread: a node hears another of its host
         try:
             if self._stopping or not self._inbox.claim():
@@ -259,12 +280,10 @@ class Host:
             waiting: Waiting | None = Waiting(topic, data)
             while waiting is not None:
                 effects: list[_Due] = []
-                self._deliver(waiting.topic, _read(waiting), effects)
-                large = [due for due in effects if _may_be_large(due[1])]
-                if large:
-                    self._later += large
-                    effects = [due for due in effects if due not in large]
-                self._carry_out(effects)
+                self._deliver(waiting.topic, self._read(waiting), effects)
+                sends = self._note_wakes(effects)
+                self._later += filter(_may_be_large, sends)
+                self._send([send for send in sends if not _may_be_large(send)], self._outbox)
                 waiting = self._inbox.pop()
             if self._later or (self._wakes and self._wakes[0][0] < self._sleeps_until):
                 self._sleeps_until = self._wakes[0][0] if self._wakes else NEVER_NS
@@ -277,12 +296,19 @@ class Host:
         return True
 
     def _listen(self, declared: ExitStack) -> None:
-        session, robot = self._network.session, self._network.robot
+        robot = self._network.robot
         for topic in self._listeners:
-            taken = self._takes_call(topic) if keys.takes_calls(topic) else self._takes_frame(topic)
-            handler = zenoh.handlers.Callback(taken, indirect=False)
-            subscriber = session.declare_subscriber(keys.listening(robot, topic), handler)
-            declared.callback(subscriber.undeclare)
+            if keys.takes_calls(topic):
+                for right in keys.RIGHTS:
+                    key = keys.listening_to_calls(robot, topic, right)
+                    take = self._takes_stop(topic, declared) if right == "stop" else self._takes_call(topic)
+                    self._subscribe(key, take, declared)
+            else:
+                self._subscribe(keys.listening(robot, topic), self._takes_frame(topic), declared)
+
+    def _subscribe(self, key: str, take: Callable[[zenoh.Sample], None], declared: ExitStack) -> None:
+        handler = zenoh.handlers.Callback(take, indirect=False)
+        declared.callback(self._network.session.declare_subscriber(key, handler).undeclare)
 
     def _announce(self, declared: ExitStack) -> None:
         """Tell that the nodes are there, once they can hear."""
@@ -291,12 +317,16 @@ class Host:
             declared.callback(self._network.session.liveliness().declare_token(key).undeclare)
 
     def _takes_frame(self, topic: str) -> Callable[[zenoh.Sample], None]:
-        frame, direct = self._inbox.frame, self._direct
+        frame, direct, border = self._inbox.frame, self._direct, self._border
+        kind = keys.kind_of_users(topic)
 
         def take(sample: zenoh.Sample) -> None:
             payload = sample.payload
-            if len(payload) > LARGEST:
-                frame(topic, _too_large(topic, None, len(payload)))
+            size = len(payload)
+            if kind is not None and not border.frame(kind, str(sample.key_expr).rpartition("/")[2], size):
+                return  # whoever asked for a frame asks again
+            if size > LARGEST:
+                frame(topic, _too_large(topic, None, size))
                 return
             data = payload.to_bytes()
             if not (direct and self._at_once(topic, data)):
@@ -305,7 +335,7 @@ class Host:
         return take
 
     def _takes_call(self, topic: str) -> Callable[[zenoh.Sample], None]:
-        call = self._inbox.call
+        inbox, border = self._inbox, self._border
 
         def take(sample: zenoh.Sample) -> None:
             payload = sample.payload
@@ -313,37 +343,82 @@ class Host:
             size = len(payload)
             if key is None:
                 return  # on a key of nobody there is nobody to be told
+            if inbox.crowded(key.connection) or not border.call(key.connection, size):
+                if border.refusal(key.connection) and size <= LARGEST:
+                    self._refuse(topic, key, payload.to_bytes())
+                return
             if size > LARGEST:
-                call(topic, key.connection, _too_large(topic, key.connection, size), 0)
+                inbox.call(topic, key.connection, _too_large(topic, key.connection, size), 0)
                 return
             try:
                 message = keys.check_call(codec.decode(payload.to_bytes()), key)
             except NotAMessage as problem:
                 malformed = Malformed(topic=topic, connection=key.connection, reason=str(problem))
-                call(topic, key.connection, malformed, 0)
+                inbox.call(topic, key.connection, malformed, 0)
             else:
-                call(topic, key.connection, message, size)
+                inbox.call(topic, key.connection, message, size)
 
         return take
+
+    def _refuse(self, topic: str, key: keys.CallKey, data: bytes) -> None:
+        """Tell the sender of a call that it is not done."""
+        with suppress(NotAMessage):
+            message = keys.check_call(codec.decode(data), key)
+            number = message.number if isinstance(message, Call) else 0
+            self._inbox.refuse(topic, key.connection, number)
+
+    def _takes_stop(self, topic: str, declared: ExitStack) -> Callable[[zenoh.Sample], None]:
+        border, lane = self._border, StopLane(self._stop_nodes, self._inbox.call)
+        declared.callback(lane.close)
+
+        def take(sample: zenoh.Sample) -> None:
+            payload = sample.payload
+            key = keys.call_key(str(sample.key_expr))
+            if key is not None and len(payload) <= LARGEST and border.stop(key.connection, len(payload)):
+                lane.put(topic, key, payload.to_bytes())
+
+        return take
+
+    # --- the thread of emergency stops ---------------------------------------------------------------
+
+    def _stop_nodes(self, topic: str, message: Call) -> None:
+        """Hand the nodes an emergency stop, before anything that waits."""
+        self._calm.clear()  # nobody else takes the nodes now
+        try:
+            with self._handling:
+                if self._stopping:
+                    return
+                effects: list[_Due] = []
+                self._deliver(topic, message, effects)
+                self._settle()
+                sends = self._note_wakes(effects)
+            self._send(sends, self._stop_outbox)
+        except BaseException as failure:
+            self._failure = failure
+            self.stop()
+        finally:
+            self._calm.set()
+            self._inbox.rouse()
+
+    def _read(self, waiting: Waiting) -> Message:
+        if not isinstance(waiting.message, bytes):
+            return waiting.message
+        try:
+            message = keys.check_frame(codec.decode(waiting.message), waiting.topic)
+            check_plausible(message, self._time())
+        except NotAMessage as problem:
+            return Malformed(topic=waiting.topic, connection=None, reason=str(problem))
+        return message
 
 
 _Due = tuple[Node, Effect]
 """An effect, and whose it is."""
 
 
-def _may_be_large(effect: Effect) -> bool:
+def _may_be_large(send: Send) -> bool:
     """Whether this is to be sent by the thread of `run`: it may be larger than the room that a link has at
     once, and must not be dropped. A thread of the network that waited for room would wait for itself."""
-    return isinstance(effect, Send) and isinstance(effect.message, (Checkpoint, Reply, Notice))
-
-
-def _read(waiting: Waiting) -> Message:
-    if not isinstance(waiting.message, bytes):
-        return waiting.message
-    try:
-        return keys.check_frame(codec.decode(waiting.message), waiting.topic)
-    except NotAMessage as problem:
-        return Malformed(topic=waiting.topic, connection=None, reason=str(problem))
+    return isinstance(send.message, (Checkpoint, Reply, Notice))
 
 
 def _too_large(topic: str, connection: str | None, size: int) -> Malformed:

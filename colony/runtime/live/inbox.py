@@ -42,6 +42,18 @@ class Inbox:
         if asleep:
             self._calls.put(None)
 
+    def crowded(self, connection: str) -> bool:
+        """Whether as many calls of a connection wait as may: one more would be in vain."""
+        return self._room.crowded(connection)
+
+    def refuse(self, topic: str, connection: str, number: int) -> None:
+        """Have a call refused that does not come in."""
+        with self._lock:
+            self._room.refuse(topic, connection, number)
+            asleep, self._asleep = self._asleep, False
+        if asleep:
+            self._calls.put(None)
+
     def pop(self) -> Waiting | None:
         """What is to be handled next, if anything waits."""
         with self._lock:

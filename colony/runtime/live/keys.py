@@ -3,9 +3,11 @@
     Clock/ticks                    colony/rome/Clock/ticks
     RServer/reply/ada/7            colony/rome/RServer/reply/ada/7
     RServer/call                   colony/rome/RServer/call/<right>/ada/7
+    RServer/fetches                colony/rome/RServer/fetches/ada
 
-The right and the connection of a call stand in its key, because keys are what access control can tie to
-users; what the message itself says of them must be the same. For the same reason each topic takes only its
+The right and the connection of a call stand in its key, and the user in that of all else that clients send,
+because keys are what access control can tie to users; what the message itself says of them must be the same.
+For the same reason each topic takes only its
 own kinds of messages: who may ask for frames again must not be able to put a call there.
 """
 
@@ -54,6 +56,10 @@ _KINDS: dict[str, tuple[type, ...]] = {
 """What comes on topics, by what stands second in them (or alone)."""
 
 
+_OF_USERS = frozenset({"fetches", "requests", "announcements", "checkpoints", "ready", "restarts"})
+"""What clients send to servers besides calls, by what stands second in the topic."""
+
+
 class CallKey(NamedTuple):
     """What the key of a call says."""
 
@@ -71,20 +77,34 @@ def takes_calls(topic: str) -> bool:
     return topic.endswith(_CALL)
 
 
+def kind_of_users(topic: str) -> str | None:
+    """The kind of messages that come on a topic, if clients send them with their user in the key."""
+    _, _, kind = topic.partition("/")
+    return kind if kind in _OF_USERS else None
+
+
 def listening(robot: str, topic: str) -> str:
     """The key expression on which a topic is listened to."""
-    return f"colony/{robot}/{topic}" + ("/*/*/*" if takes_calls(topic) else "")
+    if takes_calls(topic):
+        return f"colony/{robot}/{topic}/*/*/*"
+    return f"colony/{robot}/{topic}" + ("/*" if kind_of_users(topic) else "")
 
 
-def sending(robot: str, topic: str, message: Sent, *, least: Right = "read") -> str:
-    """The key on which a message goes to a topic. A sign of life goes under any right that its sender has."""
+def listening_to_calls(robot: str, topic: str, right: Right) -> str:
+    """The same for the calls under one right."""
+    return f"colony/{robot}/{topic}/{right}/*/*"
+
+
+def sending(robot: str, topic: str, message: Sent, *, user: str, least: Right = "read") -> str:
+    """The key on which `user` sends a message to a topic. A sign of life goes under any right of its
+    sender."""
     match message:
         case Call(right=right, connection=connection):
             return f"colony/{robot}/{topic}/{right}/{connection}"
         case Alive(connection=connection):
             return f"colony/{robot}/{topic}/{least}/{connection}"
         case _:
-            return f"colony/{robot}/{topic}"
+            return f"colony/{robot}/{topic}" + (f"/{user}" if kind_of_users(topic) else "")
 
 
 def alive(robot: str, address: str) -> str:

@@ -31,7 +31,7 @@ from colony.runtime.messages import (
 IDLE_NS = 10_000_000_000
 """After this time without a message the publisher for a connection is given back."""
 
-PASSING_MOST = 2048
+PASSING_MOST = 256
 """How many publishers for connections there are at most."""
 
 Report = Callable[[str], None]
@@ -41,10 +41,15 @@ Report = Callable[[str], None]
 class Outbox:
     """Mutable: the publishers, and when those for connections were used last."""
 
-    def __init__(self, session: zenoh.Session, robot: str, report: Report) -> None:
+    def __init__(
+        self, session: zenoh.Session, robot: str, report: Report, *, user: str, urgent: bool = False
+    ) -> None:
+        """`urgent`: replies overtake all else, and are dropped rather than wait: their readers ask again."""
         self._session = session
         self._robot = robot
         self._report = report
+        self._user = user
+        self._urgent = urgent
         self._lasting: dict[str, zenoh.Publisher] = {}
         self._passing: dict[str, tuple[zenoh.Publisher, int]] = {}
 
@@ -64,12 +69,12 @@ class Outbox:
 
     def _put(self, topic: str, message: Sent, data: bytes, now_ns: int) -> None:
         if isinstance(message, (Call, Alive, Reply, Notice, Checkpoint)):
-            self._pass(keys.sending(self._robot, topic, message), data, message, now_ns)
+            self._pass(keys.sending(self._robot, topic, message, user=self._user), data, message, now_ns)
             return
         publisher = self._lasting.get(topic)
         if publisher is None:
             patient = not isinstance(message, (Tick, ServerFrame, Verdict))
-            key = keys.sending(self._robot, topic, message)
+            key = keys.sending(self._robot, topic, message, user=self._user)
             publisher = publish(self._session, key, haste=Haste.FRAMES, patient=patient)
             self._lasting[topic] = publisher
         publisher.put(data)
@@ -78,7 +83,8 @@ class Outbox:
         publisher, _ = self._passing.pop(key, (None, 0))
         if publisher is None:
             self._tidy(now_ns)
-            publisher = publish(self._session, key, haste=haste_of(message))
+            haste = Haste.STOP if self._urgent else haste_of(message)
+            publisher = publish(self._session, key, haste=haste, patient=not self._urgent)
         self._passing[key] = (publisher, now_ns)  # the last one, so that the first was idle for longest
         publisher.put(data)
 

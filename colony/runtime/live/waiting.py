@@ -3,8 +3,8 @@
 Emergency stops go first, then the messages of frames in order of arrival, then calls: by the priority of
 their connection, first come first served within one (thesis section 4.3).
 
-Nothing here grows without bound. A connection that calls faster than it is served loses its oldest calls and
-is told so; when all connections together hold too much, the one that holds most does. Messages of frames are
+Nothing here grows without bound. Of a connection that calls faster than it is served, further calls are
+refused; when all connections together hold too much, the one that holds most does. Messages of frames are
 given up only when they alone would fill the memory: readers ask again for a frame that they missed.
 """
 
@@ -30,9 +30,9 @@ LINES = 2048
 OVERHEAD = 512
 """What a waiting message takes in memory besides its bytes, about."""
 
-BYTES_EACH = 16 * 1024 * 1024
-BYTES_CALLS = 64 * 1024 * 1024
-BYTES_FRAMES = 256 * 1024 * 1024
+BYTES_EACH = 8 * 1024 * 1024
+BYTES_CALLS = 24 * 1024 * 1024
+BYTES_FRAMES = 32 * 1024 * 1024
 
 TOLD_MOST = 1024
 """Calls given up at once of which the callers are told; of more they are not."""
@@ -130,6 +130,15 @@ class WaitingRoom:
         else:
             self._queue(entry, line)
 
+    def crowded(self, connection: str) -> bool:
+        """Whether as many calls of a connection wait as may."""
+        line = self._lines.get(connection)
+        return line is not None and len(line.calls) >= self._calls_each
+
+    def refuse(self, topic: str, connection: str, number: int) -> None:
+        """Have the caller told that a call is not going to be done."""
+        self._given_up.append(GivenUp(topic, connection, number))
+
     def pop(self) -> Waiting | None:
         """What is to be handled next."""
         if self._stops:
@@ -166,6 +175,9 @@ class WaitingRoom:
             yield self._given_up.popleft()
 
     def _queue(self, entry: _Entry, line: _Line) -> None:
+        if len(line.calls) >= self._calls_each:
+            self._tell(entry)
+            return
         message = entry.waiting.message
         priority = message.priority if isinstance(message, Call) else 0
         self._count += 1
@@ -174,7 +186,7 @@ class WaitingRoom:
         line.calls[self._count] = None
         line.size += entry.size
         self._calls_size += entry.size
-        while len(line.calls) > self._calls_each or (line.size > self._bytes_each and len(line.calls) > 1):
+        while line.size > self._bytes_each and len(line.calls) > 1:
             self._give_up(line)
         while self._calls_size > self._bytes_calls:
             self._give_up(max(self._lines.values(), key=lambda each: each.size))

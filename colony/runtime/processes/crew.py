@@ -36,7 +36,7 @@ CLIENTS, SERVERS, HARDWARE = range(3)
 STORE = "DServer.sqlite"
 """The file of DServer's variables, in the folder of a robot's state."""
 
-STOP = "RServer.stop"
+STOP = "Clock.stop"
 """That of the emergency stop."""
 
 
@@ -77,8 +77,8 @@ def server_parts(
     cameras = tuple(cameras)
     answering = (RSERVER.name, PSERVER.name, DSERVER.name, RUNTIME.name, *(server for server, _ in cameras))
     return (
-        ClockPart(servers=answering),
-        RServerPart(device=device, stop=str(state / STOP)),
+        ClockPart(servers=answering, stop=str(state / STOP)),
+        RServerPart(device=device),
         PServerPart(device=device),
         DServerPart(store=str(state / STORE), fsync=fsync, held=held or {}),
         *(CServerPart(device=device, server=server, camera=camera) for server, camera in cameras),

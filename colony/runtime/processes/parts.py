@@ -60,8 +60,8 @@ def nodes_of(part: NodePart, place: Place, devices: Devices | None, holds: ExitS
         ValueError: the part needs hardware, or has to be on the robot's own machine, and this is not so.
     """
     match part:
-        case ClockPart(servers=servers):
-            return _clock(servers)
+        case ClockPart(servers=servers, stop=stop):
+            return _clock(servers, Path(stop))
         case RServerPart() | PServerPart() | CServerPart():
             return (_driving(part, place, devices, holds),)
         case DServerPart():
@@ -74,12 +74,12 @@ def nodes_of(part: NodePart, place: Place, devices: Devices | None, holds: ExitS
             assert_never(part)
 
 
-def _clock(servers: tuple[str, ...]) -> tuple[Node, ...]:
+def _clock(servers: tuple[str, ...], stop: Path) -> tuple[Node, ...]:
     from colony.runtime.clock import Clock
     from colony.runtime.servers.runtime_server import RuntimeServer
 
     runtime = RuntimeServer(keep=KEPT)
-    return Clock(servers=servers, keep=KEPT, told=runtime.use), runtime
+    return Clock(servers=servers, keep=KEPT, told=runtime.use, stop_path=stop), runtime
 
 
 def _driving(
@@ -93,7 +93,7 @@ def _driving(
             from colony.runtime.servers.rserver import RServer
 
             driver = devices.base(device, robot, base_ns, holds)
-            return RServer(driver, state_path=Path(part.stop), keep=KEPT)
+            return RServer(driver, keep=KEPT)
         case PServerPart():
             from colony.runtime.servers.pserver import PServer
 

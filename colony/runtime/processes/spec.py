@@ -41,16 +41,17 @@ class Device(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class ClockPart(msgspec.Struct, frozen=True, kw_only=True, tag="Clock"):
-    """The Clock, with the server `Runtime`; `servers` are expected to answer ticks."""
+    """The Clock, with the server `Runtime`; `servers` are expected to answer ticks, and the file `stop`
+    remembers an emergency stop."""
 
     servers: tuple[str, ...]
+    stop: str
 
 
 class RServerPart(msgspec.Struct, frozen=True, kw_only=True, tag="RServer"):
-    """The base; the file `stop` remembers an emergency stop."""
+    """The base."""
 
     device: Device
-    stop: str
 
 
 class PServerPart(msgspec.Struct, frozen=True, kw_only=True, tag="PServer"):

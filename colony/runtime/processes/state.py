@@ -33,7 +33,8 @@ T = TypeVar("T")
 class ServerState(msgspec.Struct, frozen=True, kw_only=True):
     """A server by name. `state`: it answers, or is "down" (not there), or "silent" (there, without a word).
 
-    `process` is known on the robot's own machine. `connections` are who is connected.
+    `process` is known on the robot's own machine. `connections` are who is connected, `full` the limits that
+    are reached.
     """
 
     server: str
@@ -41,6 +42,7 @@ class ServerState(msgspec.Struct, frozen=True, kw_only=True):
     process: int | None
     connections: tuple[ConnectionStatus, ...] = ()
     malformed: int = 0
+    full: tuple[str, ...] = ()
     problem: str | None = None
 
 
@@ -100,10 +102,15 @@ def _ask(session: Session, name: str, there: bool, process: int | None) -> tuple
     except ConnectionProblem as problem:
         return ServerState(server=name, state="silent", process=process, problem=str(problem)), None
     others = tuple(c for c in status.connections if c.name != "colony ps")
-    return (
-        ServerState(server=name, state="up", process=process, connections=others, malformed=status.malformed),
-        more,
+    found = ServerState(
+        server=name,
+        state="up",
+        process=process,
+        connections=others,
+        malformed=status.malformed,
+        full=status.full,
     )
+    return found, more
 
 
 def _answer(found: tuple[ServerState, object] | None, kind: type[T]) -> T | None:

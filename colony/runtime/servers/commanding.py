@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass, field
 from typing import NamedTuple
 
@@ -10,7 +10,7 @@ from colony.ir.program import Actuator
 from colony.ir.types import ScalarValue
 from colony.runtime import topics
 from colony.runtime.arbitration import Arbiter, Dispatch, Event, Timing
-from colony.runtime.ballot import NOBODY, Others
+from colony.runtime.ballot import NOBODY, STOPPED, Others
 from colony.runtime.bindings import ActuatorBinding
 from colony.runtime.messages import Effect, Malformed, Request, Send, Tick, Verdict, WakeAt
 
@@ -112,13 +112,17 @@ class CommandDesk:
         self._publish = publish
         self._alarm: int | None = None
 
-    def tick(self, tick: Tick, now_ns: int, others: Mapping[str, Others] | None = None) -> Iterable[Effect]:
-        """Open the frame of every actuator; `others` has what counts besides its clients, by actuator."""
+    @property
+    def moves(self) -> bool:
+        """Whether there is an actuator that `halt` makes idle."""
+        return any(c.actuator.idle is not None for c in self._commanded.values())
+
+    def tick(self, tick: Tick, now_ns: int, others: Others = NOBODY) -> Iterable[Effect]:
+        """Open the frame of every actuator; `others` is what counts besides its clients."""
         for name, arbiter in self._arbiters.items():
             clients = self._clients[name]
             lost = frozenset(clients[a] for a in tick.lost if a in clients)
-            besides = others.get(name, NOBODY) if others else NOBODY
-            yield from self._carry_out(name, arbiter.open(tick, lost, now_ns, besides), now_ns)
+            yield from self._carry_out(name, arbiter.open(tick, lost, now_ns, others), now_ns)
         yield from self._set_alarm()
 
     def request(self, request: Request, now_ns: int) -> Iterable[Effect]:
@@ -137,6 +141,13 @@ class CommandDesk:
         """What counts besides the clients of an actuator has changed within its frame."""
         yield from self._carry_out(actuator, self._arbiters[actuator].intervene(others, now_ns), now_ns)
         yield from self._set_alarm()
+
+    def halt(self, now_ns: int) -> Iterable[Effect]:
+        """The emergency stop has come on: carry out every idle command, whatever the frames have decided."""
+        for name, commanded in self._commanded.items():
+            yield from self.intervene(name, STOPPED, now_ns)
+            if commanded.actuator.idle is not None:
+                self._perform(commanded, commanded.actuator.idle, now_ns)
 
     def malformed(self, message: Malformed) -> None:
         """Bytes came where requests should; the verdicts of the frame will say so."""

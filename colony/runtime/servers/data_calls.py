@@ -52,6 +52,7 @@ class DataCalls:
         variables, semaphores, answers, watches: the state, loaded.
         others: more methods.
         lost: told of connections that ended.
+        stop: carries out an emergency stop.
     """
 
     def __init__(
@@ -63,12 +64,15 @@ class DataCalls:
         *,
         others: Iterable[Method] = (),
         lost: Callable[[Caller], None] = lambda caller: None,
+        stop: Callable[[str, int], None] | None = None,
     ) -> None:
         self._variables = variables
         self._semaphores = semaphores
         self._answers = answers
         self._watches = watches
-        self._desk = CallDesk(DSERVER.name, (*self._methods(), *others), admit=self._admit, lost=self._end)
+        self._desk = CallDesk(
+            DSERVER.name, (*self._methods(), *others), admit=self._admit, lost=self._end, stop=stop
+        )
         self._tell_lost = lost
         self._callers: dict[str, Caller] = {}
         self._opened: list[str] = []

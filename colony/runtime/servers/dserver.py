@@ -16,9 +16,11 @@ from colony.ir.types import ScalarValue, Value
 from colony.runtime import topics
 from colony.runtime.arbitration import Timing, declared_units, timing
 from colony.runtime.assembly import KEPT_MOST
+from colony.runtime.ballot import NOBODY, STOPPED
 from colony.runtime.calls import Asked, Refused, method
 from colony.runtime.deployment import DEPLOYMENT_BYTES, Deployment, commanded_by
 from colony.runtime.fields import DSERVER
+from colony.runtime.latch import StopFollower
 from colony.runtime.messages import (
     Alive,
     Announcement,
@@ -30,8 +32,10 @@ from colony.runtime.messages import (
     Message,
     Recall,
     Request,
+    Stopped,
     Tick,
     Wake,
+    WakeAt,
 )
 from colony.runtime.servers.checkpoints import Checkpoints
 from colony.runtime.servers.commanding import CommandDesk, Commanded
@@ -49,6 +53,9 @@ _EPOCH = Key("fact", "epoch")
 _CLOSED = Key("fact", "closed")
 
 _ROBOT_WITHOUT_PROGRAM = timing(50_000_000)
+
+WATCHDOG_DEADLINES = 3
+"""Deadlines of a frame after a tick, after which at least two ticks were missed: actuators become idle."""
 
 
 class DServer:
@@ -102,10 +109,17 @@ class DServer:
             watches,
             others=(method("deploy", Deployment, self._deploy, largest=DEPLOYMENT_BYTES),),
             lost=self._leadership.lost,
+            stop=self._stop,
         )
+        self._emergency = StopFollower()
+        self._halting = False
+        self._bark_at: int | None = None
+        self._times = times
         self._changed: list[str] = []
         self._run: str | None = None
-        self._publisher = Publisher(self.address, self._read, keep=keep)
+        self._publisher = Publisher(
+            self.address, self._read, keep=keep, stopped=lambda: self._emergency.stopped
+        )
         self._desk = CommandDesk(commanded, times, self._set)
         self._relay = ActivityRelay(self.address, announced, keep=keep)
         listens = (
@@ -126,8 +140,10 @@ class DServer:
             case Call() | Alive():
                 yield from self._calls.handle(message, now_ns)
             case Tick():
+                self._emergency.follow(message)
                 yield from self._publisher.handle(message)
                 yield from self._arbitrate(message, now_ns)
+                yield from self._watch(now_ns)
             case Fetch() if message.server == self.address:
                 yield from self._publisher.handle(message)
             case Fetch():
@@ -147,8 +163,13 @@ class DServer:
             case Wake():
                 yield from self._desk.wake(now_ns)
                 yield from self._calls.handle(message, now_ns)
+                if self._bark_at is not None and now_ns >= self._bark_at:
+                    self._bark_at, self._halting = None, True
             case _:
                 return
+        if self._halting:
+            self._halting = False
+            yield from self._desk.halt(now_ns)
         if self._changed:
             changed, self._changed = self._changed, []
             for name in changed:
@@ -175,9 +196,23 @@ class DServer:
 
     def _arbitrate(self, tick: Tick, now_ns: int) -> Iterable[Effect]:
         """Begin a frame of the run that is deployed; in those of another there is nothing to decide."""
-        if self._run in (None, tick.run):
-            return self._desk.tick(tick, now_ns)
-        return self._desk.finish(now_ns)
+        if self._run not in (None, tick.run):
+            return self._desk.finish(now_ns)
+        return self._desk.tick(tick, now_ns, NOBODY if self._emergency.stopped is None else STOPPED)
+
+    # --- the emergency stop --------------------------------------------------------------------------
+
+    def _stop(self, by: str, now_ns: int) -> None:
+        self._emergency.hear(Stopped(by=by, t_ns=now_ns))
+        self._halting = True
+
+    def _watch(self, now_ns: int) -> Iterable[Effect]:
+        """See to it that the actuators become idle when the ticks stop."""
+        if self._desk.moves:
+            self._bark_at = now_ns + WATCHDOG_DEADLINES * self._times.deadline_ns
+            yield WakeAt(self._bark_at)
+
+    # --- what is published and set -------------------------------------------------------------------
 
     def _set(self, commanded: Commanded, values: tuple[ScalarValue, ...], now_ns: int) -> None:
         declared = declared_units(commanded.actuator, values)
@@ -192,8 +227,8 @@ class DServer:
             return
         self._run = deployed.run
         self._checkpoints.begin(deployed.run)
-        times = timing(deployed.frame_ns, lockstep=deployed.lockstep)
-        self._desk = CommandDesk(commanded_by(deployed, self.address), times, self._set)
+        self._times = timing(deployed.frame_ns, lockstep=deployed.lockstep)
+        self._desk = CommandDesk(commanded_by(deployed, self.address), self._times, self._set)
         self._relay.deploy(deployed.announced)
 
     def _load(self, semaphores: Semaphores, answers: Answers, watches: Watches) -> bool:

@@ -14,7 +14,7 @@ from colony.runtime import motion
 from colony.runtime.ballot import Others, Outside
 from colony.runtime.calls import LATER, Asked, Caller, Later, Method, Nothing, Refused, method
 from colony.runtime.drivers import BaseLimits
-from colony.runtime.latch import StopLatch
+from colony.runtime.latch import StopFollower
 from colony.runtime.library import robot
 from colony.runtime.locks import LockQueue
 from colony.runtime.motion import Ending, Mode, Motion, Seen, Speeds, Step
@@ -42,14 +42,14 @@ class Pilot:
 
     Args:
         limits: of the base.
-        latch: the emergency stop.
+        emergency: whether the base is stopped.
         values: speeds as the values of the actuator.
     """
 
     def __init__(
-        self, limits: BaseLimits, latch: StopLatch, values: Callable[[Speeds], tuple[float, ...]]
+        self, limits: BaseLimits, emergency: StopFollower, values: Callable[[Speeds], tuple[float, ...]]
     ) -> None:
-        self._latch = latch
+        self._emergency = emergency
         self._values = values
         self._settings = orders.first_settings(limits)
         self._proposal: _Proposal | None = None
@@ -84,7 +84,7 @@ class Pilot:
     def others(self, seen: Seen, now_ns: int) -> Others:
         """What is wanted in a frame that begins, or goes on, like this."""
         self._proposal = None
-        if self._latch.stopped is not None:
+        if self._emergency.stopped is not None:
             return Others((), "stopped", None)
         self.outsiders.expire(now_ns)
         holder = self.lock.holder
@@ -180,9 +180,8 @@ class Pilot:
             if commander.caller.connection != spared:
                 self._drop(commander, refused)
 
-    def stop(self, by: str, now_ns: int) -> None:
-        """The emergency stop."""
-        self._latch.engage(by, now_ns)
+    def stop(self) -> None:
+        """The emergency stop has come on."""
         self.cancel(self._stopped())
         self.mode = "joystick"
         self.changed = True
@@ -205,14 +204,16 @@ class Pilot:
         commander.motion = commander.asked = commander.until_ns = None
 
     def _stopped(self) -> Refused:
-        stopped = self._latch.stopped
+        stopped = self._emergency.stopped
         by = "" if stopped is None else f", by {stopped.by}"
-        return Refused("stopped", f"the emergency stop is on{by}; release it first")
+        return Refused(
+            "stopped", f"the emergency stop is on{by}; the Clock releases it (`colony stop --release`)"
+        )
 
     # --- calls ---------------------------------------------------------------------------------------
 
     def _admit(self, caller: Caller) -> Commander:
-        if self._latch.stopped is not None:
+        if self._emergency.stopped is not None:
             raise self._stopped()
         holder = self.lock.holder
         if holder is not None and holder.connection != caller.connection:
@@ -283,7 +284,7 @@ class Pilot:
     # --- lock ----------------------------------------------------------------------------------------
 
     def _take_lock(self, asked: Asked, arguments: robot.LockBase, now_ns: int) -> Later | None:
-        if self._latch.stopped is not None:
+        if self._emergency.stopped is not None:
             raise self._stopped()
         self.outsiders.enter(asked.caller, self.places)
         if not self.lock.ask(asked, now_ns, wait_ns=arguments.wait_ns):

@@ -6,7 +6,7 @@ from collections import deque
 from collections.abc import Callable, Iterable, Mapping
 
 from colony.runtime import topics
-from colony.runtime.messages import Effect, Fetch, Sample, Send, ServerFrame, Tick
+from colony.runtime.messages import Effect, Fetch, Sample, Send, ServerFrame, Stopped, Tick
 
 Fields = Mapping[str, Sample | None]
 
@@ -19,9 +19,18 @@ class Publisher:
     answered it says nothing at all: another process, which died, may have published them.
     """
 
-    def __init__(self, server: str, read: Callable[[Tick], Fields], *, keep: int) -> None:
+    def __init__(
+        self,
+        server: str,
+        read: Callable[[Tick], Fields],
+        *,
+        keep: int,
+        stopped: Callable[[], Stopped | None] = lambda: None,
+    ) -> None:
+        """`stopped` gives the emergency stop that keeps the server's actuators idle."""
         self._server = server
         self._read = read
+        self._stopped = stopped
         self._kept: dict[int, ServerFrame] = {}
         self._order: deque[int] = deque()
         self._keep = keep
@@ -51,7 +60,9 @@ class Publisher:
 
     def _store(self, k: int, fields: Fields) -> ServerFrame:
         assert self._since is not None
-        frame = ServerFrame(server=self._server, k=k, fields=fields, since=self._since)
+        frame = ServerFrame(
+            server=self._server, k=k, fields=fields, since=self._since, stopped=self._stopped()
+        )
         self._kept[k] = frame
         self._order.append(k)
         self._latest = max(self._latest, k)

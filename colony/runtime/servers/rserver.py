@@ -14,18 +14,15 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Iterator
-from pathlib import Path
-
-import msgspec
 
 from colony.ir.types import ScalarValue
 from colony.runtime import topics
 from colony.runtime.arbitration import Dispatch, timing
 from colony.runtime.calls import Asked, CallDesk, Caller, Method, Nothing, Refused, method
-from colony.runtime.deployment import Deployment
+from colony.runtime.deployment import DEPLOYMENT_BYTES, Deployment
 from colony.runtime.drivers import BaseDriver, BaseState
 from colony.runtime.fields import RSERVER
-from colony.runtime.latch import StopLatch
+from colony.runtime.latch import StopFollower
 from colony.runtime.library import robot
 from colony.runtime.messages import (
     Alive,
@@ -34,10 +31,9 @@ from colony.runtime.messages import (
     Fetch,
     Malformed,
     Message,
-    Reply,
     Request,
     Sample,
-    Send,
+    Stopped,
     Tick,
     Wake,
     WakeAt,
@@ -55,6 +51,14 @@ KEPT = 2000
 
 WATCHDOG_FRAMES = 2
 
+FARTHEST_MM = 1e7
+"""10 km: no position that somebody tells the base is farther from the origin, in x and in y. With much larger
+numbers a step of dead reckoning would be lost in rounding, and the position stand still while the base
+moves."""
+
+MOST_TURNED_DEG = 36_000.0
+"""The same for a heading."""
+
 
 class RServer:
     """Publishes the state of the base, arbitrates who drives it, and takes calls. Mutable: all of that.
@@ -63,7 +67,6 @@ class RServer:
         driver: the base.
         deployment: a program that is there from the beginning, until another comes by the call `deploy`;
             that one stays as long as the connection which made the call.
-        state_path: where the emergency stop is kept, so that a restart does not forget it.
         watchdog_ns: after which time without a decision the base is stopped; two frames, unless given.
         keep: how many frames are kept for who missed one.
     """
@@ -75,20 +78,22 @@ class RServer:
         driver: BaseDriver,
         *,
         deployment: Deployment | None = None,
-        state_path: Path | None = None,
         watchdog_ns: int | None = None,
         keep: int = KEPT,
     ) -> None:
         self._driver = driver
-        self._latch = StopLatch(state_path)
+        self._emergency = StopFollower()
         self._odometer = Odometer(driver.register_bits)
         self._pose = Pose(0.0, 0.0, 0.0)
         self._state: BaseState | None = None
-        self._publisher = Publisher(self.address, self._read, keep=keep)
-        self._pilot = Pilot(driver.limits, self._latch, self._values)
+        self._publisher = Publisher(
+            self.address, self._read, keep=keep, stopped=lambda: self._emergency.stopped
+        )
+        self._pilot = Pilot(driver.limits, self._emergency, self._values)
         self._leadership = Leadership(self.address)
         self._leader: str | None = None
-        self._calls = CallDesk(self.address, (*self._pilot.methods, *self._methods()), lost=self._lost)
+        methods = (*self._pilot.methods, *self._methods())
+        self._calls = CallDesk(self.address, methods, lost=self._lost, stop=self._stop)
         self._watchdog_given = watchdog_ns
         self._use(deployment)
         self._k = -1
@@ -118,11 +123,9 @@ class RServer:
                 yield from self._tick(message, now_ns)
             case Fetch():
                 yield from self._publisher.handle(message)
-            case Call():
-                yield from self._call(message, now_ns)
             case Malformed() if message.topic == topics.requests(self.address):
                 self._desk.malformed(message)
-            case Alive() | Malformed():
+            case Call() | Alive() | Malformed():
                 yield from self._calls.handle(message, now_ns)
             case Wake():
                 yield from self._desk.wake(now_ns)
@@ -143,18 +146,18 @@ class RServer:
         new = tick.k > self._k
         if new:
             self._k = tick.k
+            self._follow_stop(tick)
             self._look()
         yield from self._publisher.handle(tick)
         if not new:
             return
-        self._latch.save()
         if tick.run != self._base.run:
             yield from self._desk.finish(now_ns)
             self._halt()
             self._acting = None
             return
         others = self._pilot.others(self._seen(now_ns), now_ns)
-        yield from self._desk.tick(tick, now_ns, {self._base.name: others})
+        yield from self._desk.tick(tick, now_ns, others)
 
     def _read(self, tick: Tick) -> Fields:
         settings = {
@@ -202,7 +205,7 @@ class RServer:
             self._halt()
 
     def _perform(self, commanded: Commanded, values: tuple[ScalarValue, ...], now_ns: int) -> None:
-        if self._latch.stopped is not None:
+        if self._emergency.stopped is not None:
             self._halt()
             return
         speeds = self._outside_speeds
@@ -312,36 +315,29 @@ class RServer:
             method("set_bumper", robot.SetBumper, self._set_bumper),
             method("set_position", robot.PoseArguments, self._set_position),
             method("adjust_position", robot.PoseArguments, self._adjust_position),
-            method("emergency_stop", Nothing, self._emergency_stop, right="stop"),
-            method("release", Nothing, self._release),
             method("arbitration", Nothing, self._arbitration, right="read"),
-            method("deploy", Deployment, self._deploy),
+            method("deploy", Deployment, self._deploy, largest=DEPLOYMENT_BYTES),
         )
-
-    def _call(self, call: Call, now_ns: int) -> Iterator[Effect]:
-        """An emergency stop gets through whatever else is wrong with it, also without an open connection."""
-        if call.method == "emergency_stop" and call.right != "read":
-            known = next((c for c in self._calls.callers if c.connection == call.connection), None)
-            if known is None:
-                self._stop(call.connection, now_ns)
-                reply = Reply(connection=call.connection, number=call.number)
-                yield Send(topics.replies(self.address, call.connection), reply)
-                return
-            call = msgspec.structs.replace(call, arguments=_NOTHING, priority=known.priority)
-        yield from self._calls.handle(call, now_ns)
-
-    def _emergency_stop(self, asked: Asked, arguments: Nothing, now_ns: int) -> None:
-        self._stop(asked.caller.connection, now_ns)
 
     def _stop(self, by: str, now_ns: int) -> None:
         self._halt()
-        self._pilot.stop(by, now_ns)
-        self._desk.remark(self._base.name, f"emergency stop by {by}")
+        self._emergency.hear(Stopped(by=by, t_ns=now_ns))
+        self._stopped(by)
 
-    def _release(self, asked: Asked, arguments: Nothing, now_ns: int) -> None:
-        if self._latch.stopped is not None:
-            self._latch.release()
-            self._desk.remark(self._base.name, f"released by {asked.caller.connection}")
+    def _follow_stop(self, tick: Tick) -> None:
+        """Stop, or go on, as the Clock says."""
+        before = self._emergency.stopped
+        self._emergency.follow(tick)
+        after = self._emergency.stopped
+        if before is None and after is not None:
+            self._halt()
+            self._stopped(after.by)
+        elif before is not None and after is None:
+            self._desk.remark(self._base.name, "the emergency stop was released")
+
+    def _stopped(self, by: str) -> None:
+        self._pilot.stop()
+        self._desk.remark(self._base.name, f"emergency stop by {by}")
 
     def _present(self) -> BaseState:
         state = self._look()
@@ -364,7 +360,9 @@ class RServer:
         self._odometer.set(self._present(), _pose(arguments))
 
     def _adjust_position(self, asked: Asked, arguments: robot.PoseArguments, now_ns: int) -> None:
-        self._odometer.adjust(self._present(), _pose(arguments))
+        delta = _pose(arguments)
+        _check_pose(Pose(self._pose.x + delta.x, self._pose.y + delta.y, delta.heading))
+        self._odometer.adjust(self._present(), delta)
 
     def _arbitration(self, asked: Asked, arguments: Nothing, now_ns: int) -> robot.Arbitration:
         lock = self._pilot.lock
@@ -376,19 +374,22 @@ class RServer:
             outside=self._pilot.report(now_ns),
             lock_holder=None if lock.holder is None else lock.holder.connection,
             lock_waiting=tuple(c.connection for c in lock.waiting),
-            stopped=self._latch.stopped,
-            trouble=self._latch.trouble,
+            stopped=self._emergency.stopped,
         )
-
-
-_NOTHING = msgspec.Raw(msgspec.msgpack.encode(Nothing()))
 
 
 def _pose(arguments: robot.PoseArguments) -> Pose:
     pose = Pose(arguments.x, arguments.y, arguments.heading)
+    _check_pose(pose)
+    return pose
+
+
+def _check_pose(pose: Pose) -> None:
     if not all(map(math.isfinite, pose)):
         raise Refused("arguments", f"the pose is {tuple(pose)}; expected finite numbers")
-    return pose
+    if max(abs(pose.x), abs(pose.y)) > FARTHEST_MM or abs(pose.heading) > MOST_TURNED_DEG:
+        expected = f"at most {FARTHEST_MM:g} mm from the origin, and {MOST_TURNED_DEG:g} deg"
+        raise Refused("arguments", f"the pose is {tuple(pose)}; expected {expected}")
 
 
 def _report(counts: ActuatorCounts) -> robot.ActuatorReport:

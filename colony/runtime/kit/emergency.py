@@ -1,0 +1,120 @@
+"""The emergency stop of a whole robot: at once at every server of actuators, and kept by the Clock.
+
+    with Session.open("rome") as session, StopButton(session) as button:
+        report = button.press()
+        assert report.kept
+
+A button that is held ready has its connections open, and costs one message to each server when it is pressed.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Mapping
+from dataclasses import dataclass
+from queue import Empty, SimpleQueue
+from types import TracebackType
+
+from colony.runtime.kit.answers import read_result
+from colony.runtime.kit.connection import Session
+from colony.runtime.kit.conversation import Outcome
+from colony.runtime.kit.errors import ConnectionProblem
+from colony.runtime.library import emergency
+from colony.runtime.topics import CLOCK
+
+PATIENCE_S = 2.0
+"""Timeout of the acknowledgements."""
+
+SERVERS = (CLOCK, *emergency.ACTUATOR_SERVERS)
+"""The servers that take an emergency stop."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Pressed:
+    """What came of an emergency stop: the servers that acknowledged it, and why others did not."""
+
+    acknowledged: tuple[str, ...]
+    problems: Mapping[str, str]
+
+    @property
+    def kept(self) -> bool:
+        """True if the Clock keeps the stop, and every live server of actuators has acknowledged it."""
+        return CLOCK in self.acknowledged and not self.problems
+
+
+class StopButton:
+    """Ready to stop a robot. Mutable: its conversations with the servers.
+
+    Args:
+        session: what the process has with the robot; stays open.
+        name: what the connections go by, for people.
+        timeout_s: timeout of the acknowledgements.
+    """
+
+    def __init__(self, session: Session, *, name: str = "stop button", timeout_s: float = PATIENCE_S) -> None:
+        self._session = session
+        self._timeout_s = timeout_s
+        hub = session.hub
+        self._wires = {s: hub.wire(s, name=name, priority=0, notify=lambda _: None) for s in SERVERS}
+        for wire in self._wires.values():
+            wire.open(lambda _: None)
+
+    def press(self) -> Pressed:
+        """Stop the robot, and wait until that is acknowledged by every server that is there.
+
+        Raises:
+            CallRefused: this user may not stop the robot.
+        """
+        outcomes: SimpleQueue[tuple[str, Outcome]] = SimpleQueue()
+        stop, due = emergency.stop(), time.monotonic() + self._timeout_s
+        sent = {
+            server: wire.submit(stop, lambda outcome, server=server: outcomes.put((server, outcome)))  # type: ignore[misc]
+            for server, wire in self._wires.items()
+        }
+        try:
+            return self._collect(outcomes, due)
+        finally:
+            for server, pending in sent.items():
+                self._wires[server].forget(pending)
+
+    def _collect(self, outcomes: SimpleQueue[tuple[str, Outcome]], due: float) -> Pressed:
+        found: dict[str, Outcome] = {}
+        while self._awaited(found) and (left_s := due - time.monotonic()) > 0.0:
+            try:
+                server, found[server] = outcomes.get(timeout=left_s)
+            except Empty:
+                break
+        problems: dict[str, str] = {}
+        for server, outcome in found.items():
+            try:
+                read_result(server, emergency.stop(), outcome)
+            except ConnectionProblem as problem:
+                problems[server] = str(problem)
+        for server in self._awaited(found):
+            problems[server] = f"{server} did not acknowledge the stop in {self._timeout_s:g} s"
+        if CLOCK not in found and CLOCK not in problems:
+            problems[CLOCK] = (
+                "the Clock is not there, and a server that is started again will not know of the stop"
+            )
+        return Pressed(
+            acknowledged=tuple(s for s in SERVERS if s in found and s not in problems), problems=problems
+        )
+
+    def _awaited(self, found: Mapping[str, Outcome]) -> list[str]:
+        missing = [server for server in self._wires if server not in found]
+        there = self._session.servers() if missing else ()
+        return [server for server in missing if server in there]
+
+    def close(self) -> None:
+        """End the connections; again is nothing."""
+        wires, self._wires = self._wires, {}
+        for wire in wires.values():
+            self._session.hub.release(wire)
+
+    def __enter__(self) -> StopButton:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self.close()

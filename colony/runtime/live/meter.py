@@ -1,0 +1,56 @@
+"""Rates of messages, by their senders: token buckets, for the border at which messages come in.
+
+A sender has `burst` tokens at first, and gets `per_s` of them in a second, up to `burst`. A message costs
+one, and one more for each `BYTES_A_TOKEN` of its size. Whoever has too few left is over its rate.
+"""
+
+from __future__ import annotations
+
+from collections import OrderedDict
+from dataclasses import dataclass
+from typing import NamedTuple
+
+BYTES_A_TOKEN = 16_384
+"""Bytes of a message that cost as much as a message."""
+
+SENDERS = 1024
+"""Senders that are remembered; of more, the one that was silent for the longest time is forgotten."""
+
+
+class Rate(NamedTuple):
+    """Tokens a second, and how many may be saved up."""
+
+    per_s: float
+    burst: float
+
+
+@dataclass(frozen=False, slots=True)
+class _Bucket:
+    tokens: float
+    at_ns: int
+
+
+class Meter:
+    """Mutable: the tokens of each sender. For one thread."""
+
+    def __init__(self, rate: Rate) -> None:
+        self._per_ns = rate.per_s / 1e9
+        self._burst = rate.burst
+        self._buckets: OrderedDict[str, _Bucket] = OrderedDict()
+
+    def take(self, sender: str, size: int, now_ns: int) -> bool:
+        """Pay for a message of `size` bytes at a monotonic time; False where the sender is over its rate."""
+        bucket = self._buckets.get(sender)
+        if bucket is None:
+            bucket = self._buckets[sender] = _Bucket(self._burst, now_ns)
+            if len(self._buckets) > SENDERS:
+                self._buckets.popitem(last=False)
+        else:
+            self._buckets.move_to_end(sender)
+            bucket.tokens = min(self._burst, bucket.tokens + (now_ns - bucket.at_ns) * self._per_ns)
+            bucket.at_ns = now_ns
+        cost = 1 + size // BYTES_A_TOKEN
+        if bucket.tokens < cost:
+            return False
+        bucket.tokens -= cost
+        return True
