@@ -8,13 +8,39 @@ from __future__ import annotations
 
 import msgspec
 
-from colony.runtime.messages import Sent
+from colony.runtime.messages import (
+    Announcement,
+    Checkpoint,
+    Fetch,
+    Ready,
+    Recall,
+    Request,
+    Restart,
+    Sent,
+    ServerFrame,
+    Tick,
+    Verdict,
+)
 
 VERSION = 1
 """Of the protocol. A field with a default may be added at the end of a message; all else is a new version."""
 
 LARGEST = 4 * 1024 * 1024
 """Bytes of the largest message: a color image of 1280x960 and something."""
+
+_LARGEST: dict[type, int] = {
+    **dict.fromkeys((Tick, Verdict, Checkpoint, Recall), 1024 * 1024 + 65_536),
+    ServerFrame: 256 * 1024,
+    **dict.fromkeys((Request, Announcement, Fetch, Ready, Restart), 65_536),
+}
+"""The same of the messages of frames: many small values take long to read, and these are read in every
+frame."""
+
+
+def largest(*kinds: type) -> int:
+    """Return the bytes of the largest message of these kinds."""
+    return max(_LARGEST.get(kind, LARGEST) for kind in kinds)
+
 
 _PREFIX = bytes([VERSION])
 
@@ -31,11 +57,12 @@ def encode(message: Sent) -> bytes:
     """A message in bytes.
 
     Raises:
-        ValueError: it would be larger than `LARGEST`.
+        ValueError: it would be larger than its kind may be.
     """
     data = _PREFIX + _encoder.encode(message)
-    if len(data) > LARGEST:
-        raise ValueError(f"{type(message).__name__}: {len(data)} bytes; expected at most {LARGEST}")
+    most = largest(type(message))
+    if len(data) > most:
+        raise ValueError(f"{type(message).__name__}: {len(data)} bytes; expected at most {most}")
     return data
 
 

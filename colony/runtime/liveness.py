@@ -6,6 +6,9 @@ from collections.abc import Iterable, Iterator
 
 LEASE_NS = 250_000_000
 
+VOID_AT_ONCE = 2000
+"""Void frames of which one tick tells, so that it stays a small message."""
+
 
 def lease(frame_ns: int) -> int:
     """A quarter of a second, but at least three frames."""
@@ -72,10 +75,11 @@ class Answers:
             self._give_up(server, [k for k in waiting if k < since])
 
     def void(self, down: Iterable[str]) -> tuple[tuple[str, int], ...]:
-        """The frames that have become void since the last time, now that these servers are down."""
+        """The frames that have become void, now that these servers are down: `VOID_AT_ONCE` at most, the
+        others the next time."""
         for server in down:
             self._give_up(server, list(self._waiting.get(server, ())))
-        void, self._void = tuple(self._void), []
+        void, self._void = tuple(self._void[:VOID_AT_ONCE]), self._void[VOID_AT_ONCE:]
         return void
 
     def overdue(self, tick: int) -> Iterator[tuple[str, int]]:

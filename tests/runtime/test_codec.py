@@ -11,7 +11,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from colony.runtime.codec import LARGEST, VERSION, NotAMessage, decode, encode
+from colony.runtime.codec import LARGEST, VERSION, NotAMessage, decode, encode, largest
 from colony.runtime.messages import (
     Alive,
     Announcement,
@@ -123,4 +123,17 @@ def test_a_bit_gone_wrong(message: Sent, place: int, byte: int) -> None:
 
 def test_what_is_too_large_to_send() -> None:
     with pytest.raises(ValueError, match="Checkpoint"):
-        encode(Checkpoint(client="c", k=0, start=0, memory=bytes(LARGEST)))
+        encode(Checkpoint(client="c", k=0, start=0, memory=bytes(2 << 20)))
+
+
+@pytest.mark.parametrize("message", MESSAGES, ids=lambda m: type(m).__name__)
+def test_messages_of_frames_are_small_and_each_kind_has_its_limit(message: Sent) -> None:
+    most = largest(type(message))
+    assert most == LARGEST or most < 2 << 20
+    assert (most == LARGEST) == isinstance(message, (Call, Reply, Notice, Alive))
+    assert largest(type(message), Call) == LARGEST
+
+
+def test_a_frame_that_is_too_large_is_not_sent() -> None:
+    with pytest.raises(ValueError, match="ServerFrame: .* bytes; expected at most 262144"):
+        encode(ServerFrame(server="S", k=0, fields={"scan": Sample((1.5,) * 40_000, 0)}))

@@ -349,7 +349,7 @@ from colony.runtime.messages import Checkpoint, Send
 from tests.runtime.live_stage import Recorder
 
 def save(message, now_ns):
-    saved = Checkpoint(client="c", k=message.k, start=0, memory=bytes(3_000_000))
+    saved = Checkpoint(client="c", k=message.k, start=0, memory=bytes(1_000_000))
     yield Send(topics.checkpoints("DServer"), saved)
 
 with Host.open(local("rome", os.environ), [Recorder("drive/c", topics.TICKS, on=save)], direct=True) as host:

@@ -2,8 +2,8 @@
 
     base.do(emergency.stop())
 
-Whoever hears it stops; the Clock alone releases (`library/clock.py`). To stop a whole robot, and to know that it
-is stopped, use `colony.runtime.kit.emergency`.
+Whoever hears it stops; the Clock alone releases (`library/clock.py`). To stop a whole robot, and to know that
+it is stopped, use `colony.runtime.kit.emergency`.
 """
 
 from __future__ import annotations
