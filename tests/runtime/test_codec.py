@@ -135,5 +135,5 @@ def test_messages_of_frames_are_small_and_each_kind_has_its_limit(message: Sent)
 
 
 def test_a_frame_that_is_too_large_is_not_sent() -> None:
-    with pytest.raises(ValueError, match="ServerFrame: .* bytes; expected at most 262144"):
+    with pytest.raises(ValueError, match=r"ServerFrame: .* bytes; expected at most 262144"):
         encode(ServerFrame(server="S", k=0, fields={"scan": Sample((1.5,) * 40_000, 0)}))
