@@ -298,3 +298,22 @@ def test_how_a_connection_cannot_be_opened(environment: Mapping[str, str]) -> No
             session.connect(BATTERY, priority="high")  # type: ignore[arg-type]
         with pytest.raises(TypeError, match="name of a connection is 7; expected text"):
             session.connect(BATTERY, name=7)  # type: ignore[arg-type]
+
+
+def test_a_thousand_connections_are_one_key_to_the_network() -> None:
+    """zenoh keeps a little of every key that was ever declared."""
+    with (
+        run_directory() as environment,
+        battery_thread(environment),
+        Session.open(ROBOT, environment=environment) as session,
+    ):
+        hub = session.hub
+        connections = [session.connect(BATTERY) for _ in range(3)]
+        ids = {connection._wire._talk.connection for connection in connections}
+        assert len(ids) == 3
+        assert {id.partition("/")[2][:3] for id in ids} == {f"{hub._bucket}-"}
+        assert set(hub._begun) == ids
+        for connection in connections:
+            assert connection.do(level()) == 0.5
+            connection.close()
+        assert hub._begun == {}

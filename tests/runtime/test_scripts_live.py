@@ -11,7 +11,7 @@ from colony.runtime.kit.script import Script, do, sleep
 from colony.runtime.kit.scripts_live import LiveScripts
 from colony.runtime.library import data
 from colony.runtime.servers.dserver import DServer
-from tests.runtime.live_stage import PATIENCE_S, ROBOT, hosted, run_directory
+from tests.runtime.live_stage import PATIENCE_S, ROBOT, hosted, run_directory, until
 
 
 @pytest.fixture
@@ -24,10 +24,12 @@ def session() -> Iterator[Session]:
         yield opened
 
 
-def helper(ended: list[str]) -> Script:
+def helper(ended: list[str], begun: list[str] | None = None) -> Script:
     yield from do("DServer", data.create_semaphore("$Go", 0))
     yield from do("DServer", data.signal("$Go"))
     try:
+        if begun is not None:
+            begun.append("helper")
         while True:
             yield from sleep(0.01)
     finally:
@@ -76,9 +78,11 @@ def test_a_server_that_is_not_there_is_told_in_its_own_words(session: Session) -
 
 
 def test_ended_from_outside_nothing_is_done_and_nothing_wrong(session: Session) -> None:
+    begun: list[str] = []
     ended: list[str] = []
-    team = LiveScripts(session, {"helper": helper(ended), "leader": waiting()}, leader="leader")
+    team = LiveScripts(session, {"helper": helper(ended, begun), "leader": waiting()}, leader="leader")
     with team:
+        until(lambda: begun == ["helper"], "the helper has begun")
         assert not team.wait(0.05)
     assert (team.over, team.done, team.problem, ended) == (True, False, "", ["helper"])
 

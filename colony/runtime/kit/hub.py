@@ -9,10 +9,15 @@ from collections.abc import Callable, Mapping
 from contextlib import ExitStack
 from functools import partial
 from queue import Empty, SimpleQueue
+from secrets import randbelow
 from threading import Lock, Thread
+from uuid import uuid4
 
 import msgspec
+import zenoh
 
+from colony.runtime import codec
+from colony.runtime.codec import NotAMessage
 from colony.runtime.kit.conversation import Outcome
 from colony.runtime.kit.errors import ConnectionProblem, ServerNotFound
 from colony.runtime.kit.wire import Wire
@@ -24,10 +29,14 @@ from colony.runtime.live.network import Network
 from colony.runtime.live.place import Credentials, Local, Place, Remote, local
 from colony.runtime.live.run_directory import RobotDirectory, RunDirectory
 from colony.runtime.live.security import check_credentials, rights
-from colony.runtime.messages import Notice, Right
+from colony.runtime.messages import Notice, Reply, Right
 
 LOGIN_S = 2.0
 """For how long a gateway may take to say who one is to it."""
+
+BUCKETS = 256
+"""Key expressions by which the processes of one user hear replies. Each process has one, by chance, for all
+of its connections: zenoh keeps a little of every key that was ever declared, for as long as a link lives."""
 
 TEND_S = 0.1
 """How often connections are tended."""
@@ -42,9 +51,14 @@ class Hub:
         self.network = network
         self._rights = rights
         self._wires: set[Wire] = set()
+        self._begun: dict[str, Wire] = {}
+        self._bucket = f"{randbelow(BUCKETS):02x}"
         self._lock = Lock()
         self._deferred: SimpleQueue[Callable[[], None] | None] = SimpleQueue()
         self._holds = ExitStack()
+        key = keys.replies_to_process(network.robot, network.user, self._bucket)
+        handler = zenoh.handlers.Callback(self._replied, indirect=False)
+        self._holds.callback(network.session.declare_subscriber(key, handler).undeclare)
         network.watch(self._presence)
         self._holds.callback(network.unwatch, self._presence)
         tender = Thread(target=self._tend, name="colony connections", daemon=True)
@@ -119,6 +133,8 @@ class Hub:
             name=name,
             priority=priority,
             rights=self._rights if rights is None else rights,
+            ids=lambda: f"{self._bucket}-{uuid4().hex[:16]}",
+            begin=self._begin,
             notify=notify,
             defer=self._deferred.put,
         )
@@ -131,6 +147,8 @@ class Hub:
         with self._lock:
             self._wires.discard(wire)
         wire.close()
+        with self._lock:
+            self._begun = {id: other for id, other in self._begun.items() if other is not wire}
 
     def not_found(self, server: str) -> ServerNotFound:
         """Why nobody answers under a name, as well as can be found out."""
@@ -167,6 +185,19 @@ class Hub:
                 if work is None:
                     return
                 work()
+
+    def _begin(self, wire: Wire, connection: str) -> None:
+        with self._lock:
+            self._begun[connection] = wire
+
+    def _replied(self, sample: zenoh.Sample) -> None:
+        """In a thread of the network: a server says something, perhaps to another process of this user."""
+        try:
+            message = codec.decode(sample.payload.to_bytes())
+        except NotAMessage:
+            return
+        if isinstance(message, (Reply, Notice)) and (wire := self._begun.get(message.connection)) is not None:
+            wire.take(message)
 
     def _presence(self, address: str, present: bool) -> None:
         """In a thread of the network: a node came or went."""

@@ -11,12 +11,10 @@ from collections.abc import Callable, Iterable
 from contextlib import suppress
 from threading import Lock
 from typing import Any
-from uuid import uuid4
 
 import zenoh
 
 from colony.runtime import codec, topics
-from colony.runtime.codec import NotAMessage
 from colony.runtime.kit.conversation import (
     Begin,
     Conversation,
@@ -59,7 +57,7 @@ class _Publisher:
 
 
 class Wire:
-    """Mutable: the conversation, the publishers and the subscriber of its present id."""
+    """Mutable: the conversation and its publishers."""
 
     def __init__(
         self,
@@ -69,13 +67,17 @@ class Wire:
         name: str,
         priority: int,
         rights: tuple[Right, ...],
+        ids: Callable[[], str],
+        begin: Callable[[Wire, str], None],
         notify: Callable[[Notice], None],
         defer: Callable[[Deferred], None],
     ) -> None:
-        """`defer` takes what must not be done in a thread of the network, to be done soon by another."""
+        """`begin` is told the connection whose replies are to be handed to `take` from now on; `defer` takes
+        what must not be done in a thread of the network, to be done soon by another."""
         self.server = server
         self.network = network
         self._rights = rights
+        self._begin = begin
         self._notify = notify
         self._defer = defer
         self._lock = Lock()
@@ -83,12 +85,11 @@ class Wire:
         self._talk = Conversation(
             server=server,
             user=network.user,
-            ids=lambda: uuid4().hex[:16],
+            ids=ids,
             name=name,
             priority=priority,
             least=self._least,
         )
-        self._subscriber: zenoh.Subscriber[None] | None = None
         self._publishers: dict[tuple[str, bool], _Publisher] = {}
 
     # --- for those who use it ------------------------------------------------------------------------
@@ -172,30 +173,15 @@ class Wire:
                 case Tell(notice):
                     self._notify(notice)
                 case Begin(connection):
-                    self._begin(connection)
-
-    def _begin(self, connection: str) -> None:
-        self._release()
-        key = keys.listening(self.network.robot, topics.replies(self.server, connection))
-        handler = zenoh.handlers.Callback(self._take, indirect=False)
-        self._subscriber = self.network.session.declare_subscriber(key, handler)
+                    self._begin(self, connection)
 
     def _release(self) -> None:
-        if self._subscriber is not None:
-            self._subscriber.undeclare()  # type: ignore[no-untyped-call]
-            self._subscriber = None
         publishers, self._publishers = self._publishers, {}
         for publisher in publishers.values():
             publisher.release()
 
-    def _take(self, sample: zenoh.Sample) -> None:
+    def take(self, message: Reply | Notice) -> None:
         """In a thread of the network: what the server says."""
-        try:
-            message = codec.decode(sample.payload.to_bytes())
-        except NotAMessage:
-            return
-        if not isinstance(message, (Reply, Notice)):
-            return
         with self._lock:
             effects = list(self._talk.take(message, monotonic()))
         at_once = [e for e in effects if isinstance(e, (Resolve, Tell))]

@@ -112,6 +112,12 @@ def sending(robot: str, topic: str, message: Sent, *, user: str, least: Right = 
             return f"colony/{robot}/{topic}" + (f"/{user}" if kind_of_users(topic) else "")
 
 
+def replies_to_process(robot: str, user: str, bucket: str) -> str:
+    """The key expression on which a process hears the replies to all of its connections, whose ids begin with
+    `bucket`."""
+    return f"colony/{robot}/*/reply/{user}/{bucket}-$*"
+
+
 def alive(robot: str, address: str) -> str:
     """The key of the token that a node is there."""
     return f"colony/{robot}/alive/{address}"
