@@ -65,5 +65,5 @@ def test_programs_of_this_machine_are_not_counted(border: Border) -> None:
 def test_fetches_and_stops_have_rates_of_their_own(border: Border) -> None:
     assert sum(border.frame("fetches", "ada", 50) for _ in range(2000)) == FETCHES.burst
     assert border.frame("requests", "ada", 50)
-    assert sum(border.stop("ada/1", 50) for _ in range(200)) == STOPS.burst
+    assert sum(border.stop("ada/1", 50) for _ in range(500)) == STOPS.burst
     assert border.stop("bob/1", 50)

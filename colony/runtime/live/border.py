@@ -17,8 +17,8 @@ CALLS = Rate(per_s=2000.0, burst=1000.0)
 """Calls and signs of life of one user at one server, emergency stops aside. A program that waits for each
 answer makes fewer."""
 
-STOPS = Rate(per_s=50.0, burst=25.0)
-"""Calls under the right to stop. One stop does as much as many."""
+STOPS = Rate(per_s=500.0, burst=100.0)
+"""Calls and signs of life under the right to stop. One stop does as much as many."""
 
 FETCHES = Rate(per_s=500.0, burst=500.0)
 """Frames that a user's programs ask for once more."""

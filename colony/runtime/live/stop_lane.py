@@ -19,7 +19,7 @@ from colony.runtime.live import keys
 from colony.runtime.live.keys import CallKey
 from colony.runtime.messages import Alive, Call, Malformed
 
-LONGEST = 256
+LONGEST = 1024
 """Messages that may wait; more than `border.STOPS` lets in at once, so that users do not crowd each other
 out."""
 
