@@ -37,9 +37,15 @@ _LARGEST: dict[type, int] = {
 frame."""
 
 
-def largest(*kinds: type) -> int:
-    """Return the bytes of the largest message of these kinds."""
-    return max(_LARGEST.get(kind, LARGEST) for kind in kinds)
+_LARGEST_BY_TAG = {msgspec.msgpack.encode(kind.__name__): most for kind, most in _LARGEST.items()}
+"""By the kind as the bytes of a message name it, after its version and length."""
+
+_TAG_AT = 2
+
+
+def largest(kind: type) -> int:
+    """Return the bytes of the largest message of a kind."""
+    return _LARGEST.get(kind, LARGEST)
 
 
 _PREFIX = bytes([VERSION])
@@ -72,8 +78,8 @@ def decode(data: bytes) -> Sent:
     Raises:
         NotAMessage: there is none.
     """
-    if len(data) > LARGEST:
-        raise NotAMessage(f"{len(data)} bytes; expected at most {LARGEST}")
+    if len(data) > (most := _largest_here(data)):
+        raise NotAMessage(f"{len(data)} bytes; expected at most {most}")
     if data[:1] != _PREFIX:
         found = f"version {data[0]}" if data else "nothing"
         raise NotAMessage(f"found {found}; expected a message of version {VERSION}")
@@ -81,3 +87,14 @@ def decode(data: bytes) -> Sent:
         return _decoder.decode(memoryview(data)[1:])
     except (msgspec.DecodeError, UnicodeDecodeError, RecursionError) as problem:
         raise NotAMessage(str(problem) or type(problem).__name__) from None
+
+
+def _largest_here(data: bytes) -> int:
+    """Return how large a message may be that begins like this."""
+    if len(data) <= _SMALLEST_LIMIT:
+        return _SMALLEST_LIMIT
+    tag = data[_TAG_AT : _TAG_AT + 1 + (data[_TAG_AT] & 0x1F)]  # a short string of msgpack, with its length
+    return _LARGEST_BY_TAG.get(tag, LARGEST)
+
+
+_SMALLEST_LIMIT = min(_LARGEST.values())

@@ -131,7 +131,24 @@ def test_messages_of_frames_are_small_and_each_kind_has_its_limit(message: Sent)
     most = largest(type(message))
     assert most == LARGEST or most < 2 << 20
     assert (most == LARGEST) == isinstance(message, (Call, Reply, Notice, Alive))
-    assert largest(type(message), Call) == LARGEST
+
+
+@pytest.mark.parametrize(
+    "message",
+    [
+        Tick(k=1, t_ns=0, lost=("drive/cruise",) * 100_000),
+        ServerFrame(server="S", k=0, fields={"scan": Sample((1.5,) * 40_000, 0)}),
+        Request(k=1, actuator="drive", client="c", bid="command", values=(True,) * 70_000),
+        Verdict(k=1, t_ns=0, actuator="drive", by=None, values=None, fates=(("c", "won"),) * 200_000),
+        Checkpoint(client="c", k=1, start=0, memory=bytes(2 << 20)),
+    ],
+    ids=lambda m: type(m).__name__,
+)
+def test_one_that_is_too_large_for_its_kind_is_not_read(message: Sent) -> None:
+    data = bytes([VERSION]) + msgspec.msgpack.encode(message)
+    assert len(data) < LARGEST
+    with pytest.raises(NotAMessage, match=f"{len(data)} bytes; expected at most {largest(type(message))}"):
+        decode(data)
 
 
 def test_a_frame_that_is_too_large_is_not_sent() -> None:

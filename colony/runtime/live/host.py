@@ -318,15 +318,15 @@ class Host:
 
     def _takes_frame(self, topic: str) -> Callable[[zenoh.Sample], None]:
         frame, direct, border = self._inbox.frame, self._direct, self._border
-        kind, most = keys.kind_of_users(topic), keys.largest_on(topic)
+        kind = keys.kind_of_users(topic)
 
         def take(sample: zenoh.Sample) -> None:
             payload = sample.payload
             size = len(payload)
             if kind is not None and not border.frame(kind, str(sample.key_expr).rpartition("/")[2], size):
                 return  # whoever asked for a frame asks again
-            if size > most:
-                frame(topic, _too_large(topic, None, size, most))
+            if size > LARGEST:
+                frame(topic, _too_large(topic, None, size))
                 return
             data = payload.to_bytes()
             if not (direct and self._at_once(topic, data)):
@@ -348,7 +348,7 @@ class Host:
                     self._refuse(topic, key, payload.to_bytes())
                 return
             if size > LARGEST:
-                inbox.call(topic, key.connection, _too_large(topic, key.connection, size, LARGEST), 0)
+                inbox.call(topic, key.connection, _too_large(topic, key.connection, size), 0)
                 return
             try:
                 message = keys.check_call(codec.decode(payload.to_bytes()), key)
@@ -421,5 +421,5 @@ def _may_be_large(send: Send) -> bool:
     return isinstance(send.message, (Checkpoint, Reply, Notice))
 
 
-def _too_large(topic: str, connection: str | None, size: int, most: int) -> Malformed:
-    return Malformed(topic=topic, connection=connection, reason=f"{size} bytes; expected at most {most}")
+def _too_large(topic: str, connection: str | None, size: int) -> Malformed:
+    return Malformed(topic=topic, connection=connection, reason=f"{size} bytes; expected at most {LARGEST}")

@@ -15,7 +15,7 @@ from __future__ import annotations
 
 from typing import NamedTuple, get_args
 
-from colony.runtime.codec import NotAMessage, largest
+from colony.runtime.codec import NotAMessage
 from colony.runtime.messages import (
     Alive,
     Announcement,
@@ -70,11 +70,6 @@ class CallKey(NamedTuple):
 def prefix(robot: str) -> str:
     """What the keys of a robot begin with."""
     return f"colony/{robot}/"
-
-
-def largest_on(topic: str) -> int:
-    """Return the bytes of the largest message that may come on a topic."""
-    return largest(*_kinds_on(topic) or (object,))
 
 
 def takes_calls(topic: str) -> bool:
@@ -153,18 +148,14 @@ def check_call(message: Sent, key: CallKey) -> Call | Alive:
     return message
 
 
-def _kinds_on(topic: str) -> tuple[type, ...] | None:
-    parts = topic.split("/", 2)
-    return _KINDS.get(parts[min(1, len(parts) - 1)])
-
-
 def check_frame(message: Sent, topic: str) -> Sent:
     """The message, where it may come on this topic, which is none of calls.
 
     Raises:
         NotAMessage: it belongs elsewhere.
     """
-    kinds = _kinds_on(topic)
+    parts = topic.split("/", 2)
+    kinds = _KINDS.get(parts[min(1, len(parts) - 1)])
     if isinstance(message, (Call, Alive)) or (kinds is not None and not isinstance(message, kinds)):
         expected = "no call" if kinds is None else " or ".join(kind.__name__ for kind in kinds)
         raise NotAMessage(f"found {type(message).__name__}; expected {expected}")
