@@ -45,6 +45,7 @@ def test_the_frame_of_a_tick_that_never_came_has_no_values_for_everybody() -> No
     empty = frame_of(server.handle(Fetch(server="S", k=1)))
     assert empty.fields == {}
     assert server.handle(tick(1)) == ()
+    server.handle(tick(3))
     assert frame_of(server.handle(Fetch(server="S", k=1))) == empty
 
 

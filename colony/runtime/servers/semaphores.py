@@ -18,13 +18,18 @@ import msgspec
 
 from colony.runtime.calls import Asked, Refused
 from colony.runtime.library.data import SemaphoreState
+from colony.runtime.servers.bounds import Bound
+from colony.runtime.servers.naming import Names
 from colony.runtime.store import Journal, Key
 
-MOST = 100_000
-"""How many semaphores there may be, and how many holds."""
+MOST = 10_000
+"""Semaphores."""
 
-MOST_WAITING = 10_000
-"""How many calls may wait for all of them."""
+MOST_HELD = 2_000
+"""Holds of all connections: they may all end in one moment."""
+
+MOST_WAITING = 1_000
+"""Calls that wait for all semaphores: they may all be answered in one moment."""
 
 FOR_EVER_NS = 10**17
 """Who would wait for three years waits for ever."""
@@ -46,6 +51,7 @@ class Waiter(NamedTuple):
 class _Semaphore:
     value: int
     waiting: OrderedDict[Asked, Waiter] = field(default_factory=OrderedDict)
+    holds: dict[tuple[str, int], None] = field(default_factory=dict)  # connections and numbers of calls
 
 
 class Semaphores:
@@ -59,10 +65,19 @@ class Semaphores:
         self._semaphores: dict[str, _Semaphore] = {}
         self._holds: dict[str, dict[int, str]] = {}  # of each connection, by the number of the call
         self._held = self._waiting = 0
+        self._most = Bound("semaphores", MOST)
+        self._most_held = Bound("holds of semaphores", MOST_HELD)
+        self._most_waiting = Bound("calls that wait for semaphores", MOST_WAITING)
+        self.names = Names()
 
-    def names(self) -> list[str]:
-        """Every semaphore, in order."""
-        return sorted(self._semaphores)
+    @property
+    def reached(self) -> tuple[str, ...]:
+        """Sentences about bounds that are or were reached."""
+        return (
+            *self._most.reached(len(self._semaphores)),
+            *self._most_held.reached(self._held),
+            *self._most_waiting.reached(self._waiting),
+        )
 
     def has(self, name: str) -> bool:
         """Whether there is one of this name."""
@@ -78,7 +93,7 @@ class Semaphores:
         return SemaphoreState(
             value=semaphore.value,
             waiting=tuple(asked.caller.connection for asked in semaphore.waiting),
-            holding=tuple(c for c, held in self._holds.items() for n in held.values() if n == name),
+            holding=tuple(connection for connection, _ in semaphore.holds),
         )
 
     def create(self, name: str, value: int) -> bool:
@@ -91,21 +106,23 @@ class Semaphores:
             return False
         if not 0 <= value <= HIGHEST:
             raise Refused("arguments", f"DServer: an initial value of {value}; expected 0 to {HIGHEST}")
-        if len(self._semaphores) >= MOST:
+        if not self._most.allows(len(self._semaphores) + 1):
             raise Refused("full", f"DServer has {MOST} semaphores already")
         self._semaphores[name] = _Semaphore(value=0)
+        self.names.add(name)
         self._set(name, value)
         return True
 
     def delete(self, name: str) -> tuple[bool, tuple[Asked, ...]]:
         """Remove one: whether there was one, and the calls that waited for it, which are to be refused."""
-        semaphore = self._semaphores.pop(name, None)
+        semaphore = self._semaphores.get(name)
         if semaphore is None:
             return False, ()
         self._journal.drop(Key("semaphore", name))
-        for connection in [*self._holds]:
-            while (number := self._held_by(connection, name)) is not None:
-                self._unhold(connection, number)
+        for connection, number in [*semaphore.holds]:
+            self._unhold(connection, number)
+        del self._semaphores[name]
+        self.names.discard(name)
         self._waiting -= len(semaphore.waiting)
         return True, tuple(semaphore.waiting)
 
@@ -118,8 +135,8 @@ class Semaphores:
             Refused: "unknown", "timeout" or "full".
         """
         semaphore = self._of(name)
-        if hold and self._held >= MOST:
-            raise Refused("full", f"DServer has {MOST} holds already")
+        if hold and not self._most_held.allows(self._held + 1):
+            raise Refused("full", f"DServer has {MOST_HELD} holds already")
         if semaphore.value > 0:
             self._set(name, semaphore.value - 1)
             if hold:
@@ -127,7 +144,7 @@ class Semaphores:
             return None
         if wait_ns is not None and wait_ns <= 0:
             raise timed_out(name)
-        if self._waiting >= MOST_WAITING:
+        if not self._most_waiting.allows(self._waiting + 1):
             raise Refused("full", f"DServer has {MOST_WAITING} calls that wait already")
         until_ns = None if wait_ns is None or wait_ns >= FOR_EVER_NS else now_ns + wait_ns
         semaphore.waiting[asked] = waiter = Waiter(asked, name, until_ns, hold)
@@ -204,8 +221,12 @@ class Semaphores:
         for key, data in entries.items():
             if key.kind == "semaphore":
                 self._semaphores[key.name] = _Semaphore(value=_values.decode(data))
-            elif key.kind == "hold":
-                self._holds.setdefault(key.name, {})[key.slot] = _names.decode(data)
+        self.names.update(self._semaphores)
+        for key, data in entries.items():
+            if key.kind == "hold":
+                name = _names.decode(data)
+                self._holds.setdefault(key.name, {})[key.slot] = name
+                self._semaphores[name].holds[key.name, key.slot] = None
                 self._held += 1
 
     # --- its parts -----------------------------------------------------------------------------------
@@ -234,12 +255,13 @@ class Semaphores:
     def _hold(self, asked: Asked, name: str) -> None:
         connection, number = asked.caller.connection, asked.number
         self._holds.setdefault(connection, {})[number] = name
+        self._semaphores[name].holds[connection, number] = None
         self._held += 1
         self._journal.put(Key("hold", connection, number), _encode(name))
 
     def _unhold(self, connection: str, number: int) -> None:
         held = self._holds[connection]
-        del held[number]
+        del self._semaphores[held.pop(number)].holds[connection, number]
         if not held:
             del self._holds[connection]
         self._held -= 1
