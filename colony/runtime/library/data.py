@@ -247,7 +247,8 @@ def publish(names: Iterable[str]) -> Ask[None]:
 
     Frames show what the program that runs reads, and what was asked for so: numbers, bools and flat lists of
     them. A variable that is not there yet is shown from when it is set. It adds to what was asked for before;
-    a connection asks for at most 1,000 variables. Refused with "full" where frames have no room for them.
+    a connection asks for at most 1,000 variables. Refused with "full" where frames have no room for them. Ask
+    by a connection's `keep`, so that it is asked again when the server was started anew.
     """
     return Ask("publish", Publish(names=tuple(names)), type(None), "read", repeatable=True)
 

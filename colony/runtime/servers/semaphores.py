@@ -10,7 +10,7 @@ and the call that took it, and is put back when the connection is lost.
 from __future__ import annotations
 
 from collections import OrderedDict
-from collections.abc import Container, Mapping
+from collections.abc import Container, Iterator, Mapping
 from dataclasses import dataclass, field
 from typing import NamedTuple
 
@@ -64,6 +64,7 @@ class Semaphores:
         self._journal = journal
         self._semaphores: dict[str, _Semaphore] = {}
         self._holds: dict[str, dict[int, str]] = {}  # of each connection, by the number of the call
+        self._waits: dict[str, dict[Asked, Waiter]] = {}  # of each connection
         self._held = self._waiting = 0
         self._most = Bound("semaphores", MOST)
         self._most_held = Bound("holds of semaphores", MOST_HELD)
@@ -121,10 +122,12 @@ class Semaphores:
         self._journal.drop(Key("semaphore", name))
         for connection, number in [*semaphore.holds]:
             self._unhold(connection, number)
+        waited = tuple(semaphore.waiting)
+        for asked in waited:
+            self._unwait(asked)
         del self._semaphores[name]
         self.names.discard(name)
-        self._waiting -= len(semaphore.waiting)
-        return True, tuple(semaphore.waiting)
+        return True, waited
 
     # --- taking and giving back ----------------------------------------------------------------------
 
@@ -147,7 +150,9 @@ class Semaphores:
         if not self._most_waiting.allows(self._waiting + 1):
             raise Refused("full", f"DServer has {MOST_WAITING} calls that wait already")
         until_ns = None if wait_ns is None or wait_ns >= FOR_EVER_NS else now_ns + wait_ns
-        semaphore.waiting[asked] = waiter = Waiter(asked, name, until_ns, hold)
+        waiter = Waiter(asked, name, until_ns, hold)
+        semaphore.waiting[asked] = waiter
+        self._waits.setdefault(asked.caller.connection, {})[asked] = waiter
         self._waiting += 1
         return waiter
 
@@ -179,11 +184,8 @@ class Semaphores:
 
         Gives the numbers of its calls by which it held, and the calls of others that are granted by that.
         """
-        if self._waiting:
-            for semaphore in self._semaphores.values():
-                for asked in [a for a in semaphore.waiting if a.caller.connection == connection]:
-                    del semaphore.waiting[asked]
-                    self._waiting -= 1
+        for asked in [*self._waits.get(connection, ())]:
+            self._unwait(asked)
         held = tuple(self._holds.get(connection, {}).items())
         granted = []
         for number, name in held:
@@ -202,19 +204,14 @@ class Semaphores:
     @property
     def wake_at(self) -> int | None:
         """When the patience of somebody who waits ends."""
-        waiters = (w for semaphore in self._semaphores.values() for w in semaphore.waiting.values())
-        return min((w.until_ns for w in waiters if w.until_ns is not None), default=None)
+        return min((w.until_ns for w in self._waiters() if w.until_ns is not None), default=None)
 
     def expire(self, now_ns: int) -> tuple[Waiter, ...]:
         """Who has waited for as long as it would; their calls are to be refused."""
-        late = []
-        for semaphore in self._semaphores.values():
-            for asked, waiter in [*semaphore.waiting.items()]:
-                if waiter.until_ns is not None and now_ns >= waiter.until_ns:
-                    del semaphore.waiting[asked]
-                    self._waiting -= 1
-                    late.append(waiter)
-        return tuple(late)
+        late = tuple(w for w in self._waiters() if w.until_ns is not None and now_ns >= w.until_ns)
+        for waiter in late:
+            self._unwait(waiter.asked)
+        return late
 
     def load(self, entries: Mapping[Key, bytes]) -> None:
         """Take over what a store had of the kinds "semaphore" and "hold"."""
@@ -246,11 +243,21 @@ class Semaphores:
         if not semaphore.waiting:
             self._set(name, semaphore.value + 1)
             return None
-        asked, first = semaphore.waiting.popitem(last=False)
-        self._waiting -= 1
+        first = next(iter(semaphore.waiting.values()))
+        self._unwait(first.asked)
         if first.hold:
-            self._hold(asked, name)
-        return asked
+            self._hold(first.asked, name)
+        return first.asked
+
+    def _waiters(self) -> Iterator[Waiter]:
+        return (waiter for waits in self._waits.values() for waiter in waits.values())
+
+    def _unwait(self, asked: Asked) -> None:
+        waits = self._waits[asked.caller.connection]
+        del self._semaphores[waits.pop(asked).name].waiting[asked]
+        if not waits:
+            del self._waits[asked.caller.connection]
+        self._waiting -= 1
 
     def _hold(self, asked: Asked, name: str) -> None:
         connection, number = asked.caller.connection, asked.number
