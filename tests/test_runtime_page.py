@@ -95,6 +95,10 @@ def test_the_behavior_is_right() -> None:
         ("no answer came in 5 s", connection.TIMEOUT_S == 5.0),
         ("A history has 1 value unless told", variables.HISTORY_LENGTH == 10_000),
         ("| a message | 4 MiB |", codec.LARGEST == 4 << 20),
+        (
+            "| a message without values of any size: a tick, a request, a verdict | 256 KiB |",
+            codec.LARGEST_OF_NUMBERS == 256 << 10,
+        ),
         ("| connections to a server | 1000 |", calls.CONNECTIONS == 1000),
         ("| calls of one connection that wait | 256 |", waiting.CALLS_EACH == 256),
         ("| the value of a variable, in msgpack | 1 MiB |", variables.VALUE_BYTES == 1 << 20),

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import msgspec
 
-from colony.runtime.messages import Sent
+from colony.runtime.messages import Call, Checkpoint, Notice, Reply, Sent, ServerFrame
 
 VERSION = 1
 """Of the protocol. A field with a default may be added at the end of a message; all else is a new version."""
@@ -16,7 +16,16 @@ VERSION = 1
 LARGEST = 4 * 1024 * 1024
 """Bytes of the largest message: a color image of 1280x960 and something."""
 
+LARGEST_OF_NUMBERS = 256 * 1024
+"""Bytes of the largest message of a kind that carries no values of any size: each of its numbers and names
+becomes an object of its own, and four megabytes of those take a sixth of a second."""
+
 _PREFIX = bytes([VERSION])
+
+_CARRYING_VALUES = tuple(
+    msgspec.msgpack.encode(kind.__name__) for kind in (ServerFrame, Checkpoint, Call, Reply, Notice)
+)
+"""The kinds of messages that may have `LARGEST` bytes, as their bytes name them."""
 
 
 class NotAMessage(ValueError):
@@ -31,11 +40,11 @@ def encode(message: Sent) -> bytes:
     """A message in bytes.
 
     Raises:
-        ValueError: it would be larger than `LARGEST`.
+        ValueError: it would be larger than `LARGEST`, or than `LARGEST_OF_NUMBERS` for most kinds.
     """
     data = _PREFIX + _encoder.encode(message)
-    if len(data) > LARGEST:
-        raise ValueError(f"{type(message).__name__}: {len(data)} bytes; expected at most {LARGEST}")
+    if len(data) > LARGEST_OF_NUMBERS and len(data) > (most := _largest(data)):
+        raise ValueError(f"{type(message).__name__}: {len(data)} bytes; expected at most {most}")
     return data
 
 
@@ -45,8 +54,8 @@ def decode(data: bytes) -> Sent:
     Raises:
         NotAMessage: there is none.
     """
-    if len(data) > LARGEST:
-        raise NotAMessage(f"{len(data)} bytes; expected at most {LARGEST}")
+    if len(data) > LARGEST_OF_NUMBERS and len(data) > (most := _largest(data)):
+        raise NotAMessage(f"{len(data)} bytes; expected at most {most}")
     if data[:1] != _PREFIX:
         found = f"version {data[0]}" if data else "nothing"
         raise NotAMessage(f"found {found}; expected a message of version {VERSION}")
@@ -54,3 +63,9 @@ def decode(data: bytes) -> Sent:
         return _decoder.decode(memoryview(data)[1:])
     except (msgspec.DecodeError, UnicodeDecodeError, RecursionError) as problem:
         raise NotAMessage(str(problem) or type(problem).__name__) from None
+
+
+def _largest(data: bytes) -> int:
+    """How large a message may be, by its first bytes: the version, the length of the array, the kind."""
+    carries = len(data) > LARGEST or data[2:20].startswith(_CARRYING_VALUES)
+    return LARGEST if carries else LARGEST_OF_NUMBERS

@@ -11,7 +11,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from colony.runtime.codec import LARGEST, VERSION, NotAMessage, decode, encode
+from colony.runtime.codec import LARGEST, LARGEST_OF_NUMBERS, VERSION, NotAMessage, decode, encode
 from colony.runtime.messages import (
     Alive,
     Announcement,
@@ -124,3 +124,26 @@ def test_a_bit_gone_wrong(message: Sent, place: int, byte: int) -> None:
 def test_what_is_too_large_to_send() -> None:
     with pytest.raises(ValueError, match="Checkpoint"):
         encode(Checkpoint(client="c", k=0, start=0, memory=bytes(LARGEST)))
+
+
+def test_only_messages_that_carry_values_may_be_large() -> None:
+    large = b"a" * (LARGEST - 1000)
+    arguments = msgspec.Raw(msgspec.msgpack.encode(large))
+    for message in (
+        Checkpoint(client="drive/avoid", k=3, start=1, memory=large),
+        Call(connection="ann/1", number=1, method="set", arguments=arguments),
+        ServerFrame(server="PServer", k=3, fields={"sonar": Sample((1.5,) * 100_000, 7)}),
+    ):
+        assert decode(encode(message)) == message
+    values = (1.0,) * (LARGEST_OF_NUMBERS // 9 - 10)
+    most = Request(k=3, actuator="drive", client="avoid", bid="command", values=values)
+    assert decode(encode(most)) == most
+    for more in (
+        Request(k=3, actuator="drive", client="avoid", bid="command", values=values + (1.0,) * 10),
+        Tick(k=1, t_ns=1, down=("",) * LARGEST_OF_NUMBERS),
+    ):
+        with pytest.raises(ValueError, match=f"expected at most {LARGEST_OF_NUMBERS}"):
+            encode(more)
+        data = bytes([VERSION]) + msgspec.msgpack.encode(more)
+        with pytest.raises(NotAMessage, match=f"expected at most {LARGEST_OF_NUMBERS}"):
+            decode(data)
