@@ -18,6 +18,7 @@ MODULES = (
     "vision",
     "transport",
     "data_server",
+    "data_limits",
     "processes",
 )
 PAGE = Path(__file__).parent.parent / "docs" / "benchmarks.md"

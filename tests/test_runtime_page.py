@@ -21,7 +21,17 @@ from colony.runtime.library import leader, robot
 from colony.runtime.library.ask import Ask
 from colony.runtime.live import names, waiting
 from colony.runtime.live.place import local
-from colony.runtime.servers import data_calls, rserver, variables
+from colony.runtime.messages import Request, ServerFrame
+from colony.runtime.servers import (
+    checkpoints,
+    data_calls,
+    publishing,
+    rserver,
+    semaphores,
+    showing,
+    variables,
+    watching,
+)
 from colony.verify.examples import run_examples
 from tests.examples.stage import ROOT, Machine, Process, machine, until
 from tests.runtime.certificates import Authority, free_port
@@ -41,6 +51,7 @@ def test_there_is_no_block_that_is_not_run() -> None:
     assert {info.split()[0] for info, _ in FENCES} == {"sh", "python", "colony"}
     assert set(SHELL) == {
         "processes", "servers", "programs", "gateway", "remote", "own", "turtle", "faults", "fleet",
+        "data",
     }  # fmt: skip
     assert set(FILES) == {
         "client.py", "halves.py", "awaited.py", "shared.py", "drive.py",
@@ -85,6 +96,8 @@ def test_the_behavior_is_right() -> None:
         ("no answer came in 5 s", connection.TIMEOUT_S == 5.0),
         ("A history has 1 value unless told", variables.HISTORY_LENGTH == 10_000),
         ("| a message | 4 MiB |", codec.LARGEST == 4 << 20),
+        ("| a frame of a server | 256 KiB |", codec.largest(ServerFrame) == 256 << 10),
+        ("| a request of a client | 64 KiB |", codec.largest(Request) == 64 << 10),
         ("| connections to a server | 1000 |", calls.CONNECTIONS == 1000),
         ("| connections to a server of one user | 500 |", calls.CONNECTIONS_EACH == 500),
         ("| answers that a server keeps | 8 MiB |", calls.ANSWER_BYTES == 8 << 20),
@@ -93,7 +106,37 @@ def test_the_behavior_is_right() -> None:
         ("| calls of one connection that wait | 256 |", waiting.CALLS_EACH == 256),
         ("| the value of a variable, in msgpack | 1 MiB |", variables.VALUE_BYTES == 1 << 20),
         ("| values in a history | 10000 |", variables.HISTORY_LENGTH == 10_000),
-        ("| all variables with their histories | 256 MiB |", variables.SPACE == 256 << 20),
+        ("| all variables with their histories | 64 MiB |", variables.SPACE == 64 << 20),
+        ("| variables | 20000 |", variables.MOST == 20_000),
+        (
+            "| variables that one call sets, gets, watches or publishes | 1000 |",
+            data_calls.MOST_AT_ONCE == 1000,
+        ),
+        ("| the values that one call sets | 1 MiB |", data_calls.SET_BYTES == (1 << 20) + 1024),
+        ("| values of a history in one reply | 2000 |", data_calls.MOST_VALUES == 2000),
+        ("| the values in one of DServer's frames | 64 KiB |", showing.FRAME_SPACE == 64 << 10),
+        ("| variables that a connection publishes | 1000 |", showing.MOST_EACH == 1000),
+        ("| names and prefixes that a connection watches | 2000 |", watching.MOST == 2000),
+        (
+            "| names, and prefixes, that all connections watch | 20000 and 1000 |",
+            (watching.MOST_NAMES, watching.MOST_PREFIXES) == (20_000, 1000),
+        ),
+        ("| semaphores | 10000 |", semaphores.MOST == 10_000),
+        (
+            "| holds of semaphores, and calls that wait for one | 2000 and 1000 |",
+            (semaphores.MOST_HELD, semaphores.MOST_WAITING) == (2000, 1000),
+        ),
+        (
+            "| the arguments of a call that has no limit of its own | 64 KiB |",
+            calls.ARGUMENT_BYTES == 64 << 10,
+        ),
+        ("| a deployment | 256 KiB |", deployment.DEPLOYMENT_BYTES == 256 << 10),
+        ("| checkpoints of all clients | 16 MiB |", checkpoints.SPACE == 16 << 20),
+        (
+            "| frames that a server publishes again between two ticks | 64, or 1 MiB |",
+            (publishing.REPUBLISHED_FRAMES, publishing.REPUBLISHED_BYTES) == (64, 1 << 20),
+        ),
+        ("| frames that a server keeps | 16 MiB |", publishing.KEPT_BYTES == 16 << 20),
         ("| the name of a robot, server or user | 64 characters |", names.LONGEST == 64),
     ],
 )
@@ -151,6 +194,17 @@ def test_programs_come_and_go(rome: Machine) -> None:
     assert re.search(r"RServer +up", listed.printed())
     assert rome.run(stop).printed().startswith("rome: stopped")
     assert rome.run(release).printed().startswith("rome: released")
+
+
+def test_people_set_and_delete_variables(rome: Machine) -> None:
+    printed = []
+    for command in SHELL["data"]:
+        ran = rome.run(f"{command} --robot rome")
+        assert ran.result() == 0
+        printed.append(ran.printed())
+    assert printed[0] == printed[3] == ""
+    assert "GoalDirection" in printed[1].split()
+    assert printed[2] == "270.0\n"
 
 
 @pytest.mark.parametrize(

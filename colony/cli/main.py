@@ -31,6 +31,7 @@ COMMANDS = {
     "serve": "be the servers of a robot, for programs that come and go",
     "ps": "show the robots that run, and how",
     "stop": "stop robots at once, in an emergency",
+    "data": "list, read, set and delete shared variables",
     "audit": "hold a recorded run against the reference interpreter",
     "map": "draw a building",
     "experiment": "run a list of runs many times over, and count",

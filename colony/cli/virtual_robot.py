@@ -148,7 +148,7 @@ class VirtualRobot:
         store = MemoryStore()
         self.builders: dict[str, Callable[[], Node]] = {
             ACTING: lambda: Actor(self.deployed, keep, self.sent),
-            DSERVER.name: lambda: DServer(announced=who.announced, keep=keep, store=store),
+            DSERVER.name: lambda: DServer(deployment=self.deployed, keep=keep, store=store),
         }
         for server in SENSING:
             names = tuple(b.sensor for b in bindings.sensors if b.server == server)

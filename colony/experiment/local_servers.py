@@ -9,8 +9,9 @@ the code "method". Everything happens at the times that the loop says (`loop.py`
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from functools import lru_cache
+from itertools import islice
 from typing import Any, Protocol
 
 import msgspec
@@ -22,9 +23,11 @@ from colony.runtime.fields import DSERVER, PSERVER, RSERVER
 from colony.runtime.library import data, proximity, robot
 from colony.runtime.library.ask import Ask
 from colony.runtime.motion import STILL, Speeds
+from colony.runtime.servers.data_calls import several
+from colony.runtime.servers.naming import named
 from colony.runtime.servers.publishing import Fields
 from colony.runtime.servers.semaphores import Semaphores, timed_out
-from colony.runtime.servers.variables import Variables, encoded, named, prepared, unknown
+from colony.runtime.servers.variables import Variables, encoded, prepared, unknown
 from colony.runtime.store import Journal, MemoryStore
 from colony.runtime.virtual_position import Odometer, Pose
 from colony.sim.drivers import base_state
@@ -73,13 +76,18 @@ class _Forgetful(Journal):
 
 
 class LocalData:
-    """DServer's variables and semaphores. Mutable: those."""
+    """DServer's variables and semaphores. Mutable: those.
+
+    Args:
+        reads: the variables that `fields` has, which the network reads.
+    """
 
     address: str = DSERVER.name
 
-    def __init__(self) -> None:
+    def __init__(self, reads: Iterable[str] = ()) -> None:
         journal = _Forgetful()
         self.variables = Variables(journal)
+        self.variables.show(reads)
         self._semaphores = Semaphores(journal)
         self.granted: Granted = []
         self._alarm: int | None = None
@@ -100,6 +108,11 @@ class LocalData:
         """What the network reads of the variables."""
         return self.variables.fields(now_ns)
 
+    def present(self, name: str) -> object:
+        """The present value of a variable, None where it has none."""
+        found = self.variables.present(name)
+        return None if found is None else _decoder(Any).decode(found.data)
+
     def command(self, name: str, values: tuple[ScalarValue, ...], now_ns: int) -> None:
         """What an actuator of the program sends: one field is a value, several are a list."""
         value: Value = values[0] if len(values) == 1 else values
@@ -117,17 +130,16 @@ class LocalData:
         self.variables.set((prepared(name, arguments.value),), now_ns)
 
     def _set_many(self, asked: Asked, arguments: data.SetMany, reply: Any, now_ns: int) -> None:
-        values = [prepared(named(name), value) for name, value in arguments.values.items()]
-        self.variables.set(values, now_ns)
+        self.variables.set(several(arguments), now_ns)
 
     def _get(self, asked: Asked, arguments: data.Get, reply: Any, now_ns: int) -> object:
         found = self.variables.value(arguments.name, arguments.back)
         return _decoder(reply).decode(found.data)
 
     def _history(
-        self, asked: Asked, arguments: data.Named, reply: Any, now_ns: int
+        self, asked: Asked, arguments: data.History, reply: Any, now_ns: int
     ) -> tuple[data.Dated, ...]:
-        found = self.variables.history(arguments.name)
+        found = islice(self.variables.history(arguments.name, arguments.back), arguments.limit)
         return tuple(data.Dated(t_ns=one.t_ns, value=msgspec.Raw(one.data)) for one in found)
 
     def _set_history(self, asked: Asked, arguments: data.SetHistory, reply: Any, now_ns: int) -> None:

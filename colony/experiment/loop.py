@@ -18,6 +18,7 @@ from colony.experiment.local_servers import LocalBase, LocalData, LocalProximity
 from colony.ir.frame import Frame, Outcome, Reading
 from colony.ir.types import ScalarValue, Value
 from colony.runtime.bindings import ActuatorBinding, SensorBinding
+from colony.runtime.deployment import variables_read
 from colony.runtime.fields import DSERVER, PSERVER, RSERVER, RUNTIME
 from colony.runtime.kit.script import Script
 from colony.runtime.servers.runtime_server import random_of_frame
@@ -73,7 +74,8 @@ class Loop:
     ) -> None:
         self.world = world
         self._moving = tuple(moving)
-        self.base, self.data, self.proximity = LocalBase(world), LocalData(), LocalProximity(world)
+        self.base, self.proximity = LocalBase(world), LocalProximity(world)
+        self.data = LocalData(variables_read(behavior.bindings))
         self.data.variables.hold(variables or {})
         self._cameras = tuple(cameras)
         servers: tuple[LocalServer, ...] = (self.data, self.base, self.proximity, *self._cameras)

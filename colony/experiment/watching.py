@@ -147,8 +147,8 @@ class Watcher:
             self._seen, self._light = len(self._begun), 0
             segment = self._plan.segments[self._segment]
             self._began_mm[self._segment] = _along(segment, self._loop)
-        sample = self._loop.data.fields(self._loop.now_ns).get(CEILING_LIGHT)
-        light = int(sample.value) if sample is not None and isinstance(sample.value, float) else 0
+        counted = self._loop.data.present(CEILING_LIGHT)
+        light = int(counted) if isinstance(counted, (int, float)) else 0
         if new and light:
             self._light = light  # the count of the leg before, until CTracker has taken notice
         elif light != self._light:

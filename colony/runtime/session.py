@@ -15,12 +15,11 @@ from functools import partial
 from colony.compile.clients import ClientList
 from colony.ir.program import Program
 from colony.ir.types import Value
-from colony.runtime.arbitration import timing
 from colony.runtime.assembly import frames_kept
 from colony.runtime.bindings import bind
 from colony.runtime.clock import Clock
 from colony.runtime.closing import close_all
-from colony.runtime.deployment import commanded_by, deployment
+from colony.runtime.deployment import deployment
 from colony.runtime.drivers import Drivers
 from colony.runtime.fields import DSERVER, PSERVER, RSERVER, RUNTIME
 from colony.runtime.messages import Node
@@ -77,19 +76,11 @@ class Session:
     ) -> None:
         bindings, who = bind(program), members(program, clients)
         deployed = deployment(program, clients, bindings, run=RUN, seed=seed, announced=who.announced)
-        frame_ns = program.robot.frame_ns
-        keep, store = frames_kept(frame_ns), MemoryStore()
+        keep, store = frames_kept(program.robot.frame_ns), MemoryStore()
         builders: dict[str, Callable[[], Node]] = {
             RSERVER.name: lambda: RServer(drivers.base, deployment=deployed, keep=keep),
             PSERVER.name: lambda: PServer(drivers.proximity, keep=keep),
-            DSERVER.name: lambda: DServer(
-                variables,
-                commanded_by(deployed, DSERVER.name),
-                announced=deployed.announced,
-                times=timing(frame_ns),
-                keep=keep,
-                store=store,
-            ),
+            DSERVER.name: lambda: DServer(variables, deployment=deployed, keep=keep, store=store),
             RUNTIME.name: lambda: RuntimeServer(seed, keep=keep),
         }
         servers = tuple(builders)

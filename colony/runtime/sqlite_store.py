@@ -8,7 +8,9 @@ a file that cannot be read; with `NORMAL` a loss of power costs the last moments
 each commit waits for the disk (`synchronous=FULL`), and a loss of power costs nothing.
 
 The file is locked while it is open: two servers cannot write one state. Pages are small because most entries
-are: a commit writes whole pages. Each entry has a checksum, as the file format itself has none.
+are: a commit writes whole pages. Each entry has a checksum, as the file format itself has none. The table has
+row ids, so that keys are in an index of their own: a search among entries of a megabyte would have to read
+those that it comes across.
 """
 
 from __future__ import annotations
@@ -24,8 +26,8 @@ from colony.runtime.store import Key, StoreError
 APPLICATION = 0x436F6C44
 """`ColD`: marks a file as DServer's."""
 
-VERSION = 1
-"""Of the table's form."""
+VERSION = 2
+"""Of the table's form. Version 1 had no row ids; files of it are converted."""
 
 _PAGE = 1024
 _CARRIED_OVER_AFTER = 4096  # pages of the log: four megabytes
@@ -34,9 +36,12 @@ _TABLE = """
 CREATE TABLE state (
     kind TEXT NOT NULL, name TEXT NOT NULL, slot INTEGER NOT NULL, data BLOB NOT NULL, sum INTEGER NOT NULL,
     PRIMARY KEY (kind, name, slot)
-) WITHOUT ROWID
+)
 """
-_PUT = "INSERT OR REPLACE INTO state VALUES (?, ?, ?, ?, ?)"
+_PUT = """
+INSERT INTO state VALUES (?, ?, ?, ?, ?)
+ON CONFLICT (kind, name, slot) DO UPDATE SET data = excluded.data, sum = excluded.sum
+"""
 _DROP = "DELETE FROM state WHERE kind = ? AND name = ? AND slot = ?"
 
 
@@ -112,13 +117,21 @@ class SqliteStore:
             raise StoreError(f"{self._path}: SQLite cannot keep a log here (it is in mode `{mode}`)")
         database.execute(f"PRAGMA synchronous = {'FULL' if fsync else 'NORMAL'}")
         database.execute(f"PRAGMA wal_autocheckpoint = {_CARRIED_OVER_AFTER}")
+        database.execute("PRAGMA secure_delete = OFF")  # zeros over what was replaced double what is written
         database.execute("BEGIN EXCLUSIVE")
-        if database.execute("SELECT count(*) FROM sqlite_schema").fetchone()[0] == 0:
+        new = database.execute("SELECT count(*) FROM sqlite_schema").fetchone()[0] == 0
+        old = not new and database.execute("PRAGMA user_version").fetchone()[0] == 1
+        if old:
+            database.execute("ALTER TABLE state RENAME TO state_1")
+        if new or old:
             database.execute(_TABLE)
             database.execute(f"PRAGMA application_id = {APPLICATION}")
             database.execute(f"PRAGMA user_version = {VERSION}")
+        if old:
+            database.execute("INSERT INTO state SELECT * FROM state_1")
+            database.execute("DROP TABLE state_1")
         database.execute("COMMIT")
-        found = database.execute("PRAGMA quick_check(1)").fetchone()[0]
+        found = database.execute("PRAGMA integrity_check(1)").fetchone()[0]
         if found != "ok":
             raise StoreError(f"{self._path} is damaged: {found}; {_MEND}")
 
@@ -126,7 +139,7 @@ class SqliteStore:
         """Refuse what is another program's, or of a later version, before anything is written to it."""
         owner = database.execute("PRAGMA application_id").fetchone()[0]
         version = database.execute("PRAGMA user_version").fetchone()[0]
-        if owner == APPLICATION and version == VERSION:
+        if owner == APPLICATION and version in (1, VERSION):
             return
         if owner == APPLICATION:
             raise StoreError(f"{self._path} is of version {version}; this is a server of version {VERSION}")

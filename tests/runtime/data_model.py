@@ -85,7 +85,7 @@ class Model:
         state, a = self.state, ask.arguments
         match ask.method:
             case "set_many":
-                for name, value in a.values.items():  # type: ignore[attr-defined]
+                for name, value in a.read().items():  # type: ignore[attr-defined]
                     length = state.lengths.setdefault(name, 1)
                     state.histories[name] = [*state.histories.get(name, []), bytes(value)][-length:]
                 return Outcome()

@@ -8,7 +8,6 @@ from typing import Any, TypeVar
 import msgspec
 
 from colony.runtime import topics
-from colony.runtime.arbitration import timing
 from colony.runtime.calls import Nothing, Open
 from colony.runtime.fields import DSERVER
 from colony.runtime.library.ask import Ask
@@ -54,7 +53,7 @@ class DataStage:
         self.start()
 
     def start(self) -> None:
-        options: dict[str, Any] = {"times": timing(50 * MS), "keep": 40} | self.options
+        options: dict[str, Any] = {"keep": 40} | self.options
         self.server = DServer(store=self.store, **options)
         self._leave(list(self.server.start(self.now)))
 
@@ -85,17 +84,17 @@ class DataStage:
         connection.open()
         return connection
 
-    def frame(self, k: int) -> ServerFrame:
+    def frame(self, k: int, run: str = "") -> ServerFrame:
         """The frame of tick `k`, which is now."""
         (frame,) = (
             effect.message
-            for effect in self.handle(Tick(k=k, t_ns=self.now))
+            for effect in self.handle(Tick(k=k, t_ns=self.now, run=run))
             if isinstance(effect, Send) and isinstance(effect.message, ServerFrame)
         )
         return frame
 
-    def fields(self, k: int) -> dict[str, Any]:
-        return {name: s.value for name, s in self.frame(k).fields.items() if s is not None}
+    def fields(self, k: int, run: str = "") -> dict[str, Any]:
+        return {name: s.value for name, s in self.frame(k, run).fields.items() if s is not None}
 
     def _leave(self, effects: list[Effect]) -> list[Effect]:
         self.sent += effects

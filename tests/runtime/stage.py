@@ -85,6 +85,7 @@ class TraceServer:
     def handle(self, message: Message, now_ns: int) -> Iterator[Effect]:
         match message:
             case Tick():
+                self._relay.tick()
                 yield from self._publisher.handle(message)
                 yield from self._desk.tick(message, now_ns)
             case Fetch() if message.server == SERVER:

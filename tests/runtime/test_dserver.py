@@ -41,7 +41,12 @@ def field(name: str, kind: Any = "number") -> FieldTable:
     return FieldTable(name=name, kind=kind, factor=1.0, low=None, high=None)
 
 
-def table(name: str, *fields: FieldTable, server: str = DSERVER.name) -> ActuatorTable:
+def table(
+    name: str,
+    *fields: FieldTable,
+    server: str = DSERVER.name,
+    clients: tuple[tuple[str, int], ...] = (("counter", 1),),
+) -> ActuatorTable:
     return ActuatorTable(
         name=name,
         fields=fields,
@@ -50,16 +55,27 @@ def table(name: str, *fields: FieldTable, server: str = DSERVER.name) -> Actuato
         places=(),
         idle=None,
         on_loss="stop",
-        clients=(("counter", 1),),
+        clients=clients,
     )
 
 
 LAMP, POSE = table("lamp", field("on", "bool")), table("pose", field("x"), field("y"))
 
 
-def program(run: str, *actuators: ActuatorTable, announced: tuple[str, ...] = ()) -> Deployment:
+DRIVE = table("drive", field("x"), server="RServer", clients=(("go", 1), ("other", 2)))
+
+
+def program(
+    run: str, *actuators: ActuatorTable, announced: tuple[str, ...] = (), reads: tuple[str, ...] = ()
+) -> Deployment:
     return Deployment(
-        run=run, program="demo", frame_ns=50 * MS, seed=1, actuators=actuators, announced=announced
+        run=run,
+        program="demo",
+        frame_ns=50 * MS,
+        seed=1,
+        actuators=actuators,
+        announced=announced,
+        reads=reads,
     )
 
 
@@ -89,11 +105,11 @@ def test_it_has_something_to_settle(stage: DataStage) -> None:
 
 def test_what_a_command_of_a_frame_sets_is_read_in_the_next(stage: DataStage) -> None:
     leader = stage.connect("ada/leader")
-    leader.do(deploy(program("run", LAMP, POSE)))
+    leader.do(deploy(program("run", LAMP, POSE, reads=("Lamp", "Pose"))))
     assert [e for e in tick(stage, 7) if isinstance(e, Send)] != []
     for command in (request(7, "lamp", True), request(7, "pose", 1.0, 2.5)):
         assert [v.by for v in verdicts(stage.handle(command))] == ["counter"]
-    assert stage.fields(7 + 1) == {"Lamp": True, "Pose": (1.0, 2.5)}
+    assert stage.fields(7 + 1, "run") == {"Lamp": True, "Pose": (1.0, 2.5)}
     assert leader.do(data.get("Pose")) == [1.0, 2.5]
     stage.kill_and_restart()
     leader.open()
@@ -178,7 +194,8 @@ def recalled(stage: DataStage, client: str = "drive/go") -> Checkpoint:
     return sent.message
 
 
-def test_the_newest_checkpoint_of_a_client_is_kept(stage: DataStage) -> None:
+def test_the_newest_checkpoint_of_a_client_is_kept() -> None:
+    stage = DataStage(deployment=program("run", DRIVE))
     assert recalled(stage).k == -1
     stage.handle(checkpoint(10), checkpoint(20), checkpoint(15), checkpoint(3, client="drive/other"))
     assert recalled(stage) == checkpoint(20)
@@ -189,30 +206,56 @@ def test_the_newest_checkpoint_of_a_client_is_kept(stage: DataStage) -> None:
     assert recalled(stage, "drive/other").k == 3
 
 
+def test_strangers_keep_nothing_here(stage: DataStage) -> None:
+    strange = (checkpoint(1), checkpoint(1, client="drive/stranger"))
+    stage.handle(*strange)
+    assert stage.handle(Recall(client="drive/go"), Recall(client="drive/stranger")) == []
+    stage.connect().do(deploy(program("run", DRIVE)))
+    assert recalled(stage).k == -1
+    stage.handle(*strange)
+    assert recalled(stage).k == 1
+    assert stage.handle(Recall(client="drive/stranger")) == []
+
+
+def test_who_the_clients_are_survives_a_death(stage: DataStage) -> None:
+    stage.connect().do(deploy(program("run", DRIVE)))
+    stage.handle(checkpoint(1))
+    stage.kill_and_restart()
+    stage.handle(checkpoint(2))
+    assert recalled(stage).k == 2
+
+
 def test_checkpoints_are_of_one_run(stage: DataStage) -> None:
     leader = stage.connect()
-    leader.do(deploy(program("first")))
+    leader.do(deploy(program("first", DRIVE)))
     stage.handle(checkpoint(10))
     stage.kill_and_restart()
     leader.open()
-    leader.do(deploy(program("first")))
+    leader.do(deploy(program("first", DRIVE)))
     assert recalled(stage) == checkpoint(10)
-    leader.do(deploy(program("second")))
+    leader.do(deploy(program("second", DRIVE)))
     assert recalled(stage).k == -1
     stage.kill_and_restart()
     assert recalled(stage).k == -1
 
 
-def test_checkpoints_have_an_end(stage: DataStage) -> None:
-    stage.handle(checkpoint(1, memory=b"m" * (1 << 20)))
-    stage.handle(checkpoint(2, memory=b"m" * ((1 << 20) + 1)))
-    assert recalled(stage).k == 1
-    for i in range(100):
+def test_checkpoints_have_an_end() -> None:
+    clients = tuple((str(number), number) for number in range(20))
+    drive = table("drive", field("x"), server="RServer", clients=clients)
+    stage = DataStage(deployment=program("run", drive))
+    stage.handle(checkpoint(1, memory=b"m" * (1 << 20), client="drive/0"))
+    stage.handle(checkpoint(2, memory=b"m" * ((1 << 20) + 1), client="drive/0"))
+    assert recalled(stage, "drive/0").k == 1
+    assert stage.server.full() == ()
+    for i in range(20):
         stage.handle(checkpoint(1, memory=b"m" * (1 << 20), client=f"drive/{i}"))
-    kept = [i for i in range(100) if recalled(stage, f"drive/{i}").k == 1]
-    assert kept == list(range(62)), "each counts for its name, too"
-    stage.handle(checkpoint(3, memory=b"m" * (1 << 20)))
-    assert recalled(stage).k == 3
+    kept = [i for i in range(20) if recalled(stage, f"drive/{i}").k == 1]
+    assert kept == list(range(15)), "each counts for its name, too"
+    assert stage.server.full() == (
+        "checkpoints: 15.0 MiB of 16.0 MiB are used, and there was no room for more",
+    )
+    stage.handle(checkpoint(3, memory=b"m" * (1 << 20), client="drive/0"))
+    assert recalled(stage, "drive/0").k == 3
 
 
 # --- what can go wrong ---------------------------------------------------------------------------
@@ -250,7 +293,7 @@ def test_a_store_whose_entries_make_no_sense_is_refused(key: Key, junk: bytes) -
 
 def test_closing_commits_and_lets_go_of_the_store(tmp_path: Any) -> None:
     path = tmp_path / "state.db"
-    stage = DataStage(SqliteStore(path))
+    stage = DataStage(SqliteStore(path), deployment=program("run", DRIVE))
     stage.handle(checkpoint(1))
     list(stage.server.handle(checkpoint(2), stage.now))
     stage.server.close()

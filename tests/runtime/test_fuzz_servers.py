@@ -25,6 +25,7 @@ from colony.runtime.clock import IDLE_FRAME_NS
 from colony.runtime.deployment import LONGEST_FRAME_NS, SHORTEST_FRAME_NS
 from colony.runtime.messages import Checkpoint, Recall, Request
 from colony.runtime.servers import checkpoints
+from colony.runtime.servers.dserver import DServer
 from colony.runtime.servers.rserver import RServer
 from tests.runtime.base_stage import CLIENTS, FRAME, RollingBase, deployed
 from tests.runtime.fuzz_stage import BUILD, KEEP, USERS, Stage, methods_of
@@ -210,12 +211,18 @@ def test_a_robot_ticks_again_soon_after_a_run_of_slow_frames() -> None:
 
 def test_who_makes_up_clients_does_not_fill_the_memory(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(checkpoints, "SPACE", 10 * checkpoints.OVERHEAD)
-    stage = Stage(BUILD["DServer"](), Random(SEED))
+    [table] = deployed().actuators
+    clients = tuple((str(number), number) for number in range(50))
+    tables = (msgspec.structs.replace(table, clients=clients),)
+    server = DServer(deployment=msgspec.structs.replace(deployed(), actuators=tables), keep=2)
+    stage = Stage(server, Random(SEED))
     for number in range(100):
         saved = Checkpoint(client=f"drive/{number}", k=1, start=0, memory=b"")
         stage.frame("DServer/checkpoints", codec.encode(saved))
     recalled = [stage.give(Recall(client=f"drive/{number}")) for number in range(100)]
-    assert 5 <= sum(m.k == 1 for (m,) in recalled if isinstance(m, Checkpoint)) < 10
+    assert [len(messages) for messages in recalled] == [1] * 50 + [0] * 50
+    found = [m for messages in recalled for m in messages if isinstance(m, Checkpoint)]
+    assert 5 <= sum(m.k == 1 for m in found) < 10
 
 
 # --- drawn, and shrunk where it fails --------------------------------------------------------------

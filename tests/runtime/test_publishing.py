@@ -5,7 +5,13 @@ from __future__ import annotations
 from collections.abc import Iterable
 
 from colony.runtime.messages import Announcement, Effect, Fetch, Sample, Send, ServerFrame, Tick
-from colony.runtime.servers.publishing import Fields, Publisher
+from colony.runtime.servers.publishing import (
+    KEPT_BYTES,
+    REPUBLISHED_BYTES,
+    REPUBLISHED_FRAMES,
+    Fields,
+    Publisher,
+)
 from colony.runtime.servers.relaying import ActivityRelay
 
 
@@ -45,6 +51,7 @@ def test_the_frame_of_a_tick_that_never_came_has_no_values_for_everybody() -> No
     empty = frame_of(server.handle(Fetch(server="S", k=1)))
     assert empty.fields == {}
     assert server.handle(tick(1)) == ()
+    server.handle(tick(3))
     assert frame_of(server.handle(Fetch(server="S", k=1))) == empty
 
 
@@ -82,3 +89,91 @@ def test_of_the_future_and_of_what_is_forgotten_it_says_nothing() -> None:
     assert server.handle(Fetch(server="S", k=9)) == ()
     assert server.handle(tick(1)) == ()
     assert frame_of(server.handle(Fetch(server="S", k=2))).k == 2
+
+
+# --- fetches -------------------------------------------------------------------------------------
+
+
+def fetched(server: Publisher, ks: Iterable[int]) -> list[int]:
+    """The frames that are published again."""
+    return [
+        effect.message.k
+        for k in ks
+        for effect in server.handle(Fetch(server="S", k=k))
+        if isinstance(effect, Send) and isinstance(effect.message, ServerFrame)
+    ]
+
+
+def test_a_frame_is_published_again_once_between_two_ticks() -> None:
+    server = publisher(keep=10)
+    for k in range(3):
+        server.handle(tick(k))
+    assert fetched(server, [0, 1, 0, 0, 1]) == [0, 1]
+    server.handle(tick(2))
+    assert fetched(server, [0]) == [], "a tick that comes twice begins nothing"
+    server.handle(tick(3))
+    assert fetched(server, [0, 0]) == [0]
+
+
+def test_so_many_frames_are_published_again_between_two_ticks() -> None:
+    server = Publisher("S", lambda tick: {}, keep=1000)
+    for k in range(0, 400, 2):
+        server.handle(tick(k))
+    assert fetched(server, range(398)) == list(range(REPUBLISHED_FRAMES))
+    server.handle(tick(400))
+    assert fetched(server, range(300, 398)) == list(range(300, 300 + REPUBLISHED_FRAMES))
+
+
+def test_so_many_bytes_are_published_again_between_two_ticks() -> None:
+    fields = {"x": Sample((0.5,) * 20_000, 0)}
+    server = Publisher("S", lambda tick: fields, keep=1000)
+    for k in range(20):
+        server.handle(tick(k))
+    assert fetched(server, range(20)) == list(range(REPUBLISHED_BYTES // 180_000))
+
+
+def test_a_frame_larger_than_the_budget_is_published_again_all_the_same() -> None:
+    server = Publisher("S", lambda tick: {"x": Sample((0.5,) * 200_000, 0)}, keep=10)
+    for k in range(3):
+        server.handle(tick(k))
+    assert fetched(server, [0, 1]) == [0]
+
+
+def test_frames_that_are_kept_have_so_many_bytes() -> None:
+    server = Publisher("S", lambda tick: {"x": Sample((0.5,) * 50_000, tick.k)}, keep=1000)
+    for k in range(100):
+        server.handle(tick(k))
+    most = KEPT_BYTES // 450_000
+    (said,) = server.reached
+    assert said == f"frames: {most} of 1000 are kept, as 16 MiB have no room for more"
+    assert fetched(server, [0, 99 - most]) == []
+    assert fetched(server, [100 - most, 99]) == [100 - most, 99]
+
+
+def test_fields_that_frames_share_count_once() -> None:
+    shared = {"x": Sample((0.5,) * 50_000, 0)}
+    server = Publisher("S", lambda tick: shared, keep=1000)
+    for k in range(900):
+        server.handle(tick(k))
+    assert server.reached == ()
+    assert fetched(server, [0, 899]) == [0, 899]
+    changing = iter(range(10_000))
+    server = Publisher("S", lambda tick: shared if next(changing) % 100 else dict(shared), keep=50)
+    for k in range(5000):
+        server.handle(tick(k))
+    assert server.reached == (), "what was forgotten leaves its room"
+
+
+def test_activities_are_handed_on_again_at_a_bounded_rate() -> None:
+    relay = ActivityRelay("D", ("pulse",), keep=1000)
+    for k in range(200):
+        relay.announce(Announcement(k=k, module="pulse", active=True), 7)
+    name = "D/activity/pulse"
+
+    def again(ks: Iterable[int]) -> int:
+        return sum(len(tuple(relay.fetch(Fetch(server=name, k=k)))) for k in ks)
+
+    assert again([1, 1, 2]) == 2
+    assert again(range(200)) == REPUBLISHED_FRAMES - 2
+    relay.tick()
+    assert again([1]) == 1

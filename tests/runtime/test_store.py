@@ -99,9 +99,35 @@ def test_another_programs_database(tmp_path: Path) -> None:
 def test_a_later_version(tmp_path: Path) -> None:
     path = filled(tmp_path / "state.db")
     later = sqlite3.connect(path)
-    later.execute("PRAGMA user_version = 2")
+    later.execute("PRAGMA user_version = 3")
     later.close()
-    assert "version 2" in refusal(path)
+    assert "version 3" in refusal(path)
+
+
+def test_a_file_of_version_1_is_converted(tmp_path: Path) -> None:
+    path = filled(tmp_path / "state.db")
+    expected = content(path)
+    database = sqlite3.connect(path)
+    database.executescript("""
+        ALTER TABLE state RENAME TO new;
+        CREATE TABLE state (
+            kind TEXT NOT NULL, name TEXT NOT NULL, slot INTEGER NOT NULL, data BLOB NOT NULL,
+            sum INTEGER NOT NULL, PRIMARY KEY (kind, name, slot)
+        ) WITHOUT ROWID;
+        INSERT INTO state SELECT * FROM new;
+        DROP TABLE new;
+        PRAGMA user_version = 1;
+    """)
+    database.close()
+    assert len(expected) == 400
+    for _ in range(2):
+        assert content(path) == expected
+    store = SqliteStore(path)
+    store.commit({Key("value", "V0"): b"new", Key("value", "V1"): None})
+    store.close()
+    expected[Key("value", "V0")] = b"new"
+    del expected[Key("value", "V1")]
+    assert content(path) == expected
 
 
 def test_a_folder_that_is_not_there_and_a_folder_in_its_place(tmp_path: Path) -> None:

@@ -102,8 +102,7 @@ class Stand:
 
     def told(self, name: str) -> Any:
         """A variable, or None where it was not set."""
-        sample = self.data.fields(self.now_ns).get(name)
-        return None if sample is None else sample.value
+        return self.data.present(name)
 
 
 RIDE = {GOAL_TYPE: int(GoalKind.ELEVATOR), GOAL_DIRECTION: MARKERS[0].heading_deg}

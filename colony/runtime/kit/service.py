@@ -87,8 +87,8 @@ class Service:
             methods=tuple(MethodDescription(name=m.name, right=m.right) for m in own),
         )
         telling = calls.method("describe", Nothing, lambda *_: described, right="read")
-        self._desk = CallDesk(name, (*own, telling))
         self._publisher = Publisher(name, self._read, keep=KEPT)
+        self._desk = CallDesk(name, (*own, telling), full=lambda: self._publisher.reached)
         self._now_ns = 0
         self.listens = (*self._desk.listens, *(self._publisher.listens if self._fields else ()))
 

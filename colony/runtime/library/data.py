@@ -5,8 +5,9 @@ section 4.6.1).
     x = connection.do(data.get("PosX", type=int))
 
 A value is anything that msgspec can put into msgpack: numbers, bools, strings, bytes, None, lists, mappings,
-dataclasses and structs. Numbers, bools and flat lists of them are also fields of DServer's frames, which the
-sensors of programs bind to. A name has 1 to 255 bytes of UTF-8.
+dataclasses and structs. Numbers, bools and flat lists of them can also be fields of DServer's frames, which
+the sensors of programs bind to: frames show the variables that the program reads, and those that somebody
+asked for with `publish`. A name has 1 to 255 bytes of UTF-8.
 
 What was acknowledged survives the death of the server. Each of these is done once, however often it is called
 again because no answer came. Besides those told below, the codes of what is refused are: "arguments"; "size",
@@ -40,9 +41,29 @@ class Set(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class SetMany(msgspec.Struct, frozen=True, kw_only=True):
-    """`set_many`: variables and their new values."""
+    """`set_many`: a mapping from variables to their new values, in msgpack.
 
-    values: dict[str, msgspec.Raw]
+    It comes undecoded, so that a server can look at its length first.
+    """
+
+    values: msgspec.Raw
+
+    @property
+    def count(self) -> int:
+        """How many entries the mapping has, by its first bytes; 0 where it is none."""
+        head = bytes(memoryview(self.values)[:5])
+        if head[0] & 0xF0 == 0x80:
+            return head[0] & 0x0F
+        sizes = {0xDE: 2, 0xDF: 4}
+        return int.from_bytes(head[1 : 1 + sizes.get(head[0], 0)], "big")
+
+    def read(self) -> dict[str, msgspec.Raw]:
+        """The variables and their values.
+
+        Raises:
+            msgspec.DecodeError, UnicodeDecodeError: it is no such mapping.
+        """
+        return _raw_mapping.decode(self.values)
 
 
 class Get(msgspec.Struct, frozen=True, kw_only=True):
@@ -58,6 +79,14 @@ class GetMany(msgspec.Struct, frozen=True, kw_only=True):
     names: tuple[str, ...]
 
 
+class History(msgspec.Struct, frozen=True, kw_only=True):
+    """`history`: a variable, and from which of its values on how many."""
+
+    name: str
+    back: int = 0
+    limit: int = 2000
+
+
 class SetHistory(msgspec.Struct, frozen=True, kw_only=True):
     """`set_history`: how many values of a variable are kept."""
 
@@ -66,7 +95,7 @@ class SetHistory(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class Named(msgspec.Struct, frozen=True, kw_only=True):
-    """`history`, `delete`, `semaphore`, `delete_semaphore`, `signal` and `release`: which one."""
+    """`delete`, `semaphore`, `delete_semaphore`, `signal` and `release`: which one."""
 
     name: str
 
@@ -92,6 +121,12 @@ class Wait(msgspec.Struct, frozen=True, kw_only=True):
     name: str
     wait_ns: int | None = None
     hold: bool = False
+
+
+class Publish(msgspec.Struct, frozen=True, kw_only=True):
+    """`publish`: variables by name."""
+
+    names: tuple[str, ...]
 
 
 class Watch(msgspec.Struct, frozen=True, kw_only=True):
@@ -149,10 +184,12 @@ def set(name: str, value: object) -> Ask[None]:
 def set_many(values: Mapping[str, object]) -> Ask[None]:
     """Give several variables new values at one moment: nobody sees some of them old and some new.
 
+    At most 1,000 variables, and 1 MiB of names and values.
+
     Raises:
         TypeError, OverflowError: msgspec cannot put a value into msgpack.
     """
-    arguments = SetMany(values={name: _raw(value) for name, value in values.items()})
+    arguments = SetMany(values=_raw({name: _raw(value) for name, value in values.items()}))
     return Ask("set_many", arguments, type(None), "command", repeatable=True)
 
 
@@ -175,9 +212,14 @@ def get_many(names: Iterable[str]) -> Ask[dict[str, Any]]:
     return Ask("get_many", GetMany(names=tuple(names)), dict[str, Any], "read", repeatable=True)
 
 
-def history(name: str) -> Ask[tuple[Dated, ...]]:
-    """All values kept of a variable, with their times, the present one first. Refused with "unknown"."""
-    return Ask("history", Named(name=name), tuple[Dated, ...], "read", repeatable=True)
+def history(name: str, back: int = 0, limit: int = 2000) -> Ask[tuple[Dated, ...]]:
+    """Values kept of a variable, with their times, from value `back` on to older ones, at most `limit`.
+
+    0 is the present value, -1 the one before it. Refused with "unknown", and with "size" where the values are
+    too large for one reply.
+    """
+    arguments = History(name=name, back=back, limit=limit)
+    return Ask("history", arguments, tuple[Dated, ...], "read", repeatable=True)
 
 
 def set_history(name: str, length: int) -> Ask[None]:
@@ -198,6 +240,17 @@ def names(prefix: str = "", *, after: str = "", limit: int = 1000) -> Ask[tuple[
     """Which variables there are, in order, at most `limit`; to go on, say after which name."""
     arguments = ListNames(prefix=prefix, after=after, limit=limit)
     return Ask("names", arguments, tuple[str, ...], "read", repeatable=True)
+
+
+def publish(names: Iterable[str]) -> Ask[None]:
+    """Have DServer's frames show these variables, too, for as long as this connection is open.
+
+    Frames show what the program that runs reads, and what was asked for so: numbers, bools and flat lists of
+    them. A variable that is not there yet is shown from when it is set. It adds to what was asked for before;
+    a connection asks for at most 1,000 variables. Refused with "full" where frames have no room for them. Ask
+    by a connection's `keep`, so that it is asked again when the server was started anew.
+    """
+    return Ask("publish", Publish(names=tuple(names)), type(None), "read", repeatable=True)
 
 
 # --- semaphores ------------------------------------------------------------------------------------
@@ -268,7 +321,8 @@ def watch(*names: str, prefixes: Iterable[str] = ()) -> Ask[None]:
 
     A notice comes for each that has a value already, and then for every time that one is set or deleted; its
     subject is the name of the variable, its body a `Change`. When a connection is opened again, the notices
-    go on, from the values of that moment. It adds to what is watched already.
+    go on, from the values of that moment. It adds to what is watched already. Where very many notices are due
+    at one moment they come a little later, and a variable that changed several times by then comes once.
     """
     return Ask("watch", Watch(names=names, prefixes=tuple(prefixes)), type(None), "read", repeatable=True)
 
@@ -285,6 +339,9 @@ def change(notice: Notice) -> Change:
         msgspec.DecodeError: it is not one of those.
     """
     return msgspec.msgpack.decode(notice.body, type=Change)
+
+
+_raw_mapping = msgspec.msgpack.Decoder(dict[str, msgspec.Raw])
 
 
 def _raw(value: object) -> msgspec.Raw:

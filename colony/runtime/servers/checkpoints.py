@@ -1,25 +1,30 @@
-"""What clients of a network give DServer to keep: their memory, for the process that comes after them."""
+"""What clients of a network give DServer to keep: their memory, for the process that comes after them.
+
+Only clients of the program that is deployed may keep something here.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Iterator, Mapping
 
 import msgspec
 
 from colony.runtime import topics
 from colony.runtime.fields import DSERVER
 from colony.runtime.messages import Checkpoint, Recall, Send
+from colony.runtime.servers.bounds import Bound
 from colony.runtime.store import Journal, Key
 
 MEMORY_BYTES = 1 << 20
-"""Of the largest memory that is kept."""
+"""The largest memory that is kept."""
 
-SPACE = 1 << 26
+SPACE = 1 << 24
 """Bytes of all that are kept; each counts for its name and `OVERHEAD` more."""
 
 OVERHEAD = 100
 
 _RUN = Key("fact", "run")
+_CLIENTS = Key("fact", "clients")
 
 
 class Checkpoints:
@@ -28,49 +33,61 @@ class Checkpoints:
     def __init__(self, journal: Journal) -> None:
         self._journal = journal
         self._newest: dict[str, Checkpoint] = {}
-        self._space = SPACE
+        self._bound = Bound("checkpoints", SPACE, in_bytes=True)
+        self._used = 0
         self._run: str | None = None
+        self._clients: frozenset[str] = frozenset()
+
+    @property
+    def reached(self) -> tuple[str, ...]:
+        """Sentences about bounds that are or were reached."""
+        return self._bound.reached(self._used)
 
     def keep(self, checkpoint: Checkpoint) -> None:
-        """Keep it, unless it is older than what is here, or too large."""
-        client, size = checkpoint.client, _size(checkpoint)
+        """Keep it, unless it is a stranger's, older than what is here, or too large."""
+        client = checkpoint.client
+        if client not in self._clients:
+            return
         known = self._newest.get(client)
         if known is not None and (checkpoint.start, checkpoint.k) <= (known.start, known.k):
             return
-        room = self._space + (0 if known is None else _size(known))
-        if len(checkpoint.memory) > MEMORY_BYTES or size > room:
+        used = self._used + _size(checkpoint) - (0 if known is None else _size(known))
+        if len(checkpoint.memory) > MEMORY_BYTES or not self._bound.allows(used):
             return
-        if not 0 < len(client.encode(errors="replace")) <= 255:
-            return
-        self._space = room - size
+        self._used = used
         self._newest[client] = checkpoint
         self._journal.put(Key("checkpoint", client), _encode(checkpoint))
 
-    def recall(self, recall: Recall) -> Send:
-        """The answer to a client that asks for its newest."""
-        none = Checkpoint(client=recall.client, k=-1, start=-1, memory=b"")
-        found = self._newest.get(recall.client, none)
-        return Send(topics.recalled(DSERVER.name, recall.client), found)
+    def recall(self, recall: Recall) -> Iterator[Send]:
+        """The answer to a client that asks for its newest; strangers get none."""
+        if recall.client in self._clients:
+            none = Checkpoint(client=recall.client, k=-1, start=-1, memory=b"")
+            found = self._newest.get(recall.client, none)
+            yield Send(topics.recalled(DSERVER.name, recall.client), found)
 
-    def begin(self, run: str) -> None:
-        """Another run begins: what was kept is of no use to it. The same run again is nothing."""
+    def begin(self, run: str, clients: Iterable[str]) -> None:
+        """Another run begins, with these clients: what was kept is of no use to it. The same run again is
+        nothing."""
         if run == self._run:
             return
         for client in self._newest:
             self._journal.drop(Key("checkpoint", client))
         self._newest.clear()
-        self._space = SPACE
-        self._run = run
+        self._used = 0
+        self._run, self._clients = run, frozenset(clients)
         self._journal.put(_RUN, run.encode())
+        self._journal.put(_CLIENTS, _encode(sorted(self._clients)))
 
     def load(self, entries: Mapping[Key, bytes]) -> None:
-        """Take over what a store had of the kind "checkpoint"."""
+        """Take over what a store had of the kind "checkpoint", and which run it is of."""
         run = entries.get(_RUN)
         self._run = None if run is None else run.decode()
+        if _CLIENTS in entries:
+            self._clients = _clients.decode(entries[_CLIENTS])
         for key, data in entries.items():
             if key.kind == "checkpoint":
                 self._newest[key.name] = _checkpoints.decode(data)
-                self._space -= _size(self._newest[key.name])
+                self._used += _size(self._newest[key.name])
 
 
 def _size(checkpoint: Checkpoint) -> int:
@@ -79,3 +96,4 @@ def _size(checkpoint: Checkpoint) -> int:
 
 _encode = msgspec.msgpack.Encoder().encode
 _checkpoints = msgspec.msgpack.Decoder(Checkpoint)
+_clients = msgspec.msgpack.Decoder(frozenset[str])

@@ -7,6 +7,7 @@ and the server commits that before any effect leaves.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator
+from itertools import islice
 from typing import Any
 
 import msgspec
@@ -14,13 +15,14 @@ import msgspec
 from colony.runtime.calls import LATER, Asked, CallDesk, Caller, Handler, Later, Method, Refused, method
 from colony.runtime.fields import DSERVER
 from colony.runtime.library.data import (
-    Change,
     CreateSemaphore,
     Dated,
     Get,
     GetMany,
+    History,
     ListNames,
     Named,
+    Publish,
     SemaphoreState,
     Set,
     SetHistory,
@@ -29,9 +31,20 @@ from colony.runtime.library.data import (
     Watch,
 )
 from colony.runtime.messages import Effect, Message, Wake, WakeAt
+from colony.runtime.servers.naming import Names, named
 from colony.runtime.servers.once import Answers
 from colony.runtime.servers.semaphores import Semaphores, timed_out
-from colony.runtime.servers.variables import Dating, Variables, named, prepared, unknown
+from colony.runtime.servers.showing import Wanted
+from colony.runtime.servers.telling import PAUSE_NS, Telling
+from colony.runtime.servers.variables import (
+    READ_BYTES,
+    VALUE_BYTES,
+    Dating,
+    Prepared,
+    Variables,
+    prepared,
+    unknown,
+)
 from colony.runtime.servers.watching import Watches
 
 RETURN_NS = 2_000_000_000
@@ -39,20 +52,33 @@ RETURN_NS = 2_000_000_000
 somebody who is about to return might find that another has it too."""
 
 REPLY_BYTES = 3 << 20
-"""Of the values in one reply, so that it fits into a message."""
+"""The most bytes of values in one reply, so that it fits into a message."""
 
 MOST_NAMES = 5000
-"""In one reply."""
+"""The most names in one reply."""
+
+MOST_VALUES = 2000
+"""The most values of a history in one reply."""
+
+MOST_AT_ONCE = 1000
+"""The most variables that one call sets, gets, watches or publishes."""
+
+SET_BYTES = VALUE_BYTES + 1024
+"""The largest arguments of `set` and `set_many`."""
+
+NAMES_BYTES = 1 << 18
+"""The largest arguments of calls that list names."""
 
 
 class DataCalls:
     """Mutable: its parts, and what is still to be sent.
 
     Args:
-        variables, semaphores, answers, watches: the state, loaded.
+        variables, semaphores, answers, watches, wanted: the state, loaded.
         others: more methods.
         lost: told of connections that ended.
         stop: carries out an emergency stop.
+        full: the limits of the server that are reached.
     """
 
     def __init__(
@@ -61,17 +87,27 @@ class DataCalls:
         semaphores: Semaphores,
         answers: Answers,
         watches: Watches,
+        wanted: Wanted,
         *,
         others: Iterable[Method] = (),
         lost: Callable[[Caller], None] = lambda caller: None,
         stop: Callable[[str, int], None] | None = None,
+        full: Callable[[], Iterable[str]] = lambda: (),
     ) -> None:
         self._variables = variables
         self._semaphores = semaphores
         self._answers = answers
         self._watches = watches
+        self._wanted = wanted
+        self._telling = Telling(variables, watches, self._notify)
+        self._next_slice: int | None = None
         self._desk = CallDesk(
-            DSERVER.name, (*self._methods(), *others), admit=self._admit, lost=self._end, stop=stop
+            DSERVER.name,
+            (*self._methods(), *others),
+            admit=self._admit,
+            lost=self._end,
+            stop=stop,
+            full=full,
         )
         self._tell_lost = lost
         self._callers: dict[str, Caller] = {}
@@ -97,23 +133,27 @@ class DataCalls:
             self._greet()
         if self._effects:
             yield from self._flush()
+        if self._telling.waiting:
+            yield from self._tell(now_ns)
 
-    def changed(self, name: str) -> Iterator[Effect]:
-        """A variable was set by an actuator: who watches is to know."""
-        self._tell(name)
-        yield from self._flush()
+    def changed(self, names: Iterable[str], now_ns: int) -> Iterator[Effect]:
+        """Variables were set by actuators: who watches is to know."""
+        for name in names:
+            self._telling.changed(name)
+        yield from self._tell(now_ns)
 
     def _methods(self) -> tuple[Method, ...]:
         once = self._once
         return (
-            method("set", Set, once(self._set)),
-            method("set_many", SetMany, once(self._set_many)),
+            method("set", Set, once(self._set), largest=SET_BYTES),
+            method("set_many", SetMany, once(self._set_many), largest=SET_BYTES),
             method("get", Get, self._get, right="read"),
-            method("get_many", GetMany, self._get_many, right="read"),
-            method("history", Named, self._history, right="read"),
+            method("get_many", GetMany, self._get_many, right="read", largest=NAMES_BYTES),
+            method("history", History, self._history, right="read"),
             method("set_history", SetHistory, once(self._set_history)),
             method("delete", Named, once(self._delete)),
             method("names", ListNames, self._names, right="read"),
+            method("publish", Publish, self._publish, right="read", largest=NAMES_BYTES),
             method("create_semaphore", CreateSemaphore, once(self._create_semaphore)),
             method("wait", Wait, once(self._wait)),
             method("signal", Named, once(self._signal)),
@@ -121,8 +161,8 @@ class DataCalls:
             method("semaphore", Named, self._semaphore, right="read"),
             method("semaphores", ListNames, self._semaphore_names, right="read"),
             method("delete_semaphore", Named, once(self._delete_semaphore)),
-            method("watch", Watch, self._watch, right="read"),
-            method("unwatch", Watch, self._unwatch, right="read"),
+            method("watch", Watch, self._watch, right="read", largest=NAMES_BYTES),
+            method("unwatch", Watch, self._unwatch, right="read", largest=NAMES_BYTES),
         )
 
     def _once(self, handler: Handler) -> Handler:
@@ -151,13 +191,13 @@ class DataCalls:
     def _set(self, asked: Asked, arguments: Set, now_ns: int) -> None:
         name = named(arguments.name)
         self._variables.set((prepared(name, arguments.value),), now_ns)
-        self._tell(name)
+        self._telling.changed(name)
 
     def _set_many(self, asked: Asked, arguments: SetMany, now_ns: int) -> None:
-        values = [prepared(named(name), value) for name, value in arguments.values.items()]
+        values = several(arguments)
         self._variables.set(values, now_ns)
         for value in values:
-            self._tell(value.name)
+            self._telling.changed(value.name)
 
     def _get(self, asked: Asked, arguments: Get, now_ns: int) -> msgspec.Raw:
         try:
@@ -168,6 +208,7 @@ class DataCalls:
             raise
 
     def _get_many(self, asked: Asked, arguments: GetMany, now_ns: int) -> dict[str, msgspec.Raw]:
+        _few(len(arguments.names))
         missing = [name for name in arguments.names if not self._variables.has(name)]
         if missing:
             raise unknown("`, `".join(missing[:10]))
@@ -175,9 +216,13 @@ class DataCalls:
         _fit(found.values(), "fewer variables")
         return {name: msgspec.Raw(dating.data) for name, dating in found.items()}
 
-    def _history(self, asked: Asked, arguments: Named, now_ns: int) -> tuple[Dated, ...]:
-        found = tuple(self._variables.history(arguments.name))
-        _fit(found, "single values by `get`")
+    def _history(self, asked: Asked, arguments: History, now_ns: int) -> tuple[Dated, ...]:
+        limit = arguments.limit
+        if not 1 <= limit <= MOST_VALUES or arguments.back > 0:
+            wrong = f"{limit} values from {arguments.back} on; expected 1 to {MOST_VALUES}, from 0 or less on"
+            raise Refused("arguments", f"DServer: {wrong}")
+        found = tuple(islice(self._variables.history(arguments.name, arguments.back), limit))
+        _fit(found, "fewer values, or single ones by `get`")
         return tuple(_dated(dating) for dating in found)
 
     def _set_history(self, asked: Asked, arguments: SetHistory, now_ns: int) -> None:
@@ -186,11 +231,17 @@ class DataCalls:
     def _delete(self, asked: Asked, arguments: Named, now_ns: int) -> bool:
         deleted = self._variables.delete(arguments.name)
         if deleted:
-            self._tell(arguments.name)
+            self._telling.changed(arguments.name)
         return deleted
 
     def _names(self, asked: Asked, arguments: ListNames, now_ns: int) -> tuple[str, ...]:
-        return _page(self._variables.names(), arguments)
+        return _page(self._variables.names, arguments)
+
+    def _publish(self, asked: Asked, arguments: Publish, now_ns: int) -> None:
+        _few(len(arguments.names))
+        names = dict.fromkeys(named(name) for name in arguments.names)
+        self._variables.expect_frames_with(names)
+        self._variables.show(self._wanted.ask(asked.caller.connection, names))
 
     # --- semaphores ----------------------------------------------------------------------------------
 
@@ -215,7 +266,7 @@ class DataCalls:
         return self._semaphores.state(arguments.name)
 
     def _semaphore_names(self, asked: Asked, arguments: ListNames, now_ns: int) -> tuple[str, ...]:
-        return _page(self._semaphores.names(), arguments)
+        return _page(self._semaphores.names, arguments)
 
     def _delete_semaphore(self, asked: Asked, arguments: Named, now_ns: int) -> bool:
         deleted, waited = self._semaphores.delete(arguments.name)
@@ -236,32 +287,33 @@ class DataCalls:
     # --- changes -------------------------------------------------------------------------------------
 
     def _watch(self, asked: Asked, arguments: Watch, now_ns: int) -> None:
+        _few(len(arguments.names) + len(arguments.prefixes))
         for one in (*arguments.names, *arguments.prefixes):
             named(one or "-")  # a prefix may be empty
         connection = asked.caller.connection
         self._watches.add(connection, arguments.names, arguments.prefixes)
-        prefixes = tuple(arguments.prefixes)
-        names = self._variables.names() if prefixes else dict.fromkeys(arguments.names)
-        for name in names:
-            if name in arguments.names or name.startswith(prefixes):
-                self._tell_one(connection, name)
+        self._telling.greet(connection, arguments.names, arguments.prefixes)
 
     def _unwatch(self, asked: Asked, arguments: Watch, now_ns: int) -> None:
+        _few(len(arguments.names) + len(arguments.prefixes))
         if arguments.names or arguments.prefixes:
             self._watches.remove(asked.caller.connection, arguments.names, arguments.prefixes)
         else:
             self._watches.forget(asked.caller.connection)
 
-    def _tell(self, name: str) -> None:
-        """Tell everybody who watches a variable how it is now."""
-        for connection in self._watches.watchers(name):
-            self._tell_one(connection, name, deleted=not self._variables.has(name))
+    def _notify(self, connection: str, name: str, body: msgspec.Raw) -> Iterator[Effect]:
+        caller = self._callers.get(connection)
+        if caller is not None:
+            yield from self._desk.notify(caller, name, body)
 
-    def _tell_one(self, connection: str, name: str, *, deleted: bool = False) -> None:
-        caller, present = self._callers.get(connection), self._variables.present(name)
-        if caller is not None and (deleted or present is not None):
-            change = Change(name=name, present=None if present is None else _dated(present))
-            self._effects += self._desk.notify(caller, name, change)
+    def _tell(self, now_ns: int) -> Iterator[Effect]:
+        """Tell those who watch, as much as may be told at one moment, and go on a little later."""
+        yield from self._telling.slice()
+        if not self._telling.waiting:
+            self._next_slice = None
+        elif self._next_slice is None or now_ns >= self._next_slice:
+            self._next_slice = now_ns + PAUSE_NS
+            yield WakeAt(self._next_slice)
 
     # --- connections and time ------------------------------------------------------------------------
 
@@ -274,13 +326,14 @@ class DataCalls:
         opened, self._opened = self._opened, []
         for connection in opened:
             self._watches.opened(connection)
-            for name in self._watches.of(connection, self._variables.names):
-                self._tell_one(connection, name)
+            self._telling.greet(connection, *self._watches.of(connection))
 
     def _end(self, caller: Caller, now_ns: int) -> Iterable[Effect]:
         connection = caller.connection
         self._callers.pop(connection, None)
         self._watches.lost(connection, now_ns)
+        self._telling.lost(connection)
+        self._variables.hide(self._wanted.lost(connection))
         self._give_up(connection)
         self._tell_lost(caller)
         return ()
@@ -330,9 +383,28 @@ def _fit(datings: Iterable[Dating], instead: str) -> None:
         raise Refused("size", text)
 
 
-def _page(names: list[str], wanted: ListNames) -> tuple[str, ...]:
+def several(arguments: SetMany) -> list[Prepared]:
+    """The values that a call of `set_many` sets.
+
+    Raises:
+        Refused: "arguments" or "size".
+    """
+    _few(arguments.count)
+    try:
+        values = arguments.read()
+    except (msgspec.DecodeError, UnicodeDecodeError) as problem:
+        raise Refused("arguments", f"DServer.set_many: {problem} of the values") from None
+    readable = len(memoryview(arguments.values)) <= READ_BYTES
+    return [prepared(named(name), value, readable=readable) for name, value in values.items()]
+
+
+def _few(count: int) -> None:
+    if count > MOST_AT_ONCE:
+        raise Refused("size", f"DServer: {count} in one call; expected at most {MOST_AT_ONCE}")
+
+
+def _page(names: Names, wanted: ListNames) -> tuple[str, ...]:
     """Those that were asked for, of names in order."""
     if not 1 <= wanted.limit <= MOST_NAMES:
         raise Refused("arguments", f"DServer: at most {wanted.limit} names; expected 1 to {MOST_NAMES}")
-    found = [name for name in names if name.startswith(wanted.prefix) and name > wanted.after]
-    return tuple(found[: wanted.limit])
+    return names.page(wanted.prefix, wanted.after, wanted.limit)

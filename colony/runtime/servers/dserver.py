@@ -14,11 +14,11 @@ import msgspec
 
 from colony.ir.types import ScalarValue, Value
 from colony.runtime import topics
-from colony.runtime.arbitration import Timing, declared_units, timing
+from colony.runtime.arbitration import declared_units, timing
 from colony.runtime.assembly import KEPT_MOST
 from colony.runtime.ballot import NOBODY, STOPPED
 from colony.runtime.calls import Asked, Refused, method
-from colony.runtime.deployment import DEPLOYMENT_BYTES, Deployment, commanded_by
+from colony.runtime.deployment import DEPLOYMENT_BYTES, Deployment, client_addresses, commanded_by
 from colony.runtime.fields import DSERVER
 from colony.runtime.latch import StopFollower
 from colony.runtime.messages import (
@@ -45,6 +45,7 @@ from colony.runtime.servers.once import Answers
 from colony.runtime.servers.publishing import Fields, Publisher
 from colony.runtime.servers.relaying import ActivityRelay
 from colony.runtime.servers.semaphores import Semaphores
+from colony.runtime.servers.showing import Wanted
 from colony.runtime.servers.variables import Variables, encoded, prepared
 from colony.runtime.servers.watching import Watches
 from colony.runtime.store import Journal, Key, MemoryStore, Store, StoreError
@@ -67,11 +68,13 @@ class DServer:
     It also hands on the activity of the modules in Python that are `announced`, and keeps the checkpoints of
     clients. Mutable: the variables and all else.
 
+    Frames show the variables that the program reads, in the frames of its own run, and those that connections
+    asked for by `publish`.
+
     Args:
         held: variables that somebody outside keeps setting: they are as fresh as each frame. Who sets one of
             them replaces it, also for the server that comes in the place of this one when it dies.
-        commanded, announced: of a program that is there from the beginning; others come by `deploy`.
-        times: of that program's frames.
+        deployment: a program that is there from the beginning; others come by the call `deploy`.
         keep: how many frames are kept for who missed one.
         store: where the state is kept; loaded here, closed by `close`.
         epoch: names the clock that times are of. Values that the store has from another one's are old.
@@ -85,10 +88,8 @@ class DServer:
     def __init__(
         self,
         held: Mapping[str, Value] | None = None,
-        commanded: tuple[Commanded, ...] = (),
         *,
-        announced: tuple[str, ...] = (),
-        times: Timing = _ROBOT_WITHOUT_PROGRAM,
+        deployment: Deployment | None = None,
         keep: int = KEPT_MOST,
         store: Store | None = None,
         epoch: str = "",
@@ -96,32 +97,36 @@ class DServer:
         self._store = MemoryStore() if store is None else store
         self._journal = Journal(self._store)
         self._epoch, self._other_epoch = epoch, False
-        self._variables = Variables(self._journal)
-        semaphores, answers = Semaphores(self._journal), Answers(self._journal)
-        watches, self._checkpoints = Watches(self._journal), Checkpoints(self._journal)
-        if self._load(semaphores, answers, watches):
+        self._variables, self._wanted = Variables(self._journal), Wanted(self._journal)
+        self._semaphores, self._answers = Semaphores(self._journal), Answers(self._journal)
+        self._watches, self._checkpoints = Watches(self._journal), Checkpoints(self._journal)
+        if self._load():
             self._variables.hold(held or {})
         self._leadership = Leadership(self.address)
         self._calls = DataCalls(
             self._variables,
-            semaphores,
-            answers,
-            watches,
+            self._semaphores,
+            self._answers,
+            self._watches,
+            self._wanted,
             others=(method("deploy", Deployment, self._deploy, largest=DEPLOYMENT_BYTES),),
             lost=self._leadership.lost,
             stop=self._stop,
+            full=self.full,
         )
         self._emergency = StopFollower()
         self._halting = False
         self._bark_at: int | None = None
-        self._times = times
+        self._times = _ROBOT_WITHOUT_PROGRAM
         self._changed: list[str] = []
         self._run: str | None = None
         self._publisher = Publisher(
             self.address, self._read, keep=keep, stopped=lambda: self._emergency.stopped
         )
-        self._desk = CommandDesk(commanded, times, self._set)
-        self._relay = ActivityRelay(self.address, announced, keep=keep)
+        self._desk = CommandDesk((), self._times, self._set)
+        self._relay = ActivityRelay(self.address, (), keep=keep)
+        if deployment is not None:
+            self._use(deployment)
         listens = (
             *self._publisher.listens,
             *self._relay.listens,
@@ -140,6 +145,7 @@ class DServer:
             case Call() | Alive():
                 yield from self._calls.handle(message, now_ns)
             case Tick():
+                self._relay.tick()
                 self._emergency.follow(message)
                 yield from self._publisher.handle(message)
                 yield from self._arbitrate(message, now_ns)
@@ -155,7 +161,7 @@ class DServer:
             case Checkpoint():
                 self._checkpoints.keep(message)
             case Recall():
-                yield self._checkpoints.recall(message)
+                yield from self._checkpoints.recall(message)
             case Malformed() if message.topic == topics.requests(self.address):
                 self._desk.malformed(message)
             case Malformed():
@@ -172,8 +178,20 @@ class DServer:
             yield from self._desk.halt(now_ns)
         if self._changed:
             changed, self._changed = self._changed, []
-            for name in changed:
-                yield from self._calls.changed(name)
+            yield from self._calls.changed(changed, now_ns)
+
+    def full(self) -> tuple[str, ...]:
+        """Sentences for people about bounds that are reached now, or were since the server started."""
+        parts = (
+            self._variables,
+            self._wanted,
+            self._semaphores,
+            self._watches,
+            self._answers,
+            self._checkpoints,
+            self._publisher,
+        )
+        return tuple(sentence for part in parts for sentence in part.reached)
 
     def settle(self) -> None:
         """Commit what was changed.
@@ -192,6 +210,9 @@ class DServer:
             self._store.close()
 
     def _read(self, tick: Tick) -> Fields:
+        new, gone = self._wanted.frame_of(tick.run)
+        self._variables.hide(gone)
+        self._variables.show(new)
         return self._variables.fields(tick.t_ns)
 
     def _arbitrate(self, tick: Tick, now_ns: int) -> Iterable[Effect]:
@@ -225,17 +246,29 @@ class DServer:
     def _deploy(self, asked: Asked, deployed: Deployment, now_ns: int) -> None:
         if not self._leadership.take(asked.caller, deployed):
             return
+        self._use(deployed)
+
+    def _use(self, deployed: Deployment) -> None:
+        self._variables.hide(self._wanted.deploy(deployed.run, deployed.reads))
         self._run = deployed.run
-        self._checkpoints.begin(deployed.run)
+        self._checkpoints.begin(deployed.run, (client for client, _ in client_addresses(deployed)))
         self._times = timing(deployed.frame_ns, lockstep=deployed.lockstep)
         self._desk = CommandDesk(commanded_by(deployed, self.address), self._times, self._set)
         self._relay.deploy(deployed.announced)
 
-    def _load(self, semaphores: Semaphores, answers: Answers, watches: Watches) -> bool:
+    def _load(self) -> bool:
         """Take over what the store has; False where that is of a server that died, whose place this takes."""
         entries = dict(self._store.load())
+        parts = (
+            self._variables,
+            self._wanted,
+            self._semaphores,
+            self._answers,
+            self._watches,
+            self._checkpoints,
+        )
         try:
-            for part in (self._variables, semaphores, answers, watches, self._checkpoints):
+            for part in parts:
                 part.load(entries)
         except (msgspec.MsgspecError, LookupError, ValueError, Refused) as problem:
             raise StoreError(f"what DServer's store has does not fit together: {problem!r}") from None

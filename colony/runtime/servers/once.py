@@ -19,6 +19,7 @@ from typing import NamedTuple
 import msgspec
 
 from colony.runtime.calls import Refused
+from colony.runtime.servers.bounds import Bound
 from colony.runtime.store import Journal, Key
 
 KEPT = 64
@@ -27,8 +28,13 @@ KEPT = 64
 CONNECTIONS = 2000
 """Connections of which answers are noted; those that said nothing for the longest time are forgotten."""
 
+SPACE = 16 << 20
+"""Bytes of all answers that are noted; each counts for its connection and `OVERHEAD` more."""
+
+OVERHEAD = 100
+
 HIGHEST = (1 << 53) - 1
-"""Of the number of a call."""
+"""The largest number of a call."""
 
 
 class _Answer(NamedTuple):
@@ -52,6 +58,13 @@ class Answers:
     def __init__(self, journal: Journal) -> None:
         self._journal = journal
         self._rings: OrderedDict[str, _Ring] = OrderedDict()
+        self._bound = Bound("answers to calls", SPACE, in_bytes=True)
+        self._used = 0
+
+    @property
+    def reached(self) -> tuple[str, ...]:
+        """Sentences about bounds that are or were reached."""
+        return self._bound.reached(self._used)
 
     def find(self, connection: str, number: int) -> bytes | None:
         """The result in msgpack that a call had; None for one that was not done.
@@ -78,11 +91,14 @@ class Answers:
         answers = ring.answers
         oldest = next(iter(answers.values()), None)
         if oldest is not None and oldest.turn == ring.turn - KEPT:  # its slot is the one to be written
-            del answers[oldest.number]
+            self._used -= _cost(connection, answers.pop(oldest.number))
             ring.floor = max(ring.floor, oldest.number)
         answer = answers[number] = _Answer(ring.turn, number, ring.floor, result)
         ring.turn += 1
+        self._used += _cost(connection, answer)
         self._journal.put(Key("answer", connection, answer.turn % KEPT), _encode(answer))
+        while len(self._rings) > 1 and not self._bound.allows(self._used):
+            self._forget(*self._rings.popitem(last=False))
         if number in ring.pending:
             self.settle(connection, number)
 
@@ -105,6 +121,7 @@ class Answers:
         ring = self._rings.get(connection)
         answer = None if ring is None else ring.answers.pop(number, None)
         if answer is not None:
+            self._used -= _cost(connection, answer)
             self._journal.drop(Key("answer", connection, answer.turn % KEPT))
 
     def load(self, entries: Mapping[Key, bytes]) -> None:
@@ -113,6 +130,7 @@ class Answers:
         for connection, answer in sorted(kept, key=lambda one: one[1].turn):
             ring = self._rings.setdefault(connection, _Ring())
             ring.answers[answer.number] = answer
+            self._used += _cost(connection, answer)
             ring.turn = answer.turn + 1
             ring.floor = max(ring.floor, answer.floor)
         for key in entries:
@@ -130,9 +148,14 @@ class Answers:
 
     def _forget(self, connection: str, ring: _Ring) -> None:
         for answer in ring.answers.values():
+            self._used -= _cost(connection, answer)
             self._journal.drop(Key("answer", connection, answer.turn % KEPT))
         for number in ring.pending:
             self._journal.drop(Key("pending", connection, number))
+
+
+def _cost(connection: str, answer: _Answer) -> int:
+    return len(answer.result) + len(connection) + OVERHEAD
 
 
 _encode = msgspec.msgpack.Encoder().encode

@@ -33,6 +33,7 @@ class PServer:
                 method("timeouts", Nothing, lambda *_: self._timeouts, right="read"),
                 method("set_timeouts", SetTimeouts, self._set_timeouts),
             ),
+            full=lambda: self._publisher.reached,
         )
         self.listens = (*self._publisher.listens, *self._desk.listens)
 

@@ -4,11 +4,58 @@ from __future__ import annotations
 
 from collections import deque
 from collections.abc import Callable, Iterable, Mapping
+from typing import NamedTuple
 
 from colony.runtime import topics
 from colony.runtime.messages import Effect, Fetch, Sample, Send, ServerFrame, Stopped, Tick
 
 Fields = Mapping[str, Sample | None]
+
+REPUBLISHED_FRAMES = 64
+"""Frames that a server publishes again between two ticks."""
+
+REPUBLISHED_BYTES = 1 << 20
+"""Estimated bytes of the frames that a server publishes again between two ticks."""
+
+KEPT_BYTES = 16 << 20
+"""Estimated bytes of the frames that a server keeps; fields that several frames share count once."""
+
+FRAME_BYTES = 100
+"""Estimated bytes of a frame without fields."""
+
+
+class FetchBudget:
+    """Bounds what fetches make a server publish between two ticks. Mutable.
+
+    Each frame goes to everybody, so that one answer is enough; whoever missed it asks again after the next
+    tick. Without a bound, a reader that falls behind would be sent more frames than it can read, fall behind
+    further, and ask for more.
+    """
+
+    def __init__(self) -> None:
+        self._answered: set[tuple[str, int]] = set()
+        self._bytes = 0
+
+    def renew(self) -> None:
+        """Begin a new interval: a tick came."""
+        self._answered.clear()
+        self._bytes = 0
+
+    def take(self, server: str, k: int, size: int) -> bool:
+        """Return whether frame `k` may be published again, and count it."""
+        frame = (server, k)
+        if frame in self._answered or len(self._answered) >= REPUBLISHED_FRAMES:
+            return False
+        if self._answered and self._bytes + size > REPUBLISHED_BYTES:
+            return False
+        self._answered.add(frame)
+        self._bytes += size
+        return True
+
+
+class _Kept(NamedTuple):
+    frame: ServerFrame
+    size: int
 
 
 class Publisher:
@@ -31,43 +78,93 @@ class Publisher:
         self._server = server
         self._read = read
         self._stopped = stopped
-        self._kept: dict[int, ServerFrame] = {}
+        self._kept: dict[int, _Kept] = {}
         self._order: deque[int] = deque()
         self._keep = keep
+        self._bytes = 0
+        self._shared: dict[int, int] = {}  # how many of the frames kept have the fields object of this id
         self._since: int | None = None
         self._latest = -1
         self._forgotten = -1
+        self._budget = FetchBudget()
+        self._was_full = False
 
     @property
     def listens(self) -> tuple[str, ...]:
         return (topics.TICKS, topics.fetches(self._server))
 
-    def handle(self, message: Tick | Fetch) -> Iterable[Effect]:
-        """Answer a tick with its frame, once, and a fetch with the frame kept."""
-        k = message.k
-        frame = self._kept.get(k)
-        if isinstance(message, Tick):
-            if self._since is None:
-                self._since, self._forgotten = k, k - 1
-            if frame is not None or k <= self._forgotten:
-                return ()
-            frame = self._store(k, self._read(message))
-        elif frame is None:
-            if k >= self._latest or k <= self._forgotten:
-                return ()
-            frame = self._store(k, {})
-        return (Send(topics.frames(self._server), frame),)
+    @property
+    def reached(self) -> tuple[str, ...]:
+        """Sentences about bounds that were reached."""
+        if not self._was_full:
+            return ()
+        kept = f"{len(self._kept)} of {self._keep} are kept"
+        return (f"frames: {kept}, as {KEPT_BYTES >> 20} MiB have no room for more",)
 
-    def _store(self, k: int, fields: Fields) -> ServerFrame:
+    def handle(self, message: Tick | Fetch) -> Iterable[Effect]:
+        """Answer a tick with its frame, once, and a fetch with the frame kept, within the budget."""
+        if isinstance(message, Tick):
+            frame = self._tick(message)
+        else:
+            frame = self._fetch(message.k)
+        return () if frame is None else (Send(topics.frames(self._server), frame),)
+
+    def _tick(self, tick: Tick) -> ServerFrame | None:
+        k = tick.k
+        if self._since is None:
+            self._since, self._forgotten = k, k - 1
+        if k > self._latest:
+            self._budget.renew()
+        if k in self._kept or k <= self._forgotten:
+            return None
+        return self._store(k, self._read(tick)).frame
+
+    def _fetch(self, k: int) -> ServerFrame | None:
+        kept = self._kept.get(k)
+        if kept is None and (k >= self._latest or k <= self._forgotten):
+            return None
+        if not self._budget.take(self._server, k, FRAME_BYTES if kept is None else kept.size):
+            return None
+        return (kept or self._store(k, _NOTHING)).frame
+
+    def _store(self, k: int, fields: Fields) -> _Kept:
         assert self._since is not None
         frame = ServerFrame(
             server=self._server, k=k, fields=fields, since=self._since, stopped=self._stopped()
         )
-        self._kept[k] = frame
+        kept = self._kept[k] = _Kept(frame, self._size(fields))
         self._order.append(k)
         self._latest = max(self._latest, k)
-        if len(self._order) > self._keep:
-            old = self._order.popleft()
-            del self._kept[old]
-            self._forgotten = max(self._forgotten, old)
-        return frame
+        sharing = self._shared[id(fields)] = self._shared.get(id(fields), 0) + 1
+        self._bytes += FRAME_BYTES if sharing > 1 else kept.size
+        while len(self._order) > self._keep or (self._bytes > KEPT_BYTES and len(self._order) > 1):
+            self._was_full |= len(self._order) <= self._keep
+            self._forget(self._order.popleft())
+        return kept
+
+    def _forget(self, k: int) -> None:
+        frame, size = self._kept.pop(k)
+        self._forgotten = max(self._forgotten, k)
+        shared = id(frame.fields)
+        self._shared[shared] -= 1
+        if self._shared[shared]:
+            size = FRAME_BYTES
+        else:
+            del self._shared[shared]
+        self._bytes -= size
+
+    def _size(self, fields: Fields) -> int:
+        newest = self._kept.get(self._latest)
+        if newest is not None and newest.frame.fields is fields:
+            return newest.size
+        return FRAME_BYTES + sum(_sample_bytes(name, sample) for name, sample in fields.items())
+
+
+def _sample_bytes(name: str, sample: Sample | None) -> int:
+    if sample is None:
+        return len(name) + 2
+    value = sample.value
+    return len(name) + 20 + (9 * len(value) if isinstance(value, tuple) else 9)
+
+
+_NOTHING: Fields = {}

@@ -93,7 +93,7 @@ class RServer:
         self._leadership = Leadership(self.address)
         self._leader: str | None = None
         methods = (*self._pilot.methods, *self._methods())
-        self._calls = CallDesk(self.address, methods, lost=self._lost, stop=self._stop)
+        self._calls = CallDesk(self.address, methods, lost=self._lost, stop=self._stop, full=self._full)
         self._watchdog_given = watchdog_ns
         self._use(deployment)
         self._k = -1
@@ -135,6 +135,9 @@ class RServer:
                 return
         yield from self._follow(now_ns)
         yield from self._watch(now_ns)
+
+    def _full(self) -> Iterable[str]:
+        return self._publisher.reached
 
     def close(self) -> None:
         """Stop the base."""

@@ -10,7 +10,7 @@ and the call that took it, and is put back when the connection is lost.
 from __future__ import annotations
 
 from collections import OrderedDict
-from collections.abc import Container, Mapping
+from collections.abc import Container, Iterator, Mapping
 from dataclasses import dataclass, field
 from typing import NamedTuple
 
@@ -18,13 +18,18 @@ import msgspec
 
 from colony.runtime.calls import Asked, Refused
 from colony.runtime.library.data import SemaphoreState
+from colony.runtime.servers.bounds import Bound
+from colony.runtime.servers.naming import Names
 from colony.runtime.store import Journal, Key
 
-MOST = 100_000
-"""How many semaphores there may be, and how many holds."""
+MOST = 10_000
+"""Semaphores."""
 
-MOST_WAITING = 10_000
-"""How many calls may wait for all of them."""
+MOST_HELD = 2_000
+"""Holds of all connections: they may all end in one moment."""
+
+MOST_WAITING = 1_000
+"""Calls that wait for all semaphores: they may all be answered in one moment."""
 
 FOR_EVER_NS = 10**17
 """Who would wait for three years waits for ever."""
@@ -46,6 +51,7 @@ class Waiter(NamedTuple):
 class _Semaphore:
     value: int
     waiting: OrderedDict[Asked, Waiter] = field(default_factory=OrderedDict)
+    holds: dict[tuple[str, int], None] = field(default_factory=dict)  # connections and numbers of calls
 
 
 class Semaphores:
@@ -58,11 +64,21 @@ class Semaphores:
         self._journal = journal
         self._semaphores: dict[str, _Semaphore] = {}
         self._holds: dict[str, dict[int, str]] = {}  # of each connection, by the number of the call
+        self._waits: dict[str, dict[Asked, Waiter]] = {}  # of each connection
         self._held = self._waiting = 0
+        self._most = Bound("semaphores", MOST)
+        self._most_held = Bound("holds of semaphores", MOST_HELD)
+        self._most_waiting = Bound("calls that wait for semaphores", MOST_WAITING)
+        self.names = Names()
 
-    def names(self) -> list[str]:
-        """Every semaphore, in order."""
-        return sorted(self._semaphores)
+    @property
+    def reached(self) -> tuple[str, ...]:
+        """Sentences about bounds that are or were reached."""
+        return (
+            *self._most.reached(len(self._semaphores)),
+            *self._most_held.reached(self._held),
+            *self._most_waiting.reached(self._waiting),
+        )
 
     def has(self, name: str) -> bool:
         """Whether there is one of this name."""
@@ -78,7 +94,7 @@ class Semaphores:
         return SemaphoreState(
             value=semaphore.value,
             waiting=tuple(asked.caller.connection for asked in semaphore.waiting),
-            holding=tuple(c for c, held in self._holds.items() for n in held.values() if n == name),
+            holding=tuple(connection for connection, _ in semaphore.holds),
         )
 
     def create(self, name: str, value: int) -> bool:
@@ -91,23 +107,27 @@ class Semaphores:
             return False
         if not 0 <= value <= HIGHEST:
             raise Refused("arguments", f"DServer: an initial value of {value}; expected 0 to {HIGHEST}")
-        if len(self._semaphores) >= MOST:
+        if not self._most.allows(len(self._semaphores) + 1):
             raise Refused("full", f"DServer has {MOST} semaphores already")
         self._semaphores[name] = _Semaphore(value=0)
+        self.names.add(name)
         self._set(name, value)
         return True
 
     def delete(self, name: str) -> tuple[bool, tuple[Asked, ...]]:
         """Remove one: whether there was one, and the calls that waited for it, which are to be refused."""
-        semaphore = self._semaphores.pop(name, None)
+        semaphore = self._semaphores.get(name)
         if semaphore is None:
             return False, ()
         self._journal.drop(Key("semaphore", name))
-        for connection in [*self._holds]:
-            while (number := self._held_by(connection, name)) is not None:
-                self._unhold(connection, number)
-        self._waiting -= len(semaphore.waiting)
-        return True, tuple(semaphore.waiting)
+        for connection, number in [*semaphore.holds]:
+            self._unhold(connection, number)
+        waited = tuple(semaphore.waiting)
+        for asked in waited:
+            self._unwait(asked)
+        del self._semaphores[name]
+        self.names.discard(name)
+        return True, waited
 
     # --- taking and giving back ----------------------------------------------------------------------
 
@@ -118,8 +138,8 @@ class Semaphores:
             Refused: "unknown", "timeout" or "full".
         """
         semaphore = self._of(name)
-        if hold and self._held >= MOST:
-            raise Refused("full", f"DServer has {MOST} holds already")
+        if hold and not self._most_held.allows(self._held + 1):
+            raise Refused("full", f"DServer has {MOST_HELD} holds already")
         if semaphore.value > 0:
             self._set(name, semaphore.value - 1)
             if hold:
@@ -127,10 +147,12 @@ class Semaphores:
             return None
         if wait_ns is not None and wait_ns <= 0:
             raise timed_out(name)
-        if self._waiting >= MOST_WAITING:
+        if not self._most_waiting.allows(self._waiting + 1):
             raise Refused("full", f"DServer has {MOST_WAITING} calls that wait already")
         until_ns = None if wait_ns is None or wait_ns >= FOR_EVER_NS else now_ns + wait_ns
-        semaphore.waiting[asked] = waiter = Waiter(asked, name, until_ns, hold)
+        waiter = Waiter(asked, name, until_ns, hold)
+        semaphore.waiting[asked] = waiter
+        self._waits.setdefault(asked.caller.connection, {})[asked] = waiter
         self._waiting += 1
         return waiter
 
@@ -162,11 +184,8 @@ class Semaphores:
 
         Gives the numbers of its calls by which it held, and the calls of others that are granted by that.
         """
-        if self._waiting:
-            for semaphore in self._semaphores.values():
-                for asked in [a for a in semaphore.waiting if a.caller.connection == connection]:
-                    del semaphore.waiting[asked]
-                    self._waiting -= 1
+        for asked in [*self._waits.get(connection, ())]:
+            self._unwait(asked)
         held = tuple(self._holds.get(connection, {}).items())
         granted = []
         for number, name in held:
@@ -185,27 +204,26 @@ class Semaphores:
     @property
     def wake_at(self) -> int | None:
         """When the patience of somebody who waits ends."""
-        waiters = (w for semaphore in self._semaphores.values() for w in semaphore.waiting.values())
-        return min((w.until_ns for w in waiters if w.until_ns is not None), default=None)
+        return min((w.until_ns for w in self._waiters() if w.until_ns is not None), default=None)
 
     def expire(self, now_ns: int) -> tuple[Waiter, ...]:
         """Who has waited for as long as it would; their calls are to be refused."""
-        late = []
-        for semaphore in self._semaphores.values():
-            for asked, waiter in [*semaphore.waiting.items()]:
-                if waiter.until_ns is not None and now_ns >= waiter.until_ns:
-                    del semaphore.waiting[asked]
-                    self._waiting -= 1
-                    late.append(waiter)
-        return tuple(late)
+        late = tuple(w for w in self._waiters() if w.until_ns is not None and now_ns >= w.until_ns)
+        for waiter in late:
+            self._unwait(waiter.asked)
+        return late
 
     def load(self, entries: Mapping[Key, bytes]) -> None:
         """Take over what a store had of the kinds "semaphore" and "hold"."""
         for key, data in entries.items():
             if key.kind == "semaphore":
                 self._semaphores[key.name] = _Semaphore(value=_values.decode(data))
-            elif key.kind == "hold":
-                self._holds.setdefault(key.name, {})[key.slot] = _names.decode(data)
+        self.names.update(self._semaphores)
+        for key, data in entries.items():
+            if key.kind == "hold":
+                name = _names.decode(data)
+                self._holds.setdefault(key.name, {})[key.slot] = name
+                self._semaphores[name].holds[key.name, key.slot] = None
                 self._held += 1
 
     # --- its parts -----------------------------------------------------------------------------------
@@ -225,21 +243,32 @@ class Semaphores:
         if not semaphore.waiting:
             self._set(name, semaphore.value + 1)
             return None
-        asked, first = semaphore.waiting.popitem(last=False)
-        self._waiting -= 1
+        first = next(iter(semaphore.waiting.values()))
+        self._unwait(first.asked)
         if first.hold:
-            self._hold(asked, name)
-        return asked
+            self._hold(first.asked, name)
+        return first.asked
+
+    def _waiters(self) -> Iterator[Waiter]:
+        return (waiter for waits in self._waits.values() for waiter in waits.values())
+
+    def _unwait(self, asked: Asked) -> None:
+        waits = self._waits[asked.caller.connection]
+        del self._semaphores[waits.pop(asked).name].waiting[asked]
+        if not waits:
+            del self._waits[asked.caller.connection]
+        self._waiting -= 1
 
     def _hold(self, asked: Asked, name: str) -> None:
         connection, number = asked.caller.connection, asked.number
         self._holds.setdefault(connection, {})[number] = name
+        self._semaphores[name].holds[connection, number] = None
         self._held += 1
         self._journal.put(Key("hold", connection, number), _encode(name))
 
     def _unhold(self, connection: str, number: int) -> None:
         held = self._holds[connection]
-        del held[number]
+        del self._semaphores[held.pop(number)].holds[connection, number]
         if not held:
             del self._holds[connection]
         self._held -= 1

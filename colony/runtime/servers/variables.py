@@ -1,36 +1,42 @@
 """DServer's variables: named values with a history each (thesis section 4.6.1, "Ordinary Variables").
 
-Values are kept in msgpack, as they came. Those that a sensor can bind to are kept as numbers too, for frames.
-A history of length n is a ring: the value set as number i of its variable is in slot i mod n, so that in the
-store, too, a new value takes the place of the oldest.
+Values are kept in msgpack, as they came. What frames show of them is `showing.py`.
+The store has each value of a history in a slot of its own (see `_Variable.slot`).
 """
 
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
+from itertools import islice
 from typing import NamedTuple
 
 import msgspec
 
 from colony.ir.types import Value
 from colony.runtime.calls import Refused
-from colony.runtime.messages import Sample
+from colony.runtime.servers.bounds import Bound
+from colony.runtime.servers.naming import Names
 from colony.runtime.servers.publishing import Fields
+from colony.runtime.servers.showing import FRAME_SPACE, Showing, Shown, showing
 from colony.runtime.store import Journal, Key
 
+MOST = 20_000
+"""Variables."""
+
 VALUE_BYTES = 1 << 20
-"""Of the largest value, in msgpack."""
+"""The largest value, in msgpack."""
+
+READ_BYTES = 1 << 14
+"""Values up to this size are read before they are taken: text must be UTF-8, and keys what can be keys. Of
+larger ones only the structure is known to be msgpack, as reading them could take a fifth of a second."""
 
 HISTORY_LENGTH = 10_000
-"""Of the longest history."""
+"""The longest history."""
 
-SPACE = 1 << 28
+SPACE = 1 << 26
 """Bytes that all variables with their histories may take; each value counts for `OVERHEAD` more."""
-
-FRAME_SPACE = 1 << 20
-"""Bytes that the values in a frame may take."""
 
 OVERHEAD = 100
 
@@ -50,11 +56,11 @@ class Dating(NamedTuple):
 
 
 class Prepared(NamedTuple):
-    """A value that may be set: in msgpack, and what frames show of it, None where they cannot."""
+    """A value that may be set: in msgpack, and what frames show of it."""
 
     name: str
     data: bytes
-    shown: Value | None
+    shown: Showing
 
 
 @dataclass(frozen=False, slots=True, kw_only=True)
@@ -62,7 +68,12 @@ class _Variable:
     length: int
     turn: int = 0
     values: deque[Dating] = field(default_factory=deque)
-    shown_bytes: int = 0
+    shown_size: int = 0
+
+    def slot(self, turn: int) -> int:
+        """Where the store has the value of a turn: the same place for every length but 1, so that a history
+        that gets longer or shorter leaves its values where they are."""
+        return 0 if self.length == 1 else turn % HISTORY_LENGTH
 
 
 class Variables:
@@ -70,35 +81,63 @@ class Variables:
 
     Args:
         journal: where changes go.
-        space, frame_space: the limits above.
+        space, frame_space: the limits of `SPACE` and of frames.
     """
 
     def __init__(self, journal: Journal, *, space: int = SPACE, frame_space: int = FRAME_SPACE) -> None:
         self._journal = journal
-        self._space, self._frame_space = space, frame_space
-        self._used = self._frame_used = 0
+        self._space = Bound("values of variables", space, in_bytes=True)
+        self._most = Bound("variables", MOST)
+        self._used = 0
         self._variables: dict[str, _Variable] = {}
-        self._shown: dict[str, Sample] = {}
-        self._fields: Fields | None = None
+        self._shown = Shown(frame_space)
         self._held: set[str] = set()
+        self.names = Names()
 
     # --- what there is -------------------------------------------------------------------------------
 
+    @property
+    def reached(self) -> tuple[str, ...]:
+        """Sentences about bounds that are or were reached."""
+        count = self._most.reached(len(self._variables))
+        return (*count, *self._space.reached(self._used), *self._shown.reached)
+
     def fields(self, now_ns: int) -> Fields:
-        """What a frame shows: every variable whose present value is a number, a bool, or a list of them.
+        """What a frame shows: the variables that were asked for whose present value is a number, a bool, or a
+        list of them.
 
         As long as nothing changes it is the same object, so that the frames that are kept share it.
         """
-        if self._held:
-            held = {name: self._shown[name]._replace(t_ns=now_ns) for name in self._held}
-            return self._shown | held
-        if self._fields is None:
-            self._fields = self._shown.copy()
-        return self._fields
+        shown = self._shown.fields()
+        held = {
+            name: sample._replace(t_ns=now_ns)
+            for name in self._held
+            if (sample := shown.get(name)) is not None
+        }
+        return {**shown, **held} if held else shown
 
-    def names(self) -> list[str]:
-        """Every variable, in order."""
-        return sorted(self._variables)
+    def expect_frames_with(self, names: Iterable[str]) -> None:
+        """Make sure that frames have room for these variables, too.
+
+        Raises:
+            Refused: "full".
+        """
+        known = (self._variables.get(name) for name in names)
+        self._shown.expect_room(sum(variable.shown_size for variable in known if variable is not None))
+
+    def show(self, names: Iterable[str]) -> None:
+        """Have frames show these variables, too, also those that are set only later."""
+        for name in names:
+            self._shown.want(name)
+            variable = self._variables.get(name)
+            if variable is not None and 0 < variable.shown_size <= self._shown.space:
+                present = variable.values[-1]
+                self._shown.put(name, showing(name, present.data), present.t_ns)
+
+    def hide(self, names: Iterable[str]) -> None:
+        """Have frames show these no more."""
+        for name in names:
+            self._shown.unwant(name)
 
     def has(self, name: str) -> bool:
         """Whether there is one of this name."""
@@ -129,15 +168,15 @@ class Variables:
             raise Refused("unset", f"DServer: there is no value {back} of `{name}` yet; it was set {times}")
         return variable.values[back - 1]
 
-    def history(self, name: str) -> Iterator[Dating]:
-        """All values kept, the present one first.
+    def history(self, name: str, back: int = 0) -> Iterator[Dating]:
+        """All values kept from the value `-back` times before the present one on, the newest first.
 
         Raises:
             Refused: "unknown".
         """
         if name not in self._variables:
             raise unknown(name)
-        return reversed(self._variables[name].values)
+        return islice(reversed(self._variables[name].values), max(0, -back), None)
 
     # --- changes -------------------------------------------------------------------------------------
 
@@ -148,39 +187,47 @@ class Variables:
             Refused: "full"; nothing is set then.
         """
         growth = frame_growth = 0
+        new = 0
         for one in prepared:
             variable = self._variables.get(one.name)
             growth += _cost(one.data)
-            frame_growth += _frame_cost(one)
+            frame_growth += self._shown.growth(one.name, one.shown.size)
             if variable is None:
                 growth += OVERHEAD + len(one.name)
-            else:
-                frame_growth -= variable.shown_bytes
-                if len(variable.values) == variable.length:
-                    growth -= _cost(variable.values[0].data)
-        if growth > 0 and self._used + growth > self._space:
-            raise Refused("full", f"DServer has no room for more than {self._space} bytes of values")
-        if frame_growth > 0 and self._frame_used + frame_growth > self._frame_space:
-            text = f"DServer's frames have no room for more than {self._frame_space} bytes of numbers"
-            raise Refused("full", text)
+                new += 1
+            elif len(variable.values) == variable.length:
+                growth -= _cost(variable.values[0].data)
+        self._expect_room(growth, new)
+        self._shown.expect_room(frame_growth)
         for one in prepared:
             self.put(one, now_ns)
 
     def put(self, one: Prepared, now_ns: int) -> None:
         """Set one variable, whatever room there is."""
-        name, data, _ = one
+        name, data, shown = one
         if name in self._held:
             self._let_go(name)
         variable = self._variables.get(name) or self._make(name, 1)
         values = variable.values
-        if len(values) == variable.length:
-            self._used -= _cost(values.popleft().data)
         dating = Dating(variable.turn, now_ns, data)
+        slot = variable.slot(dating.turn)
+        if len(values) == variable.length:
+            oldest = values.popleft()
+            self._used -= _cost(oldest.data)
+            if variable.slot(oldest.turn) != slot:
+                self._journal.drop(Key("value", name, variable.slot(oldest.turn)))
         variable.turn += 1
         values.append(dating)
         self._used += _cost(data)
-        self._journal.put(Key("value", name, dating.turn % variable.length), _encode(dating))
-        self._show(one, variable, now_ns)
+        self._journal.put(Key("value", name, slot), _encode(dating))
+        variable.shown_size = shown.size
+        self._shown.put(name, shown, now_ns)
+
+    def _expect_room(self, growth: int, new: int) -> None:
+        if new and not self._most.allows(len(self._variables) + new):
+            raise Refused("full", f"DServer has no room for more than {self._most.most} variables")
+        if growth > 0 and not self._space.allows(self._used + growth):
+            raise Refused("full", f"DServer has no room for more than {self._space.most} bytes of values")
 
     def hold(self, held: Mapping[str, Value]) -> None:
         """Set these as if somebody set them in every frame, each until it is set once more; and no others."""
@@ -202,18 +249,17 @@ class Variables:
             )
         variable = self._variables.get(name)
         if variable is None:
-            if self._used + OVERHEAD + len(name) > self._space:
-                raise Refused("full", f"DServer has no room for more than {self._space} bytes of values")
+            self._expect_room(OVERHEAD + len(name), 1)
             self._make(name, length)
             return
-        for dating in variable.values:
-            self._journal.drop(Key("value", name, dating.turn % variable.length))
-        variable.length = length
         while len(variable.values) > length:
-            self._used -= _cost(variable.values.popleft().data)
+            oldest = variable.values.popleft()
+            self._used -= _cost(oldest.data)
+            self._journal.drop(Key("value", name, variable.slot(oldest.turn)))
+        before = {dating.turn: variable.slot(dating.turn) for dating in variable.values}
+        variable.length = length
         self._journal.put(Key("variable", name), _encode(length))
-        for dating in variable.values:
-            self._journal.put(Key("value", name, dating.turn % length), _encode(dating))
+        self._move(name, variable, before)
 
     def delete(self, name: str) -> bool:
         """Remove a variable; False where there is none."""
@@ -222,11 +268,10 @@ class Variables:
             return False
         self._journal.drop(Key("variable", name))
         for dating in variable.values:
-            self._journal.drop(Key("value", name, dating.turn % variable.length))
+            self._journal.drop(Key("value", name, variable.slot(dating.turn)))
         self._used -= OVERHEAD + len(name) + sum(_cost(dating.data) for dating in variable.values)
-        self._frame_used -= variable.shown_bytes
-        self._shown.pop(name, None)
-        self._fields = None
+        self._shown.drop(name)
+        self.names.discard(name)
         if name in self._held:
             self._let_go(name)
         return True
@@ -240,20 +285,18 @@ class Variables:
 
     def _make(self, name: str, length: int) -> _Variable:
         variable = self._variables[name] = _Variable(length=length)
+        self.names.add(name)
         self._used += OVERHEAD + len(name)
         self._journal.put(Key("variable", name), _encode(length))
         return variable
 
-    def _show(self, one: Prepared, variable: _Variable, t_ns: int) -> None:
-        cost = _frame_cost(one)
-        if one.shown is not None or variable.shown_bytes:
-            self._fields = None
-        self._frame_used += cost - variable.shown_bytes
-        variable.shown_bytes = cost
-        if one.shown is not None:
-            self._shown[one.name] = Sample(one.shown, t_ns)
-        elif one.name in self._shown:
-            del self._shown[one.name]
+    def _move(self, name: str, variable: _Variable, before: Mapping[int, int]) -> None:
+        """Put values to where they belong, from the slots in which they are by their turns."""
+        moved = [dating for dating in variable.values if before[dating.turn] != variable.slot(dating.turn)]
+        for dating in moved:
+            self._journal.drop(Key("value", name, before[dating.turn]))
+        for dating in moved:
+            self._journal.put(Key("value", name, variable.slot(dating.turn)), _encode(dating))
 
     # --- from the store ------------------------------------------------------------------------------
 
@@ -263,48 +306,41 @@ class Variables:
             if key.kind == "variable":
                 self._variables[key.name] = _Variable(length=_lengths.decode(data))
                 self._used += OVERHEAD + len(key.name)
-        kept = [(key.name, _datings.decode(d)) for key, d in entries.items() if key.kind == "value"]
-        for name, dating in sorted(kept, key=lambda one: one[1].turn):
-            variable = self._variables[name]
+        self.names.update(self._variables)
+        kept = [(key, _datings.decode(data)) for key, data in entries.items() if key.kind == "value"]
+        slots: dict[str, dict[int, int]] = {}
+        for key, dating in sorted(kept, key=lambda one: one[1].turn):
+            variable = self._variables[key.name]
             variable.values.append(dating)
             variable.turn = dating.turn + 1
             self._used += _cost(dating.data)
-            self._show(prepared(name, dating.data), variable, dating.t_ns)
+            slots.setdefault(key.name, {})[dating.turn] = key.slot
+        for name, before in slots.items():
+            variable = self._variables[name]
+            variable.shown_size = showing(name, variable.values[-1].data).size
+            self._move(name, variable, before)
         if _HELD in entries:
-            self._held = {name for name in _names.decode(entries[_HELD]) if name in self._shown}
+            self._held = {name for name in _names.decode(entries[_HELD]) if name in self._variables}
 
     def age(self, now_ns: int, *, all_of_them: bool) -> None:
-        """Make values old whose times are of another clock: those of the future, or `all_of_them`."""
+        """Make values old whose times are of another clock: those of the future, or `all_of_them`; at the
+        start, before frames show any."""
         for name, variable in self._variables.items():
             for dating in [*variable.values]:
                 if all_of_them or dating.t_ns > now_ns:
                     dating = dating._replace(t_ns=now_ns - LONG_AGO_NS)
-                    self._journal.put(Key("value", name, dating.turn % variable.length), _encode(dating))
+                    self._journal.put(Key("value", name, variable.slot(dating.turn)), _encode(dating))
                 variable.values.rotate(-1)
                 variable.values[-1] = dating
-            if name in self._shown:
-                self._fields = None
-                self._shown[name] = self._shown[name]._replace(t_ns=variable.values[-1].t_ns)
 
 
-def named(name: str) -> str:
-    """A name that a variable or semaphore may have.
-
-    Raises:
-        Refused: "arguments".
-    """
-    try:
-        size = len(name.encode())
-    except UnicodeEncodeError:
-        raise Refused("arguments", f"DServer: the name {name!a} cannot be put into UTF-8") from None
-    if not 1 <= size <= 255:
-        shown = f"`{name[:20]}...`" if name else "``"
-        raise Refused("arguments", f"DServer: the name {shown} has {size} bytes; expected 1 to 255")
-    return name
-
-
-def prepared(name: str, value: msgspec.Raw | bytes) -> Prepared:
+def prepared(name: str, value: msgspec.Raw | bytes, *, readable: bool = True) -> Prepared:
     """A value that came, checked, and apart from the message that it came in.
+
+    Args:
+        name: of the variable.
+        value: in msgpack; its structure was checked when the message was decoded.
+        readable: whether to read it, so that what nobody could read is refused (see `READ_BYTES`).
 
     Raises:
         Refused: "arguments" for what is no msgpack, "size" for what is too large.
@@ -313,10 +349,13 @@ def prepared(name: str, value: msgspec.Raw | bytes) -> Prepared:
     if len(data) > VALUE_BYTES:
         text = f"DServer: the value of `{name}` has {len(data)} bytes; expected at most {VALUE_BYTES}"
         raise Refused("size", text)
+    shown = showing(name, data)
     try:
-        return Prepared(name, data, _shown(_anything.decode(data)))
+        if readable and shown.value is None and len(data) <= READ_BYTES:
+            _anything.decode(data)
     except (msgspec.DecodeError, ValueError, TypeError, RecursionError) as problem:
         raise Refused("arguments", f"DServer: the value of `{name}`: {problem}") from None
+    return Prepared(name, data, shown)
 
 
 def unknown(name: str) -> Refused:
@@ -324,26 +363,8 @@ def unknown(name: str) -> Refused:
     return Refused("unknown", f"DServer has no variable `{name}`")
 
 
-def _shown(value: object) -> Value | None:
-    if isinstance(value, (float, bool)):
-        return value
-    if isinstance(value, int):
-        return float(value)
-    if isinstance(value, list) and value:
-        elements = tuple(float(v) if type(v) is int else v for v in value)
-        return elements if all(type(e) is float or type(e) is bool for e in elements) else None
-    return None
-
-
 def _cost(data: bytes) -> int:
     return len(data) + OVERHEAD
-
-
-def _frame_cost(one: Prepared) -> int:
-    if one.shown is None:
-        return 0
-    numbers = len(one.shown) if isinstance(one.shown, tuple) else 1
-    return len(one.name) * 4 + 9 * numbers + 16
 
 
 def encoded(value: Value) -> bytes:

@@ -6,16 +6,24 @@ connection that is opened again goes on with it, and is told the present values,
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping
+from collections import Counter
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 
 import msgspec
 
 from colony.runtime.calls import Refused
+from colony.runtime.servers.bounds import Bound
 from colony.runtime.store import Journal, Key
 
-MOST = 10_000
-"""How many names and prefixes one connection may watch."""
+MOST = 2_000
+"""Names and prefixes that one connection may watch."""
+
+MOST_NAMES = 20_000
+"""Names that all connections may watch together."""
+
+MOST_PREFIXES = 1_000
+"""Prefixes that all connections may watch together."""
 
 KEPT_NS = 60_000_000_000
 """For how long it is kept what a lost connection watched."""
@@ -36,22 +44,27 @@ class Watches:
         self._watches: dict[str, _Watch] = {}
         self._by_name: dict[str, dict[str, None]] = {}
         self._by_prefix: dict[str, dict[str, None]] = {}
+        self._lengths: Counter[int] = Counter()  # of the prefixes
+        self._names = self._prefixes = 0
+        self._most_names = Bound("names watched", MOST_NAMES)
+        self._most_prefixes = Bound("prefixes watched", MOST_PREFIXES)
 
-    def watchers(self, name: str) -> Iterable[str]:
+    @property
+    def reached(self) -> tuple[str, ...]:
+        """Sentences about bounds that are or were reached."""
+        return (*self._most_names.reached(self._names), *self._most_prefixes.reached(self._prefixes))
+
+    def watchers(self, name: str) -> Collection[str]:
         """The connections that watch a variable, each once."""
         found = self._by_name.get(name, _NOBODY)
-        for prefix, connections in self._by_prefix.items():
-            if name.startswith(prefix):
-                found = found | connections
+        for length in self._lengths:
+            found = found | self._by_prefix.get(name[:length], _NOBODY)
         return found
 
-    def of(self, connection: str, names: Callable[[], Iterable[str]]) -> list[str]:
-        """Those of all variables that a connection watches; `names` gives all."""
+    def of(self, connection: str) -> tuple[Iterable[str], Iterable[str]]:
+        """The names and the prefixes that a connection watches."""
         watch = self._watches.get(connection)
-        if watch is None:
-            return []
-        prefixes = tuple(watch.prefixes)
-        return [name for name in names() if name in watch.names or name.startswith(prefixes)]
+        return ((), ()) if watch is None else (watch.names, watch.prefixes)
 
     def add(self, connection: str, names: Iterable[str], prefixes: Iterable[str]) -> None:
         """Watch these too.
@@ -60,12 +73,17 @@ class Watches:
             Refused: "full".
         """
         watch = self._watches.get(connection, _Watch())
-        names, prefixes = dict.fromkeys(names), dict.fromkeys(prefixes)
-        if len(watch.names | names) + len(watch.prefixes | prefixes) > MOST:
+        names = [name for name in dict.fromkeys(names) if name not in watch.names]
+        prefixes = [prefix for prefix in dict.fromkeys(prefixes) if prefix not in watch.prefixes]
+        if len(watch.names) + len(names) + len(watch.prefixes) + len(prefixes) > MOST:
             raise Refused("full", f"DServer: a connection watches at most {MOST} names and prefixes")
+        if not self._most_names.allows(self._names + len(names)):
+            raise Refused("full", f"DServer: connections watch {MOST_NAMES} names already")
+        if not self._most_prefixes.allows(self._prefixes + len(prefixes)):
+            raise Refused("full", f"DServer: connections watch {MOST_PREFIXES} prefixes already")
         self._watches[connection] = watch
-        watch.names |= names
-        watch.prefixes |= prefixes
+        watch.names |= dict.fromkeys(names)
+        watch.prefixes |= dict.fromkeys(prefixes)
         self._index(connection, names, prefixes)
         self._note(connection, watch)
 
@@ -74,15 +92,17 @@ class Watches:
         watch = self._watches.get(connection)
         if watch is None:
             return
-        for table, own, gone in (
-            (self._by_name, watch.names, names),
-            (self._by_prefix, watch.prefixes, prefixes),
-        ):
-            for one in gone:
-                if one in own:
-                    del own[one], table[one][connection]
-                    if not table[one]:
-                        del table[one]
+        for name in dict.fromkeys(names):
+            if name in watch.names:
+                del watch.names[name]
+                self._names -= 1
+                _unindex(self._by_name, name, connection)
+        for prefix in dict.fromkeys(prefixes):
+            if prefix in watch.prefixes:
+                del watch.prefixes[prefix]
+                self._prefixes -= 1
+                if _unindex(self._by_prefix, prefix, connection):
+                    self._lengths -= Counter((len(prefix),))
         self._note(connection, watch)
 
     def forget(self, connection: str) -> None:
@@ -123,7 +143,10 @@ class Watches:
                 self._watches[key.name] = watch
                 self._index(key.name, names, prefixes)
 
-    def _index(self, connection: str, names: Iterable[str], prefixes: Iterable[str]) -> None:
+    def _index(self, connection: str, names: Sequence[str], prefixes: Sequence[str]) -> None:
+        self._names += len(names)
+        self._prefixes += len(prefixes)
+        self._lengths.update(len(prefix) for prefix in prefixes if prefix not in self._by_prefix)
         for table, new in ((self._by_name, names), (self._by_prefix, prefixes)):
             for one in new:
                 table.setdefault(one, {})[connection] = None
@@ -134,6 +157,15 @@ class Watches:
         else:
             del self._watches[connection]
             self._journal.drop(Key("watch", connection))
+
+
+def _unindex(table: dict[str, dict[str, None]], one: str, connection: str) -> bool:
+    """Remove a connection; whether it was the last."""
+    del table[one][connection]
+    if table[one]:
+        return False
+    del table[one]
+    return True
 
 
 _NOBODY: dict[str, None] = {}

@@ -1,0 +1,185 @@
+"""`colony data`: the variables of a robot's DServer."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, TypeVar
+
+import click
+import msgspec
+
+from colony.cli.exit_codes import EXIT_ERRORS
+from colony.cli.places import (
+    HERE,
+    connect_option,
+    place_of,
+    problems_told,
+    running_robots,
+    security_option,
+    session_with,
+)
+from colony.cli.reporting import say
+
+if TYPE_CHECKING:
+    from colony.runtime.kit.connection import Connection
+
+F = TypeVar("F", bound=Callable[..., Any])
+
+SERVER = "DServer"
+PAGE = 1000
+"""Names that are asked for at a time."""
+
+
+@click.group(name="data", short_help="list, read, set and delete shared variables")
+def command() -> None:
+    """List, read, set and delete the variables that the processes of a robot share (DServer).
+
+    Values are JSON. Exit code 0, 1 where DServer refuses, 2 where there is no such robot.
+
+    \b
+    Example:
+      colony data list
+      colony data get Pose --robot rome
+      colony data set GoalDirection 270.0
+      colony data delete GoalDirection GoalDistance
+    """
+
+
+def _place_options(function: F) -> F:
+    robot = click.option("--robot", metavar="NAME", help="Which robot, where several run on this machine.")
+    return robot(connect_option()(security_option()(function)))
+
+
+@command.command(name="list", short_help="list the names of variables")
+@click.argument("prefix", default="")
+@_place_options
+@click.option("--format", "format_", type=click.Choice(["text", "json"]), default="text", show_default=True)
+def list_names(
+    prefix: str, robot: str | None, connect: str | None, security: Path | None, format_: str
+) -> None:
+    """List the names of all variables, or of those that begin with PREFIX.
+
+    \b
+    Example:
+      colony data list Goal
+      colony data list --format json
+    """
+    with _dserver(robot, connect, security) as server:
+        names = list(_names(server, prefix))
+    if format_ == "json":
+        click.echo(msgspec.json.encode(names).decode())
+    else:
+        for name in names:
+            click.echo(name)
+
+
+@command.command(short_help="show the value of a variable")
+@click.argument("name")
+@_place_options
+def get(name: str, robot: str | None, connect: str | None, security: Path | None) -> None:
+    """Show the present value of the variable NAME, as JSON; bytes are shown in base64.
+
+    \b
+    Example:
+      colony data get Pose
+    """
+    from colony.runtime.library import data
+
+    with _dserver(robot, connect, security) as server:
+        value = server.do(data.get(name))
+    try:
+        click.echo(msgspec.json.encode(value).decode())
+    except (TypeError, ValueError) as problem:
+        raise click.ClickException(f"the value of `{name}` cannot be shown as JSON: {problem}") from None
+
+
+@command.command(
+    name="set", short_help="give a variable a value", context_settings={"ignore_unknown_options": True}
+)
+@click.argument("name")
+@click.argument("value")
+@_place_options
+def set_value(name: str, value: str, robot: str | None, connect: str | None, security: Path | None) -> None:
+    """Give the variable NAME a VALUE, which is JSON: text stands in quotes.
+
+    \b
+    Example:
+      colony data set GoalDirection -90.5
+      colony data set Door '"103"'
+      colony data set Place '[1200.0, 800.0]'
+    """
+    from colony.runtime.library import data
+
+    try:
+        ask = data.set(name, msgspec.json.decode(value))
+    except (msgspec.DecodeError, UnicodeError, OverflowError, RecursionError) as problem:
+        raise click.UsageError(f"VALUE is no JSON that fits: {problem}; text stands in quotes") from None
+    with _dserver(robot, connect, security) as server:
+        server.do(ask)
+
+
+@command.command(short_help="delete variables")
+@click.argument("names", metavar="NAME...", nargs=-1, required=True)
+@_place_options
+def delete(names: tuple[str, ...], robot: str | None, connect: str | None, security: Path | None) -> None:
+    """Delete variables with their histories, also where DServer is full.
+
+    Exit code 1 where one of them is not there; the others are deleted.
+
+    \b
+    Example:
+      colony data delete GoalDirection GoalDistance
+    """
+    from colony.runtime.library import data
+
+    with _dserver(robot, connect, security) as server:
+        missing = [name for name in names if not server.do(data.delete(name))]
+    for name in missing:
+        say(f"colony: error: {SERVER} has no variable `{name}`")
+    if missing:
+        raise click.exceptions.Exit(EXIT_ERRORS)
+
+
+# --- DServer ---------------------------------------------------------------------------------------
+
+
+@contextmanager
+def _dserver(robot: str | None, connect: str | None, security: Path | None) -> Iterator[Connection]:
+    """A connection to DServer; what it refuses is said in a line, and is exit code 1."""
+    from colony.runtime.kit.errors import CallRefused
+
+    name = _robot(robot, connect)
+    with (
+        problems_told(),
+        session_with(place_of(name, connect, security)) as session,
+        session.connect(SERVER, name="colony data") as server,
+    ):
+        try:
+            yield server
+        except CallRefused as problem:
+            say(f"colony: error: {problem.message}")
+            raise click.exceptions.Exit(EXIT_ERRORS) from None
+
+
+def _robot(robot: str | None, connect: str | None) -> str:
+    if robot is not None:
+        return robot
+    if connect not in (None, HERE):
+        raise click.UsageError("--connect ENDPOINT also wants --robot NAME: a gateway is that of one robot")
+    names = [name for name, servers in running_robots().items() if SERVER in servers]
+    if not names:
+        raise click.ClickException(f"no robot with a {SERVER} runs on this machine")
+    if len(names) > 1:
+        raise click.UsageError(f"which robot? give --robot NAME: found {', '.join(names)}")
+    return names[0]
+
+
+def _names(server: Connection, prefix: str) -> Iterator[str]:
+    from colony.runtime.library import data
+
+    after = ""
+    while page := server.do(data.names(prefix, after=after, limit=PAGE)):
+        yield from page
+        after = page[-1]

@@ -1,0 +1,62 @@
+"""The names of DServer's variables and semaphores: which may be, and all of them in order."""
+
+from __future__ import annotations
+
+from bisect import bisect_left, bisect_right, insort
+from collections.abc import Iterable, Iterator
+from itertools import islice, takewhile
+from operator import itemgetter
+
+from colony.runtime.calls import Refused
+
+
+class Names:
+    """Names in order. Mutable."""
+
+    def __init__(self) -> None:
+        self._names: list[str] = []
+
+    def add(self, name: str) -> None:
+        """Add a name that is not among them."""
+        insort(self._names, name)
+
+    def update(self, names: Iterable[str]) -> None:
+        """Add many names that are not among them."""
+        self._names = sorted([*self._names, *names])
+
+    def discard(self, name: str) -> None:
+        """Remove a name that is among them."""
+        del self._names[bisect_left(self._names, name)]
+
+    def page(self, prefix: str, after: str, limit: int) -> tuple[str, ...]:
+        """The first `limit` names that begin with `prefix` and come after `after`."""
+        begin = max(bisect_left(self._names, prefix), bisect_right(self._names, after))
+        following = islice(self._names, begin, begin + limit)
+        return tuple(takewhile(lambda name: name.startswith(prefix), following))
+
+    def beginning(self, prefixes: Iterable[str]) -> Iterator[str]:
+        """Each name that begins with one of some prefixes, once, in order."""
+        covered: str | None = None
+        for prefix in sorted(prefixes):
+            if covered is not None and prefix.startswith(covered):
+                continue
+            covered = prefix
+            begin = bisect_left(self._names, prefix)
+            end = bisect_right(self._names, prefix, lo=begin, key=itemgetter(slice(len(prefix))))
+            yield from self._names[begin:end]
+
+
+def named(name: str) -> str:
+    """A name that a variable or semaphore may have.
+
+    Raises:
+        Refused: "arguments".
+    """
+    try:
+        size = len(name.encode())
+    except UnicodeEncodeError:
+        raise Refused("arguments", f"DServer: the name {name[:20]!a} cannot be put into UTF-8") from None
+    if not 1 <= size <= 255:
+        shown = f"`{name[:20]}...`" if name else "``"
+        raise Refused("arguments", f"DServer: the name {shown} has {size} bytes; expected 1 to 255")
+    return name

@@ -1,0 +1,223 @@
+"""What DServer's frames show of its variables: those that were asked for by name, no others.
+
+The program that is deployed asks for what its sensors are bound to, and connections ask by `publish`. So a
+frame is as large as what its readers want, however many variables there are.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Mapping
+from typing import NamedTuple
+
+import msgspec
+
+from colony.ir.types import Value
+from colony.runtime.calls import Refused
+from colony.runtime.messages import Sample
+from colony.runtime.servers.bounds import Bound
+from colony.runtime.servers.publishing import Fields
+from colony.runtime.store import Journal, Key
+
+FRAME_SPACE = 1 << 16
+"""Bytes that the values in a frame may take."""
+
+LONGEST_LIST = (FRAME_SPACE - 16) // 9
+"""Numbers in the longest list that a frame has room for."""
+
+MOST_EACH = 1_000
+"""Names that one connection may ask for in frames."""
+
+MOST_ASKED = 10_000
+"""Names that all connections may ask for in frames, and that a program may read."""
+
+_READS = Key("fact", "reads")
+
+
+class Showing(NamedTuple):
+    """What a frame shows of a value, None where it cannot, and the bytes that it takes, 0 where none."""
+
+    value: Value | None
+    size: int
+
+
+NOTHING = Showing(None, 0)
+"""Of a value that is no number, bool, or list of them."""
+
+
+def showing(name: str, data: bytes) -> Showing:
+    """What a frame shows of the value `data`, in msgpack.
+
+    A list that is too long for any frame has a size, but is not read: its elements may be anything.
+    """
+    length = _list_length(data)
+    if length is not None and length > LONGEST_LIST:
+        return Showing(None, _size(name, length))
+    try:
+        value = _numbers.decode(data)
+    except (msgspec.DecodeError, UnicodeDecodeError, RecursionError):
+        return NOTHING
+    if isinstance(value, tuple):
+        return Showing(value, _size(name, len(value))) if value else NOTHING
+    return Showing(value, _size(name, 1))
+
+
+class Shown:
+    """Mutable: the variables that frames show, with their present values. Those without room are left out."""
+
+    def __init__(self, space: int = FRAME_SPACE) -> None:
+        self.space = space
+        self._bound = Bound("numbers in frames", space, in_bytes=True)
+        self._used = 0
+        self._wanted: set[str] = set()
+        self._samples: dict[str, Sample] = {}
+        self._sizes: dict[str, int] = {}
+        self._fields: Fields | None = None
+
+    @property
+    def reached(self) -> tuple[str, ...]:
+        """Sentences about bounds that are or were reached."""
+        return self._bound.reached(self._used)
+
+    def fields(self) -> Fields:
+        """What a frame shows. As long as nothing changes it is the same object, so that frames share it."""
+        if self._fields is None:
+            self._fields = self._samples.copy()
+        return self._fields
+
+    def growth(self, name: str, size: int) -> int:
+        """By how many bytes frames grow where a variable gets a value of this size."""
+        return size - self._sizes.get(name, 0) if name in self._wanted else 0
+
+    def expect_room(self, growth: int) -> None:
+        """Make sure that frames may grow by so much.
+
+        Raises:
+            Refused: "full".
+        """
+        if growth > 0 and not self._bound.allows(self._used + growth):
+            text = f"DServer's frames have no room for more than {self._bound.most} bytes of numbers"
+            raise Refused("full", text)
+
+    def want(self, name: str) -> None:
+        """Show a variable from now on; `put` tells its present value."""
+        self._wanted.add(name)
+
+    def unwant(self, name: str) -> None:
+        """Show it no more."""
+        self._wanted.discard(name)
+        self.drop(name)
+
+    def put(self, name: str, shown: Showing, t_ns: int) -> None:
+        """A variable has a value."""
+        if name not in self._wanted:
+            return
+        self.drop(name)
+        if shown.size and self._bound.allows(self._used + shown.size) and shown.value is not None:
+            self._fields = None
+            self._samples[name] = Sample(shown.value, t_ns)
+            self._sizes[name] = shown.size
+            self._used += shown.size
+
+    def drop(self, name: str) -> None:
+        """A variable has no value any more."""
+        if self._samples.pop(name, None) is not None:
+            self._fields = None
+            self._used -= self._sizes.pop(name)
+
+
+class Wanted:
+    """Who asked for which variables in frames. Mutable. What the program reads goes into the journal.
+
+    Each method gives the names that are asked for from now on, or no more.
+    """
+
+    def __init__(self, journal: Journal) -> None:
+        self._journal = journal
+        self._run: str | None = None
+        self._reads: tuple[str, ...] = ()
+        self._reading = False
+        self._asked: dict[str, dict[str, None]] = {}  # by connection
+        self._count: dict[str, int] = {}
+        self._bound = Bound("names asked for in frames", MOST_ASKED)
+        self._total = 0
+
+    @property
+    def reached(self) -> tuple[str, ...]:
+        """Sentences about bounds that are or were reached."""
+        return self._bound.reached(self._total)
+
+    def deploy(self, run: str, reads: tuple[str, ...]) -> tuple[str, ...]:
+        """Another program is deployed; gives the names that are asked for no more."""
+        gone = self.frame_of(None)[1]
+        self._run, self._reads = run, tuple(dict.fromkeys(reads))
+        self._journal.put(_READS, _encode((self._run, self._reads)))
+        return gone
+
+    def frame_of(self, run: str | None) -> tuple[tuple[str, ...], tuple[str, ...]]:
+        """A frame of a run begins. The program reads in those of its own; gives what is new and what ends."""
+        reading = run is not None and run == self._run
+        if reading == self._reading:
+            return (), ()
+        self._reading = reading
+        if reading:
+            return tuple(self._add(self._reads)), ()
+        return (), tuple(self._take(self._reads))
+
+    def ask(self, connection: str, names: Iterable[str]) -> tuple[str, ...]:
+        """A connection asks for these too; gives those that nobody asked for before.
+
+        Raises:
+            Refused: "full".
+        """
+        asked = self._asked.get(connection, {})
+        new = [name for name in dict.fromkeys(names) if name not in asked]
+        if len(asked) + len(new) > MOST_EACH:
+            raise Refused("full", f"DServer: a connection asks for at most {MOST_EACH} variables in frames")
+        if not self._bound.allows(self._total + len(new)):
+            raise Refused("full", f"DServer: connections ask for {MOST_ASKED} variables in frames already")
+        self._asked.setdefault(connection, asked).update(dict.fromkeys(new))
+        self._total += len(new)
+        return tuple(self._add(new))
+
+    def lost(self, connection: str) -> tuple[str, ...]:
+        """A connection ended; gives the names that are asked for no more."""
+        gone = self._asked.pop(connection, {})
+        self._total -= len(gone)
+        return tuple(self._take(gone))
+
+    def load(self, entries: Mapping[Key, bytes]) -> None:
+        """Take over what a store had: what the program reads."""
+        if _READS in entries:
+            self._run, self._reads = _reads.decode(entries[_READS])
+
+    def _add(self, names: Iterable[str]) -> Iterator[str]:
+        for name in names:
+            self._count[name] = self._count.get(name, 0) + 1
+            if self._count[name] == 1:
+                yield name
+
+    def _take(self, names: Iterable[str]) -> Iterator[str]:
+        for name in names:
+            self._count[name] -= 1
+            if not self._count[name]:
+                del self._count[name]
+                yield name
+
+
+def _list_length(data: bytes) -> int | None:
+    """The length of a list in msgpack, by its first bytes; None of anything else."""
+    first = data[0] if data else 0
+    if first & 0xF0 == 0x90:
+        return first & 0x0F
+    if first in (0xDC, 0xDD):
+        return int.from_bytes(data[1 : 3 if first == 0xDC else 5], "big")
+    return None
+
+
+def _size(name: str, numbers: int) -> int:
+    return len(name.encode()) + 9 * numbers + 16
+
+
+_encode = msgspec.msgpack.Encoder().encode
+_numbers = msgspec.msgpack.Decoder(float | bool | tuple[float | bool, ...])
+_reads = msgspec.msgpack.Decoder(tuple[str, tuple[str, ...]])

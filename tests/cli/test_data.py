@@ -1,0 +1,89 @@
+"""`colony data`, with a DServer in a process of its own."""
+
+from __future__ import annotations
+
+import json
+import signal
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+from colony.runtime.library import data
+from tests.cli.conftest import Colony
+from tests.cli.machine import ROBOT, Machine, Started, until
+
+
+@pytest.fixture
+def machine(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Machine]:
+    """A machine whose environment is that of this process, too."""
+    made = Machine(tmp_path)
+    for name in ("COLONY_RUN_DIR", "XDG_STATE_HOME"):
+        monkeypatch.setenv(name, made.environment[name])
+    yield made
+    made.close()
+
+
+@pytest.fixture
+def served(machine: Machine) -> Started:
+    """A DServer that robots share, and nothing else."""
+    started = machine.start("serve", "DServer", "--robot", ROBOT)
+    until(lambda: started.ended() or "DServer" in machine.directory.running(), "DServer runs")
+    assert not started.ended(), started.err
+    return started
+
+
+def test_variables_are_set_shown_listed_and_deleted(
+    machine: Machine, served: Started, colony: Colony
+) -> None:
+    for name, value in (
+        ("Goal.x", "-90.5"),
+        ("Goal.y", "[1, true]"),
+        ("Door", '"103"'),
+        ("Map", '{"a": null}'),
+    ):
+        assert colony("data", "set", name, value) == (0, "", "")
+        shown = colony("data", "get", name, "--robot", ROBOT)
+        assert shown.code == 0
+        assert json.loads(shown.out) == json.loads(value)
+    assert colony("data", "list") == (0, "Door\nGoal.x\nGoal.y\nMap\n", "")
+    assert colony("data", "list", "Goal.") == (0, "Goal.x\nGoal.y\n", "")
+    assert json.loads(colony("data", "list", "--format", "json").out) == ["Door", "Goal.x", "Goal.y", "Map"]
+    assert colony("data", "delete", "Door", "Goal.x") == (0, "", "")
+    missing = colony("data", "delete", "Door", "Map", "Goal.x")
+    assert (missing.code, missing.out, missing.err.count("\n")) == (1, "", 2)
+    assert "DServer has no variable `Door`" in missing.err
+    assert colony("data", "list") == (0, "Goal.y\n", "")
+    refused = colony("data", "get", "Door")
+    assert (refused.code, refused.out) == (1, "")
+    assert refused.err == "colony: error: DServer has no variable `Door`\n"
+    served.tell(signal.SIGINT)
+    assert served.wait() == 0
+
+
+def test_more_names_than_one_reply_has(machine: Machine, served: Started, colony: Colony) -> None:
+    with machine.session() as session, session.connect("DServer") as server:
+        for begin in range(0, 2500, 500):
+            server.do(data.set_many({f"V{i:04}": i for i in range(begin, begin + 500)}))
+    assert colony("data", "list").out.split() == [f"V{i:04}" for i in range(2500)]
+
+
+def test_what_json_cannot_show(machine: Machine, served: Started, colony: Colony) -> None:
+    with machine.session() as session, session.connect("DServer") as server:
+        server.do(data.set("Bytes", b"\x00\xff"))
+    assert colony("data", "get", "Bytes") == (0, '"AP8="\n', "")
+
+
+def test_misuse_is_one_line(machine: Machine, colony: Colony) -> None:
+    for arguments, said in (
+        (("list",), "no robot with a DServer runs on this machine"),
+        (("get", "X", "--robot", ROBOT), ROBOT),
+        (("set", "X", "text"), "VALUE is no JSON"),
+        (("set", "X", "1" + "0" * 30 + ".0.0"), "VALUE is no JSON"),
+        (("delete",), "Missing argument"),
+        (("list", "--connect", "tls/rome.lab:7447"), "also wants --robot"),
+        (("list", "--connect", "tls/rome.lab:7447", "--robot", ROBOT), "also wants --security"),
+    ):
+        done = colony("data", *arguments)
+        assert (done.code, done.out, done.err.count("\n")) == (2, "", 1), arguments
+        assert said in done.err
