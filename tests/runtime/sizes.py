@@ -51,7 +51,7 @@ class Incarnations:
 
         It compares the medians of the first and the last third; 0 for fewer than six incarnations.
         """
-        sizes = [max(curve[: NEWEST + 3]) for curve in self.curves if len(curve) >= NEWEST + 3]
+        sizes = [_warm(curve) for curve in self.curves if len(curve) >= WARM_UP_S + NEWEST]
         third = len(sizes) // 3
         return int(median(sizes[-third:]) - median(sizes[:third])) if third >= 2 else 0
 
@@ -65,7 +65,11 @@ class Incarnations:
 def _grown(curve: list[int]) -> int:
     if len(curve) < WARM_UP_S + 2 * NEWEST:
         return 0
-    return max(curve[-NEWEST:]) - max(curve[WARM_UP_S : WARM_UP_S + NEWEST])
+    return max(curve[-NEWEST:]) - _warm(curve)
+
+
+def _warm(curve: list[int]) -> int:
+    return max(curve[WARM_UP_S : WARM_UP_S + NEWEST])
 
 
 class Census:
