@@ -48,10 +48,10 @@ def schedule(
     """
     faults: list[Fault] = []
     for name, freezes_per_s in (*servers.items(), *clients.items()):
-        random = Random(f"{seed} {name}")
+        random = Random(f"kill {seed} {name}")
         first = random.uniform(*FIRST_DEATH_S) if name in servers else _between(random, LIFETIME_S)
         faults += _kills(random, name, first, seconds)
-        faults += _freezes(random, name, freezes_per_s, seconds)
+        faults += _freezes(Random(f"freeze {seed} {name}"), name, freezes_per_s, seconds)
     return sorted(faults)
 
 

@@ -21,6 +21,7 @@ import time
 from collections import Counter
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import Any
 
 from colony.runtime.messages import Verdict
 from tests.cli.machine import Machine, until
@@ -52,6 +53,13 @@ GROWTH = 6 << 20
 
 KILLED = 24 << 10
 """Further bytes for each process that was killed: the network keeps some 10 KB of one that came and went."""
+
+COMPARED = 0.8
+"""Part of the verdicts that the audit has to compare: after a frame that the leader could not observe,
+there is nothing to compare."""
+
+AUDITED = ("frames", "compared", "late", "lost", "idled", "unheard", "unknown", "restarts")
+"""Counts of the audit to print."""
 
 DRIFT = 3 << 20
 """Bytes by which late incarnations of a process may be larger than early ones."""
@@ -102,8 +110,8 @@ class Figures:
     freezes: Counter[str] = field(default_factory=Counter)
     strange: tuple[str, ...] = ()
     disagreements: int = 0
-    audit: str = ""
-    audited: str = ""
+    well_again_s: float = 0.0
+    audit: dict[str, Any] = field(default_factory=dict)
     census: Census = field(default_factory=Census)
     stage: Incarnations = field(default_factory=Incarnations)
 
@@ -124,7 +132,11 @@ class Figures:
             found.append(f"{self.seen.violations} verdicts with two active clients")
         if self.disagreements:
             found.append(f"{self.disagreements} disagreements")
-        return found + ([self.audit] if self.audit else [])
+        if not self.audit["agrees"]:
+            found.append(f"the audit differs: {self.audit['first']}")
+        if self.audit["compared"] < COMPARED * self.seen.frames:
+            found.append(f"only {self.audit['compared']} decisions could be audited")
+        return found
 
     @property
     def expected_frames(self) -> float:
@@ -139,7 +151,8 @@ class Figures:
             f"{seen.gaps} outages of {seen.outage_s:.1f} s in all, the longest {seen.longest_s:.1f} s",
             f"{self.freezes.total()} freezes, {self.kills.total()} kills",
             f"{seen.unheard} client-frames late or lost ({seen.unheard / max(1, seen.frames):.1f} a frame)",
-            *self.audited.splitlines(),
+            f"well again {self.well_again_s:.1f} s after the last fault",
+            ", ".join(f"{n} {self.audit[n]}" for n in AUDITED),
             "process      kills freezes  growth   drift  (KiB); the longest life in MiB",
         ]
         processes = self.census.processes
@@ -203,9 +216,9 @@ def soak(folder: Path, *, seconds: float, seed: int) -> Figures:
             run.close()
         figures.strange = tuple(_STRANGE.findall(run.started.err))
         figures.disagreements = len(json.loads(run.started.out)["disagreements"])
-        audit = machine.run("audit", str(run.started.folder / "run.mcap"))
-        figures.audited = audit.out.rstrip()
-        figures.audit = "" if audit.process.returncode == 0 else audit.out + audit.err
+        audit = machine.run("audit", str(run.started.folder / "run.mcap"), "--format", "json")
+        assert audit.process.returncode in (0, 1), audit.err
+        figures.audit = json.loads(audit.out)
     finally:
         machine.close()
     return figures
@@ -233,6 +246,7 @@ def _soak(run: Run, figures: Figures, seed: int) -> None:
     ended = run.now()
     until(lambda: run.ended() or run.well(ended), "all clients are there in the end")
     until(lambda: run.ended() or not run.machine.stands(), "the robot is driven in the end")
+    figures.well_again_s = (run.now() - ended) / 1e9
     assert not run.ended(), run.started.err
 
 
