@@ -10,6 +10,9 @@ from statistics import median
 WARM_UP_S = 10
 """Age in seconds at which a process has what it needs; growth counts from here."""
 
+STARTED = 0.75
+"""Part of its last size at which a process has started."""
+
 NEWEST = 3
 """Number of samples, a second apart, of which the largest counts at each end of a curve."""
 
@@ -51,7 +54,8 @@ class Incarnations:
 
         It compares the medians of the first and the last third; 0 for fewer than six incarnations.
         """
-        sizes = [_warm(curve) for curve in self.curves if len(curve) >= WARM_UP_S + NEWEST]
+        warm = [(curve, _warm_at(curve)) for curve in self.curves]
+        sizes = [max(curve[at : at + NEWEST]) for curve, at in warm if len(curve) >= at + NEWEST]
         third = len(sizes) // 3
         return int(median(sizes[-third:]) - median(sizes[:third])) if third >= 2 else 0
 
@@ -63,13 +67,16 @@ class Incarnations:
 
 
 def _grown(curve: list[int]) -> int:
-    if len(curve) < WARM_UP_S + 2 * NEWEST:
+    begin = _warm_at(curve)
+    if len(curve) < begin + 2 * NEWEST:
         return 0
-    return max(curve[-NEWEST:]) - _warm(curve)
+    return max(curve[-NEWEST:]) - max(curve[begin : begin + NEWEST])
 
 
-def _warm(curve: list[int]) -> int:
-    return max(curve[WARM_UP_S : WARM_UP_S + NEWEST])
+def _warm_at(curve: list[int]) -> int:
+    """Return the index at which a process has warmed up; on a busy machine its start may take long."""
+    started = next((i for i, size in enumerate(curve) if size >= STARTED * curve[-1]), 0)
+    return started + WARM_UP_S
 
 
 class Census:
