@@ -48,11 +48,11 @@ OUTAGE_S = 3.0
 GAP_S = 0.5
 """Time without verdicts that counts as an outage."""
 
-GROWTH = 6 << 20
+GROWTH = 8 << 20
 """Bytes that a process may gain after its warm-up: servers keep 2000 frames, which take 100 s to come."""
 
 KILLED = 24 << 10
-"""Further bytes for each process that was killed: the network keeps some 10 KB of one that came and went."""
+"""Further bytes for each process that was killed: the heap is fragmented by connections that come and go."""
 
 COMPARED = 0.8
 """Part of the verdicts that the audit has to compare: after a frame that the leader could not observe,
