@@ -22,6 +22,7 @@ from typing import NamedTuple
 
 import zenoh
 
+from colony.cli.run_processes import PLANT_S
 from colony.runtime import codec, topics
 from colony.runtime.live.network import Network, local_time
 from colony.runtime.live.place import local
@@ -67,7 +68,7 @@ class Run:
         self.ticks: deque[Tick] = deque(maxlen=keep)
         self._holds = ExitStack()
         place = local(ROBOT, machine.environment)
-        until(lambda: self.started.ended() or machine.truth(), "the simulator starts")
+        until(lambda: self.started.ended() or machine.truth(), "the simulator starts", patience_s=PLANT_S)
         assert not self.started.ended(), self.started.err
         self.network = self._holds.enter_context(Network.open(place))
         self.now: Callable[[], int] = local_time(place)

@@ -44,9 +44,14 @@ class Incarnations:
             self.curves[-1].append(size)
 
     @property
+    def lives(self) -> list[tuple[int, int]]:
+        """Length in seconds of each incarnation, and the bytes that it has gained after its warm-up."""
+        return [(len(curve), _grown(curve)) for curve in self.curves]
+
+    @property
     def growth(self) -> int:
         """The most bytes that an incarnation has gained after its warm-up."""
-        return max((_grown(curve) for curve in self.curves), default=0)
+        return max((grown for _, grown in self.lives), default=0)
 
     @property
     def drift(self) -> int:
