@@ -5,6 +5,7 @@ BIN    := $(VENV)/bin
 STAMP  := $(VENV)/.installed
 
 SECONDS ?= 60
+SEED    ?= 1
 SEEDS   ?= 10000
 MODULE  ?=
 SAMPLE  ?=
@@ -31,7 +32,7 @@ bench: $(STAMP)
 	$(BIN)/python -m benchmarks
 
 soak: $(STAMP)
-	$(BIN)/python -m tests.runtime.soak --seconds $(SECONDS)
+	$(BIN)/python -m tests.runtime.soak --seconds $(SECONDS) --seed $(SEED)
 
 loss: $(STAMP)
 	$(BIN)/python -m tests.runtime.loss_policy --seeds $(SEEDS)

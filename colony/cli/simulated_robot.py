@@ -4,10 +4,11 @@ from __future__ import annotations
 
 import os
 import time
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 
+from colony.cli.driven_path import DrivenPath
 from colony.ir.types import Value
 from colony.runtime.live.place import Local
 from colony.runtime.processes.children import Job
@@ -88,13 +89,13 @@ class TruthLog:
     """
 
     def __init__(self, place: Local) -> None:
-        self._path = plant_socket(place.directory.path)
+        self._socket = plant_socket(place.directory.path)
         self._robot = place.robot
         self._control: PlantControl | None = None
         self._before = Travel(bumps=0, distance_mm=0.0)
         self._now = Travel(bumps=0, distance_mm=0.0)
         self._next_ns = 0
-        self.places: list[tuple[float, float]] = []
+        self._path = DrivenPath()
 
     def look(self) -> bool:
         """Where is it? Asked for not too often; False while the plant does not answer."""
@@ -104,12 +105,12 @@ class TruthLog:
         self._next_ns = now_ns + (LOOK_NS if self._control is not None else LOOK_NS // 5)
         try:
             if self._control is None:
-                self._control = PlantControl(self._path, timeout_s=0.5)
+                self._control = PlantControl(self._socket, timeout_s=0.5)
             truth = self._control.truth(self._robot)
         except (OSError, ValueError):
             self.close()
             return False
-        self.places.append((truth.x, truth.y))
+        self._path.add(truth.x, truth.y)
         self._now = Travel(bumps=truth.bumps, distance_mm=truth.distance)
         return True
 
@@ -119,6 +120,11 @@ class TruthLog:
         if control is not None:
             control.close()
             self._before, self._now = self.travel, Travel(bumps=0, distance_mm=0.0)
+
+    @property
+    def places(self) -> Sequence[tuple[float, float]]:
+        """The way so far; the last place is the newest."""
+        return self._path.places
 
     @property
     def travel(self) -> Travel:

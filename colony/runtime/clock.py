@@ -4,9 +4,10 @@ Frames are a period apart. A robot without a program has frames too, of `IDLE_FR
 that scripts can drive it and servers are watched. A leader deploys a program; when all of its clients have
 said that they are ready, or after `GATHER_NS`, its frames begin, and they end with the leader's connection.
 
-The frames since one in which all memory was initial are an epoch. A new one begins with a run; when the Clock
-was started anew; and when a client lost its memory for good. A frame's number is never used twice: a Clock
-that starts takes its first from the time, a number each `NUMBER_NS`, and no frames come faster than that.
+The frames since one in which all memory was initial are an epoch. A new one begins with a run; when the
+Clock was started anew; when a client lost its memory for good; and when the observer stepped over a frame
+that nobody else received. A frame's number is never used twice: a Clock that starts takes its first from the
+time, a number each `NUMBER_NS`, and no frames come faster than that.
 
 The emergency stop is latched here (`latch.py`): the Clock keeps it, repeats it in every tick, learns of stops
 that it did not hear from the frames of those that did, and alone releases it.
@@ -143,8 +144,9 @@ class Clock:
                     if message.k >= 0:
                         self._roll.heard(message.client, now_ns)
             case Restart():
-                begun = self._begun_run == self._run  # without a run, the roll is empty
-                if begun and message.client in self._roll and message.start == self._tick.start:
+                begun = self._run != "" and self._begun_run == self._run
+                member = message.client in self._roll or message.client == topics.OBSERVER
+                if begun and member and message.start == self._tick.start:
                     self._restart = True
             case Call() | Alive() | Malformed() | Wake():
                 yield from self._desk.handle(message, now_ns)

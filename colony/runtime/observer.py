@@ -1,5 +1,10 @@
 """The process that sees everything and commands nothing: it puts each frame together with its verdicts,
-has it checked by the monitor, and hands it to the sinks (a recording, a summary, a progress line)."""
+has it checked by the monitor, and hands it to the sinks (a recording, a summary, a progress line).
+
+A frame of a server that is killed while it publishes may reach the observer and nobody else. When a tick
+declares it void, the monitor has stepped over what no client saw, and could expect nothing for the rest of
+the run. Like a client to which this happens, the observer then asks the Clock for a new epoch.
+"""
 
 from __future__ import annotations
 
@@ -12,7 +17,7 @@ from colony.ir.frame import Frame, Outcome
 from colony.runtime import topics
 from colony.runtime.assembly import KEPT_NS, Assembled, FrameAssembler
 from colony.runtime.closing import close_all
-from colony.runtime.messages import Effect, Fate, Message, Request, ServerFrame, Tick, Verdict
+from colony.runtime.messages import Effect, Fate, Message, Request, Restart, Send, ServerFrame, Tick, Verdict
 from colony.runtime.monitor import Monitor
 
 
@@ -70,7 +75,7 @@ _UNHEARD: frozenset[Fate] = frozenset({"late", "lost", "refused"})
 
 
 class Observer:
-    """Mutable: frames that still wait for verdicts.
+    """Mutable: frames that still wait for verdicts, and the epoch of which it stepped over a void frame.
 
     Args:
         assembler: of all sensors.
@@ -79,7 +84,7 @@ class Observer:
         heeded: servers whose requests are handed on too.
     """
 
-    address = "Observer"
+    address = topics.OBSERVER
 
     def __init__(
         self,
@@ -99,6 +104,7 @@ class Observer:
         self._heeds = bool(heeded)
         self._first = True
         self._skipped, self._astray = 0, True
+        self._contradicted: int | None = None
         self.listens = (*assembler.listens, topics.VERDICTS, *(topics.requests(s) for s in heeded))
 
     def add(self, sink: Sink) -> None:
@@ -115,9 +121,11 @@ class Observer:
                 effects = self._assembler.take(message)
                 self._collect(now_ns)
                 if self._assembler.lost:
-                    self._skipped += self._assembler.skip()
-                    self._astray = True
+                    self._skip()
                     self._collect(now_ns)
+                if isinstance(message, Tick) and self._contradicted == self._assembler.start:
+                    restart = Restart(client=self.address, start=self._contradicted)
+                    effects = (*effects, Send(topics.RESTARTS, restart))
             case Verdict():
                 if message.actuator in self._actuators:
                     _kept(self._verdicts, message.k)[message.actuator] = message
@@ -136,6 +144,14 @@ class Observer:
                 self._release()
         finally:
             close_all(self._sinks)
+
+    def _skip(self) -> None:
+        """Leave out what cannot be had; note the epoch where a frame that was handed out turned void."""
+        left_out = self._assembler.skip()
+        if not left_out:
+            self._contradicted = self._assembler.start
+        self._skipped += left_out
+        self._astray = True
 
     def _collect(self, now_ns: int) -> None:
         for assembled in self._assembler.complete():

@@ -6,6 +6,7 @@ A transport that serves several robots puts `colony/<robot>/` before them (see `
 from __future__ import annotations
 
 CLOCK = "Clock"
+OBSERVER = "Observer"
 
 TICKS = "Clock/ticks"
 READY = "Clock/ready"

@@ -35,14 +35,14 @@ PATIENCE_S = 30.0
 T = TypeVar("T")
 
 
-def until(condition: Callable[[], T], what: str) -> T:
+def until(condition: Callable[[], T], what: str, *, patience_s: float = PATIENCE_S) -> T:
     """What the condition gives as soon as that is something."""
-    end = time.monotonic() + PATIENCE_S
+    end = time.monotonic() + patience_s
     while True:
         found = condition()
         if found:
             return found
-        assert time.monotonic() < end, f"not in {PATIENCE_S:g} s: {what}"
+        assert time.monotonic() < end, f"not in {patience_s:g} s: {what}"
         time.sleep(0.01)
 
 

@@ -13,6 +13,7 @@ import subprocess
 import sys
 import threading
 import time
+from collections import deque
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack, contextmanager
 from pathlib import Path
@@ -21,6 +22,7 @@ from typing import NamedTuple
 
 import zenoh
 
+from colony.cli.run_processes import PLANT_S
 from colony.runtime import codec, topics
 from colony.runtime.live.network import Network, local_time
 from colony.runtime.live.place import local
@@ -31,6 +33,7 @@ from tests.cli.machine import MAP, ROBOT, WANDER, Machine, Started, children_of,
 
 FRAME_NS = 50_000_000
 UNHEARD = ("late", "lost", "refused")
+_SPEC = re.compile(r"/([^/\0]+)\.json\0$")
 
 
 class Speed(NamedTuple):
@@ -43,15 +46,29 @@ class Speed(NamedTuple):
 class Run:
     """Mutable: what was heard of it."""
 
-    def __init__(self, machine: Machine, *options: str, seed: int, program: str = WANDER) -> None:
-        self.machine, self.random = machine, Random(seed)
+    def __init__(
+        self,
+        machine: Machine,
+        *options: str,
+        seed: int,
+        program: str = WANDER,
+        keep: int | None = None,
+        on_verdict: Callable[[Verdict], None] = lambda verdict: None,
+    ) -> None:
+        """Start the run.
+
+        Args:
+            keep: Number of the newest verdicts and ticks to keep; None keeps all of them.
+            on_verdict: Called with each verdict of `drive`, by a thread of the network.
+        """
+        self.machine, self.random, self._on_verdict = machine, Random(seed), on_verdict
         arguments = ("--map", MAP, "--processes", "--duration", "1000", "--seed", str(seed))
         self.started: Started = machine.start("run", program, *arguments, "--no-picture", *options)
-        self.verdicts: list[Verdict] = []
-        self.ticks: list[Tick] = []
+        self.verdicts: deque[Verdict] = deque(maxlen=keep)
+        self.ticks: deque[Tick] = deque(maxlen=keep)
         self._holds = ExitStack()
         place = local(ROBOT, machine.environment)
-        until(lambda: self.started.ended() or machine.truth(), "the simulator starts")
+        until(lambda: self.started.ended() or machine.truth(), "the simulator starts", patience_s=PLANT_S)
         assert not self.started.ended(), self.started.err
         self.network = self._holds.enter_context(Network.open(place))
         self.now: Callable[[], int] = local_time(place)
@@ -66,6 +83,7 @@ class Run:
             self.ticks.append(message)
         elif isinstance(message, Verdict) and message.actuator == "drive":
             self.verdicts.append(message)
+            self._on_verdict(message)
 
     def close(self) -> None:
         self._holds.close()
@@ -106,16 +124,21 @@ class Run:
 
     # --- its processes -----------------------------------------------------------------------------------
 
-    def pid(self, name: str) -> int | None:
-        """The process of a server, or of the client `drive.NAME`; None while there is none."""
-        spec = re.compile(rf"/{re.escape(name)}\.json\0$")
+    def pids(self) -> dict[str, int]:
+        """Return the processes that live, by name: servers, and clients as `drive.NAME`."""
+        found = {}
         for pid in children_of(self.started.pid):
             try:
-                if spec.search(Path(f"/proc/{pid}/cmdline").read_text()):
-                    return pid
+                spec = _SPEC.search(Path(f"/proc/{pid}/cmdline").read_text())
             except OSError:  # it just ended
                 continue
-        return None
+            if spec is not None:
+                found[spec[1]] = pid
+        return found
+
+    def pid(self, name: str) -> int | None:
+        """The process of a server, or of the client `drive.NAME`; None while there is none."""
+        return self.pids().get(name)
 
     def signal(self, name: str, number: signal.Signals) -> tuple[int, int]:
         """Send it a signal, at any moment of a frame; gives its process and the time just after."""

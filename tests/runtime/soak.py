@@ -1,11 +1,11 @@
-"""A run of twenty clients, each a process, of which some are late or dead all the time: do the servers keep
-their memory, and is every decision the interpreter's all the same?
+"""A run of twenty clients in which every process but the leader is frozen and killed all the time: do all of
+them keep their memory, and is every decision the interpreter's all the same?
 
     python -m tests.runtime.soak --seconds 60 --seed 1
 
-From the seed clients are frozen for a moment, so that their requests are delayed or late, and killed, so that
-they are started again and recall their memory. In the end the recording is audited by the interpreter. It
-prints how many client-frames were late or lost, and the memory of each server over time.
+From the seed, clients and servers are stopped for a moment, sometimes for longer than the liveness lease, and
+killed, so that the leader starts them again (`chaos.py`). In the end the run has to be well again, and the
+interpreter audits the recording. The figures tell, for each process, its faults and its memory over time.
 """
 
 from __future__ import annotations
@@ -13,34 +13,62 @@ from __future__ import annotations
 import argparse
 import json
 import os
+import re
 import signal
 import sys
 import tempfile
 import time
+from collections import Counter
 from dataclasses import dataclass, field
-from heapq import heappop, heappush
 from pathlib import Path
-from random import Random
+from typing import Any
 
+from colony.runtime.messages import Verdict
 from tests.cli.machine import Machine, until
+from tests.runtime.chaos import Chaos, schedule
 from tests.runtime.fault_stage import UNHEARD, Run
+from tests.runtime.sizes import Census, Incarnations
 
 CLIENTS = 20
 SERVERS = ("Clock", "RServer", "PServer", "DServer", "Simulator")
-FREEZES_EACH_S, KILLS_EACH_S = 8.0, 0.4
-UNHEARD_EACH_S = 10
-"""Client-frames that are to be late or lost, on average."""
+NAMES = ("cruise", *(f"m{i}" for i in range(1, CLIENTS)))
+LEADER = "Leader"
+CLIENT_FREEZES_PER_S, SERVER_FREEZES_PER_S = 0.4, 0.1
+"""Freezes per second of each process."""
 
-SPARED_S = 6.0
-"""For how long nobody is killed again: its supervisor would give it up."""
+UNHEARD_PER_FRAME = 0.5
+"""Client-frames that have to be late or lost in a frame, on average."""
 
-WARM_UP_S = 10.0
-GROWTH = 6 << 20
-"""Bytes by which a server may be larger in the end than after it has warmed up: it keeps 2000 frames, which
-take a hundred seconds to come together."""
+DECIDING = ("Clock", "RServer")
+"""Servers without which there are no verdicts."""
+
+OUTAGE_S = 3.0
+"""Time without verdicts that each of their deaths may cost."""
+
+GAP_S = 0.5
+"""Time without verdicts that counts as an outage."""
+
+GROWTH = 8 << 20
+"""Bytes that a process may gain after its warm-up: servers keep 2000 frames, which take 100 s to come."""
 
 KILLED = 24 << 10
-"""And for each client that was killed: the network keeps some 10 KB of a process that came and went."""
+"""Further bytes for each process killed meanwhile: connections that come and go fragment the heap."""
+
+PATIENCE_S = 60.0
+"""Time in which a run becomes well on a machine that runs many other tests."""
+
+COMPARED = 0.8
+"""Part of the verdicts that the audit has to compare: after a frame that the leader could not observe,
+there is nothing to compare."""
+
+AUDITED = ("frames", "compared", "late", "lost", "idled", "unheard", "unknown", "restarts")
+"""Counts of the audit to print."""
+
+DRIFT = 3 << 20
+"""Bytes by which late incarnations of a process may be larger than early ones."""
+
+_STRANGE = re.compile(r"^\S+ (?:(?:ended with|was killed by (?!SIGKILL)).*|.*given up)$", re.MULTILINE)
+"""A death, as the leader reports it, that the stage did not cause, or one too many."""
 
 
 def program() -> str:
@@ -53,6 +81,7 @@ def program() -> str:
         "  frame 50 ms",
         "  sensor sonar[24] : mm range 0 .. 10000 from PServer.sonar within 500 ms",
         "  sensor bumper : bool from RServer.bumper",
+        "  sensor goal : deg range 0 deg .. 360 deg from DServer.Goal within 500 ms",
         "  sensor chance : number range 0 .. 1 from Runtime.random",
         "  actuator drive { velocity : mm/s range -600 .. 600, turn : deg/s range -90 .. 90 }",
         "           to RServer.drive idle drive(velocity = 0, turn = 0)",
@@ -63,8 +92,10 @@ def program() -> str:
     for i in range(1, CLIENTS):
         drawn = f"chance > {0.05 * i:.2f} and chance < {0.05 * i + 0.03:.2f}"
         turn = f"if chance > 0.5 then {i} deg/s else -{i} deg/s"
+        if i % 5 == 0:
+            drawn += " and goal < 180 deg"
         lines.append(f"module m{i} {{ when held({drawn}, {50 * (i % 7 + 1)} ms) or (bumper and chance > 0.9)")
-        lines.append(f"  do drive(velocity = {20 + i} mm/s, turn = {turn}) }}")
+        lines.append(f"  do drive(velocity = if bumper then -60 mm/s else {20 + i} mm/s, turn = {turn}) }}")
         if i % 6 == 0:
             lines.append(f"module quiet{i} {{ when held(chance > 0.97, {20 * i} ms) }}")
             wire = f"(quiet{i} inhibits {wire})"
@@ -74,119 +105,126 @@ def program() -> str:
 
 @dataclass(frozen=False, slots=True, kw_only=True)
 class Figures:
-    """What was measured. `sizes` are bytes in memory of each process, about once a second."""
+    """Measurements of a soak. `stage` is the memory of this process, which listens."""
 
     seconds: float
-    frames: int = 0
-    unheard: int = 0
-    commanded: int = 0
-    kills: int = 0
-    freezes: int = 0
-    died: tuple[str, ...] = ()
+    seen: Seen = field(default_factory=lambda: Seen())
+    kills: Counter[str] = field(default_factory=Counter)
+    freezes: Counter[str] = field(default_factory=Counter)
+    strange: tuple[str, ...] = ()
     disagreements: int = 0
-    audit: str = ""
-    sizes: dict[str, list[int]] = field(default_factory=dict)
-
-    def grown(self, name: str) -> int:
-        """By how many bytes a process is larger in the end than after it has warmed up."""
-        sizes = self.sizes[name]
-        begin = min(int(WARM_UP_S), len(sizes) // 2)
-        return max(sizes[-3:]) - max(sizes[begin : begin + 3])
+    well_again_s: float = 0.0
+    audit: dict[str, Any] = field(default_factory=dict)
+    census: Census = field(default_factory=Census)
+    stage: Incarnations = field(default_factory=Incarnations)
 
     def problems(self) -> list[str]:
-        """What should not be."""
-        found = [f"{name} died" for name in self.died]
-        most = GROWTH + self.kills * KILLED
-        found += [f"{n} grew by {self.grown(n) >> 10} KiB" for n in self.sizes if self.grown(n) > most]
-        if self.frames < 10 * self.seconds:  # some are left out where the machine is busy
-            found.append(f"{self.frames} frames in {self.seconds:.0f} s; expected 20 a second")
-        if self.unheard < UNHEARD_EACH_S * self.seconds:
-            found.append(f"only {self.unheard} client-frames were late or lost")
+        """Return what should not be, a line each."""
+        found = [f"died by itself: {line}" for line in self.strange]
+        kills_per_s = self.kills.total() / self.seconds
+        for name, process in self.census.processes.items():
+            found += [
+                f"{name} grew by {grown >> 10} KiB in a life of {seconds} s"
+                for seconds, grown in process.lives
+                if grown > GROWTH + KILLED * kills_per_s * seconds
+            ]
+            if process.drift > DRIFT:
+                found.append(f"later incarnations of {name} are larger by {process.drift >> 10} KiB")
+        if self.seen.frames < self.expected_frames:
+            found.append(f"{self.seen.frames} frames; expected {self.expected_frames:.0f}")
+        if self.seen.unheard < UNHEARD_PER_FRAME * self.seen.frames:
+            found.append(f"only {self.seen.unheard} client-frames were late or lost")
+        if self.seen.violations:
+            found.append(f"{self.seen.violations} verdicts with two active clients")
         if self.disagreements:
             found.append(f"{self.disagreements} disagreements")
-        return found + ([self.audit] if self.audit else [])
+        if not self.audit["agrees"]:
+            found.append(f"the audit differs: {self.audit['first']}")
+        if self.audit["compared"] < COMPARED * self.seen.frames:
+            found.append(f"only {self.audit['compared']} decisions could be audited")
+        return found
+
+    @property
+    def expected_frames(self) -> float:
+        """The least number of frames: half of those that there is time for, outages not counted."""
+        outages_s = OUTAGE_S * sum(self.kills[name] for name in DECIDING)
+        return 10 * max(0.0, self.seconds - outages_s)
 
     def __str__(self) -> str:
-        each = self.unheard / self.seconds
+        seen = self.seen
         lines = [
-            f"{self.seconds:.0f} s, {self.frames} frames, {self.commanded} of them commanded",
-            f"{self.freezes} freezes, {self.kills} kills",
-            f"{self.unheard} client-frames late or lost ({each:.0f}/s)",
+            f"{self.seconds:.0f} s, {seen.frames} frames, {seen.commanded} of them commanded",
+            f"{seen.gaps} outages of {seen.outage_s:.1f} s in all, the longest {seen.longest_s:.1f} s",
+            f"{self.freezes.total()} freezes, {self.kills.total()} kills",
+            f"{seen.unheard} client-frames late or lost ({seen.unheard / max(1, seen.frames):.1f} a frame)",
+            f"well again {self.well_again_s:.1f} s after the last fault",
+            ", ".join(f"{n} {self.audit[n]}" for n in AUDITED),
+            "process      kills freezes  growth   drift  (KiB); the longest life in MiB",
         ]
-        for name, sizes in self.sizes.items():
-            curve = " ".join(f"{size / 2**20:.1f}" for size in sizes[:: max(1, len(sizes) // 12)])
-            lines.append(f"{name:>10}: {curve} MiB, {self.grown(name) >> 10:+} KiB after the warm-up")
-        return "\n".join(lines)
+        processes = self.census.processes
+        lines += [self._line(name, processes[name]) for name in sorted(processes, key=_in_order)]
+        return "\n".join([*lines, self._line("(stage)", self.stage)])
+
+    def _line(self, name: str, process: Incarnations) -> str:
+        counts = f"{self.kills[name]:5} {self.freezes[name]:7}"
+        return f"{name:12} {counts} {process.growth >> 10:7} {process.drift >> 10:7}  {process}"
 
 
-class Trouble:
-    """Freezes and kills clients. Mutable: who is frozen, and who was killed when."""
-
-    def __init__(self, run: Run, random: Random, figures: Figures) -> None:
-        self._run, self._random, self._figures = run, random, figures
-        self._names = ["cruise", *(f"m{i}" for i in range(1, CLIENTS))]
-        self._thaw: list[tuple[float, int]] = []
-        self._killed: dict[str, float] = {}
-        self._next = {"freeze": 0.0, "kill": 0.0}
-
-    def turn(self, now: float) -> None:
-        """Do what is due."""
-        while self._thaw and self._thaw[0][0] <= now:
-            _send(heappop(self._thaw)[1], signal.SIGCONT)
-        for what, each_s in (("freeze", FREEZES_EACH_S), ("kill", KILLS_EACH_S)):
-            if now >= self._next[what]:
-                self._next[what] = now + self._random.expovariate(each_s)
-                self._freeze(now) if what == "freeze" else self._kill(now)
-
-    def end(self) -> None:
-        """Let everybody go on."""
-        for _, pid in self._thaw:
-            _send(pid, signal.SIGCONT)
-
-    def _freeze(self, now: float) -> None:
-        pid = self._run.pid(f"drive.{self._random.choice(self._names)}")
-        for_s = self._random.choice((0.01, 0.03, 0.08, 0.15, 0.3))
-        if pid is not None and _send(pid, signal.SIGSTOP):
-            self._figures.freezes += 1
-            heappush(self._thaw, (now + for_s, pid))
-
-    def _kill(self, now: float) -> None:
-        name = self._random.choice(self._names)
-        pid = self._run.pid(f"drive.{name}")
-        if pid is not None and now - self._killed.get(name, -SPARED_S) >= SPARED_S:
-            self._killed[name] = now
-            self._figures.kills += _send(pid, signal.SIGKILL)
+def _in_order(name: str) -> tuple[bool, int, str]:
+    """Sort the leader first, then servers, then clients."""
+    return name.startswith("drive."), len(name) if name.startswith("drive.") else 0, name
 
 
-def _send(pid: int, number: signal.Signals) -> bool:
-    try:
-        os.kill(pid, number)
-    except ProcessLookupError:  # it was killed while it was frozen
-        return False
-    return True
+@dataclass(frozen=False, slots=True, kw_only=True)
+class Seen:
+    """Counts of the verdicts that came. `gaps` are times of more than `GAP_S` without any."""
+
+    frames: int = 0
+    commanded: int = 0
+    unheard: int = 0
+    violations: int = 0
+    gaps: int = 0
+    outage_s: float = 0.0
+    longest_s: float = 0.0
+    last_ns: int | None = None
+
+    def take(self, verdict: Verdict) -> None:
+        """Count one more."""
+        self.frames += 1
+        self.commanded += verdict.by is not None
+        self.unheard += sum(fate in UNHEARD for _, fate in verdict.fates)
+        self.violations += verdict.violation
+        gap_s = 0.0 if self.last_ns is None else (verdict.t_ns - self.last_ns) / 1e9
+        self.last_ns = verdict.t_ns
+        if gap_s > GAP_S:
+            self.gaps += 1
+            self.outage_s += gap_s
+            self.longest_s = max(self.longest_s, gap_s)
 
 
 def soak(folder: Path, *, seconds: float, seed: int) -> Figures:
     """Soak a robot for so long.
 
     Raises:
-        AssertionError: the run does not begin, or does not go on to the end.
+        AssertionError: the run does not begin, does not go on to the end, or is not well in the end.
     """
     machine, figures = Machine(folder), Figures(seconds=seconds)
     try:
         path = folder / "soak.colony"
         path.write_text(program())
-        options = ("--record", "run.mcap", "--format", "json")
-        run = Run(machine, *options, seed=seed, program=str(path))
+        options = ("--record", "run.mcap", "--format", "json", "--set", "Goal=90")
+        run = Run(machine, *options, seed=seed, program=str(path), keep=100, on_verdict=figures.seen.take)
         try:
             _soak(run, figures, seed)
             run.started.tell(signal.SIGINT)
             assert run.started.wait() == 130, run.started.err
         finally:
             run.close()
+        figures.strange = tuple(_STRANGE.findall(run.started.err))
         figures.disagreements = len(json.loads(run.started.out)["disagreements"])
-        audit = machine.run("audit", str(run.started.folder / "run.mcap"))
-        figures.audit = "" if audit.process.returncode == 0 else audit.out + audit.err
+        audit = machine.run("audit", str(run.started.folder / "run.mcap"), "--format", "json")
+        assert audit.process.returncode in (0, 1), audit.err
+        figures.audit = json.loads(audit.out)
     finally:
         machine.close()
     return figures
@@ -194,35 +232,34 @@ def soak(folder: Path, *, seconds: float, seed: int) -> Figures:
 
 def _soak(run: Run, figures: Figures, seed: int) -> None:
     since = run.now()
-    until(lambda: run.ended() or run.well(since), "all clients are there")
+    until(lambda: run.ended() or run.well(since), "all clients are there", patience_s=PATIENCE_S)
     assert not run.ended(), run.started.err
-    pids = {name: run.pid(name) for name in SERVERS} | {"Leader": run.started.pid}
-    figures.sizes = {name: [] for name in pids}
-    trouble, began, begun_ns = Trouble(run, Random(seed), figures), time.monotonic(), run.now()
-    measured = 0.0
+    clients = {f"drive.{name}": CLIENT_FREEZES_PER_S for name in NAMES}
+    servers = dict.fromkeys(SERVERS, SERVER_FREEZES_PER_S)
+    chaos = Chaos(schedule(seed, servers, clients, figures.seconds), run.pid)
+    try:
+        _strike(run, figures, chaos)
+    finally:
+        chaos.end()
+    figures.kills, figures.freezes = chaos.kills, chaos.freezes
+    ended = run.now()
+    until(lambda: run.ended() or run.well(ended), "all clients are there again", patience_s=PATIENCE_S)
+    until(lambda: run.ended() or run.machine.moves(), "the robot is driven again", patience_s=PATIENCE_S)
+    figures.well_again_s = (run.now() - ended) / 1e9
+    assert not run.ended(), run.started.err
+
+
+def _strike(run: Run, figures: Figures, chaos: Chaos) -> None:
+    """Execute the schedule, and measure everybody once a second."""
+    began, measured = time.monotonic(), 0.0
     while (now := time.monotonic() - began) < figures.seconds:
-        trouble.turn(now)
+        assert not run.ended(), run.started.err
+        chaos.turn(now)
         if now >= measured:
             measured += 1.0
-            for name, pid in pids.items():
-                figures.sizes[name].append(_resident(pid) if pid is not None else 0)
+            figures.census.take(run.pids() | {LEADER: run.started.pid})
+            figures.stage.sample(os.getpid())
         time.sleep(0.005)
-    trouble.end()
-    verdicts = run.since(begun_ns)
-    figures.frames = len(verdicts)
-    figures.commanded = sum(v.by is not None for v in verdicts)
-    figures.unheard = sum(fate in UNHEARD for v in verdicts for _, fate in v.fates)
-    figures.died = tuple(name for name in SERVERS if run.pid(name) != pids[name])
-    ended = run.now()
-    until(lambda: run.ended() or run.well(ended), "all clients are there in the end")
-
-
-def _resident(pid: int) -> int:
-    """Bytes of a process in memory; 0 where it is gone."""
-    try:
-        return int(Path(f"/proc/{pid}/statm").read_text().split()[1]) * os.sysconf("SC_PAGESIZE")
-    except (FileNotFoundError, ProcessLookupError):
-        return 0
 
 
 def main() -> int:

@@ -255,6 +255,18 @@ def test_of_another_epoch_or_from_a_stranger_it_is_ignored(start: int) -> None:
     assert {t.start for t in stage.ticks} == {0}
 
 
+def test_the_observer_may_ask_for_a_new_epoch_of_a_run_that_goes_on() -> None:
+    stage = running()
+    stage.take(Restart(client="Observer", start=0))
+    stage.until(200 * MS)
+    assert [(t.k, t.start) for t in stage.ticks] == [(0, 0), (1, 0), (2, 0), (3, 3), (4, 3)]
+    idle = Stage()
+    idle.until(100 * MS)
+    idle.take(Restart(client="Observer", start=0))
+    idle.until(200 * MS)
+    assert {t.start for t in idle.ticks} == {0}
+
+
 # --- lockstep ----------------------------------------------------------------------------------------
 
 

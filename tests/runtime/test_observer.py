@@ -3,8 +3,20 @@
 from __future__ import annotations
 
 from colony.ir.frame import Decision, Frame, Outcome
+from colony.runtime import topics
 from colony.runtime.assembly import KEPT_NS, FrameAssembler
-from colony.runtime.messages import Message, Request, Tick, Verdict
+from colony.runtime.bindings import SensorBinding
+from colony.runtime.messages import (
+    Effect,
+    Message,
+    Request,
+    Restart,
+    Sample,
+    Send,
+    ServerFrame,
+    Tick,
+    Verdict,
+)
 from colony.runtime.monitor import Monitor
 from colony.runtime.observer import Observer
 from tests.runtime.scripted import Log
@@ -26,15 +38,19 @@ class Counting:
         self.frames = 0
 
 
+SONAR = SensorBinding(sensor="sonar", server="P", field="sonar", within_ns=None, factor=1.0)
+
+
 class Stage:
-    def __init__(self, heeded: tuple[str, ...] = ()) -> None:
+    def __init__(self, heeded: tuple[str, ...] = (), sensors: tuple[SensorBinding, ...] = ()) -> None:
         self.log = Log()
-        assembler = FrameAssembler((), run="run", keep=KEEP)
+        self.sent: list[Effect] = []
+        assembler = FrameAssembler(sensors, run="run", keep=KEEP)
         self.observer = Observer(assembler, ("drive",), Monitor(Counting()), (self.log,), heeded)
 
     def take(self, *messages: Message, now_ns: int = 0) -> None:
         for message in messages:
-            list(self.observer.handle(message, now_ns))
+            self.sent += self.observer.handle(message, now_ns)
 
     def frame(self, k: int, n: float, start: int = 0) -> None:
         """A frame, and a verdict for one that is the n-th since memory began."""
@@ -120,3 +136,34 @@ def test_what_is_of_other_runs_is_no_frame_and_does_not_pile_up() -> None:
     stage.frame(50_001, 1.0, start=50_001)
     assert [f.tick.k for f in stage.log.frames] == [50_001]
     assert stage.observer._verdicts == {}
+
+
+def test_who_stepped_over_a_frame_that_nobody_else_got_asks_for_a_new_epoch() -> None:
+    """The server died between two readers: the Clock never heard its frame 1, and says so in tick 2."""
+    stage = Stage(sensors=(SONAR,))
+    for k in range(2):
+        sonar = ServerFrame(server="P", k=k, fields={"sonar": Sample(1.0, k)})
+        stage.take(tick(k), sonar, verdict(k, k + 1.0))
+    assert stage.sent == []
+    void = Tick(k=2, t_ns=2, run="run", down=("P",), void=(("P", 1),))
+    restart = Send(topics.RESTARTS, Restart(client="Observer", start=0))
+    stage.take(void, verdict(2, 3.0))
+    stage.take(Tick(k=3, t_ns=3, run="run", down=("P",)), verdict(3, 4.0))
+    assert [effect for effect in stage.sent if effect == restart] == [restart, restart]
+    stage.take(Tick(k=4, t_ns=4, start=4, run="run", down=("P",)), verdict(4, 1.0))
+    assert [effect for effect in stage.sent if effect == restart] == [restart, restart]
+    assert [(f.tick.k, f.astray) for f in stage.log.frames] == [
+        (0, False),
+        (1, False),
+        (2, True),
+        (3, True),
+        (4, False),
+    ]
+
+
+def test_who_missed_frames_does_not_make_everybody_begin_anew() -> None:
+    stage = Stage()
+    stage.frame(0, 1.0)
+    stage.frame(9, 99.0)
+    stage.frame(10, 99.0)
+    assert not any(isinstance(e, Send) and isinstance(e.message, Restart) for e in stage.sent)

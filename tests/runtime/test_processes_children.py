@@ -41,6 +41,27 @@ from colony.runtime.processes.ending import give_up
 give_up("no such robot")
 """
 
+HEAPS = """
+import ctypes, sys, tempfile, threading, time
+libc = ctypes.CDLL(None)
+libc.malloc.restype, libc.fopen.restype = ctypes.c_void_p, ctypes.c_void_p
+barrier = threading.Barrier(8)
+def use():
+    barrier.wait()
+    for _ in range(100):
+        libc.malloc(100)
+    barrier.wait()
+threads = [threading.Thread(target=use) for _ in range(8)]
+for thread in threads: thread.start()
+for thread in threads: thread.join()
+with tempfile.NamedTemporaryFile() as file:
+    stream = ctypes.c_void_p(libc.fopen(file.name.encode(), b"w"))
+    libc.malloc_info(0, stream)
+    libc.fclose(stream)
+    print("heaps:", file.read().decode().count("<heap nr="), flush=True)
+time.sleep(60)
+"""
+
 PARENT = """
 import sys, time
 from pathlib import Path
@@ -51,6 +72,9 @@ children.start(Job(name="obeys", module="obeys", arguments=(), log=log, wave=0, 
 print(children.pid("obeys"), flush=True)
 time.sleep(60)
 """
+
+
+_MODULES = (("obeys", OBEYS), ("ignores", IGNORES), ("fails", FAILS), ("wrong", WRONG), ("heaps", HEAPS))
 
 
 def until(condition: Callable[[], object], what: str) -> None:
@@ -75,7 +99,7 @@ def job(folder: Path, module: str, wave: int = 0, name: str | None = None) -> Jo
 
 @pytest.fixture
 def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    for name, text in (("obeys", OBEYS), ("ignores", IGNORES), ("fails", FAILS), ("wrong", WRONG)):
+    for name, text in _MODULES:
         (tmp_path / f"{name}.py").write_text(text)
     monkeypatch.setenv("PYTHONPATH", str(tmp_path))
     return tmp_path
@@ -129,6 +153,12 @@ def test_one_that_is_killed_is_started_again(children: Children, folder: Path) -
     assert pid_of(children, "client") != first
     assert children.restarts() == 1
     until(lambda: said(folder, "client") == ("here", "here"), "it starts again")
+
+
+def test_threads_of_a_process_share_one_heap(children: Children, folder: Path) -> None:
+    children.start(job(folder, "heaps"))
+    until(lambda: said(folder, "heaps"), "it tells")
+    assert said(folder, "heaps") == ("heaps: 1",)
 
 
 def test_one_that_cannot_live_is_given_up(folder: Path) -> None:

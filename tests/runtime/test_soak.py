@@ -1,4 +1,4 @@
-"""Twenty clients, some of them late or dead in every second: a short soak; `make soak` is a longer one."""
+"""A run in which every process but the leader is frozen and killed; `make soak` is a longer one."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ SEED = 1994
 SECONDS = float(os.environ.get("COLONY_SOAK_SECONDS", "40"))
 
 
-def test_servers_keep_their_memory_and_decisions_are_the_interpreters(tmp_path: Path) -> None:
+def test_processes_keep_their_memory_and_decisions_are_the_interpreters(tmp_path: Path) -> None:
     print(f"seed {SEED}, {SECONDS:g} s (COLONY_SOAK_SECONDS)")
     figures = soak(tmp_path, seconds=SECONDS, seed=SEED)
     print(figures)

@@ -194,11 +194,16 @@ one thread of Python gains nothing from more, and each costs switches (measured,
 a frame's time). That thread must not wait for room at a link, which it would have to make itself: see
 `live/host.py`."""
 
+ONE_ARENA = "1"
+"""Number of heaps of the C library, as `MALLOC_ARENA_MAX` says it. Threads that come and go with connections
+would get heaps of their own, whose free memory no other thread uses again (measured: 15 MB instead of 2 in a
+server that saw 178 clients die)."""
+
 
 def _environment() -> dict[str, str]:
     """The same as here, and where this package is found also if it is not installed."""
     root = str(Path(colony.__file__).parent.parent)
-    environment = {"ZENOH_RUNTIME": ONE_THREAD, **os.environ}
+    environment = {"ZENOH_RUNTIME": ONE_THREAD, "MALLOC_ARENA_MAX": ONE_ARENA, **os.environ}
     if root not in site.getsitepackages():
         before = environment.get("PYTHONPATH")
         environment["PYTHONPATH"] = root if not before else os.pathsep.join((root, before))

@@ -17,12 +17,11 @@ from colony.runtime.library.clock import Who, who
 from colony.runtime.library.leader import LEADER, RunStatus, run_status
 from colony.runtime.library.robot import Arbitration, arbitration
 from colony.runtime.live.place import Local, Place
-from colony.runtime.topics import CLOCK
+from colony.runtime.topics import CLOCK, OBSERVER
 
 ALWAYS = (CLOCK, RSERVER.name, PSERVER.name, DSERVER.name, RUNTIME.name)
 """The servers that every robot has."""
 
-OBSERVER = "Observer"
 PATIENCE_S = 1.0
 
 STATUS: Ask[Status] = Ask("status", Nothing(), Status, "read", repeatable=True)

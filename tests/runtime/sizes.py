@@ -1,0 +1,96 @@
+"""Memory of processes that are killed and started again: a curve for each incarnation, and how they grow."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Mapping
+from pathlib import Path
+from statistics import median
+
+WARM_UP_S = 10
+"""Age in seconds at which a process has what it needs; growth counts from here."""
+
+STARTED = 0.75
+"""Part of its last size at which a process has started."""
+
+NEWEST = 3
+"""Number of samples, a second apart, of which the largest counts at each end of a curve."""
+
+
+def resident(pid: int) -> int:
+    """Return the bytes of a process that are in memory; 0 if it is gone."""
+    try:
+        return int(Path(f"/proc/{pid}/statm").read_text().split()[1]) * os.sysconf("SC_PAGESIZE")
+    except (FileNotFoundError, ProcessLookupError):
+        return 0
+
+
+class Incarnations:
+    """Memory of one process, sampled once a second. Mutable: one curve, in bytes, per process id."""
+
+    def __init__(self) -> None:
+        self._pid: int | None = None
+        self.curves: list[list[int]] = []
+
+    def sample(self, pid: int | None) -> None:
+        """Measure the process of the moment; None while there is none."""
+        if pid is None:
+            return
+        if pid != self._pid:
+            self._pid = pid
+            self.curves.append([])
+        size = resident(pid)
+        if size:
+            self.curves[-1].append(size)
+
+    @property
+    def lives(self) -> list[tuple[int, int]]:
+        """Length in seconds of each incarnation, and the bytes that it has gained after its warm-up."""
+        return [(len(curve), _grown(curve)) for curve in self.curves]
+
+    @property
+    def growth(self) -> int:
+        """The most bytes that an incarnation has gained after its warm-up."""
+        return max((grown for _, grown in self.lives), default=0)
+
+    @property
+    def drift(self) -> int:
+        """The bytes by which late incarnations are larger than early ones of the same age.
+
+        It compares the medians of the first and the last third; 0 for fewer than six incarnations.
+        """
+        warm = [(curve, _warm_at(curve)) for curve in self.curves]
+        sizes = [max(curve[at : at + NEWEST]) for curve, at in warm if len(curve) >= at + NEWEST]
+        third = len(sizes) // 3
+        return int(median(sizes[-third:]) - median(sizes[:third])) if third >= 2 else 0
+
+    def __str__(self) -> str:
+        """The longest curve in MiB, at most eight points of it."""
+        longest = max(self.curves, key=len, default=[])
+        step = max(1, -(-len(longest) // 8))
+        return " ".join(f"{size / 2**20:.1f}" for size in longest[::step])
+
+
+def _grown(curve: list[int]) -> int:
+    begin = _warm_at(curve)
+    if len(curve) < begin + 2 * NEWEST:
+        return 0
+    return max(curve[-NEWEST:]) - max(curve[begin : begin + NEWEST])
+
+
+def _warm_at(curve: list[int]) -> int:
+    """Return the index at which a process has warmed up; on a busy machine its start may take long."""
+    started = next((i for i, size in enumerate(curve) if size >= STARTED * curve[-1]), 0)
+    return started + WARM_UP_S
+
+
+class Census:
+    """Memory of all processes of a run, by name. Mutable: the curves."""
+
+    def __init__(self) -> None:
+        self.processes: dict[str, Incarnations] = {}
+
+    def take(self, pids: Mapping[str, int]) -> None:
+        """Measure everybody who lives now."""
+        for name, pid in pids.items():
+            self.processes.setdefault(name, Incarnations()).sample(pid)
