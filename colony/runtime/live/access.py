@@ -1,7 +1,8 @@
 """The table of users as zenoh's access control: which keys a user may send to and listen to.
 
-Everything is denied that is not allowed here. A user's name stands in the keys of calls and replies, and is
-tied here to the common name of the certificate, so nobody can call, or hear answers, as somebody else.
+Everything is denied that is not allowed here. A user's name stands in the keys of all that users send, and of
+replies, and is tied here to the common name of the certificate, so nobody can send, or hear answers, as
+somebody else.
 """
 
 from __future__ import annotations

@@ -3,6 +3,10 @@
 On one machine every server listens on a unix socket in the robot's folder, and everyone connects to those
 that are known, present or not: a server that comes, or comes back, is found by trying again, and servers of
 other names by gossip. There is no scouting, no port, no shared memory.
+
+No address that comes over the network is ever dialed: processes of the robot can open links of unix sockets
+only, and the gateway, the one that strangers reach, takes no part in gossip. It needs none: all connect to
+it.
 """
 
 from __future__ import annotations
@@ -13,9 +17,22 @@ from collections.abc import Mapping
 import zenoh
 
 from colony.runtime.codec import LARGEST
+from colony.runtime.live.limits import HANDSHAKE_MS, limits
 from colony.runtime.live.place import Credentials, Local, Place, Remote
 from colony.runtime.live.run_directory import RobotDirectory
 from colony.runtime.live.security import Security
+
+GATEWAY = "Gateway"
+
+LOCAL_LINKS = ("unixsock-stream",)
+REMOTE_LINKS = ("tls",)
+
+LET_IN = [
+    {"filters": [{"modes": ["peer"], "interfaces": ["none: a link of a unix socket"]}]},
+    {"filters": [{"modes": ["client"]}]},
+]
+"""Who may be linked to a gateway: peers of this machine, and clients from anywhere. A peer that comes by a
+network interface is refused, for it would be told the ids of the robot's processes."""
 
 LEASE_MS = 3000
 """After this time without a sign of life zenoh gives up a link; it must outlast a long reception."""
@@ -52,33 +69,37 @@ def settings(place: Place, *, listens: tuple[str, ...] = ()) -> Settings:
     """
     match place:
         case Local(directory=directory):
-            names = {*KNOWN, *directory.servers()}
-            if listens:
-                names.add("Gateway")  # who only connects has nothing to say to other machines
-            else:
-                names.discard("Gateway")
-            return _common("peer") | _local(directory, listens, names)
+            names = {*KNOWN, GATEWAY, *directory.servers()}
+            return _common("peer", LOCAL_LINKS, gossip=True) | _local(directory, listens, names)
         case Remote(endpoint=endpoint, credentials=credentials):
             if listens:
                 raise ValueError(f"{listens[0]} cannot serve {place.robot} from another machine")
             return (
-                _common("client")
+                _common("client", REMOTE_LINKS, gossip=False)
                 | {"listen/endpoints": [], "connect/endpoints": [endpoint], "connect/timeout_ms": LOGIN_MS}
                 | _tls_client(credentials)
             )
 
 
-def gateway_settings(directory: RobotDirectory, name: str, listen: str, security: Security) -> Settings:
-    """Those of a gateway that listens at `listen`, but for its access control."""
-    local = _local(directory, (name,), {*KNOWN, *directory.servers()})
-    return _common("router") | {
-        **local,
-        "listen/endpoints": [directory.endpoint(name), listen],
+def gateway_settings(directory: RobotDirectory, listen: str, security: Security) -> Settings:
+    """Those of a gateway that listens at `listen`, but for its access control.
+
+    It connects to nobody: all processes of the robot connect to it. Two ends that dial each other after a
+    link broke can each take the other's link for the one that stands, and then nobody dials any more.
+    """
+    return _common("router", (*LOCAL_LINKS, *REMOTE_LINKS), gossip=False) | {
+        "gateway": {"south": LET_IN},
+        "connect/endpoints": [],
+        "listen/endpoints": [
+            directory.endpoint(GATEWAY),
+            f"{listen}#tls_handshake_timeout_ms={HANDSHAKE_MS}",
+        ],
         "transport/link/tls/root_ca_certificate": str(security.authority),
         "transport/link/tls/listen_certificate": str(security.certificate),
         "transport/link/tls/listen_private_key": str(security.key),
         "transport/link/tls/enable_mtls": True,
         "transport/link/tls/close_link_on_expiration": True,
+        **limits(directory.robot),
     }
 
 
@@ -92,12 +113,14 @@ def _local(directory: RobotDirectory, listens: tuple[str, ...], names: set[str])
     }
 
 
-def _common(mode: str) -> dict[str, object]:
+def _common(mode: str, links: tuple[str, ...], *, gossip: bool) -> dict[str, object]:
     return {
         "mode": mode,
+        "adminspace/enabled": False,
         "scouting/multicast/enabled": False,
         "scouting/delay": 0,
-        "scouting/gossip/enabled": True,
+        "scouting/gossip/enabled": gossip,
+        "transport/link/protocols": links,
         "transport/shared_memory/enabled": False,
         "transport/link/tx/lease": LEASE_MS,
         "transport/link/tx/queue/congestion_control/block/wait_before_close": BLOCKED_US,
