@@ -3,6 +3,10 @@
 On one machine every server listens on a unix socket in the robot's folder, and everyone connects to those
 that are known, present or not: a server that comes, or comes back, is found by trying again, and servers of
 other names by gossip. There is no scouting, no port, no shared memory.
+
+No address that comes over the network is ever dialed: processes of the robot can open links of unix sockets
+only, and the gateway, the one that strangers reach, takes no part in gossip. It needs none, for all connect
+to it.
 """
 
 from __future__ import annotations
@@ -16,6 +20,11 @@ from colony.runtime.codec import LARGEST
 from colony.runtime.live.place import Credentials, Local, Place, Remote
 from colony.runtime.live.run_directory import RobotDirectory
 from colony.runtime.live.security import Security
+
+GATEWAY = "Gateway"
+
+LOCAL_LINKS = ("unixsock-stream",)
+REMOTE_LINKS = ("tls",)
 
 LEASE_MS = 3000
 """After this time without a sign of life zenoh gives up a link; it must outlast a long reception."""
@@ -52,17 +61,13 @@ def settings(place: Place, *, listens: tuple[str, ...] = ()) -> Settings:
     """
     match place:
         case Local(directory=directory):
-            names = {*KNOWN, *directory.servers()}
-            if listens:
-                names.add("Gateway")  # who only connects has nothing to say to other machines
-            else:
-                names.discard("Gateway")
-            return _common("peer") | _local(directory, listens, names)
+            names = {*KNOWN, GATEWAY, *directory.servers()}
+            return _common("peer", LOCAL_LINKS, gossip=True) | _local(directory, listens, names)
         case Remote(endpoint=endpoint, credentials=credentials):
             if listens:
                 raise ValueError(f"{listens[0]} cannot serve {place.robot} from another machine")
             return (
-                _common("client")
+                _common("client", REMOTE_LINKS, gossip=False)
                 | {"listen/endpoints": [], "connect/endpoints": [endpoint], "connect/timeout_ms": LOGIN_MS}
                 | _tls_client(credentials)
             )
@@ -71,7 +76,7 @@ def settings(place: Place, *, listens: tuple[str, ...] = ()) -> Settings:
 def gateway_settings(directory: RobotDirectory, name: str, listen: str, security: Security) -> Settings:
     """Those of a gateway that listens at `listen`, but for its access control."""
     local = _local(directory, (name,), {*KNOWN, *directory.servers()})
-    return _common("router") | {
+    return _common("router", (*LOCAL_LINKS, *REMOTE_LINKS), gossip=False) | {
         **local,
         "listen/endpoints": [directory.endpoint(name), listen],
         "transport/link/tls/root_ca_certificate": str(security.authority),
@@ -92,12 +97,14 @@ def _local(directory: RobotDirectory, listens: tuple[str, ...], names: set[str])
     }
 
 
-def _common(mode: str) -> dict[str, object]:
+def _common(mode: str, links: tuple[str, ...], *, gossip: bool) -> dict[str, object]:
     return {
         "mode": mode,
+        "adminspace/enabled": False,
         "scouting/multicast/enabled": False,
         "scouting/delay": 0,
-        "scouting/gossip/enabled": True,
+        "scouting/gossip/enabled": gossip,
+        "transport/link/protocols": links,
         "transport/shared_memory/enabled": False,
         "transport/link/tx/lease": LEASE_MS,
         "transport/link/tx/queue/congestion_control/block/wait_before_close": BLOCKED_US,

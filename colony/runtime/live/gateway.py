@@ -14,6 +14,7 @@ from colony.runtime.calls import Asked, CallDesk, Nothing, method
 from colony.runtime.library.ask import Ask
 from colony.runtime.live import configuration
 from colony.runtime.live.access import access_control
+from colony.runtime.live.configuration import GATEWAY as GATEWAY
 from colony.runtime.live.endpoint import parse_endpoint
 from colony.runtime.live.host import Host
 from colony.runtime.live.network import Network, local_time
@@ -21,8 +22,6 @@ from colony.runtime.live.outbox import Report
 from colony.runtime.live.place import Local
 from colony.runtime.live.security import PERMISSIONS, Permission, Security
 from colony.runtime.messages import Effect, Message
-
-GATEWAY = "Gateway"
 
 
 class Admitted(msgspec.Struct, frozen=True, kw_only=True):

@@ -1,0 +1,142 @@
+"""Attackers: raw sessions of zenoh, in every mode and with every kind of certificate."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import zenoh
+
+from colony.runtime.live.place import Credentials
+from tests.attack.lab import MARK, USERS, Lab
+from tests.runtime.certificates import Authority, free_port
+
+MODES = ("client", "peer", "router")
+REFUSED = ("none", "self-signed", "other authority", "expired")
+STRANGER = "stranger"
+"""The authority signed it, but it is not in the table of users."""
+ABUSERS = ("reader", "stopper", "driver", "runner")
+CERTIFICATES = (*REFUSED, STRANGER, *ABUSERS)
+
+OPENING_MS = 1500
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Intruder:
+    """Who attacks: the mode of the session, and the certificate or the user whose it is."""
+
+    mode: str
+    certificate: str
+
+    @property
+    def user(self) -> str:
+        """The name that it goes by."""
+        return self.certificate if self.certificate in USERS else "stranger"
+
+
+@dataclass(frozen=False, slots=True, kw_only=True)
+class Attack:
+    """A session that is open. Mutable: the keys of what it heard, by what it declared."""
+
+    intruder: Intruder
+    session: zenoh.Session
+    heard: list[tuple[str, str]]
+
+    def put(self, kind: str) -> Any:
+        """A handler that notes what comes."""
+        return zenoh.handlers.Callback(
+            lambda sample: self.heard.append((kind, str(sample.key_expr))), indirect=False
+        )
+
+    def answer(self, query: zenoh.Query) -> None:
+        """Answer a query of somebody else."""
+        self.heard.append(("query", str(query.key_expr)))
+        with query:
+            query.reply(query.key_expr, MARK)
+
+
+def credentials(lab: Lab, folder: Path, certificate: str) -> Credentials | None:
+    """What an attacker shows; None where it is nothing."""
+    ours = lab.authority.path
+    match certificate:
+        case "none":
+            return None
+        case "self-signed" | "other authority":
+            folder = folder / certificate
+            folder.mkdir(exist_ok=True)
+            made = Authority(folder).user("ada")
+            if certificate == "self-signed":
+                made = _self_signed(folder)
+            return Credentials(user="ada", certificate=made.certificate, key=made.key, authority=ours)
+        case "expired":
+            return lab.authority.user("ada", expired=True)
+        case _:
+            return lab.authority.user(certificate)
+
+
+def _self_signed(folder: Path) -> Credentials:
+    """A certificate that no authority signed but itself."""
+    from datetime import UTC, datetime, timedelta
+
+    from cryptography import x509
+    from cryptography.hazmat.primitives import hashes, serialization
+    from cryptography.hazmat.primitives.asymmetric import ec
+
+    key = ec.generate_private_key(ec.SECP256R1())
+    name = x509.Name([x509.NameAttribute(x509.NameOID.COMMON_NAME, "ada")])
+    now = datetime.now(UTC)
+    builder = x509.CertificateBuilder().subject_name(name).issuer_name(name).public_key(key.public_key())
+    builder = builder.serial_number(x509.random_serial_number())
+    builder = builder.not_valid_before(now - timedelta(days=1)).not_valid_after(now + timedelta(days=1))
+    encoding, plain = serialization.Encoding.PEM, serialization.NoEncryption()
+    certificate, key_path = folder / "self.pem", folder / "self.key"
+    certificate.write_bytes(builder.sign(key, hashes.SHA256()).public_bytes(encoding))
+    key_path.write_bytes(key.private_bytes(encoding, serialization.PrivateFormat.PKCS8, plain))
+    return Credentials(user="ada", certificate=certificate, key=key_path, authority=certificate)
+
+
+def settings(intruder: Intruder, lab: Lab, folder: Path) -> dict[str, object]:
+    """Settings that tell everybody to connect: it listens in the clear and at a unix socket, and gossips."""
+    found: dict[str, object] = {
+        "mode": intruder.mode,
+        "connect/endpoints": [lab.endpoint],
+        "connect/timeout_ms": OPENING_MS if intruder.mode == "client" else -1,
+        "connect/exit_on_failure": intruder.mode == "client",
+        "connect/retry": {"period_init_ms": 400, "period_max_ms": 400, "period_increase_factor": 1},
+        "scouting/multicast/enabled": True,
+        "scouting/multicast/interface": "lo",
+        "scouting/multicast/autoconnect": ["router", "peer", "client"],
+        "scouting/gossip/enabled": True,
+        "scouting/gossip/multihop": True,
+        "scouting/gossip/autoconnect": ["router", "peer", "client"],
+        "timestamping/enabled": True,
+        "transport/link/tls/root_ca_certificate": str(lab.authority.path),
+    }
+    if intruder.mode != "client":
+        here = f"unixsock-stream/{folder}/{intruder.mode}"
+        found["listen/endpoints"] = [f"tcp/127.0.0.1:{free_port()}", here]
+    shown = credentials(lab, folder, intruder.certificate)
+    if shown is not None:
+        found["transport/link/tls/enable_mtls"] = True
+        found["transport/link/tls/connect_certificate"] = str(shown.certificate)
+        found["transport/link/tls/connect_private_key"] = str(shown.key)
+    return found
+
+
+@contextmanager
+def attacks(intruder: Intruder, lab: Lab, folder: Path) -> Iterator[Attack | None]:
+    """The session, open until the end of the block; None where the gateway does not let it in."""
+    made = zenoh.Config()
+    for key, value in settings(intruder, lab, folder).items():
+        made.insert_json5(key, json.dumps(value))
+    try:
+        session = zenoh.open(made)
+    except zenoh.ZError:
+        yield None
+        return
+    with session:
+        yield Attack(intruder=intruder, session=session, heard=[])

@@ -1,0 +1,110 @@
+"""One attacker against the robot, judged by what came of it."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Iterable
+from dataclasses import dataclass
+from pathlib import Path
+
+from colony.runtime.live.gateway import whoami
+from tests.attack import attempts
+from tests.attack.intruder import REFUSED, Attack, Intruder, attacks
+from tests.attack.lab import MARK, Lab, Witness
+from tests.attack.sockets import beyond_the_gateway
+
+MAY_DRIVE = ("driver", "runner")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Outcome:
+    """What came of an attack. `delivered`, `heard` and `connections` are beyond the attacker's right."""
+
+    attack: str
+    linked: bool
+    delivered: tuple[str, ...]
+    heard: tuple[str, ...]
+    connections: tuple[str, ...]
+    moved: bool
+
+    @property
+    def failed(self) -> bool:
+        """Whether the attack came to nothing."""
+        return not (self.delivered or self.heard or self.connections or self.moved)
+
+
+def attempt(intruder: Intruder, lab: Lab, folder: Path, *, watch_s: float) -> Outcome:
+    """Let it try everything, and watch what happens for so long."""
+    witness = Witness(lab.machine)
+    connections: set[str] = set()
+    heard: list[tuple[str, str]] = []
+    linked = moved = False
+    drives = intruder.certificate not in MAY_DRIVE
+    try:
+        with attacks(intruder, lab, folder) as attack:
+            if attack is not None:
+                attempts.listen(attack)
+                attempts.send(attack)
+                if drives:
+                    attempts.drive(attack)
+                end = time.monotonic() + watch_s
+                while True:
+                    connections |= _connections(lab, attack)
+                    moved |= drives and lab.machine.moves()
+                    linked |= bool(_others(attack))
+                    if time.monotonic() > end:
+                        break
+                    time.sleep(0.05)
+                witness.asks()
+                _behind_it(lab)
+                heard = list(attack.heard)
+        got = list(witness.got)
+    finally:
+        witness.close()
+    return Outcome(
+        attack=f"{intruder.mode}, {intruder.certificate}",
+        linked=linked,
+        delivered=_sorted(f"{kind} {key}" for kind, key in got if not _may(intruder.user, kind, key)),
+        heard=_sorted(
+            f"{kind} {key}"
+            for kind, key in heard
+            if MARK.decode() not in key and not attempts.may_hear(intruder.user, kind, key)
+        ),
+        connections=tuple(sorted(connections)),
+        moved=moved,
+    )
+
+
+def _may(user: str, kind: str, key: str) -> bool:
+    if kind == "token":
+        return attempts.may_claim(user, key)
+    return kind == "put" and attempts.may_send(user, key)
+
+
+def _connections(lab: Lab, attack: Attack) -> set[str]:
+    """Sockets that no process of the robot may have, and links to the attacker that should not be."""
+    found = {
+        f"{s.process} {s.protocol} {s.local}>{s.remote}" for s in beyond_the_gateway(lab.pids(), lab.port)
+    }
+    others = _others(attack)
+    if attack.intruder.certificate in REFUSED and others:
+        found.add("the gateway lets it in")
+    return found | {f"linked to {len(others)}" for _ in others[1:]}
+
+
+def _others(attack: Attack) -> list[str]:
+    """The processes that the attacker is linked to."""
+    info = attack.session.info
+    return [str(zid) for zid in (*info.routers_zid(), *info.peers_zid())]
+
+
+def _behind_it(lab: Lab) -> None:
+    """Wait until an honest user was served after the attack, who had to wait behind it."""
+    with lab.session("ada") as session, session.connect("Gateway") as gateway:
+        assert gateway.do(whoami()).user == "ada"
+
+
+def _sorted(found: Iterable[str]) -> tuple[str, ...]:
+    return tuple(sorted(set(found)))
+
+
