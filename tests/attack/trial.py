@@ -106,5 +106,3 @@ def _behind_it(lab: Lab) -> None:
 
 def _sorted(found: Iterable[str]) -> tuple[str, ...]:
     return tuple(sorted(set(found)))
-
-

@@ -17,6 +17,7 @@ from collections.abc import Mapping
 import zenoh
 
 from colony.runtime.codec import LARGEST
+from colony.runtime.live.limits import HANDSHAKE_MS, limits
 from colony.runtime.live.place import Credentials, Local, Place, Remote
 from colony.runtime.live.run_directory import RobotDirectory
 from colony.runtime.live.security import Security
@@ -73,17 +74,24 @@ def settings(place: Place, *, listens: tuple[str, ...] = ()) -> Settings:
             )
 
 
-def gateway_settings(directory: RobotDirectory, name: str, listen: str, security: Security) -> Settings:
-    """Those of a gateway that listens at `listen`, but for its access control."""
-    local = _local(directory, (name,), {*KNOWN, *directory.servers()})
+def gateway_settings(directory: RobotDirectory, listen: str, security: Security) -> Settings:
+    """Those of a gateway that listens at `listen`, but for its access control.
+
+    It connects to nobody: all processes of the robot connect to it. Two ends that dial each other after a
+    link broke can each take the other's link for the one that stands, and then nobody dials any more.
+    """
     return _common("router", (*LOCAL_LINKS, *REMOTE_LINKS), gossip=False) | {
-        **local,
-        "listen/endpoints": [directory.endpoint(name), listen],
+        "connect/endpoints": [],
+        "listen/endpoints": [
+            directory.endpoint(GATEWAY),
+            f"{listen}#tls_handshake_timeout_ms={HANDSHAKE_MS}",
+        ],
         "transport/link/tls/root_ca_certificate": str(security.authority),
         "transport/link/tls/listen_certificate": str(security.certificate),
         "transport/link/tls/listen_private_key": str(security.key),
         "transport/link/tls/enable_mtls": True,
         "transport/link/tls/close_link_on_expiration": True,
+        **limits(directory.robot),
     }
 
 

@@ -17,6 +17,7 @@ from colony.runtime.live.access import access_control
 from colony.runtime.live.configuration import GATEWAY as GATEWAY
 from colony.runtime.live.endpoint import parse_endpoint
 from colony.runtime.live.host import Host
+from colony.runtime.live.limits import allow_descriptors
 from colony.runtime.live.network import Network, local_time
 from colony.runtime.live.outbox import Report
 from colony.runtime.live.place import Local
@@ -73,8 +74,9 @@ def open_gateway(
         NotReached: it cannot listen there.
     """
     parse_endpoint(listen)
+    allow_descriptors()
     settings = {
-        **configuration.gateway_settings(place.directory, GATEWAY, listen, security),
+        **configuration.gateway_settings(place.directory, listen, security),
         "access_control": access_control(place.robot, security),
     }
     with ExitStack() as holds:

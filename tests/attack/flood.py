@@ -1,0 +1,211 @@
+"""A flood through the gateway, as a process of its own: `python -m tests.attack.flood ORDER`, ORDER in JSON.
+
+It is bounded in number, rate and time, and says in the end how many messages it sent.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager, suppress
+from dataclasses import asdict, dataclass
+from itertools import count
+from pathlib import Path
+from typing import Literal, get_args
+
+import msgspec
+import zenoh
+
+from colony.runtime import codec
+from colony.runtime.calls import Nothing, Open
+from colony.runtime.codec import LARGEST
+from colony.runtime.library.robot import Drive
+from colony.runtime.live import configuration
+from colony.runtime.live.place import Credentials, Remote
+from colony.runtime.messages import Call, Fetch, Right
+from tests.attack.lab import Lab
+from tests.cli.machine import ROBOT
+
+Kind = Literal["command calls", "read calls", "fetches", "malformed", "large", "strangers"]
+KINDS: tuple[Kind, ...] = get_args(Kind)
+
+PRIORITY = 1_000
+"""Of the calls of a flood: above those of honest users."""
+
+WHO: dict[Kind, str] = {
+    "command calls": "driver",
+    "read calls": "reader",
+    "fetches": "reader",
+    "malformed": "driver",
+    "large": "driver",
+    "strangers": "stranger",
+}
+"""The user whose certificate a flood of a kind comes with."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Order:
+    """What to send, through which gateway, as who. `rate` is messages a second, 0 as many as there go."""
+
+    kind: Kind
+    endpoint: str
+    user: str
+    certificate: str
+    key: str
+    authority: str
+    seconds: float
+    most: int = 1_000_000
+    rate: float = 0.0
+
+    @property
+    def remote(self) -> Remote:
+        """The robot, as this user reaches it."""
+        who = Credentials(
+            user=self.user,
+            certificate=Path(self.certificate),
+            key=Path(self.key),
+            authority=Path(self.authority),
+        )
+        return Remote(robot=ROBOT, endpoint=self.endpoint, credentials=who)
+
+
+class Flood:
+    """A flood that runs. Mutable: until it has ended."""
+
+    def __init__(self, order: Order) -> None:
+        self._process = subprocess.Popen(
+            [sys.executable, "-m", "tests.attack.flood", json.dumps(asdict(order))],
+            stdout=subprocess.PIPE,
+            text=True,
+            cwd=Path(__file__).parents[2],
+        )
+        self._line()  # it has its session
+
+    def _line(self) -> str:
+        assert self._process.stdout is not None
+        return self._process.stdout.readline().strip()
+
+    def flows(self) -> bool:
+        """Whether it goes on."""
+        return self._process.poll() is None
+
+    def end(self) -> int:
+        """End it now, if it did not; how many messages it sent."""
+        if self.flows():
+            self._process.send_signal(signal.SIGTERM)
+        sent = self._line()
+        self._process.wait(20)
+        return int(sent or 0)
+
+    def kill(self) -> None:
+        self._process.kill()
+        self._process.communicate()
+
+
+@contextmanager
+def flood(
+    lab: Lab, kind: Kind, *, seconds: float, rate: float = 0.0, most: int = 1_000_000
+) -> Iterator[Flood]:
+    """A flood until the end of the block, or until its bounds."""
+    who = lab.authority.user(WHO[kind])
+    made = Flood(
+        Order(
+            kind=kind,
+            endpoint=lab.endpoint,
+            user=who.user,
+            certificate=str(who.certificate),
+            key=str(who.key),
+            authority=str(who.authority),
+            seconds=seconds,
+            rate=rate,
+            most=most,
+        )
+    )
+    try:
+        yield made
+    finally:
+        made.kill()
+
+
+def messages(order: Order) -> Iterator[tuple[str, bytes]]:
+    """The keys and bytes of a flood; it opens its connection first, as honest ones do."""
+    server, connection = f"colony/{ROBOT}/RServer", f"{order.user}/1"
+
+    def call(right: Right, number: int, method: str, arguments: object) -> tuple[str, bytes]:
+        raw = msgspec.Raw(msgspec.msgpack.encode(arguments))
+        made = Call(
+            connection=connection, number=number, method=method, arguments=raw, right=right, priority=PRIORITY
+        )
+        return f"{server}/call/{right}/{connection}", codec.encode(made)
+
+    match order.kind:
+        case "command calls":
+            yield call("command", 1, "open", Open(name="flood"))
+            yield from (call("command", n, "drive", Drive(velocity=0.0, turn=0.0)) for n in count(2))
+        case "read calls":
+            yield call("read", 1, "open", Open(name="flood"))
+            yield from (call("read", n, "position", Nothing()) for n in count(2))
+        case "fetches":
+            yield from ((f"{server}/fetches", codec.encode(Fetch(server="RServer", k=k))) for k in count(1))
+        case "malformed":
+            yield from ((f"{server}/call/command/{connection}", os.urandom(64)) for _ in count())
+        case "large":
+            yield from ((f"{server}/call/command/{connection}", bytes(LARGEST)) for _ in count())
+        case "strangers":
+            yield from ((f"{server}/call/command/{connection}", b"") for _ in count())
+
+
+def pour(order: Order, ended: Callable[[], bool]) -> int:
+    """Send until the order's bounds, or until it is ended."""
+    sent, begin = 0, time.monotonic()
+    due = begin + order.seconds
+
+    def on_time() -> bool:
+        if order.rate and (wait := begin + sent / order.rate - time.monotonic()) > 0:
+            time.sleep(wait)
+        return sent < order.most and not ended() and time.monotonic() < due
+
+    if order.kind == "strangers":
+        print("flows", flush=True)
+        settings = configuration.configuration(configuration.settings(order.remote))
+        while on_time():
+            with suppress(zenoh.ZError):
+                zenoh.open(settings).close()
+            sent += 1
+        return sent
+    with zenoh.open(configuration.configuration(configuration.settings(order.remote))) as session:
+        print("flows", flush=True)
+        for key, data in messages(order):
+            if not on_time():
+                break
+            session.put(
+                key,
+                data,
+                congestion_control=zenoh.CongestionControl.BLOCK,
+                priority=zenoh.Priority.REAL_TIME,
+                express=True,
+            )
+            sent += 1
+    return sent
+
+
+def main(text: str) -> None:
+    told = False
+
+    def tell(*_: object) -> None:
+        nonlocal told
+        told = True
+
+    signal.signal(signal.SIGTERM, tell)
+    order = Order(**json.loads(text))
+    print(pour(order, lambda: told), flush=True)
+    os._exit(0)  # what still waits to be sent is of no use
+
+
+if __name__ == "__main__":
+    main(sys.argv[1])
