@@ -124,7 +124,7 @@ class Children:
                 stdin=subprocess.PIPE,
                 stdout=log,
                 stderr=subprocess.STDOUT,
-                env=_environment(),
+                env=_environment(one_thread=not child.job.essential),
                 process_group=0,
             )
         child.began_ns, child.due_ns = self._clock(), None
@@ -189,16 +189,17 @@ ONE_THREAD = (
     + ", ".join(f"{part}: (handover: app)" for part in ("net", "acc", "tx", "rx"))
     + ")"
 )
-"""How zenoh is to spread over threads, as `ZENOH_RUNTIME` says it: not at all. A process that hands all to
-one thread of Python gains nothing from more, and each costs switches (measured, with direct hosts: a third of
-a frame's time). That thread must not wait for room at a link, which it would have to make itself: see
-`live/host.py`."""
+"""How zenoh is to spread over threads in a client of a program, as `ZENOH_RUNTIME` says it: not at all. A
+process that hands all to one thread of Python gains nothing from more, and each costs switches (measured,
+with direct hosts: a third of a frame's time). That thread must not wait for room at a link, which it would
+have to make itself: see `live/host.py`. Servers, and the gateway, keep zenoh's own threads: one that is
+flooded with calls has to go on telling the others that it lives, or they give up their links to it."""
 
 
-def _environment() -> dict[str, str]:
+def _environment(*, one_thread: bool) -> dict[str, str]:
     """The same as here, and where this package is found also if it is not installed."""
     root = str(Path(colony.__file__).parent.parent)
-    environment = {"ZENOH_RUNTIME": ONE_THREAD, **os.environ}
+    environment = {**({"ZENOH_RUNTIME": ONE_THREAD} if one_thread else {}), **os.environ}
     if root not in site.getsitepackages():
         before = environment.get("PYTHONPATH")
         environment["PYTHONPATH"] = root if not before else os.pathsep.join((root, before))
