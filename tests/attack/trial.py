@@ -18,7 +18,8 @@ MAY_DRIVE = ("driver", "runner")
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Outcome:
-    """What came of an attack. `delivered`, `heard` and `connections` are beyond the attacker's right."""
+    """What came of an attack. `delivered`, `heard` and `connections` are beyond the attacker's right, `within`
+    is how much got through that may."""
 
     attack: str
     linked: bool
@@ -26,6 +27,7 @@ class Outcome:
     heard: tuple[str, ...]
     connections: tuple[str, ...]
     moved: bool
+    within: int
 
     @property
     def failed(self) -> bool:
@@ -72,6 +74,7 @@ def attempt(intruder: Intruder, lab: Lab, folder: Path, *, watch_s: float) -> Ou
         ),
         connections=tuple(sorted(connections)),
         moved=moved,
+        within=sum(_may(intruder.user, kind, key) for kind, key in got),
     )
 
 
