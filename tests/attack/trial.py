@@ -18,8 +18,8 @@ MAY_DRIVE = ("driver", "runner")
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Outcome:
-    """What came of an attack. `delivered`, `heard` and `connections` are beyond the attacker's right, `within`
-    is how much got through that may."""
+    """What came of an attack. `delivered`, `heard` and `connections` are beyond the right,
+    `within` is how much got through that may."""
 
     attack: str
     linked: bool

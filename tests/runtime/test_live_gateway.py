@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import threading
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import ExitStack, contextmanager
 from pathlib import Path
 
@@ -20,7 +20,7 @@ from colony.runtime.live.errors import NotReached, SecurityError
 from colony.runtime.live.gateway import open_gateway
 from colony.runtime.live.host import Host
 from colony.runtime.live.network import Network
-from colony.runtime.live.outbox import publish
+from colony.runtime.live.outbox import Haste, publish
 from colony.runtime.live.place import Credentials, Remote
 from colony.runtime.live.robot_time import learned_time
 from colony.runtime.live.security import Permission, read_security
@@ -337,3 +337,97 @@ def test_a_gateway_that_is_started_anew_is_found_again(tmp_path: Path) -> None:
             with _gateway(lab, USERS):
                 assert battery.do(level()) == 0.5
                 assert battery.do(charge(1.0)) == pytest.approx(0.6)
+
+
+def test_nothing_comes_twice_and_servers_that_come_later_are_found(lab: _Lab) -> None:
+    """All are linked to each other and to the gateway; with gossip for some, and without for the gateway."""
+    call = _call("bob/1", "read")
+    with (
+        Network.open(place(lab.environment)) as at_home,
+        lab.session("bob") as session,
+        Network.open(lab.remote("bob")) as remote,
+        hosted(lab.environment, [Recorder("Clock", topics.calls("Clock"))]),
+    ):
+        until(lambda: {"Clock", "Gateway"} <= set(at_home.alive()), "it is linked to others")
+        node = Recorder("Radio", topics.calls("Radio"))
+        with hosted(lab.environment, [node]):
+            until(lambda: "Radio" in at_home.alive(), "a name that nobody knew, by gossip")
+            until(lambda: "Radio" in session.servers(), "and from behind the gateway")
+            for network in (at_home, remote):
+                _put(network, f"colony/{ROBOT}/Radio/call/read/bob/1", codec.encode(call))
+            _put(remote, f"colony/{ROBOT}/Radio/call/read/bob/1", codec.encode(Alive(connection="bob/1")))
+            until(lambda: any(isinstance(m, Alive) for m in node.got), "the last one")
+            assert node.got.count(call) == 2
+    assert len(node.got) == 3
+
+
+def test_a_server_of_the_kit_that_starts_after_its_client(lab: _Lab) -> None:
+    with (
+        Session.open(ROBOT, environment=lab.environment) as at_home,
+        lab.session("ada") as session,
+        hosted(lab.environment, [Recorder("RServer")]),
+    ):
+        until(lambda: "RServer" in at_home.servers(), "a process to gossip with")
+        with battery_thread(lab.environment):
+            for found in (at_home, session):
+                with found.connect(BATTERY, timeout_s=20) as battery:
+                    assert battery.do(level()) == 0.5
+
+
+@pytest.mark.parametrize(
+    ("user", "right", "limit"), [("carl", "stop", 1024), ("bob", "read", 65536), ("ada", "command", None)]
+)
+def test_messages_larger_than_their_right_allows(lab: _Lab, user: str, right: str, limit: int | None) -> None:
+    sizes: list[int] = []
+    key = f"colony/{ROBOT}/RServer/call/{right}/{user}/1"
+    with Network.open(place(lab.environment), listens=("RServer",)) as robot, _remote(lab, user) as network:
+        _note(robot, key, lambda sample: sizes.append(len(sample.payload)))
+        _put(network, key, b"small")
+        until(lambda: sizes == [5], "the small one")
+        if limit is not None:
+            _put(network, key, bytes(limit + 1))
+        _put(network, key, bytes(limit or codec.LARGEST))
+        until(lambda: len(sizes) == 2, "the largest one")
+    assert sizes == [5, limit or codec.LARGEST]
+
+
+def test_users_choose_no_priority_and_nobody_waits_for_them(lab: _Lab) -> None:
+    found: dict[str, tuple[object, object, bool]] = {}
+
+    def note(sample: zenoh.Sample) -> None:
+        found[str(sample.key_expr)] = (sample.priority, sample.congestion_control, sample.express)
+
+    drop, data = zenoh.CongestionControl.DROP, zenoh.Priority.DATA
+    calls = f"colony/{ROBOT}/RServer/call"
+    frames = f"colony/{ROBOT}/RServer/frames"
+    with Network.open(place(lab.environment), listens=("RServer",)) as robot, _remote(lab, "eva") as network:
+        _note(robot, f"{calls}/**", note)
+        _note(robot, f"colony/{ROBOT}/RServer/requests", note)
+        _note(network, frames, note)
+        _urgent(network, f"{calls}/command/eva/1")
+        _urgent(network, f"{calls}/read/eva/1")
+        _put(network, f"{calls}/stop/eva/1", b"x")
+        _put(network, f"colony/{ROBOT}/RServer/requests", b"x")
+        _put(robot, frames, b"x")
+        until(lambda: len(found) == 5, "all came")
+    assert found == {
+        f"{calls}/command/eva/1": (data, drop, False),
+        f"{calls}/read/eva/1": (data, drop, False),
+        f"{calls}/stop/eva/1": (zenoh.Priority.REAL_TIME, drop, True),
+        f"colony/{ROBOT}/RServer/requests": (zenoh.Priority.INTERACTIVE_HIGH, drop, False),
+        frames: (data, drop, False),
+    }
+
+
+def _remote(lab: _Lab, user: str) -> Network:
+    return Network.open(lab.remote(user))
+
+
+def _note(network: Network, key: str, take: Callable[[zenoh.Sample], None]) -> None:
+    network.session.declare_subscriber(key, zenoh.handlers.Callback(take, indirect=False))
+
+
+def _urgent(network: Network, key: str) -> None:
+    with publish(network.session, key, haste=Haste.STOP) as publisher:
+        until(lambda: publisher.matching_status.matching, f"nobody listens to {key}")  # type: ignore[attr-defined]
+        publisher.put(b"x")

@@ -1,0 +1,71 @@
+"""An emergency stop gets through every flood, and no server is lost to the gateway."""
+
+from __future__ import annotations
+
+import os
+import signal
+from collections.abc import Iterator
+from contextlib import contextmanager
+
+import pytest
+
+from colony.runtime.library import robot
+from colony.runtime.live.network import Network
+from colony.runtime.live.place import Remote
+from tests.attack.flood import KINDS, Kind, flood
+from tests.attack.lab import Lab
+from tests.attack.stops import stop_times
+from tests.cli.machine import ROBOT, until
+
+SECONDS = 2.0
+STOPS = 5
+
+
+@contextmanager
+def _losses(lab: Lab) -> Iterator[list[str]]:
+    """The servers that the gateway lost until the end of the block."""
+    remote = Remote(robot=ROBOT, endpoint=lab.endpoint, credentials=lab.authority.user("reader"))
+    with Network.open(remote) as network:
+        until(lambda: "RServer" in network.alive(), "the gateway has found the server")
+        lost: list[str] = []
+        network.watch(lambda address, present: None if present else lost.append(address))
+        yield lost
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_a_stop_gets_through(kind: Kind, lab: Lab) -> None:
+    with (
+        lab.session("guard") as guard,
+        lab.machine.session() as home,
+        _losses(lab) as lost,
+        flood(lab, kind, seconds=SECONDS) as running,
+    ):
+        took = list(stop_times(guard, home, STOPS))
+        assert running.end() > 0
+        assert len(took) == STOPS
+        assert lost == []
+    assert lab.machine.stands()
+
+
+@pytest.mark.parametrize("server", ["RServer", "DServer"])
+def test_a_server_that_was_killed_is_found_again(server: str, lab: Lab) -> None:
+    with lab.session("reader") as session, session.connect("RServer", timeout_s=60.0) as base:
+        base.do(robot.position())
+        old = lab.pid(server)
+        os.kill(old, signal.SIGKILL)
+        lab.restarted(server, old)
+        until(lambda: server in session.servers(), "the gateway has found it again")
+        base.do(robot.position())
+
+
+def test_a_server_that_was_frozen_is_found_again(lab: Lab) -> None:
+    with lab.session("reader") as session, session.connect("RServer", timeout_s=60.0) as base:
+        base.do(robot.position())
+        pid = lab.pid("RServer")
+        os.kill(pid, signal.SIGSTOP)
+        try:
+            until(lambda: "RServer" not in session.servers(), "its lease is over")
+        finally:
+            os.kill(pid, signal.SIGCONT)
+        until(lambda: "RServer" in session.servers(), "the gateway has found it again")
+        base.do(robot.position())

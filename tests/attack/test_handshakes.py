@@ -1,0 +1,34 @@
+"""Connections that never finish their handshake are closed, and harm no session that stands."""
+
+from __future__ import annotations
+
+import pytest
+
+from colony.runtime.live.errors import NotReached
+from colony.runtime.live.gateway import whoami
+from tests.attack.handshakes import HalfOpen
+from tests.attack.lab import Lab
+from tests.cli.machine import until
+
+COUNT = 20
+
+
+@pytest.mark.parametrize("hello", [True, False], ids=["stalled", "silent"])
+def test_half_open_connections_are_closed(hello: bool, lab: Lab) -> None:
+    with lab.session("ada") as ada, ada.connect("Gateway") as gateway:
+        with HalfOpen(lab.port, count=COUNT, rate=0, hello=hello) as half:
+            assert half.standing() > 0
+            asked = 0
+            while half.standing():
+                assert gateway.do(whoami()).user == "ada", "a session that stands goes on"
+                asked += 1
+            assert asked > 0
+        until(lambda: _logs_in(lab), "the door is open again")
+
+
+def _logs_in(lab: Lab) -> bool:
+    try:
+        lab.session("guard").close()
+    except NotReached:
+        return False
+    return True
