@@ -10,7 +10,7 @@ MODULE  ?=
 SAMPLE  ?=
 WORKERS ?= 2
 
-.PHONY: run test check format bench soak loss tables mutants clean
+.PHONY: run test check format bench soak loss attack tables mutants clean
 
 run: $(STAMP)
 	$(BIN)/colony run behaviors/wander.colony --map maps/loop.stickrep --duration 60 --seed 1 --picture run.png
@@ -35,6 +35,9 @@ soak: $(STAMP)
 
 loss: $(STAMP)
 	$(BIN)/python -m tests.runtime.loss_policy --seeds $(SEEDS)
+
+attack: $(STAMP)
+	$(BIN)/python -m tests.attack
 
 tables: $(STAMP)
 	$(BIN)/python -m colony.dsl.tables

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import time
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -27,10 +28,14 @@ OPENING_MS = 1500
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Intruder:
-    """Who attacks: the mode of the session, and the certificate or the user whose it is."""
+    """Who attacks: the mode of the session, and the certificate or the user whose it is.
+
+    `process` is the id of zenoh that it gives itself: that of a process of the robot.
+    """
 
     mode: str
     certificate: str
+    process: str = ""
 
     @property
     def user(self) -> str:
@@ -107,15 +112,15 @@ def settings(intruder: Intruder, lab: Lab, folder: Path) -> dict[str, object]:
         "connect/timeout_ms": OPENING_MS if intruder.mode == "client" else -1,
         "connect/exit_on_failure": intruder.mode == "client",
         "connect/retry": {"period_init_ms": 400, "period_max_ms": 400, "period_increase_factor": 1},
-        "scouting/multicast/enabled": True,
-        "scouting/multicast/interface": "lo",
-        "scouting/multicast/autoconnect": ["router", "peer", "client"],
+        "scouting/multicast/enabled": False,  # attackers of several tests at once would find each other
         "scouting/gossip/enabled": True,
         "scouting/gossip/multihop": True,
         "scouting/gossip/autoconnect": ["router", "peer", "client"],
         "timestamping/enabled": True,
         "transport/link/tls/root_ca_certificate": str(lab.authority.path),
     }
+    if intruder.process:
+        found["id"] = intruder.process
     if intruder.mode != "client":
         here = f"unixsock-stream/{folder}/{intruder.mode}"
         found["listen/endpoints"] = [f"tcp/127.0.0.1:{free_port()}", here]
@@ -124,6 +129,16 @@ def settings(intruder: Intruder, lab: Lab, folder: Path) -> dict[str, object]:
         found["transport/link/tls/enable_mtls"] = True
         found["transport/link/tls/connect_certificate"] = str(shown.certificate)
         found["transport/link/tls/connect_private_key"] = str(shown.key)
+    return found
+
+
+def scouted(seconds: float) -> set[str]:
+    """The ids of zenoh of whoever answers a call to everybody on loopback."""
+    made = zenoh.Config()
+    made.insert_json5("scouting/multicast/interface", '"lo"')
+    found: set[str] = set()
+    with zenoh.scout(lambda hello: found.add(str(hello.zid)), "router|peer|client", made):
+        time.sleep(seconds)
     return found
 
 

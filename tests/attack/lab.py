@@ -29,6 +29,9 @@ USERS: Mapping[str, tuple[Permission, ...]] = {
 }
 """`ada` and `guard` are honest; each of the others abuses the one right that it has."""
 
+SERVED = ("Clock", "RServer", "PServer", "DServer", "Gateway")
+"""What a robot has behind its gateway, and that itself."""
+
 MARK = b"intruder"
 """Begins whatever an attacker sends, unless it has to be a message."""
 
@@ -89,8 +92,15 @@ class Witness:
         session = self._network.session
         session.declare_subscriber("**", zenoh.handlers.Callback(self._put, indirect=False))
         session.declare_queryable("**", zenoh.handlers.Callback(self._query, indirect=False))
+        alive = self._network.alive
+        until(lambda: set(SERVED) <= set(alive()), "it is linked to all")
         tokens = zenoh.handlers.Callback(self._token, indirect=False)
         session.liveliness().declare_subscriber("**", tokens, history=True)
+
+    def processes(self) -> set[str]:
+        """The ids of zenoh of the robot's processes: the witness is linked to all of them."""
+        info = self._network.session.info
+        return {str(zid) for zid in (*info.routers_zid(), *info.peers_zid())}
 
     def asks(self) -> None:
         """Ask everybody: a queryable of an attacker would answer."""

@@ -6,10 +6,10 @@ from pathlib import Path
 
 import pytest
 
-from tests.attack.intruder import REFUSED, STRANGER, Intruder
-from tests.attack.lab import Lab
+from tests.attack.intruder import MODES, REFUSED, STRANGER, Intruder, scouted
+from tests.attack.lab import Lab, Witness
 from tests.attack.sockets import Socket, network_sockets
-from tests.attack.trial import Outcome, attempt
+from tests.attack.trial import attempt, impersonators
 from tests.cli.machine import until
 
 SAMPLE = (
@@ -34,14 +34,27 @@ WATCH_S = 1.5
 def test_nobody_gets_beyond_the_right(intruder: Intruder, lab: Lab, folder: Path) -> None:
     outcome = attempt(intruder, lab, folder, watch_s=WATCH_S)
     assert outcome.failed, outcome
-    assert outcome.linked == (intruder.certificate not in REFUSED), "the attack took place as it was meant"
-    _what_a_right_lets_through_gets_through(intruder, outcome)
+    let_in = intruder.mode != "peer" and intruder.certificate not in REFUSED
+    assert outcome.linked == let_in, "the attack took place as it was meant"
+    has_a_right = let_in and intruder.certificate != STRANGER
+    assert (outcome.within > 0) == has_a_right, "else the witness would be deaf"
 
 
-def _what_a_right_lets_through_gets_through(intruder: Intruder, outcome: Outcome) -> None:
-    """Else the witness would be deaf, and the test could not fail."""
-    has_a_right = intruder.certificate not in (*REFUSED, STRANGER)
-    assert (outcome.within > 0) == has_a_right, outcome
+@pytest.mark.parametrize("mode", MODES)
+def test_nobody_passes_for_a_process_of_the_robot(mode: str, lab: Lab, folder: Path) -> None:
+    """Two links of one id are one to zenoh, and the first one's rights would be those of both."""
+    for intruder in impersonators(lab, mode):
+        outcome = attempt(intruder, lab, folder, watch_s=0.2)
+        assert outcome.failed, outcome
+
+
+def test_nobody_answers_a_call_to_everybody(lab: Lab) -> None:
+    witness = Witness(lab.machine)
+    try:
+        assert len(witness.processes()) > 1
+        assert not scouted(0.5) & witness.processes()
+    finally:
+        witness.close()
 
 
 def test_the_sockets_of_the_robot(lab: Lab) -> None:

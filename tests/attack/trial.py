@@ -9,8 +9,8 @@ from pathlib import Path
 
 from colony.runtime.live.gateway import whoami
 from tests.attack import attempts
-from tests.attack.intruder import REFUSED, Attack, Intruder, attacks
-from tests.attack.lab import MARK, Lab, Witness
+from tests.attack.intruder import REFUSED, STRANGER, Attack, Intruder, attacks
+from tests.attack.lab import MARK, SERVED, Lab, Witness
 from tests.attack.sockets import beyond_the_gateway
 
 MAY_DRIVE = ("driver", "runner")
@@ -35,6 +35,16 @@ class Outcome:
         return not (self.delivered or self.heard or self.connections or self.moved)
 
 
+def impersonators(lab: Lab, mode: str) -> list[Intruder]:
+    """A stranger under the id of zenoh of each process of the robot."""
+    witness = Witness(lab.machine)
+    try:
+        processes = witness.processes()
+    finally:
+        witness.close()
+    return [Intruder(mode=mode, certificate=STRANGER, process=process) for process in sorted(processes)]
+
+
 def attempt(intruder: Intruder, lab: Lab, folder: Path, *, watch_s: float) -> Outcome:
     """Let it try everything, and watch what happens for so long."""
     witness = Witness(lab.machine)
@@ -51,9 +61,9 @@ def attempt(intruder: Intruder, lab: Lab, folder: Path, *, watch_s: float) -> Ou
                     attempts.drive(attack)
                 end = time.monotonic() + watch_s
                 while True:
-                    connections |= _connections(lab, attack)
+                    connections |= _connections(lab, attack, witness)
                     moved |= drives and lab.machine.moves()
-                    linked |= bool(_others(attack))
+                    linked |= bool(_links(attack, witness))
                     if time.monotonic() > end:
                         break
                     time.sleep(0.05)
@@ -64,7 +74,7 @@ def attempt(intruder: Intruder, lab: Lab, folder: Path, *, watch_s: float) -> Ou
     finally:
         witness.close()
     return Outcome(
-        attack=f"{intruder.mode}, {intruder.certificate}",
+        attack=f"{intruder.mode}, {intruder.certificate}{' as a process' if intruder.process else ''}",
         linked=linked,
         delivered=_sorted(f"{kind} {key}" for kind, key in got if not _may(intruder.user, kind, key)),
         heard=_sorted(
@@ -84,27 +94,30 @@ def _may(user: str, kind: str, key: str) -> bool:
     return kind == "put" and attempts.may_send(user, key)
 
 
-def _connections(lab: Lab, attack: Attack) -> set[str]:
+def _connections(lab: Lab, attack: Attack, witness: Witness) -> set[str]:
     """Sockets that no process of the robot may have, and links to the attacker that should not be."""
     found = {
         f"{s.process} {s.protocol} {s.local}>{s.remote}" for s in beyond_the_gateway(lab.pids(), lab.port)
     }
-    others = _others(attack)
-    if attack.intruder.certificate in REFUSED and others:
+    links = _links(attack, witness)
+    if attack.intruder.certificate in REFUSED and links:
         found.add("the gateway lets it in")
-    return found | {f"linked to {len(others)}" for _ in others[1:]}
+    if len(links) > 1:
+        found.add(f"linked to {len(links)} processes")
+    return found
 
 
-def _others(attack: Attack) -> list[str]:
-    """The processes that the attacker is linked to."""
+def _links(attack: Attack, witness: Witness) -> set[str]:
+    """The processes of the robot that the attacker is linked to; others on this machine are none of ours."""
     info = attack.session.info
-    return [str(zid) for zid in (*info.routers_zid(), *info.peers_zid())]
+    return {str(zid) for zid in (*info.routers_zid(), *info.peers_zid())} & witness.processes()
 
 
 def _behind_it(lab: Lab) -> None:
-    """Wait until an honest user was served after the attack, who had to wait behind it."""
+    """Wait until an honest user was served after the attack, who had to wait behind it; nothing is lost."""
     with lab.session("ada") as session, session.connect("Gateway") as gateway:
         assert gateway.do(whoami()).user == "ada"
+        assert set(SERVED) <= set(session.servers())
 
 
 def _sorted(found: Iterable[str]) -> tuple[str, ...]:

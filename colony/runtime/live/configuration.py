@@ -27,6 +27,13 @@ GATEWAY = "Gateway"
 LOCAL_LINKS = ("unixsock-stream",)
 REMOTE_LINKS = ("tls",)
 
+LET_IN = [
+    {"filters": [{"modes": ["peer"], "interfaces": ["none: a link of a unix socket"]}]},
+    {"filters": [{"modes": ["client"]}]},
+]
+"""Who may be linked to a gateway: peers of this machine, and clients from anywhere. A peer that comes by a
+network interface is refused, for it would be told the ids of the robot's processes."""
+
 LEASE_MS = 3000
 """After this time without a sign of life zenoh gives up a link; it must outlast a long reception."""
 
@@ -81,6 +88,7 @@ def gateway_settings(directory: RobotDirectory, listen: str, security: Security)
     link broke can each take the other's link for the one that stands, and then nobody dials any more.
     """
     return _common("router", (*LOCAL_LINKS, *REMOTE_LINKS), gossip=False) | {
+        "gateway": {"south": LET_IN},
         "connect/endpoints": [],
         "listen/endpoints": [
             directory.endpoint(GATEWAY),

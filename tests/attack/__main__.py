@@ -1,0 +1,175 @@
+"""`make attack`: every attack of the suite on a robot of real processes, and a table of what came of them.
+
+It listens and sends on loopback only, takes some minutes, and exits with 1 if any attack got something.
+"""
+
+from __future__ import annotations
+
+import shutil
+import sys
+import tempfile
+import time
+from collections.abc import Callable
+from pathlib import Path
+
+from colony.runtime.kit.connection import Session
+from colony.runtime.live.errors import NotReached
+from colony.runtime.live.gateway import whoami
+from tests.attack.flood import KINDS, Kind, flood
+from tests.attack.handshakes import HalfOpen
+from tests.attack.intruder import CERTIFICATES, MODES, Intruder, scouted
+from tests.attack.lab import Lab, Witness, descriptors, lab, memory_mb
+from tests.attack.stops import stop_times
+from tests.attack.trial import attempt, impersonators
+
+WATCH_S = 2.0
+FLOOD_S = 8.0
+HALF_OPEN, NEW_A_SECOND, HALF_OPEN_S = 300, 20.0, 5.0
+DURING_S = 45.0
+PATIENCE_S = 120.0
+
+
+def main() -> int:
+    folder = Path(tempfile.mkdtemp(prefix="colony-", dir="/tmp"))
+    try:
+        with lab(folder) as robot:
+            failures = scouting(robot) + intruders(robot, folder) + floods(robot) + handshakes(robot)
+    finally:
+        shutil.rmtree(folder)
+    print(f"\n{failures} attacks got something" if failures else "\nno attack got anything")
+    return 1 if failures else 0
+
+
+def scouting(robot: Lab) -> int:
+    """A call to everybody on loopback; gives how many processes of the robot answered."""
+    witness = Witness(robot.machine)
+    try:
+        found = len(scouted(WATCH_S) & witness.processes())
+    finally:
+        witness.close()
+    print(f"{found} processes of the robot answer a scout\n")
+    return found
+
+
+def intruders(robot: Lab, folder: Path) -> int:
+    """Every mode with every certificate; gives how many got beyond their right."""
+    head = ("attack", "linked", "within", "delivered", "heard", "connections", "moved")
+    print("Beyond the right of whom (`within` it: messages that got through)\n")
+    print("{:<30} {:>7} {:>7} {:>10} {:>7} {:>12} {:>6}".format(*head))
+    failures = 0
+    tried = [Intruder(mode=m, certificate=c) for c in CERTIFICATES for m in MODES]
+    for intruder in (*tried, *(i for mode in MODES for i in impersonators(robot, mode))):
+        came = attempt(intruder, robot, folder, watch_s=0.5 if intruder.process else WATCH_S)
+        cells = (len(came.delivered), len(came.heard), len(came.connections))
+        linked, moved = ("yes" if found else "no" for found in (came.linked, came.moved))
+        print(
+            f"{came.attack:<30} {linked:>7} {came.within:>7} {cells[0]:>10} {cells[1]:>7} "
+            f"{cells[2]:>12} {moved:>6}",
+            flush=True,
+        )
+        for what in (*came.delivered[:3], *came.heard[:3], *came.connections[:3]):
+            print(f"    {what}")
+        failures += not came.failed
+    return failures
+
+
+def floods(robot: Lab) -> int:
+    """Every kind of flood while a user stops the robot; gives in how many a stop was not acknowledged."""
+    print(f"\nEmergency stops of another user during a flood of {FLOOD_S:g} s, in ms\n")
+    print(f"{'flood':<16} {'sent':>9} {'stops':>6} {'p50':>8} {'p95':>8} {'max':>8} {'gateway MB':>11}")
+    failures = 0
+    with robot.session("guard") as guard, robot.machine.session() as home:
+        print(_times("none", 0, list(stop_times(guard, home, 50)), robot))
+        for kind in KINDS:
+            try:
+                sent, took = _flooded(robot, kind, guard, home)
+                print(_times(kind, sent, took, robot), flush=True)
+            except Exception as problem:
+                failures += 1
+                print(f"{kind:<16} {problem}", flush=True)
+    return failures
+
+
+def _flooded(robot: Lab, kind: Kind, guard: Session, home: Session) -> tuple[int, list[float]]:
+    took: list[float] = []
+    with flood(robot, kind, seconds=FLOOD_S) as running:
+        for one in stop_times(guard, home, 1_000_000):
+            if took and not running.flows():
+                break
+            took.append(one)
+        return running.end(), took
+
+
+def _times(name: str, sent: int, took: list[float], robot: Lab) -> str:
+    ordered = [1000 * one for one in sorted(took)]
+    p50, p95 = ordered[len(ordered) // 2], ordered[int(0.95 * (len(ordered) - 1))]
+    memory = memory_mb(robot.pid("Gateway"))
+    return f"{name:<16} {sent:>9} {len(took):>6} {p50:>8.1f} {p95:>8.1f} {ordered[-1]:>8.1f} {memory:>11.0f}"
+
+
+def handshakes(robot: Lab) -> int:
+    """Half-open connections, and how long a login takes meanwhile; gives how often one was never closed."""
+    print(f"\n{HALF_OPEN} half-open connections, and then {NEW_A_SECOND:g} new ones a second\n")
+    head = (
+        "connections",
+        "new/s",
+        "asked, max ms",
+        "files",
+        "MB",
+        "login s",
+        "all closed s",
+        "login again s",
+    )
+    print("{:<12} {:>6} {:>14} {:>6} {:>5} {:>8} {:>13} {:>14}".format(*head))
+    failures = 0
+    with robot.session("ada") as ada, ada.connect("Gateway") as gateway:
+        for hello in (True, False):
+            for rate in (0.0, NEW_A_SECOND):
+                with HalfOpen(robot.port, count=HALF_OPEN, rate=rate, hello=hello) as half:
+                    time.sleep(HALF_OPEN_S)
+                    asked = max(_timed(lambda: gateway.do(whoami())) for _ in range(100))
+                    process = robot.pid("Gateway")
+                    use = descriptors(process), memory_mb(process)
+                    login = _login(robot, DURING_S)
+                    half.rest()
+                    closed = _until(lambda: not half.standing())
+                    again = _login(robot, PATIENCE_S)
+                failures += closed == again == "never"
+                name = "stalled" if hello else "silent"
+                print(
+                    f"{name:<12} {rate:>6g} {1000 * asked:>14.1f} {use[0]:>6} {use[1]:>5.0f} {login:>8} "
+                    f"{closed:>13} {again:>14}",
+                    flush=True,
+                )
+    return failures
+
+
+def _login(robot: Lab, patience_s: float) -> str:
+    def attempted() -> bool:
+        try:
+            robot.session("guard").close()
+        except NotReached:
+            return False
+        return True
+
+    return _until(attempted, patience_s)
+
+
+def _until(condition: Callable[[], bool], patience_s: float = PATIENCE_S) -> str:
+    """Seconds until it holds."""
+    begin = time.monotonic()
+    while not condition():
+        if time.monotonic() - begin > patience_s:
+            return "never"
+        time.sleep(0.05)
+    return f"{time.monotonic() - begin:.2f}"
+
+
+def _timed(do: Callable[[], object]) -> float:
+    begin = time.monotonic()
+    do()
+    return time.monotonic() - begin
+
+
+if __name__ == "__main__":
+    sys.exit(main())
