@@ -419,6 +419,56 @@ def test_users_choose_no_priority_and_nobody_waits_for_them(lab: _Lab) -> None:
     }
 
 
+def test_the_largest_answer_gets_through(lab: _Lab) -> None:
+    image = msgspec.Raw(msgspec.msgpack.encode(bytes(codec.LARGEST - 1024)))
+
+    def answer(message: Message, now_ns: int) -> Iterator[Effect]:
+        if isinstance(message, Call):
+            reply = Reply(connection=message.connection, number=message.number, result=image)
+            yield Send(topics.replies("CServer", message.connection), reply)
+
+    heard: list[object] = []
+    node = Recorder("CServer", topics.calls("CServer"), on=answer)
+    with hosted(lab.environment, [node]), _remote(lab, "ada") as ada:
+        _listen(ada, keys.listening(ROBOT, "CServer/reply/ada/1"), heard)
+
+        def asked() -> bool:
+            _put(ada, f"colony/{ROBOT}/CServer/call/read/ada/1", codec.encode(_call("ada/1", "read")))
+            return bool(heard)
+
+        until(asked, "the answer, perhaps to the second call")
+    assert isinstance(heard[0], Reply)
+    assert len(heard[0].result) == len(image)
+
+
+def test_a_user_who_does_not_read_holds_up_nobody(lab: _Lab) -> None:
+    frames = f"colony/{ROBOT}/RServer/frames"
+    frozen, heard, lost = threading.Event(), list[int](), list[str]()
+    with (
+        Network.open(place(lab.environment), listens=("RServer",)) as robot,
+        _remote(lab, "bob") as bob,
+        _remote(lab, "ada") as ada,
+        publish(robot.session, frames) as publisher,
+    ):
+        _note(ada, frames, lambda sample: heard.append(len(sample.payload)))
+        _note(bob, frames, lambda sample: frozen.wait(20))
+        try:
+            until(lambda: "Gateway" in robot.alive() and _heard(publisher, heard), "it is linked")
+            robot.watch(lambda address, present: None if present else lost.append(address))
+            for _ in range(100):
+                publisher.put(bytes(256 * 1024))
+            until(lambda: _heard(publisher, heard), "what comes after that")
+        finally:
+            frozen.set()
+    assert lost == []
+
+
+def _heard(publisher: zenoh.Publisher, heard: list[int]) -> bool:
+    """Send a small one; whether the newest that was heard is such a one."""
+    publisher.put(b"small")
+    return heard[-1:] == [5]
+
+
 def _remote(lab: _Lab, user: str) -> Network:
     return Network.open(lab.remote(user))
 

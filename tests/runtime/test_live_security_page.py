@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import re
 import shutil
 import subprocess
@@ -9,7 +10,9 @@ from pathlib import Path
 
 import pytest
 
+from colony.runtime.codec import LARGEST
 from colony.runtime.kit.connection import Session
+from colony.runtime.live import limits
 from colony.runtime.live.gateway import open_gateway
 from colony.runtime.live.security import PERMISSIONS, read_credentials, read_security
 from tests.runtime.certificates import free_port
@@ -40,6 +43,23 @@ def test_the_keys_that_the_page_makes_open_the_gateway_that_it_describes(tmp_pat
         with session.connect(BATTERY) as battery:
             assert battery.do(level()) == 0.5
             assert battery.do(charge(1.0)) == pytest.approx(0.6)
+
+
+@pytest.mark.skipif(shutil.which("nft") is None or os.geteuid() != 0, reason="needs nftables, and root")
+def test_the_rules_of_the_firewall_are_valid(tmp_path: Path) -> None:
+    rules = tmp_path / "gateway.nft"
+    rules.write_text(next(text for info, text in FENCES if info == "nft gateway.nft"))
+    checked = subprocess.run(["nft", "-c", "-f", str(rules)], capture_output=True, text=True, check=False)
+    assert checked.returncode == 0, checked.stderr
+
+
+def test_the_limits_on_the_page_are_those_of_the_gateway() -> None:
+    assert f"| TLS handshake | {limits.HANDSHAKE_MS // 1000} s |" in PAGE
+    assert f"{limits.LOGIN_MS // 1000} s, {limits.LOGINS_PENDING} at a time" in PAGE
+    assert f"| {limits.SESSIONS} | the login is refused" in PAGE
+    assert f"| {limits.SMALL // 1024} KiB | dropped" in PAGE
+    assert f"| {limits.MIDDLE // 1024} KiB | dropped" in PAGE
+    assert f"| {LARGEST >> 20} MiB and {limits.SMALL // 1024} KiB | dropped" in PAGE
 
 
 def test_the_program_on_the_page_is_one() -> None:
