@@ -23,13 +23,13 @@ REMOTE = zenoh.Locality.REMOTE
 SERVERS = ("Clock", "RServer", "DServer", "PServer", "Gateway")
 
 MAY_SEND: dict[str, tuple[str, ...]] = {
-    "reader": (r"\w+/call/read/reader/\d+", r"\w+/fetches"),
+    "reader": (r"\w+/call/read/reader/\d+", r"\w+/fetches/reader"),
     "stopper": (r"\w+/call/stop/stopper/\d+",),
     "driver": (r"\w+/call/(command|stop)/driver/\d+",),
     "runner": (
         r"\w+/call/(read|command|stop)/runner/\d+",
-        r"\w+/(fetches|requests|announcements|checkpoints)",
-        r"Clock/(ready|restarts)",
+        r"\w+/(fetches|requests|announcements|checkpoints)/runner",
+        r"Clock/(ready|restarts)/runner",
     ),
 }
 _FRAMES = (r"Clock/ticks", r"\w+/frames", r"\w+/activity/\w+/frames", r"verdicts")
@@ -51,9 +51,10 @@ def keys(user: str) -> Iterator[str]:
             yield f"{ROOT}/{server}/{topic}"
         for who in (user, "ada"):
             yield f"{ROOT}/{server}/reply/{who}/1"
-            yield f"{ROOT}/{server}/fetches/{who}"
-            yield f"{ROOT}/{server}/requests/{who}"
-    yield from (f"{ROOT}/Clock/{topic}" for topic in ("ready", "restarts", "ready/ada", "restarts/ada"))
+            for topic in ("fetches", "requests", "announcements", "checkpoints"):
+                yield f"{ROOT}/{server}/{topic}/{who}"
+    for topic in ("ready", "restarts"):
+        yield from (f"{ROOT}/Clock/{topic}{end}" for end in ("", f"/{user}", "/ada"))
     yield f"{ROOT}/verdicts"
     yield f"{ROOT}/DServer/recalled/drive/cruise"
     yield f"{ROOT}/DServer/activity/module/frames"

@@ -151,7 +151,10 @@ def messages(order: Order) -> Iterator[tuple[str, bytes]]:
             yield call("read", 1, "open", Open(name="flood"))
             yield from (call("read", n, "position", Nothing()) for n in count(2))
         case "fetches":
-            yield from ((f"{server}/fetches", codec.encode(Fetch(server="RServer", k=k))) for k in count(1))
+            yield from (
+                (f"{server}/fetches/{order.user}", codec.encode(Fetch(server="RServer", k=k)))
+                for k in count(1)
+            )
         case "malformed":
             yield from ((f"{server}/call/command/{connection}", os.urandom(64)) for _ in count())
         case "large":

@@ -110,9 +110,9 @@ def test_who_may_only_read_cannot_call_in_the_name_of_another(lab: _Lab) -> None
         for connection in ("ada/fetches", "ada/frames", "bob/fetches"):
             call = msgspec.structs.replace(CALL, connection=connection)
             network.session.put(f"colony/{ROBOT}/RServer/call/command/{connection}", codec.encode(call))
-        _put(network, f"colony/{ROBOT}/RServer/fetches", codec.encode(CALL))
+        _put(network, f"colony/{ROBOT}/RServer/fetches/bob", codec.encode(CALL))
         honest = Fetch(server="RServer", k=7)
-        _put(network, f"colony/{ROBOT}/RServer/fetches", codec.encode(honest))
+        _put(network, f"colony/{ROBOT}/RServer/fetches/bob", codec.encode(honest))
         until(lambda: honest in node.got, "the honest one")
         got = list(node.got)
     assert [m for m in got if isinstance(m, (Call, Alive))] == []

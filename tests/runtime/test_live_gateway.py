@@ -122,7 +122,7 @@ def test_who_does_not_ask_the_kit_does_not_get_past_the_gateway_either(lab: _Lab
             key = f"colony/{ROBOT}/RServer/call/{right}/{connection}"
             network.session.put(key, codec.encode(message))
         request = Request(k=1, actuator="drive", client="wander", bid="command", values=(1.0, 0.0))
-        network.session.put(f"colony/{ROBOT}/RServer/requests", codec.encode(request))
+        network.session.put(f"colony/{ROBOT}/RServer/requests/bob", codec.encode(request))
         honest = Alive(connection="bob/1")
         _put(network, f"colony/{ROBOT}/RServer/call/read/bob/1", codec.encode(honest))
         until(lambda: bool(node.got), "the honest one")
@@ -402,19 +402,19 @@ def test_users_choose_no_priority_and_nobody_waits_for_them(lab: _Lab) -> None:
     frames = f"colony/{ROBOT}/RServer/frames"
     with Network.open(place(lab.environment), listens=("RServer",)) as robot, _remote(lab, "eva") as network:
         _note(robot, f"{calls}/**", note)
-        _note(robot, f"colony/{ROBOT}/RServer/requests", note)
+        _note(robot, f"colony/{ROBOT}/RServer/requests/*", note)
         _note(network, frames, note)
         _urgent(network, f"{calls}/command/eva/1")
         _urgent(network, f"{calls}/read/eva/1")
         _put(network, f"{calls}/stop/eva/1", b"x")
-        _put(network, f"colony/{ROBOT}/RServer/requests", b"x")
+        _put(network, f"colony/{ROBOT}/RServer/requests/eva", b"x")
         _put(robot, frames, b"x")
         until(lambda: len(found) == 5, "all came")
     assert found == {
         f"{calls}/command/eva/1": (data, drop, False),
         f"{calls}/read/eva/1": (data, drop, False),
         f"{calls}/stop/eva/1": (zenoh.Priority.REAL_TIME, drop, True),
-        f"colony/{ROBOT}/RServer/requests": (zenoh.Priority.INTERACTIVE_HIGH, drop, False),
+        f"colony/{ROBOT}/RServer/requests/eva": (zenoh.Priority.INTERACTIVE_HIGH, drop, False),
         frames: (data, drop, False),
     }
 

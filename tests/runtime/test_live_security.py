@@ -148,6 +148,6 @@ def test_nothing_is_allowed_that_is_not_in_the_table(tmp_path: Path) -> None:
     assert made["default_permission"] == "deny"
     assert {rule["permission"] for rule in made["rules"]} == {"allow"}
     sends = {rule["id"]: rule["key_exprs"] for rule in made["rules"] if rule["id"].endswith("sends")}
-    assert sends["user-0-sends"] == ["colony/rome/*/call/read/ada/*", "colony/rome/*/fetches"]
+    assert sends["user-0-sends"] == ["colony/rome/*/call/read/ada/*", "colony/rome/*/fetches/ada"]
     assert sends["user-1-sends"] == ["colony/rome/*/call/stop/bob/*"]
-    assert "colony/rome/*/requests" in sends["user-2-sends"]
+    assert "colony/rome/*/requests/eva" in sends["user-2-sends"]

@@ -1,7 +1,8 @@
 """The table of users as zenoh's access control: which keys a user may send to and listen to.
 
-Everything is denied that is not allowed here. A user's name stands in the keys of calls and replies, and is
-tied here to the common name of the certificate, so nobody can call, or hear answers, as somebody else.
+Everything is denied that is not allowed here. A user's name stands in the keys of all that users send, and of
+replies, and is tied here to the common name of the certificate, so nobody can send, or hear answers, as
+somebody else.
 """
 
 from __future__ import annotations
@@ -27,9 +28,17 @@ EVERYTHING = (
 Rule = dict[str, Any]
 
 _HEARD_BY_READERS = ("Clock/ticks", "*/frames", "*/activity/*/frames", "verdicts")
-_SENT_BY_READERS = ("*/fetches",)  # and no `**`, which would be any depth: also the calls of an `ada/fetches`
+_SENT_BY_READERS = (
+    "*/fetches/{user}",
+)  # no `**`, which would be any depth: also the calls of an `ada/fetches`
 _HEARD_BY_RUNNERS = ("*/recalled/**",)
-_SENT_BY_RUNNERS = ("*/requests", "*/announcements", "*/checkpoints", "Clock/ready", "Clock/restarts")
+_SENT_BY_RUNNERS = (
+    "*/requests/{user}",
+    "*/announcements/{user}",
+    "*/checkpoints/{user}",
+    "Clock/ready/{user}",
+    "Clock/restarts/{user}",
+)
 
 
 def access_control(robot: str, security: Security) -> dict[str, Any]:
@@ -58,10 +67,10 @@ def _rules(subject: str, robot: str, user: str, permissions: tuple[Permission, .
     sends = [f"*/call/{right}/{user}/*" for right in allowed]
     hears = [f"*/reply/{user}/*"]
     if "read" in allowed:
-        sends += _SENT_BY_READERS
+        sends += [key.format(user=user) for key in _SENT_BY_READERS]
         hears += _HEARD_BY_READERS
     if "run" in permissions:
-        sends += _SENT_BY_RUNNERS
+        sends += [key.format(user=user) for key in _SENT_BY_RUNNERS]
         hears += _HEARD_BY_RUNNERS
         tokens = (keys.alive(robot, "*/*"), keys.alive(robot, "*/*/*"))  # of clients; a server's is shorter
         yield _allow(f"{subject}-is-there", ("liveliness_token",), ("ingress",), tokens)
