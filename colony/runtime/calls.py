@@ -50,6 +50,9 @@ ANSWER_BYTES_KEPT = 1024 * 1024
 ANSWER_BYTES = 8 * 1024 * 1024
 """How large the kept replies of all connections may be together."""
 
+STOPS_KEPT = 256
+"""Emergency stops that are known again when they arrive once more."""
+
 CONNECTIONS = 1000
 """How many connections a server takes at a time."""
 
@@ -249,6 +252,7 @@ class CallDesk:
         self._lost = lost
         self._lease_ns = lease_ns
         self._connections: dict[str, _Connection] = {}
+        self._stops: OrderedDict[tuple[str, int], Effect] = OrderedDict()
         self._answer_bytes = 0
         self._reached: dict[str, None] = {}
         self._malformed = 0
@@ -303,7 +307,11 @@ class CallDesk:
     # --- calls ---------------------------------------------------------------------------------------
 
     def _stop_at_once(self, stop: Callable[[str, int], None], call: Call, now_ns: int) -> Effect:
-        """An emergency stop gets through whatever else is wrong with it, also without an open connection."""
+        """An emergency stop gets through whatever else is wrong with it, also without an open connection. One
+        that arrives again is no other stop: the robot may have been released in the meantime."""
+        known = self._stops.get((call.connection, call.number))
+        if known is not None:
+            return known
         if call.right == "read":
             text = f"{self._server}.{EMERGENCY_STOP} needs the right to stop, not to read"
             return self._fail(call.connection, call.number, Problem(code="right", message=text))
@@ -316,7 +324,12 @@ class CallDesk:
         except Refused as refused:
             return self._fail(call.connection, call.number, refused.problem)
         reply = Reply(connection=call.connection, number=call.number)
-        return Send(topics.replies(self._server, call.connection), reply)
+        sent = self._stops[call.connection, call.number] = Send(
+            topics.replies(self._server, call.connection), reply
+        )
+        if len(self._stops) > STOPS_KEPT:
+            self._stops.popitem(last=False)
+        return sent
 
     def _call(self, call: Call, now_ns: int) -> Iterator[Effect]:
         connection = self._connections.get(call.connection)

@@ -189,3 +189,16 @@ def test_the_clock_alone_keeps_it(machine: Machine) -> None:
             clock.do(clock_library.release())
         with session.connect("Clock") as clock, pytest.raises(CallRefused, match="no method `halt`"):
             clock.do(emergency.stop()._replace(method="halt"))
+
+
+def test_a_stop_that_arrives_again_after_the_release_is_no_other_stop() -> None:
+    """It comes by two links from the gateway, and is sent again when its answer was lost."""
+    script = Script()
+    whole = session(roam(), script, Log())
+    at(whole, 1 * S, "RServer", "emergency_stop", 7)
+    at(whole, 2 * S, "Clock", "open")
+    at(whole, 2 * S + 1, "Clock", "release", 2)
+    at(whole, 3 * S, "RServer", "emergency_stop", 7)
+    assert whole.run(4 * S)
+    assert not moved(script, 1 * S + 1, 2 * S)
+    assert moved(script, 3 * S + 50 * MS, 4 * S)

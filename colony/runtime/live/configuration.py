@@ -81,6 +81,17 @@ def settings(place: Place, *, listens: tuple[str, ...] = ()) -> Settings:
             )
 
 
+def stop_settings(directory: RobotDirectory) -> Settings:
+    """Those of the second session of a server, by which emergency stops come from the gateway: a link on
+    which nothing else waits."""
+    return _common("peer", LOCAL_LINKS, gossip=False) | {
+        "listen/endpoints": [],
+        "connect/endpoints": [directory.endpoint(GATEWAY)],
+        "connect/timeout_ms": -1,
+        "connect/exit_on_failure": False,
+    }
+
+
 def gateway_settings(directory: RobotDirectory, listen: str, security: Security) -> Settings:
     """Those of a gateway that listens at `listen`, but for its access control.
 

@@ -303,12 +303,21 @@ class Host:
                     key = keys.listening_to_calls(robot, topic, right)
                     take = self._takes_stop(topic, declared) if right == "stop" else self._takes_call(topic)
                     self._subscribe(key, take, declared)
+                    if right == "stop" and self._network.stops is not None:
+                        self._subscribe(key, take, declared, self._network.stops)
             else:
                 self._subscribe(keys.listening(robot, topic), self._takes_frame(topic), declared)
 
-    def _subscribe(self, key: str, take: Callable[[zenoh.Sample], None], declared: ExitStack) -> None:
+    def _subscribe(
+        self,
+        key: str,
+        take: Callable[[zenoh.Sample], None],
+        declared: ExitStack,
+        session: zenoh.Session | None = None,
+    ) -> None:
         handler = zenoh.handlers.Callback(take, indirect=False)
-        declared.callback(self._network.session.declare_subscriber(key, handler).undeclare)
+        session = self._network.session if session is None else session
+        declared.callback(session.declare_subscriber(key, handler).undeclare)
 
     def _announce(self, declared: ExitStack) -> None:
         """Tell that the nodes are there, once they can hear."""

@@ -28,12 +28,16 @@ Watcher = Callable[[str, bool], None]
 class Network:
     """Mutable: open or closed. Use it in a `with`: until it is closed, the process does not end.
 
-    No process forks while it has one open.
+    No process forks while it has one open. `stops` is a second session, which a server has for the emergency
+    stops that come from the gateway: on the link of the first one they would wait behind a flood of calls.
     """
 
-    def __init__(self, place: Place, session: zenoh.Session, holds: ExitStack) -> None:
+    def __init__(
+        self, place: Place, session: zenoh.Session, holds: ExitStack, stops: zenoh.Session | None = None
+    ) -> None:
         self.place = place
         self.session = session
+        self.stops = stops
         self._holds = holds
         self._opened = time.monotonic()
         self._present: dict[str, None] = {}
@@ -59,14 +63,13 @@ class Network:
                 place.directory.prepare()
                 for name in listens:
                     holds.enter_context(place.directory.claim(name))
+            stops = None
+            if isinstance(place, Local) and listens and settings is None:
+                stops = _open(place, configuration.stop_settings(place.directory), holds)
             if settings is None:
                 settings = configuration.settings(place, listens=listens[:1])
-            try:
-                session = zenoh.open(configuration.configuration(settings))
-            except zenoh.ZError as problem:
-                raise NotReached(_why(place, settings, problem)) from None
-            holds.callback(session.close)
-            return cls(place, session, holds.pop_all())
+            session = _open(place, settings, holds)
+            return cls(place, session, holds.pop_all(), stops)
 
     @property
     def robot(self) -> str:
@@ -111,6 +114,15 @@ class Network:
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
         self.close()
+
+
+def _open(place: Place, settings: Settings, holds: ExitStack) -> zenoh.Session:
+    try:
+        session = zenoh.open(configuration.configuration(settings))
+    except zenoh.ZError as problem:
+        raise NotReached(_why(place, settings, problem)) from None
+    holds.callback(session.close)
+    return session
 
 
 def _why(place: Place, settings: Settings, problem: zenoh.ZError) -> str:
