@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import sys
 import threading
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import ExitStack, contextmanager
@@ -15,9 +16,9 @@ from colony.runtime import codec, topics
 from colony.runtime.calls import Open
 from colony.runtime.kit.connection import Session, connect
 from colony.runtime.kit.errors import CallRefused, ServerNotFound
-from colony.runtime.live import configuration, keys
-from colony.runtime.live.errors import NotReached, SecurityError
-from colony.runtime.live.gateway import open_gateway
+from colony.runtime.live import configuration, gateway, keys
+from colony.runtime.live.errors import GatewayFull, NotReached, SecurityError
+from colony.runtime.live.gateway import GatewayNode, open_gateway
 from colony.runtime.live.host import Host
 from colony.runtime.live.network import Network
 from colony.runtime.live.outbox import Haste, publish
@@ -38,6 +39,7 @@ from colony.runtime.messages import (
     Wake,
     WakeAt,
 )
+from colony.runtime.processes import child
 from tests.runtime.certificates import Authority, free_port
 from tests.runtime.kit_stage import BATTERY, battery_thread, charge, halt, level
 from tests.runtime.live_stage import ROBOT, Recorder, hosted, place, run_directory, running, until
@@ -481,3 +483,24 @@ def _urgent(network: Network, key: str) -> None:
     with publish(network.session, key, haste=Haste.STOP) as publisher:
         until(lambda: publisher.matching_status.matching, f"nobody listens to {key}")  # type: ignore[attr-defined]
         publisher.put(b"x")
+
+
+def test_a_gateway_whose_memory_is_full_begins_again(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """As the same process, for a supervisor or a person who started it."""
+    used = [gateway.MEMORY_BYTES]
+    node = GatewayNode(read_security(Authority(tmp_path).table(USERS)), memory=lambda: used[0])
+    (wake,) = node.start(0)
+    assert isinstance(wake, WakeAt)
+    assert list(node.handle(Wake(), wake.t_ns)) == [WakeAt(2 * wake.t_ns)]
+    used[0] += 1 << 20
+    assert list(node.handle(Wake(), 2 * wake.t_ns - 1)) == [], "not looked at yet"
+    with pytest.raises(GatewayFull, match="Gateway: 111 MiB of memory are used; expected at most 110"):
+        list(node.handle(Wake(), 2 * wake.t_ns))
+
+
+def test_it_is_the_same_command_that_begins_again(monkeypatch: pytest.MonkeyPatch) -> None:
+    began: list[list[str]] = []
+    monkeypatch.setattr(child.os, "execv", lambda program, arguments: began.append([program, *arguments]))
+    monkeypatch.setattr(child.sys, "orig_argv", ["python", "-P", "-m", "module", "spec.json"])
+    child.begin_again()
+    assert began == [[sys.executable, sys.executable, "-P", "-m", "module", "spec.json"]]

@@ -19,5 +19,9 @@ class NotReached(LiveError):
     """A gateway cannot be reached, or refuses the login."""
 
 
+class GatewayFull(LiveError):
+    """The gateway's memory has reached its limit: it has to begin again, without the sessions that it has."""
+
+
 class SecurityError(LiveError):
     """Certificates or the table of users are not as they must be."""

@@ -5,7 +5,8 @@ It routes; it is also asked, by who comes, what they may do. What they may not n
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+import resource
+from collections.abc import Callable, Iterable
 from contextlib import ExitStack
 
 import msgspec
@@ -16,13 +17,14 @@ from colony.runtime.live import configuration
 from colony.runtime.live.access import access_control
 from colony.runtime.live.configuration import GATEWAY as GATEWAY
 from colony.runtime.live.endpoint import parse_endpoint
+from colony.runtime.live.errors import GatewayFull
 from colony.runtime.live.host import Host
 from colony.runtime.live.limits import allow_descriptors
 from colony.runtime.live.network import Network, local_time
 from colony.runtime.live.outbox import Report
 from colony.runtime.live.place import Local
 from colony.runtime.live.security import PERMISSIONS, Permission, Security
-from colony.runtime.messages import Effect, Message
+from colony.runtime.messages import Effect, Message, WakeAt
 
 
 class Admitted(msgspec.Struct, frozen=True, kw_only=True):
@@ -37,21 +39,58 @@ def whoami() -> Ask[Admitted]:
     return Ask("whoami", Nothing(), Admitted, "read", repeatable=True)
 
 
+MEMORY_BYTES = 110 * 1024 * 1024
+"""Resident memory at which a gateway begins again. Zenoh keeps 1.3 KB of every key that a session declares,
+for as long as the session lives, and has no limit for that; so do the robot's servers, of what comes through
+the gateway."""
+
+LOOK_NS = 500_000_000
+"""How often a gateway looks at its memory."""
+
+
+def resident_bytes() -> int:
+    """Return the resident memory of this process."""
+    with open("/proc/self/statm", encoding="ascii") as file:
+        return int(file.read().split()[1]) * resource.getpagesize()
+
+
 class GatewayNode:
-    """Answers `whoami`. Users whom the table does not know are those of this machine, who may everything."""
+    """Answers `whoami`. Users whom the table does not know are those of this machine, who may everything.
+
+    Args:
+        security: the table of users.
+        memory: gives the memory of this process in bytes.
+
+    Raises:
+        GatewayFull: from `handle`, when the memory has reached its limit.
+    """
 
     address = GATEWAY
 
-    def __init__(self, security: Security) -> None:
+    def __init__(self, security: Security, memory: Callable[[], int] = resident_bytes) -> None:
         self._users = security.users
+        self._memory = memory
+        self._look_ns = 0
         self._desk = CallDesk(GATEWAY, (method("whoami", Nothing, self._whoami, right="read"),))
         self.listens = self._desk.listens
 
     def start(self, now_ns: int) -> Iterable[Effect]:
-        return ()
+        self._look_ns = now_ns + LOOK_NS
+        yield WakeAt(self._look_ns)
 
     def handle(self, message: Message, now_ns: int) -> Iterable[Effect]:
-        return self._desk.handle(message, now_ns)
+        yield from self._desk.handle(message, now_ns)
+        if now_ns >= self._look_ns:
+            self._look()
+            self._look_ns = now_ns + LOOK_NS
+            yield WakeAt(self._look_ns)
+
+    def _look(self) -> None:
+        used = self._memory()
+        if used > MEMORY_BYTES:
+            raise GatewayFull(
+                f"{GATEWAY}: {used >> 20} MiB of memory are used; expected at most {MEMORY_BYTES >> 20}"
+            )
 
     def close(self) -> None:
         """It holds nothing."""

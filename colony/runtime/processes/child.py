@@ -7,13 +7,15 @@ hardware have an entry of their own beside their drivers, which gives these to `
 
 from __future__ import annotations
 
+import os
 import sys
 from collections.abc import Callable
 from contextlib import ExitStack
 from pathlib import Path
+from typing import NoReturn
 
 from colony.diagnostics import Failure
-from colony.runtime.live.errors import LiveError
+from colony.runtime.live.errors import GatewayFull, LiveError
 from colony.runtime.live.host import Host
 from colony.runtime.live.place import Local, Place
 from colony.runtime.processes.compiled import NotOurs
@@ -43,11 +45,21 @@ def run(
         Exception: whatever a node raised.
     """
     place = place_of(spec.place)
-    with ExitStack() as holds:
-        host = holds.enter_context(_host(spec.part, place, devices, holds))
-        ending.then(host.stop)
-        ready()
-        host.run()
+    try:
+        with ExitStack() as holds:
+            host = holds.enter_context(_host(spec.part, place, devices, holds))
+            ending.then(host.stop)
+            ready()
+            host.run()
+    except GatewayFull as full:
+        if ending.why is None:
+            say(f"{full}; it begins again, and its users log in once more by themselves")
+            begin_again()
+
+
+def begin_again() -> NoReturn:
+    """Run this program from its beginning, as the same process; nothing of its memory stays."""
+    os.execv(sys.executable, [sys.executable, *sys.orig_argv[1:]])
 
 
 def _host(part: Part, place: Place, devices: Devices | None, holds: ExitStack) -> Host:

@@ -38,7 +38,8 @@ HISTORY_LENGTH = 10_000
 SPACE = 1 << 26
 """Bytes that all variables with their histories may take; each value counts for `OVERHEAD` more."""
 
-OVERHEAD = 100
+OVERHEAD = 200
+"""Bytes of memory that a value takes besides its own (measured: 210)."""
 
 LONG_AGO_NS = 10**17
 """By how much values are older than the present whose time is of another clock: three years."""
