@@ -13,17 +13,25 @@ from collections.abc import Callable
 from pathlib import Path
 
 from colony.runtime.kit.connection import Session
+from colony.runtime.kit.emergency import StopButton
+from colony.runtime.library.clock import release
 from colony.runtime.live.errors import NotReached
 from colony.runtime.live.gateway import whoami
+from colony.runtime.live.network import local_user
+from tests.attack.after import after
 from tests.attack.flood import KINDS, Kind, flood
 from tests.attack.handshakes import HalfOpen
 from tests.attack.intruder import CERTIFICATES, MODES, Intruder, scouted
 from tests.attack.lab import Lab, Witness, descriptors, lab, memory_mb
 from tests.attack.stops import Stop, stop_times
 from tests.attack.trial import attempt, impersonators
+from tests.attack.weights import bear, weights
 
 WATCH_S = 2.0
-FLOOD_S = 8.0
+FLOOD_S, STOPS = 30.0, 50
+BEGUN_S = 0.5
+"""After so long a flood has begun."""
+
 HALF_OPEN, NEW_A_SECOND, HALF_OPEN_S = 300, 20.0, 5.0
 DURING_S = 45.0
 PATIENCE_S = 120.0
@@ -33,7 +41,8 @@ def main() -> int:
     folder = Path(tempfile.mkdtemp(prefix="colony-", dir="/tmp"))
     try:
         with lab(folder) as robot:
-            failures = scouting(robot) + intruders(robot, folder) + floods(robot) + handshakes(robot)
+            failures = scouting(robot) + intruders(robot, folder)
+            failures += floods(robot) + heavy(robot) + handshakes(robot)
     finally:
         shutil.rmtree(folder)
     print(f"\n{failures} attacks got something" if failures else "\nno attack got anything")
@@ -74,39 +83,90 @@ def intruders(robot: Lab, folder: Path) -> int:
 
 
 def floods(robot: Lab) -> int:
-    """Every kind of flood while a user stops the robot; gives in how many a stop was not acknowledged."""
-    print(f"\nEmergency stops of another user during a flood of {FLOOD_S:g} s, in ms\n")
-    head = ("flood", "sent", "stops", "p50", "p95", "max", "frames", "gateway MB")
-    print("{:<16} {:>9} {:>6} {:>8} {:>8} {:>8} {:>7} {:>11}".format(*head))
+    """Every kind of flood while a user stops the robot; gives in how many a stop was not acknowledged, or the
+    robot was not itself again soon."""
+    print(
+        f"\nEmergency stops of another user during a flood of {FLOOD_S:g} s, in ms; and the robot after it\n"
+    )
+    head = (
+        "flood",
+        "sent/s",
+        "stops",
+        "p50",
+        "p99",
+        "max",
+        "frames",
+        "login ms",
+        "well s",
+        "answer ms",
+        "MB",
+    )
+    print("{:<14} {:>7} {:>6} {:>7} {:>7} {:>7} {:>7} {:>9} {:>7} {:>10} {:>4}".format(*head))
     failures = 0
     with robot.session("guard") as guard, robot.machine.session() as home:
-        print(_times("none", 0, list(stop_times(guard, home, 50)), robot))
+        list(stop_times(guard, home, 3))
+        failures += not _told(
+            "none", 0.0, list(stop_times(guard, home, STOPS)), _login_and_stop(robot), robot
+        )
         for kind in KINDS:
             try:
-                sent, took = _flooded(robot, kind, guard, home)
-                print(_times(kind, sent, took, robot), flush=True)
+                failures += not _flooded(robot, kind, home if kind == "local calls" else guard, home)
             except Exception as problem:
                 failures += 1
-                print(f"{kind:<16} {problem}", flush=True)
+                print(f"{kind:<14} {type(problem).__name__}: {problem}", flush=True)
     return failures
 
 
-def _flooded(robot: Lab, kind: Kind, guard: Session, home: Session) -> tuple[int, list[Stop]]:
-    took: list[Stop] = []
+def _flooded(robot: Lab, kind: Kind, guard: Session, home: Session) -> bool:
+    """Whether the robot is itself again after a flood."""
     with flood(robot, kind, seconds=FLOOD_S) as running:
-        for one in stop_times(guard, home, 1_000_000):
-            if took and not running.flows():
-                break
-            took.append(one)
-        return running.end(), took
+        time.sleep(BEGUN_S)
+        begin = time.monotonic() - BEGUN_S
+        took = list(stop_times(guard, home, STOPS))
+        login_s = _login_and_stop(robot)
+        sent, seconds = running.end(), time.monotonic() - begin
+    return _told(kind, sent / seconds, took, login_s, robot)
 
 
-def _times(name: str, sent: int, took: list[Stop], robot: Lab) -> str:
+def _told(name: str, rate: float, took: list[Stop], login_s: float, robot: Lab) -> bool:
     ordered = [1000 * seconds for seconds in sorted(stop.seconds for stop in took)]
-    p50, p95 = ordered[len(ordered) // 2], ordered[int(0.95 * (len(ordered) - 1))]
-    frames, memory = max(stop.frames for stop in took), memory_mb(robot.pid("Gateway"))
-    cells = f"{p50:>8.1f} {p95:>8.1f} {ordered[-1]:>8.1f} {frames:>7} {memory:>11.0f}"
-    return f"{name:<16} {sent:>9} {len(took):>6} {cells}"
+    p50, p99 = ordered[len(ordered) // 2], ordered[int(0.99 * (len(ordered) - 1))]
+    frames, came = max(stop.frames for stop in took), after(robot)
+    print(
+        f"{name:<14} {rate:>7.0f} {len(took):>6} {p50:>7.1f} {p99:>7.1f} {ordered[-1]:>7.1f} {frames:>7} "
+        f"{1000 * login_s:>9.0f} {came.seconds:>7.1f} {1000 * came.slowest_s:>10.1f} {came.megabytes:>4.0f}",
+        flush=True,
+    )
+    return came.well
+
+
+def _login_and_stop(robot: Lab) -> float:
+    """Seconds that an emergency stop takes for a user who has to log in first."""
+    begin = time.monotonic()
+    with robot.session("guard") as session, StopButton(session, timeout_s=PATIENCE_S) as button:
+        assert button.press().kept
+        took = time.monotonic() - begin
+    with robot.machine.session() as home, home.connect("Clock", timeout_s=PATIENCE_S) as at_clock:
+        at_clock.do(release())
+    return took
+
+
+def heavy(robot: Lab) -> int:
+    """The largest messages of all kinds; gives whether the robot is not itself after them."""
+    print("\nThe largest messages of every kind, and an emergency stop right behind each, in ms\n")
+    print(f"{'server':<10} {'messages':>9} {'answer':>8} {'slowest':<26} {'stop':>8}")
+    with robot.machine.session() as home, StopButton(home, timeout_s=PATIENCE_S) as button:
+        button.press()
+        borne = [bear(home, weight, button) for weight in weights(local_user())]
+    for server in dict.fromkeys(one.weight.server for one in borne):
+        own = [one for one in borne if one.weight.server == server]
+        worst, stop_s = max(own, key=lambda one: one.answer_s), max(one.stop_s for one in own)
+        cells = f"{len(own):>9} {1000 * worst.answer_s:>8.1f} {worst.weight.name:<26} {1000 * stop_s:>8.1f}"
+        print(f"{server:<10} {cells}")
+    came = after(robot)
+    answers = f"everything answers within {1000 * came.slowest_s:.1f} ms"
+    print(f"\nafter it {answers}, and no process has more than {came.megabytes:.0f} MB")
+    return not came.well
 
 
 def handshakes(robot: Lab) -> int:

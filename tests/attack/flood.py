@@ -1,11 +1,10 @@
-"""A flood through the gateway, as a process of its own: `python -m tests.attack.flood ORDER`, ORDER in JSON.
+"""A flood, as a process of its own: `python -m tests.attack.flood ORDER`, ORDER in JSON.
 
 It is bounded in number, rate and time, and says in the end how many messages it sent.
 """
 
 from __future__ import annotations
 
-import json
 import os
 import signal
 import subprocess
@@ -13,7 +12,6 @@ import sys
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
-from dataclasses import asdict, dataclass
 from itertools import count
 from pathlib import Path
 from typing import Literal, get_args
@@ -26,12 +24,16 @@ from colony.runtime.calls import Nothing, Open
 from colony.runtime.codec import LARGEST
 from colony.runtime.library.robot import Drive
 from colony.runtime.live import configuration
-from colony.runtime.live.place import Credentials, Remote
+from colony.runtime.live.network import local_user
+from colony.runtime.live.place import Place, Remote, local
 from colony.runtime.messages import Call, Fetch, Right
+from colony.runtime.processes.spec import Here, There, place_of, said_of
 from tests.attack.lab import Lab
 from tests.cli.machine import ROBOT
 
-Kind = Literal["command calls", "read calls", "fetches", "malformed", "large", "strangers"]
+Kind = Literal[
+    "command calls", "read calls", "fetches", "malformed", "large", "declarations", "strangers", "local calls"
+]
 KINDS: tuple[Kind, ...] = get_args(Kind)
 
 PRIORITY = 1_000
@@ -43,35 +45,25 @@ WHO: dict[Kind, str] = {
     "fetches": "reader",
     "malformed": "driver",
     "large": "driver",
+    "declarations": "reader",
     "strangers": "stranger",
+    "local calls": "",
 }
-"""The user whose certificate a flood of a kind comes with."""
+"""The user whose certificate a flood of a kind comes with; none for a program on the robot's own machine."""
+
+LOCAL_RATE = 10_000.0
+"""Messages a second of a flood on the robot's own machine, which leaves the robot a processor to live on."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Order:
-    """What to send, through which gateway, as who. `rate` is messages a second, 0 as many as there go."""
+class Order(msgspec.Struct, frozen=True, kw_only=True):
+    """What to send, where, and as which user. `rate` is messages a second, 0 as many as there go."""
 
     kind: Kind
-    endpoint: str
+    place: Here | There
     user: str
-    certificate: str
-    key: str
-    authority: str
     seconds: float
     most: int = 1_000_000
     rate: float = 0.0
-
-    @property
-    def remote(self) -> Remote:
-        """The robot, as this user reaches it."""
-        who = Credentials(
-            user=self.user,
-            certificate=Path(self.certificate),
-            key=Path(self.key),
-            authority=Path(self.authority),
-        )
-        return Remote(robot=ROBOT, endpoint=self.endpoint, credentials=who)
 
 
 class Flood:
@@ -79,7 +71,7 @@ class Flood:
 
     def __init__(self, order: Order) -> None:
         self._process = subprocess.Popen(
-            [sys.executable, "-m", "tests.attack.flood", json.dumps(asdict(order))],
+            [sys.executable, "-m", "tests.attack.flood", msgspec.json.encode(order).decode()],
             stdout=subprocess.PIPE,
             text=True,
             cwd=Path(__file__).parents[2],
@@ -112,20 +104,15 @@ def flood(
     lab: Lab, kind: Kind, *, seconds: float, rate: float = 0.0, most: int = 1_000_000
 ) -> Iterator[Flood]:
     """A flood until the end of the block, or until its bounds."""
-    who = lab.authority.user(WHO[kind])
-    made = Flood(
-        Order(
-            kind=kind,
-            endpoint=lab.endpoint,
-            user=who.user,
-            certificate=str(who.certificate),
-            key=str(who.key),
-            authority=str(who.authority),
-            seconds=seconds,
-            rate=rate,
-            most=most,
-        )
-    )
+    place: Place
+    if WHO[kind]:
+        who = lab.authority.user(WHO[kind])
+        place, user = Remote(robot=ROBOT, endpoint=lab.endpoint, credentials=who), who.user
+    else:
+        place, user = local(ROBOT, lab.machine.environment), local_user()
+        rate = rate or LOCAL_RATE
+    order = Order(kind=kind, place=said_of(place), user=user, seconds=seconds, rate=rate, most=most)
+    made = Flood(order)
     try:
         yield made
     finally:
@@ -159,8 +146,11 @@ def messages(order: Order) -> Iterator[tuple[str, bytes]]:
             yield from ((f"{server}/call/command/{connection}", os.urandom(64)) for _ in count())
         case "large":
             yield from ((f"{server}/call/command/{connection}", bytes(LARGEST)) for _ in count())
-        case "strangers":
-            yield from ((f"{server}/call/command/{connection}", b"") for _ in count())
+        case "local calls":
+            yield call("command", 1, "open", Open(name="flood"))
+            yield from (call("command", n, "drive", Drive(velocity=0.0, turn=0.0)) for n in count(2))
+        case "declarations" | "strangers":
+            raise AssertionError("no messages")
 
 
 def pour(order: Order, ended: Callable[[], bool]) -> int:
@@ -173,16 +163,22 @@ def pour(order: Order, ended: Callable[[], bool]) -> int:
             time.sleep(wait)
         return sent < order.most and not ended() and time.monotonic() < due
 
+    settings = configuration.configuration(configuration.settings(place_of(order.place)))
     if order.kind == "strangers":
         print("flows", flush=True)
-        settings = configuration.configuration(configuration.settings(order.remote))
         while on_time():
             with suppress(zenoh.ZError):
                 zenoh.open(settings).close()
             sent += 1
         return sent
-    with zenoh.open(configuration.configuration(configuration.settings(order.remote))) as session:
+    with zenoh.open(settings) as session:
         print("flows", flush=True)
+        if order.kind == "declarations":
+            while on_time():
+                key = f"colony/{ROBOT}/RServer/reply/{order.user}/{sent}"
+                session.declare_subscriber(key, zenoh.handlers.Callback(_ignore, indirect=False)).undeclare()
+                sent += 1
+            return sent
         for key, data in messages(order):
             if not on_time():
                 break
@@ -197,6 +193,10 @@ def pour(order: Order, ended: Callable[[], bool]) -> int:
     return sent
 
 
+def _ignore(sample: zenoh.Sample) -> None:
+    """It is not for us."""
+
+
 def main(text: str) -> None:
     told = False
 
@@ -205,7 +205,7 @@ def main(text: str) -> None:
         told = True
 
     signal.signal(signal.SIGTERM, tell)
-    order = Order(**json.loads(text))
+    order = msgspec.json.decode(text, type=Order)
     print(pour(order, lambda: told), flush=True)
     os._exit(0)  # what still waits to be sent is of no use
 

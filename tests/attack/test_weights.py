@@ -1,0 +1,19 @@
+"""No message, whatever its size, keeps a server from answering or from stopping."""
+
+from __future__ import annotations
+
+from colony.runtime.kit.emergency import StopButton
+from colony.runtime.live.network import local_user
+from tests.attack.lab import Lab
+from tests.attack.weights import SERVERS, bear, weights
+from tests.cli.machine import until
+
+
+def test_whatever_comes_is_answered_and_a_stop_behind_it(lab: Lab) -> None:
+    pids = dict(lab.machine.directory.running())
+    with lab.machine.session() as home, StopButton(home, timeout_s=60.0) as button:
+        until(lambda: {*SERVERS} <= set(home.servers()), "the servers are there")
+        borne = [bear(home, weight, button) for weight in weights(local_user())]
+    assert {one.weight.server for one in borne} == set(SERVERS)
+    assert len(borne) > 40
+    assert dict(lab.machine.directory.running()) == pids, "nobody died of it"
