@@ -31,7 +31,7 @@ REFUSALS = Rate(per_s=20.0, burst=20.0)
 
 
 class Border:
-    """The rates at one server. Mutable: what is left of them. For the one thread that receives.
+    """The rates at one server. Mutable: what is left of them. Threads may share it.
 
     Args:
         local_user: the user of this machine's processes, who is not counted.

@@ -392,22 +392,26 @@ class Host:
 
     def _stop_nodes(self, topic: str, message: Call) -> None:
         """Hand the nodes an emergency stop, before anything that waits."""
-        self._calm.clear()  # nobody else takes the nodes now
         try:
-            with self._handling:
-                if self._stopping:
-                    return
-                effects: list[_Due] = []
-                self._deliver(topic, message, effects)
-                self._settle()
-                sends = self._note_wakes(effects)
-            self._send(sends, self._stop_outbox)
+            self._send(self._stopped(topic, message), self._stop_outbox)
         except BaseException as failure:
             self._failure = failure
             self.stop()
+
+    def _stopped(self, topic: str, message: Call) -> list[Send]:
+        """Give what the nodes have to say to it. Nobody else takes the nodes meanwhile."""
+        self._calm.clear()
+        try:
+            with self._handling:
+                if self._stopping:
+                    return []
+                effects: list[_Due] = []
+                self._deliver(topic, message, effects)
+                self._settle()
+                return self._note_wakes(effects)
         finally:
             self._calm.set()
-            self._inbox.rouse()
+            self._inbox.rouse()  # a node may want to be woken earlier now
 
     def _read(self, waiting: Waiting) -> Message:
         if not isinstance(waiting.message, bytes):

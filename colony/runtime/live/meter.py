@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections import OrderedDict
 from dataclasses import dataclass
+from threading import Lock
 from typing import NamedTuple
 
 BYTES_A_TOKEN = 16_384
@@ -31,26 +32,33 @@ class _Bucket:
 
 
 class Meter:
-    """Mutable: the tokens of each sender. For one thread."""
+    """Mutable: the tokens of each sender. Threads may share it."""
 
     def __init__(self, rate: Rate) -> None:
         self._per_ns = rate.per_s / 1e9
         self._burst = rate.burst
         self._buckets: OrderedDict[str, _Bucket] = OrderedDict()
+        self._lock = Lock()
 
     def take(self, sender: str, size: int, now_ns: int) -> bool:
         """Pay for a message of `size` bytes at a monotonic time; False where the sender is over its rate."""
+        cost = 1 + size // BYTES_A_TOKEN
+        with self._lock:
+            bucket = self._bucket(sender, now_ns)
+            if bucket.tokens < cost:
+                return False
+            bucket.tokens -= cost
+            return True
+
+    def _bucket(self, sender: str, now_ns: int) -> _Bucket:
+        """The bucket of a sender, filled up to the present."""
         bucket = self._buckets.get(sender)
         if bucket is None:
             bucket = self._buckets[sender] = _Bucket(self._burst, now_ns)
             if len(self._buckets) > SENDERS:
                 self._buckets.popitem(last=False)
-        else:
+        elif now_ns > bucket.at_ns:
             self._buckets.move_to_end(sender)
             bucket.tokens = min(self._burst, bucket.tokens + (now_ns - bucket.at_ns) * self._per_ns)
             bucket.at_ns = now_ns
-        cost = 1 + size // BYTES_A_TOKEN
-        if bucket.tokens < cost:
-            return False
-        bucket.tokens -= cost
-        return True
+        return bucket
