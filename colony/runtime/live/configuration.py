@@ -45,7 +45,7 @@ BLOCKED_US = 1_000_000
 receiver is frozen, and who sends must not be for much longer."""
 
 LOGIN_MS = 3000
-"""For how long a gateway may take to let somebody in."""
+"""For how long the other end of a link, a gateway for one, may take to let us in."""
 
 RETRY = {"period_init_ms": 20, "period_max_ms": 200, "period_increase_factor": 2}
 """How often a socket is tried that is not there: one that comes back is found within the longest period."""
@@ -133,6 +133,7 @@ def _common(mode: str, links: tuple[str, ...], *, gossip: bool) -> dict[str, obj
         "scouting/gossip/enabled": gossip,
         "transport/link/protocols": links,
         "transport/shared_memory/enabled": False,
+        "transport/unicast/open_timeout": LOGIN_MS,
         "transport/link/tx/lease": LEASE_MS,
         "transport/link/tx/queue/congestion_control/block/wait_before_close": BLOCKED_US,
         "transport/link/rx/max_message_size": 2 * LARGEST,
