@@ -32,6 +32,9 @@ from colony.sim.plant_control import PlantControl
 from tests.cli.machine import MAP, ROBOT, WANDER, Machine, Started, children_of, until
 
 FRAME_NS = 50_000_000
+LONG_S = "100000"
+"""Seconds that a run would take: more than anybody watches it."""
+
 UNHEARD = ("late", "lost", "refused")
 _SPEC = re.compile(r"/([^/\0]+)\.json\0$")
 
@@ -62,7 +65,7 @@ class Run:
             on_verdict: Called with each verdict of `drive`, by a thread of the network.
         """
         self.machine, self.random, self._on_verdict = machine, Random(seed), on_verdict
-        arguments = ("--map", MAP, "--processes", "--duration", "1000", "--seed", str(seed))
+        arguments = ("--map", MAP, "--processes", "--duration", LONG_S, "--seed", str(seed))
         self.started: Started = machine.start("run", program, *arguments, "--no-picture", *options)
         self.verdicts: deque[Verdict] = deque(maxlen=keep)
         self.ticks: deque[Tick] = deque(maxlen=keep)
