@@ -1,7 +1,7 @@
-"""Rates of messages, by their senders: token buckets, for the border at which messages come in.
+"""Rates of messages, by sender, as token buckets.
 
-A sender has `burst` tokens at first, and gets `per_s` of them in a second, up to `burst`. A message costs
-one, and one more for each `BYTES_A_TOKEN` of its size. Whoever has too few left is over its rate.
+A sender begins with `burst` tokens and gains `per_s` of them a second, up to `burst`. A message costs one
+token, and one more for each `BYTES_A_TOKEN` of its size. A sender with too few tokens left is over its rate.
 """
 
 from __future__ import annotations
@@ -11,14 +11,14 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 BYTES_A_TOKEN = 16_384
-"""Bytes of a message that cost as much as a message."""
+"""Bytes of a message for which it costs one token more."""
 
 SENDERS = 1024
-"""Senders that are remembered; of more, the one that was silent for the longest time is forgotten."""
+"""Senders with a bucket. Beyond that, the sender that was silent for the longest time loses its bucket."""
 
 
 class Rate(NamedTuple):
-    """Tokens a second, and how many may be saved up."""
+    """Tokens gained a second, and the most that a sender may save up."""
 
     per_s: float
     burst: float
@@ -31,7 +31,7 @@ class _Bucket:
 
 
 class Meter:
-    """Mutable: the tokens of each sender. For one thread."""
+    """The rate of each sender. Mutable: their tokens. Not thread-safe."""
 
     def __init__(self, rate: Rate) -> None:
         self._per_ns = rate.per_s / 1e9
@@ -39,7 +39,7 @@ class Meter:
         self._buckets: OrderedDict[str, _Bucket] = OrderedDict()
 
     def take(self, sender: str, size: int, now_ns: int) -> bool:
-        """Pay for a message of `size` bytes at a monotonic time; False where the sender is over its rate."""
+        """Pay for a message of `size` bytes; return False, unpaid, if the sender is over its rate."""
         bucket = self._buckets.get(sender)
         if bucket is None:
             bucket = self._buckets[sender] = _Bucket(self._burst, now_ns)
