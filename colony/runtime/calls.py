@@ -45,25 +45,25 @@ ANSWERS_KEPT = 64
 """Replies that are kept for each connection, for calls that arrive again."""
 
 ANSWER_BYTES_KEPT = 1024 * 1024
-"""How large they may be together; the newest is kept whatever its size."""
+"""Bytes of the replies kept for each connection; the newest is kept whatever its size."""
 
 ANSWER_BYTES = 8 * 1024 * 1024
-"""How large the kept replies of all connections may be together."""
+"""Bytes of the replies kept for all connections together."""
 
 STOPS_KEPT = 256
-"""Emergency stops that are known again when they arrive once more."""
+"""Replies to emergency stops that are kept, so that a call which arrives again is no second stop."""
 
 CONNECTIONS = 1000
-"""How many connections a server takes at a time."""
+"""Connections that a server has at a time."""
 
 CONNECTIONS_EACH = 500
-"""How many of them one user may have."""
+"""Connections of one user, so that a single user cannot take all of them."""
 
 MOST_REACHED = 16
-"""Limits that were reached of which `status` tells."""
+"""Sentences in `status` about limits of the connections that were reached."""
 
 LONGEST_NAME = 255
-"""Characters of the name that a connection goes by; the rest is left out."""
+"""Characters of a connection's name; the rest is cut off."""
 
 WAITING_EACH = 256
 """Calls of one connection that may wait for their answers."""
@@ -76,7 +76,8 @@ class Refused(Exception):
     """A call that a server does not do.
 
     `code` is for programs: "arguments", "size", "method", "right", "closed", "malformed", "full", or one of
-    the server's own.
+    the server's own. Further codes are "flood", from the server's inbox, for a call that came too fast, and
+    "not kept", for an emergency stop that the Clock could not write to its file.
     """
 
     def __init__(self, code: str, message: str) -> None:
@@ -105,7 +106,7 @@ class Later:
 
 
 LATER: Final = Later()
-"""What a handler gives whose answer comes later."""
+"""The result of a handler whose answer comes later."""
 
 EMERGENCY_STOP = "emergency_stop"
 """The method that stops a server's actuators."""
@@ -115,7 +116,7 @@ Handler = Callable[[Asked, Any, int], object]
 
 
 class Method(NamedTuple):
-    """A method of a server: its arguments, a struct of msgspec, the right that it needs, and the most bytes
+    """A method of a server: the msgspec struct of its arguments, the right that it needs, and the most bytes
     of arguments that it decodes."""
 
     name: str
@@ -133,7 +134,10 @@ def method(
     right: Right = "command",
     largest: int = ARGUMENT_BYTES,
 ) -> Method:
-    """A line of a server's table of methods. Larger arguments are refused with "size" before any decoding."""
+    """Return a line of a server's table of methods.
+
+    Arguments of more than `largest` bytes are refused with the code "size" before they are decoded.
+    """
     return Method(name, arguments, handler, right, largest)
 
 
@@ -148,7 +152,7 @@ class Nothing(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class ConnectionStatus(msgspec.Struct, frozen=True, kw_only=True):
-    """What a server tells of a connection; `since_ns` and `problem_ns` are times of the robot's Clock."""
+    """A connection as its server sees it; `since_ns` is the robot's time at which it was opened."""
 
     connection: str
     name: str
@@ -160,9 +164,9 @@ class ConnectionStatus(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class Status(msgspec.Struct, frozen=True, kw_only=True):
-    """`status`: who is connected, and how many messages could not be read.
+    """`status`: the connections, and the number of messages that could not be decoded.
 
-    `full` names the limits of the server that are, or were, reached, each in a sentence.
+    `full` has a sentence for each limit of the server that is reached, or was since it started.
     """
 
     server: str
@@ -186,8 +190,7 @@ class _Connection:
     forgotten: int = 0
 
     def keep(self, reply: Reply) -> int:
-        """Keep an answer, and forget the oldest where there are too many; by how many bytes all have
-        grown."""
+        """Keep an answer, forget the oldest ones beyond the limits, and return the growth in bytes."""
         before = self.answer_bytes
         self.answers[reply.number] = reply
         self.answer_bytes += len(memoryview(reply.result))
@@ -198,7 +201,7 @@ class _Connection:
         return self.answer_bytes - before
 
     def forget_oldest(self) -> int:
-        """Forget the oldest answer; its bytes."""
+        """Forget the oldest answer, and return its bytes."""
         number, old = self.answers.popitem(last=False)
         size = len(memoryview(old.result))
         self.answer_bytes -= size
@@ -223,9 +226,9 @@ class CallDesk:
         admit: asked before a connection opens; raises `Refused` to turn it away.
         lost: told that a connection ended, by `close` or by its lease; gives effects.
         lease_ns: after which silence a connection is lost.
-        stop: carries out an emergency stop: by whom, and when; raises `Refused` where that is not all well.
-            Without it the server has nothing to stop.
-        full: the limits of the server's other parts that are reached, for `status`.
+        stop: carries out an emergency stop, given the connection and the time; raises `Refused` if it could
+            not do all of it. Without it the server has nothing to stop.
+        full: returns sentences about limits that the server's other parts have reached, for `status`.
     """
 
     def __init__(
@@ -307,8 +310,10 @@ class CallDesk:
     # --- calls ---------------------------------------------------------------------------------------
 
     def _stop_at_once(self, stop: Callable[[str, int], None], call: Call, now_ns: int) -> Effect:
-        """An emergency stop gets through whatever else is wrong with it, also without an open connection. One
-        that arrives again is no other stop: the robot may have been released in the meantime."""
+        """Carry out an emergency stop, also without an open connection and whatever its priority.
+
+        A call that arrives again is not a second stop: the robot may have been released in the meantime.
+        """
         known = self._stops.get((call.connection, call.number))
         if known is not None:
             return known
@@ -433,7 +438,7 @@ class CallDesk:
         yield Send(topics.replies(self._server, asked.caller.connection), reply)
 
     def _forget_answers(self) -> None:
-        """Make room for answers where there are most; the one that was given just now may go, too."""
+        """Forget answers of the connection that has most of them, perhaps even the newest one."""
         most = max(self._connections.values(), key=lambda each: each.answer_bytes)
         while self._answer_bytes > ANSWER_BYTES and most.answers:
             self._answer_bytes -= most.forget_oldest()

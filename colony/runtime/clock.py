@@ -10,7 +10,7 @@ that nobody else received. A frame's number is never used twice: a Clock that st
 time, a number each `NUMBER_NS`, and no frames come faster than that.
 
 The emergency stop is latched here (`latch.py`): the Clock keeps it, repeats it in every tick, learns of stops
-that it did not hear from the frames of those that did, and alone releases it.
+that it missed from the frames of the servers that heard them, and alone releases it.
 
 A Clock that was stopped for a while leaves out the periods that it missed. In lockstep a frame begins as
 soon as the one before it is decided, at latest after a period; its time is a whole number of periods all the
@@ -66,7 +66,7 @@ class Clock:
         keep: how many ticks are kept for who missed one.
         deployment: a program that is there from the beginning; others come by `deploy`.
         told: hears of every deployment, before its first frame.
-        stop_path: where the emergency stop is kept, so that a restart does not forget it.
+        stop_path: the file in which the emergency stop is kept; without it, a restart forgets the stop.
     """
 
     address = topics.CLOCK
@@ -162,8 +162,10 @@ class Clock:
         self._answers.answered(server, k, since)
 
     def _overtake(self, k: int) -> None:
-        """A server has seen frame `k`. Where that is not ours, somebody has spoken in our place: number on
-        above it, or the server would wait for us to get there."""
+        """Number on above frame `k`, which a server has answered, if this Clock has not ticked it yet.
+
+        Another process has then ticked in its place, and the server would wait until this Clock gets there.
+        """
         if k > self._tick.k and self._tick.k >= 0:
             self._next_k, self._restart = max(self._next_k, k + 1), True
 

@@ -23,28 +23,29 @@ from colony.runtime.messages import (
 )
 
 VERSION = 1
-"""Of the protocol. A field with a default may be added at the end of a message; all else is a new version."""
+"""Version of the protocol. A field with a default may be added at the end of a message; every other change is
+a new version."""
 
 LARGEST = 4 * 1024 * 1024
-"""Bytes of the largest message: a color image of 1280x960 and something."""
+"""Bytes of the largest message: enough for a color image of 1280x960 and what goes with it."""
 
 _LARGEST: dict[type, int] = {
     **dict.fromkeys((Tick, Verdict, Checkpoint, Recall), 1024 * 1024 + 65_536),
     ServerFrame: 256 * 1024,
     **dict.fromkeys((Request, Announcement, Fetch, Ready, Restart), 65_536),
 }
-"""The same of the messages of frames: many small values take long to read, and these are read in every
-frame."""
-
+"""Bytes of the largest message of each kind that frames consist of: many small values take long to decode,
+and these messages are decoded in every frame."""
 
 _LARGEST_BY_TAG = {msgspec.msgpack.encode(kind.__name__): most for kind, most in _LARGEST.items()}
-"""By the kind as the bytes of a message name it, after its version and length."""
+"""The same by tag: the name of the kind in msgpack."""
 
 _TAG_AT = 2
+"""Index of the tag in a message, after the version and the length of the array."""
 
 
 def largest(kind: type) -> int:
-    """Return the bytes of the largest message of a kind."""
+    """Return the limit, in bytes, for messages of a kind."""
     return _LARGEST.get(kind, LARGEST)
 
 
@@ -60,7 +61,7 @@ _decoder: msgspec.msgpack.Decoder[Sent] = msgspec.msgpack.Decoder(Sent)
 
 
 def encode(message: Sent) -> bytes:
-    """A message in bytes.
+    """Encode a message.
 
     Raises:
         ValueError: it would be larger than its kind may be.
@@ -73,10 +74,10 @@ def encode(message: Sent) -> bytes:
 
 
 def decode(data: bytes) -> Sent:
-    """The message in these bytes.
+    """Decode a message.
 
     Raises:
-        NotAMessage: there is none.
+        NotAMessage: these bytes are no message, or too many for one of their kind.
     """
     if len(data) > (most := _largest_here(data)):
         raise NotAMessage(f"{len(data)} bytes; expected at most {most}")
@@ -90,7 +91,7 @@ def decode(data: bytes) -> Sent:
 
 
 def _largest_here(data: bytes) -> int:
-    """Return how large a message may be that begins like this."""
+    """Return the limit, in bytes, for messages that begin like these bytes."""
     if len(data) <= _SMALLEST_LIMIT:
         return _SMALLEST_LIMIT
     tag = data[_TAG_AT : _TAG_AT + 1 + (data[_TAG_AT] & 0x1F)]  # a short string of msgpack, with its length

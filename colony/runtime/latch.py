@@ -1,15 +1,15 @@
-"""The emergency stop, at both ends of it.
+"""The emergency stop, at the Clock and at the servers of actuators.
 
-The Clock has the latch: it keeps the stop in a file, repeats it in every tick, and alone releases it. A
-server of actuators has a `StopFollower`: it is stopped by a call of its own or by a tick, tells so in its
-frames, and goes on when a tick carries a release that is not earlier than its stop. So nobody who heard a
-stop needs anybody else to stay stopped; and a Clock that missed the call, or was started again, learns of it
+The Clock has the `StopLatch`: it keeps the stop in a file, repeats it in every tick, and alone releases it. A
+server of actuators has a `StopFollower`: a call of its own or a tick stops it, its frames carry the stop, and
+it goes on when a tick carries a release that is not earlier than the stop. So a server that heard a stop
+needs no other process to stay stopped, and a Clock that missed the call, or was restarted, learns of the stop
 from frames.
 
     stop heard at t   is over   once a release at r >= t is known, and only then
 
-The file is replaced as a whole. One that cannot be read counts as a stop: a robot that may have been stopped
-for a reason does not drive on because of a bad disk.
+The file is replaced as a whole. A file that cannot be read counts as a stop: a robot that may have been
+stopped for a reason does not drive on because of a bad disk.
 """
 
 from __future__ import annotations
@@ -22,11 +22,11 @@ import msgspec
 from colony.runtime.messages import Stopped, Tick
 
 NEVER_NS = -1
-"""The time of a release where there was none."""
+"""The time of the last release if there was none."""
 
 
 class _Kept(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
-    """The file's content."""
+    """The content of the file."""
 
     stopped: Stopped | None
     released_ns: int
@@ -36,41 +36,41 @@ class StopLatch:
     """The Clock's memory of the emergency stop. Mutable: whether it is on, and whether the file says so.
 
     Args:
-        path: the file, which need not exist; None: a restart forgets the stop.
+        path: the file, which need not exist; with None, a restart forgets the stop.
     """
 
     def __init__(self, path: Path | None) -> None:
         self._path = path
         self._saved = True
         self.trouble: str | None = None
-        """Why the file is not as it should be; None where it is."""
+        """The reason why the file could not be read or written; None if all is well."""
         self.stopped: Stopped | None = None
         self.released_ns = NEVER_NS
         if path is not None:
             self._load(path)
 
     def engage(self, stopped: Stopped) -> None:
-        """Stop; the first of several stops is the one that is remembered."""
+        """Stop; of several stops the first is remembered."""
         if self.stopped is None:
             self.stopped = stopped
             self._saved = False
-        self._saved = self._saved and self.trouble is None  # a file that could not be read is written anew
+        self._saved = self._saved and self.trouble is None  # replace a file that could not be read
         self.save()
 
     def observe(self, stopped: Stopped | None) -> None:
-        """Take over the stop that a server's frame tells of, unless it is over."""
+        """Take over the stop that a server's frame carries, unless it has been released."""
         if stopped is not None and self.stopped is None and stopped.t_ns > self.released_ns:
             self.engage(stopped)
 
     def release(self, now_ns: int) -> None:
-        """End every stop that was heard until now."""
+        """End every stop that was heard until `now_ns`."""
         self.stopped = None
         self.released_ns = now_ns
         self._saved = False
         self.save()
 
     def save(self) -> None:
-        """Write the file where it is not as it should be; what is in the way of that is `trouble`."""
+        """Write the file if it is out of date; on failure set `trouble`, to try again at the next call."""
         if self._saved or self._path is None:
             return
         try:
@@ -95,19 +95,19 @@ class StopLatch:
 
 
 class StopFollower:
-    """Whether a server's actuators are stopped. Mutable: that."""
+    """A server's part in the emergency stop. Mutable: the stop that keeps its actuators idle, if any."""
 
     def __init__(self) -> None:
         self.stopped: Stopped | None = None
 
     def hear(self, stopped: Stopped) -> None:
-        """Stop; a second stop lasts for as long as the later of both."""
+        """Stop; of two stops, the later one has to be released."""
         if self.stopped is None or stopped.t_ns > self.stopped.t_ns:
             by = stopped.by if self.stopped is None else self.stopped.by
             self.stopped = Stopped(by=by, t_ns=stopped.t_ns)
 
     def follow(self, tick: Tick) -> None:
-        """Stop or go on, as the Clock says."""
+        """Stop or go on, as the Clock's tick says."""
         if self.stopped is not None and tick.released_ns >= self.stopped.t_ns:
             self.stopped = None
         if self.stopped is None:

@@ -1,8 +1,9 @@
-"""Whether a message can be true now. One that cannot is malformed: it costs itself alone.
+"""Checks of messages against the robot's time. A message that cannot be true counts as malformed, and has no
+other effect.
 
-Frames are numbered by the Clock, a number each `NUMBER_NS` of the robot's time at most (see `clock.py`). So
-no frame that exists has a higher number than the time allows; a server that believed in one would wait for
-the robot's Clock to get there for as long as it takes.
+The Clock numbers frames, at most one for each `NUMBER_NS` of the robot's time (see `clock.py`). So no frame
+has a higher number than the time allows. A server that accepted one would ignore all ticks until the Clock
+gets there.
 """
 
 from __future__ import annotations
@@ -23,16 +24,17 @@ from colony.runtime.messages import (
 )
 
 NUMBER_NS = 100_000
-"""The shortest frame: a number's worth of the robot's time."""
+"""Nanoseconds of the robot's time for each number of a frame, and so the shortest frame."""
 
 AHEAD_NS = 1_000_000_000
-"""By how much the clock of a sender may be ahead of ours."""
+"""Nanoseconds by which a sender's clock may be ahead of this process's."""
 
 LONGEST_NAME = 600
-"""Characters of an address: of an actuator and a module, or of a server and what it relays."""
+"""Characters of the longest address. It has two names, of 255 characters each: an actuator and a module, or a
+server and a module whose activity it relays."""
 
 MOST_NAMES = 10_000
-"""Servers, clients or void frames of which a tick tells."""
+"""Servers, clients or void frames in a tick, of each."""
 
 
 def check_plausible(message: Sent, now_ns: int) -> None:
@@ -79,7 +81,7 @@ def _check_stop(stopped: Stopped | None, now_ns: int) -> None:
 
 
 def _check_number(k: int, now_ns: int) -> None:
-    """-1 stands for no frame."""
+    """Check the number of a frame; -1 stands for no frame."""
     if not -1 <= k <= (now_ns + AHEAD_NS) // NUMBER_NS:
         raise NotAMessage(f"frame {k} cannot be yet")
 

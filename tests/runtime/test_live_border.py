@@ -67,3 +67,10 @@ def test_fetches_and_stops_have_rates_of_their_own(border: Border) -> None:
     assert border.frame("requests", "ada", 50)
     assert sum(border.stop("ada/1", 50) for _ in range(500)) == STOPS.burst
     assert border.stop("bob/1", 50)
+
+
+def test_a_program_of_this_machine_that_stops_without_end_keeps_no_other_from_stopping(
+    border: Border,
+) -> None:
+    assert sum(border.stop("here/1", 50) for _ in range(500)) == STOPS.burst
+    assert border.stop("here/2", 50)

@@ -4,9 +4,8 @@ A connection is opened under an id of its own. When the server says that it does
 anew, or did not hear of us for the lease), or dies, the connection is opened again under the same id, and its
 calls are numbered on: a server that notes what it did (DServer) knows a call that it did before it died.
 Calls that may be repeated are then made again, each with its number; the others fail with `ConnectionLost`. A
-call without an answer, or that the server refused for the time being because there are too many, is sent
-again with the same number, after longer and longer pauses: it is done once. An emergency stop does not wait
-until the connection is open.
+call that got no answer, or was refused with the code "flood", is sent again with the same number, after
+longer and longer pauses: it is done once. An emergency stop does not wait until the connection is open.
 """
 
 from __future__ import annotations
@@ -292,7 +291,7 @@ class Conversation:
 
 
 def _urgent(pending: Pending) -> bool:
-    """Return whether a call need not wait for the connection to be open."""
+    """Return whether a call is sent before the connection is open."""
     return pending.ask.method == EMERGENCY_STOP
 
 

@@ -1,10 +1,10 @@
-"""The emergency stop of a whole robot: at once at every server of actuators, and kept by the Clock.
+"""The emergency stop of a whole robot: sent at once to every server of actuators, and kept by the Clock.
 
     with Session.open("rome") as session, StopButton(session) as button:
         report = button.press()
         assert report.kept
 
-A button that is held ready has its connections open, and costs one message to each server when it is pressed.
+A button has its connections open before it is pressed; pressing it costs one message to each server.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ from colony.runtime.library import emergency
 from colony.runtime.topics import CLOCK
 
 PATIENCE_S = 2.0
-"""Timeout of the acknowledgements."""
+"""Seconds to wait for the acknowledgements."""
 
 SERVERS = (CLOCK, *emergency.ACTUATOR_SERVERS)
 """The servers that take an emergency stop."""
@@ -31,24 +31,24 @@ SERVERS = (CLOCK, *emergency.ACTUATOR_SERVERS)
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Pressed:
-    """What came of an emergency stop: the servers that acknowledged it, and why others did not."""
+    """The result of an emergency stop: the servers that acknowledged it, and the problems of the others."""
 
     acknowledged: tuple[str, ...]
     problems: Mapping[str, str]
 
     @property
     def kept(self) -> bool:
-        """True if the Clock keeps the stop, and every live server of actuators has acknowledged it."""
+        """True if the Clock keeps the stop and every server of actuators that is up has acknowledged it."""
         return CLOCK in self.acknowledged and not self.problems
 
 
 class StopButton:
-    """Ready to stop a robot. Mutable: its conversations with the servers.
+    """A button that stops a robot. Mutable: its conversations with the servers.
 
     Args:
-        session: what the process has with the robot; stays open.
-        name: what the connections go by, for people.
-        timeout_s: timeout of the acknowledgements.
+        session: the session with the robot, which stays open.
+        name: the name of the connections, for people.
+        timeout_s: seconds to wait for the acknowledgements.
     """
 
     def __init__(self, session: Session, *, name: str = "stop button", timeout_s: float = PATIENCE_S) -> None:
@@ -60,7 +60,7 @@ class StopButton:
             wire.open(lambda _: None)
 
     def press(self) -> Pressed:
-        """Stop the robot, and wait until that is acknowledged by every server that is there.
+        """Stop the robot, and wait until every server of actuators that is up has acknowledged it.
 
         Raises:
             CallRefused: this user may not stop the robot.
@@ -106,7 +106,7 @@ class StopButton:
         return [server for server in missing if server in there]
 
     def close(self) -> None:
-        """End the connections; again is nothing."""
+        """End the connections; closing twice does nothing."""
         wires, self._wires = self._wires, {}
         for wire in wires.values():
             self._session.hub.release(wire)

@@ -32,14 +32,14 @@ from colony.runtime.live.security import check_credentials, rights
 from colony.runtime.messages import Notice, Reply, Right
 
 LOGIN_S = 2.0
-"""For how long a gateway may take to say who one is to it."""
+"""Seconds in which a gateway has to answer which rights a user has."""
 
 BUCKETS = 256
-"""Key expressions by which the processes of one user hear replies. Each process has one, by chance, for all
-of its connections: zenoh keeps a little of every key that was ever declared, for as long as a link lives."""
+"""Key expressions on which the processes of one user subscribe to replies. Each process draws one, for all of
+its connections: zenoh keeps some memory for every key that was ever declared, for as long as a link lives."""
 
 TEND_S = 0.1
-"""How often connections are tended."""
+"""Seconds between two rounds of signs of life and repeated calls."""
 
 
 class Hub:
@@ -191,7 +191,10 @@ class Hub:
             self._begun[connection] = wire
 
     def _replied(self, sample: zenoh.Sample) -> None:
-        """In a thread of the network: a server says something, perhaps to another process of this user."""
+        """Hand a reply or notice to its wire; it may be for another process of this user.
+
+        Called in a thread of the network.
+        """
         try:
             message = codec.decode(sample.payload.to_bytes())
         except NotAMessage:

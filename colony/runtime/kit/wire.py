@@ -39,7 +39,7 @@ Deferred = Callable[[], None]
 
 
 class _Publisher:
-    """A publisher that one thread may give back while another one sends. Mutable: until then."""
+    """A publisher that one thread may release while another one sends. Mutable: whether it is released."""
 
     def __init__(self, publisher: zenoh.Publisher) -> None:
         self._publisher = publisher
@@ -50,7 +50,7 @@ class _Publisher:
             self._publisher.put(data)
 
     def release(self) -> None:
-        """Give it back, at once or, by the last reference, when the send that is under way is over."""
+        """Undeclare the publisher, unless another thread is sending: then its last reference does."""
         if self._lock.acquire(blocking=False):
             self._publisher.undeclare()  # type: ignore[no-untyped-call]
             self._lock.release()

@@ -56,7 +56,7 @@ class Who(msgspec.Struct, frozen=True, kw_only=True):
 
 
 def release() -> Ask[None]:
-    """Let the robot be moved again after an emergency stop. Nobody but the Clock can."""
+    """Let the robot be moved again after an emergency stop. Only the Clock takes this call."""
     return Ask("release", Nothing(), type(None), "command", repeatable=True)
 
 

@@ -2,8 +2,8 @@
 
     base.do(emergency.stop())
 
-Whoever hears it stops; the Clock alone releases (`library/clock.py`). To stop a whole robot, and to know that
-it is stopped, use `colony.runtime.kit.emergency`.
+Each server that gets this call stops by itself; the Clock alone releases the stop (`library/clock.py`). To
+stop a whole robot, and to know that it is stopped, use `colony.runtime.kit.emergency`.
 """
 
 from __future__ import annotations
@@ -17,9 +17,9 @@ ACTUATOR_SERVERS = tuple(s.name for s in SERVERS if s.commands or s.open_fields)
 
 
 def stop() -> Ask[None]:
-    """Stop at once, and stay stopped until the Clock tells of a release.
+    """Stop at once, and stay stopped until a tick of the Clock carries a release.
 
-    The Clock keeps the stop over its own death and over restarts of all other servers. It refuses with the
-    code "not kept" where it is stopped, but could not write that to its file.
+    At the Clock, the stop survives restarts of every process, the Clock included. The Clock refuses with the
+    code "not kept" if it stops the robot but cannot write the stop to its file.
     """
     return Ask(EMERGENCY_STOP, Nothing(), type(None), "stop", repeatable=True)

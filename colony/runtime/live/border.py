@@ -1,9 +1,10 @@
-"""Who gets past the border of a process: the rates of users of other machines.
+"""The border of a process: the rates at which users of other machines may send.
 
-Users stand in the keys of all that clients send, and the gateway ties these keys to certificates. So a
-message can be counted before it is read, for a fraction of what reading it costs. The processes of this
-machine, which all go by one user, are not counted: they would share one rate, and a program that calls
-without end is held back by the number of its calls that wait (`waiting.py`).
+The keys of all messages from clients carry the user, and the gateway ties these keys to certificates. So a
+message is counted before it is decoded, for a fraction of what decoding costs. The processes of this machine,
+which all go by one user, are not counted: they would share one rate, and a program that calls without end is
+held back by the number of its calls that wait (`waiting.py`). Their messages under the right to stop are
+counted, by connection: the queue of these (`stop_lane.py`) has no limit for each connection.
 """
 
 from __future__ import annotations
@@ -14,28 +15,31 @@ from collections.abc import Callable
 from colony.runtime.live.meter import Meter, Rate
 
 CALLS = Rate(per_s=2000.0, burst=1000.0)
-"""Calls and signs of life of one user at one server, emergency stops aside. A program that waits for each
-answer makes fewer."""
+"""Calls and signs of life of one user at one server, other than under the right to stop. A program that waits
+for each answer makes fewer."""
 
 STOPS = Rate(per_s=500.0, burst=100.0)
-"""Calls and signs of life under the right to stop. One stop does as much as many."""
+"""Calls and signs of life of one user, or of one connection of this machine, under the right to stop. Further
+stops change nothing."""
 
 FETCHES = Rate(per_s=500.0, burst=500.0)
-"""Frames that a user's programs ask for once more."""
+"""Fetches of one user's programs: requests for frames that they missed."""
 
 PROGRAMS = Rate(per_s=20_000.0, burst=10_000.0)
-"""All that the clients of a program send in frames."""
+"""Messages of frames, other than fetches, from the clients that one user runs."""
 
 REFUSALS = Rate(per_s=20.0, burst=20.0)
-"""Calls over the rate that are answered `flood`; the others are dropped without a word."""
+"""Calls of one user over the rate that are refused with the code `flood`; the others are dropped without a
+reply."""
 
 
 class Border:
     """The rates at one server. Mutable: what is left of them. Threads may share it.
 
     Args:
-        local_user: the user of this machine's processes, who is not counted.
-        monotonic: a clock, in nanoseconds.
+        local_user: the user of this machine's processes, whose messages pass uncounted, except those under
+            the right to stop.
+        monotonic: returns the time in nanoseconds.
     """
 
     def __init__(self, local_user: str, monotonic: Callable[[], int] = time.monotonic_ns) -> None:
@@ -46,21 +50,22 @@ class Border:
         self._refusals = Meter(REFUSALS)
 
     def call(self, connection: str, size: int) -> bool:
-        """Return whether a call may come in."""
+        """Count a call, or a sign of life, of `size` bytes; return whether it may come in."""
         user = connection.partition("/")[0]
         return user == self._local or self._calls.take(user, size, self._now())
 
     def stop(self, connection: str, size: int) -> bool:
-        """Return whether a call under the right to stop may come in."""
-        return self._stops.take(connection.partition("/")[0], size, self._now())
+        """Count a message of `size` bytes under the right to stop; return whether it may come in."""
+        user = connection.partition("/")[0]
+        return self._stops.take(connection if user == self._local else user, size, self._now())
 
     def frame(self, kind: str, user: str, size: int) -> bool:
-        """Return whether a message of frames of a kind ("fetches", "requests", ...) may come in."""
+        """Count a message of a frame, such as one of kind "requests"; return whether it may come in."""
         if user == self._local:
             return True
         meter = self._fetches if kind == "fetches" else self._programs
         return meter.take(user, size, self._now())
 
     def refusal(self, connection: str) -> bool:
-        """Return whether the sender of a call over the rate is to be told."""
+        """Count a call over the rate; return whether it gets a reply, rather than being dropped."""
         return self._refusals.take(connection.partition("/")[0], 0, self._now())

@@ -4,9 +4,9 @@ On one machine every server listens on a unix socket in the robot's folder, and 
 that are known, present or not: a server that comes, or comes back, is found by trying again, and servers of
 other names by gossip. There is no scouting, no port, no shared memory.
 
-No address that comes over the network is ever dialed: processes of the robot can open links of unix sockets
-only, and the gateway, the one that strangers reach, takes no part in gossip. It needs none: all connect to
-it.
+No process dials an address that came over the network: processes of the robot can open links of unix sockets
+only, and the gateway, the only process that strangers reach, takes no part in gossip. It needs none, because
+all others connect to it.
 """
 
 from __future__ import annotations
@@ -31,8 +31,8 @@ LET_IN = [
     {"filters": [{"modes": ["peer"], "interfaces": ["none: a link of a unix socket"]}]},
     {"filters": [{"modes": ["client"]}]},
 ]
-"""Who may be linked to a gateway: peers of this machine, and clients from anywhere. A peer that comes by a
-network interface is refused, for it would be told the ids of the robot's processes."""
+"""Filters of the sessions that a gateway accepts: peers of this machine, and clients from anywhere. A peer
+that comes by a network interface is refused, because it would learn the ids of the robot's processes."""
 
 LEASE_MS = 3000
 """After this time without a sign of life zenoh gives up a link; it must outlast a long reception."""
@@ -82,8 +82,10 @@ def settings(place: Place, *, listens: tuple[str, ...] = ()) -> Settings:
 
 
 def stop_settings(directory: RobotDirectory) -> Settings:
-    """Those of the second session of a server, by which emergency stops come from the gateway: a link on
-    which nothing else waits."""
+    """Return the settings of a server's second session, a link to the gateway that carries emergency stops.
+
+    Servers subscribe on it to calls under the right to stop, and to nothing else: no flood fills it.
+    """
     return _common("peer", LOCAL_LINKS, gossip=False) | {
         "listen/endpoints": [],
         "connect/endpoints": [directory.endpoint(GATEWAY)],

@@ -20,7 +20,7 @@ class NotReached(LiveError):
 
 
 class GatewayFull(LiveError):
-    """The gateway's memory has reached its limit: it has to begin again, without the sessions that it has."""
+    """The gateway's memory has reached its limit: its process has to restart, which ends its sessions."""
 
 
 class SecurityError(LiveError):

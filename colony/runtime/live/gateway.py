@@ -1,6 +1,6 @@
 """The way to a robot from other machines: a process that joins the robot's sockets and listens with TLS.
 
-It routes; it is also asked, by who comes, what they may do. What they may not never gets past it.
+It routes messages, and tells users what rights they have. Messages without the right never get past it.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ from colony.runtime.messages import Effect, Message, WakeAt
 
 
 class Admitted(msgspec.Struct, frozen=True, kw_only=True):
-    """What a gateway says to `whoami`: who one is to it, and what one may."""
+    """The result of `whoami`: the authenticated identity, and the rights granted to it."""
 
     user: str
     may: tuple[Permission, ...]
@@ -40,12 +40,12 @@ def whoami() -> Ask[Admitted]:
 
 
 MEMORY_BYTES = 110 * 1024 * 1024
-"""Resident memory at which a gateway begins again. Zenoh keeps 1.3 KB of every key that a session declares,
-for as long as the session lives, and has no limit for that; so do the robot's servers, of what comes through
-the gateway."""
+"""Resident memory, in bytes, at which a gateway restarts. Zenoh keeps 1.3 KB for every key that a session
+declares, for as long as the session lives, without a limit; so do the robot's servers, for the keys that come
+through the gateway."""
 
 LOOK_NS = 500_000_000
-"""How often a gateway looks at its memory."""
+"""Nanoseconds between two checks of the gateway's memory."""
 
 
 def resident_bytes() -> int:
@@ -55,11 +55,12 @@ def resident_bytes() -> int:
 
 
 class GatewayNode:
-    """Answers `whoami`. Users whom the table does not know are those of this machine, who may everything.
+    """Answers `whoami`, and watches the memory. Users that are not in the table are those of this machine,
+    who have every right.
 
     Args:
         security: the table of users.
-        memory: gives the memory of this process in bytes.
+        memory: returns the resident memory of this process in bytes.
 
     Raises:
         GatewayFull: from `handle`, when the memory has reached its limit.

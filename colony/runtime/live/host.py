@@ -8,8 +8,8 @@ The threads of the network put bytes into the inbox. One thread, that of `run`, 
 messages in their order (see `waiting.py`), reads them, gives them to the nodes, lets these settle, and sends
 what they want sent. While it sends, which may have to wait for room, others may hand messages to the nodes.
 
-Emergency stops have a thread of their own (`stop_lane.py`). It takes the nodes as soon as the message that
-they are handling is handled, before anything that waits, and its answers wait for nobody.
+Emergency stops have a thread of their own (`stop_lane.py`). It takes over the nodes as soon as they have
+handled their present message, before everything that waits, and never waits for room to send its replies.
 
 For nodes that never keep anyone waiting there is a shorter way: in a `direct` host the thread that receives
 a message of a frame hands it to the nodes itself, if nothing else waits or is being handled, and spares two
@@ -99,7 +99,7 @@ class Host:
         self._settling = tuple(node for node in nodes if isinstance(node, Settling))
         self._direct = direct and not self._settling
         self._handling = Lock()
-        self._calm = Event()
+        self._calm = Event()  # cleared while an emergency stop is waiting for the nodes
         self._calm.set()
         self._wakes: list[tuple[int, int, Node]] = []
         self._sleeps_until = NEVER_NS
@@ -333,7 +333,7 @@ class Host:
             payload = sample.payload
             size = len(payload)
             if kind is not None and not border.frame(kind, str(sample.key_expr).rpartition("/")[2], size):
-                return  # whoever asked for a frame asks again
+                return  # without a reply: a reader asks again for a frame that it missed
             if size > LARGEST:
                 frame(topic, _too_large(topic, None, size))
                 return
@@ -351,7 +351,7 @@ class Host:
             key = keys.call_key(str(sample.key_expr))
             size = len(payload)
             if key is None:
-                return  # on a key of nobody there is nobody to be told
+                return  # a key without a connection leaves nobody to reply to
             if inbox.crowded(key.connection) or not border.call(key.connection, size):
                 if border.refusal(key.connection) and size <= LARGEST:
                     self._refuse(topic, key, payload.to_bytes())
@@ -370,7 +370,7 @@ class Host:
         return take
 
     def _refuse(self, topic: str, key: keys.CallKey, data: bytes) -> None:
-        """Tell the sender of a call that it is not done."""
+        """Have a call refused with the code "flood"; bytes that are no call get no reply."""
         with suppress(NotAMessage):
             message = keys.check_call(codec.decode(data), key)
             number = message.number if isinstance(message, Call) else 0

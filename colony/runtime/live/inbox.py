@@ -43,11 +43,11 @@ class Inbox:
             self._calls.put(None)
 
     def crowded(self, connection: str) -> bool:
-        """Whether as many calls of a connection wait as may: one more would be in vain."""
+        """Return whether as many calls of a connection wait as may wait: one more would be refused."""
         return self._room.crowded(connection)
 
     def refuse(self, topic: str, connection: str, number: int) -> None:
-        """Have a call refused that does not come in."""
+        """Note a call that did not come in, so that the caller gets a refusal."""
         with self._lock:
             self._room.refuse(topic, connection, number)
             asleep, self._asleep = self._asleep, False

@@ -5,10 +5,10 @@
     RServer/call                   colony/rome/RServer/call/<right>/ada/7
     RServer/fetches                colony/rome/RServer/fetches/ada
 
-The right and the connection of a call stand in its key, and the user in that of all else that clients send,
-because keys are what access control can tie to users; what the message itself says of them must be the same.
-For the same reason each topic takes only its
-own kinds of messages: who may ask for frames again must not be able to put a call there.
+The key of a call carries its right and its connection, and the keys of all other messages from clients carry
+the user, because keys are what access control can tie to users. What the message itself says of these must be
+the same. For the same reason each topic takes only its own kinds of messages: a user who may only fetch
+frames must not be able to send a call there.
 """
 
 from __future__ import annotations
@@ -57,7 +57,7 @@ _KINDS: dict[str, tuple[type, ...]] = {
 
 
 _OF_USERS = frozenset({"fetches", "requests", "announcements", "checkpoints", "ready", "restarts"})
-"""What clients send to servers besides calls, by what stands second in the topic."""
+"""Kinds of messages that clients send to servers besides calls: the second part of the topic."""
 
 
 class CallKey(NamedTuple):
@@ -78,7 +78,7 @@ def takes_calls(topic: str) -> bool:
 
 
 def kind_of_users(topic: str) -> str | None:
-    """The kind of messages that come on a topic, if clients send them with their user in the key."""
+    """Return the kind of messages on a topic if clients send them with their user in the key, else None."""
     _, _, kind = topic.partition("/")
     return kind if kind in _OF_USERS else None
 
@@ -91,13 +91,15 @@ def listening(robot: str, topic: str) -> str:
 
 
 def listening_to_calls(robot: str, topic: str, right: Right) -> str:
-    """The same for the calls under one right."""
+    """Return the key expression of the calls on a topic that are made under one right."""
     return f"colony/{robot}/{topic}/{right}/*/*"
 
 
 def sending(robot: str, topic: str, message: Sent, *, user: str, least: Right = "read") -> str:
-    """The key on which `user` sends a message to a topic. A sign of life goes under any right of its
-    sender."""
+    """Return the key on which `user` sends a message to a topic.
+
+    A sign of life goes under `least`, which may be any right of its sender.
+    """
     match message:
         case Call(right=right, connection=connection):
             return f"colony/{robot}/{topic}/{right}/{connection}"
@@ -108,7 +110,7 @@ def sending(robot: str, topic: str, message: Sent, *, user: str, least: Right = 
 
 
 def replies_to_process(robot: str, user: str, bucket: str) -> str:
-    """The key expression on which a process hears the replies to all of its connections, whose ids begin with
+    """Return the key expression of the replies to all connections of a process: their ids begin with
     `bucket`."""
     return f"colony/{robot}/*/reply/{user}/{bucket}-$*"
 

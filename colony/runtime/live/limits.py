@@ -1,12 +1,13 @@
-"""What the gateway takes from other machines, and gives to them: bounds of size, number and time.
+"""The limits of the gateway: sizes, numbers and times of what passes between the robot and other machines.
 
-A gateway never waits for a receiver: what a busy server or a slow user leaves no room for is dropped, and
-asked again by the protocol (a call after 250 ms, with its number; a frame at the next tick). Waiting would
-hold up everybody else, and zenoh closes a link on which it waited in vain. For the same reason users choose
-neither their priority nor what happens when there is no room: the key of a message decides.
+A gateway never waits for a receiver. It drops messages for which a busy server or a slow user leaves no room,
+and the protocol sends them again (a call after 250 ms, with the same number; a frame at the next tick).
+Waiting would hold up everybody else, and zenoh closes a link on which it waited in vain. For the same reason
+users choose neither their priority nor what happens when there is no room: the key of a message decides.
 
-Nothing here bounds the number of messages. Zenoh's `downsampling` knows no bursts: of calls that a user makes
-at once it would drop all but one, and again when they are repeated, which is at once again. Servers count.
+Nothing here limits the rate of messages. Zenoh's `downsampling` allows no bursts: of calls that a user makes
+at once it would drop all but one, and drop them again when they are repeated, again at once. Servers count
+messages instead (`border.py`).
 """
 
 from __future__ import annotations
@@ -18,25 +19,29 @@ from colony.runtime.codec import LARGEST
 from colony.runtime.live import keys
 
 HANDSHAKE_MS = 2000
-"""After this time without its end a TLS handshake is given up, and its connection closed."""
+"""Timeout of a TLS handshake, in milliseconds; its connection is then closed."""
 
 LOGIN_MS = 2000
-"""The same for the login of zenoh, which only comes after TLS found the certificate good."""
+"""Timeout of zenoh's login, in milliseconds. The login begins after TLS has accepted the certificate."""
 
 LOGINS_PENDING = 100
+"""Logins that the gateway handles at the same time."""
+
 SESSIONS = 200
-"""Of users and of the robot's own processes together."""
+"""Sessions of users and of the robot's own processes together; a server of the robot has two."""
 
 DESCRIPTORS = 8192
-"""Files that a gateway may have open, if the system allows it: many more connections than can wait for their
-handshake to be given up."""
+"""Files that a gateway may have open, if the system allows it: many more than the connections that can wait
+for the timeout of their handshake."""
 
 SMALL, MIDDLE = 1024, 64 * 1024
+"""Bytes of the largest message of the two kinds that are limited further; see `_sizes`."""
+
 _REMOTE = ["tls"]
 
 
 def limits(robot: str) -> dict[str, Any]:
-    """The settings of a gateway that bound what goes through it."""
+    """Return the settings of a gateway that limit what passes through it."""
     return {
         "transport/unicast/accept_timeout": LOGIN_MS,
         "transport/unicast/accept_pending": LOGINS_PENDING,
@@ -58,12 +63,12 @@ _QUEUES = {
     "data_low": 2,
     "background": 2,
 }
-"""Batches of 64 KiB that wait on each link, made as they are needed: a whole megabyte of replies, because a
-fragment without room drops its message."""
+"""Batches of 64 KiB that may wait on each link, by priority, allocated as they are needed. Replies get a
+whole megabyte, because a message is dropped if one of its fragments finds no room."""
 
 
 def _sizes(robot: str) -> list[dict[str, Any]]:
-    """Bytes of the largest message on a key; where several match, the smallest counts."""
+    """Limit the size of messages by their keys; where several keys match, the smallest limit counts."""
     small = ("*/call/stop/**", "*/fetches/**", "Clock/ready/**", "Clock/restarts/**")
     return [
         _size(robot, "small", small, SMALL),
@@ -84,7 +89,7 @@ def _size(robot: str, name: str, key_exprs: tuple[str, ...], limit: int) -> dict
 
 
 def _urgency(robot: str) -> list[dict[str, Any]]:
-    """Priorities by key, the last that matches counts; and nothing waits for room."""
+    """Set priorities by key, of which the last that matches counts; no message waits for room."""
     frames = ("*/requests/**", "*/announcements/**", "Clock/ready/**", "Clock/restarts/**")
     calls = {"priority": "data", "congestion_control": "drop", "express": False}
     return [
@@ -111,7 +116,7 @@ def _overwrite(
 
 
 def allow_descriptors() -> None:
-    """Raise this process's own bound of open files as far as it may."""
+    """Raise this process's limit of open files to `DESCRIPTORS`, or as far as the system allows."""
     soft, hard = resource.getrlimit(resource.RLIMIT_NOFILE)
     most = DESCRIPTORS if hard == resource.RLIM_INFINITY else min(DESCRIPTORS, hard)
     if soft != resource.RLIM_INFINITY and soft < most:

@@ -1,7 +1,7 @@
-"""Rates of messages, by their senders: token buckets, for the border at which messages come in.
+"""Rates of messages, by sender, as token buckets.
 
-A sender has `burst` tokens at first, and gets `per_s` of them in a second, up to `burst`. A message costs
-one, and one more for each `BYTES_A_TOKEN` of its size. Whoever has too few left is over its rate.
+A sender begins with `burst` tokens and gains `per_s` of them a second, up to `burst`. A message costs one
+token, and one more for each `BYTES_A_TOKEN` of its size. A sender with too few tokens left is over its rate.
 """
 
 from __future__ import annotations
@@ -12,14 +12,14 @@ from threading import Lock
 from typing import NamedTuple
 
 BYTES_A_TOKEN = 16_384
-"""Bytes of a message that cost as much as a message."""
+"""Bytes of a message for which it costs one token more."""
 
 SENDERS = 1024
-"""Senders that are remembered; of more, the one that was silent for the longest time is forgotten."""
+"""Senders with a bucket. Beyond that, the sender that was silent for the longest time loses its bucket."""
 
 
 class Rate(NamedTuple):
-    """Tokens a second, and how many may be saved up."""
+    """Tokens gained a second, and the most that a sender may save up."""
 
     per_s: float
     burst: float

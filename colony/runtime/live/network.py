@@ -1,4 +1,4 @@
-"""The one session of zenoh that a process has with a robot."""
+"""The session of zenoh that a process has with a robot; a server has a second one for emergency stops."""
 
 from __future__ import annotations
 
@@ -28,8 +28,9 @@ Watcher = Callable[[str, bool], None]
 class Network:
     """Mutable: open or closed. Use it in a `with`: until it is closed, the process does not end.
 
-    No process forks while it has one open. `stops` is a second session, which a server has for the emergency
-    stops that come from the gateway: on the link of the first one they would wait behind a flood of calls.
+    No process forks while it has one open. `stops` is the second session of a server, for emergency stops
+    from the gateway: on the link of the first session they would wait behind a flood of calls. It is None in
+    processes that only connect, and in the gateway.
     """
 
     def __init__(

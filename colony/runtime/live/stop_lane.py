@@ -1,8 +1,8 @@
 """The lane of emergency stops through a process: a queue and a thread that nothing else uses.
 
-The thread that receives puts in what came under the right to stop, unread; the lane's thread reads it, and
-hands emergency stops over at once. All else that came so (a connection that is opened under this right) goes
-the way of other calls.
+The receiving thread puts messages under the right to stop into the queue, undecoded. The lane's thread
+decodes them and hands emergency stops over at once. Other messages under this right, such as the opening of a
+connection, go the way of all calls.
 """
 
 from __future__ import annotations
@@ -20,11 +20,10 @@ from colony.runtime.live.keys import CallKey
 from colony.runtime.messages import Alive, Call, Malformed
 
 LONGEST = 1024
-"""Messages that may wait; more than `border.STOPS` lets in at once, so that users do not crowd each other
-out."""
+"""Messages that may wait: the bursts (`border.STOPS`) of ten users at once."""
 
 Take = Callable[[str, str, Call | Alive | Malformed, int], None]
-"""Takes a message that is no emergency stop: its topic, connection, content and size in bytes."""
+"""Takes a message that is not an emergency stop: its topic, connection, content and size in bytes."""
 
 
 class _Came(NamedTuple):
@@ -34,11 +33,11 @@ class _Came(NamedTuple):
 
 
 class StopLane:
-    """Mutable: what waits, and whether the thread runs.
+    """A queue with its own thread. Mutable: the messages that wait, and whether the thread runs.
 
     Args:
-        stop: handles an emergency stop, by its topic.
-        other: takes what is none.
+        stop: handles an emergency stop that came on a topic; called in the lane's thread.
+        other: takes any other message; called in the lane's thread.
     """
 
     def __init__(self, stop: Callable[[str, Call], None], other: Take) -> None:
@@ -49,12 +48,12 @@ class StopLane:
         self._thread.start()
 
     def put(self, topic: str, key: CallKey, data: bytes) -> None:
-        """Take a message from the network; never waits."""
+        """Queue a message from the network, without blocking; drop it if `LONGEST` messages wait."""
         if self._queue.qsize() < LONGEST:
             self._queue.put(_Came(topic, key, data))
 
     def close(self) -> None:
-        """End the thread, after what waits is handled."""
+        """Handle the messages that wait, and end the thread."""
         self._queue.put(None)
         self._thread.join()
 

@@ -1,7 +1,8 @@
 """What waits to be handled by a server, and in which order it is taken.
 
-Emergency stops go first, then the messages of frames in order of arrival, then calls: by the priority of
-their connection, first come first served within one (thesis section 4.3).
+Calls under the right to stop go first, then the messages of frames in order of arrival, then all other calls:
+by the priority of their connection, first come first served within one (thesis section 4.3). Emergency stops
+themselves do not wait here; they have a lane of their own (`stop_lane.py`).
 
 Nothing here grows without bound. Of a connection that calls faster than it is served, further calls are
 refused; when all connections together hold too much, the one that holds most does. Messages of frames are
@@ -22,7 +23,7 @@ CALLS_EACH = 256
 """Calls of one connection that may wait."""
 
 STOPS_EACH = 16
-"""The same for emergency stops, of which one does as much as many."""
+"""Calls of one connection under the right to stop that may wait."""
 
 LINES = 2048
 """Connections of which something may wait; of one more nothing is taken."""
@@ -131,12 +132,12 @@ class WaitingRoom:
             self._queue(entry, line)
 
     def crowded(self, connection: str) -> bool:
-        """Whether as many calls of a connection wait as may."""
+        """Return whether as many calls of a connection wait as may wait: one more would be refused."""
         line = self._lines.get(connection)
         return line is not None and len(line.calls) >= self._calls_each
 
     def refuse(self, topic: str, connection: str, number: int) -> None:
-        """Have the caller told that a call is not going to be done."""
+        """Note a call that did not come in, so that the caller gets a refusal."""
         self._given_up.append(GivenUp(topic, connection, number))
 
     def pop(self) -> Waiting | None:

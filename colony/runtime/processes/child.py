@@ -58,7 +58,7 @@ def run(
 
 
 def begin_again() -> NoReturn:
-    """Run this program from its beginning, as the same process; nothing of its memory stays."""
+    """Replace this process by a new run of the same command, under the same process id."""
     os.execv(sys.executable, [sys.executable, *sys.orig_argv[1:]])
 
 

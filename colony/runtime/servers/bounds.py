@@ -1,15 +1,15 @@
-"""A limit of what a server keeps, and whether it was ever reached, for people to be told."""
+"""Limits of what a server keeps, and sentences for people about the limits that were reached."""
 
 from __future__ import annotations
 
 
 class Bound:
-    """At most `most` of something. Mutable: whether something had no room.
+    """A limit. Mutable: whether something was refused because of it.
 
     Args:
-        what: the thing that is counted, for people.
-        most: the limit.
-        in_bytes: whether it counts bytes.
+        what: what is counted, for people.
+        most: the largest count that is allowed.
+        in_bytes: whether bytes are counted.
     """
 
     def __init__(self, what: str, most: int, *, in_bytes: bool = False) -> None:
@@ -19,12 +19,12 @@ class Bound:
         self._was_reached = False
 
     def allows(self, count: int) -> bool:
-        """Return whether there may be so many; remember where not."""
+        """Return whether there may be `count`; if not, remember that the limit was reached."""
         self._was_reached |= count > self.most
         return count <= self.most
 
     def reached(self, count: int) -> tuple[str, ...]:
-        """A sentence where the limit is reached by so many, or something had no room before; else nothing."""
+        """Return a sentence if `count` reaches the limit, or something was refused before; else nothing."""
         if count < self.most and not self._was_reached:
             return ()
         refused = ", and there was no room for more" if self._was_reached else ""

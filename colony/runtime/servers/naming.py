@@ -1,4 +1,4 @@
-"""The names of DServer's variables and semaphores: which may be, and all of them in order."""
+"""The names of DServer's variables and semaphores: the check of a name, and all names in order."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from colony.runtime.calls import Refused
 
 
 class Names:
-    """Names in order. Mutable."""
+    """Names in order. Mutable: the names."""
 
     def __init__(self) -> None:
         self._names: list[str] = []
@@ -29,13 +29,13 @@ class Names:
         del self._names[bisect_left(self._names, name)]
 
     def page(self, prefix: str, after: str, limit: int) -> tuple[str, ...]:
-        """The first `limit` names that begin with `prefix` and come after `after`."""
+        """Return the first `limit` names that begin with `prefix` and come after `after`."""
         begin = max(bisect_left(self._names, prefix), bisect_right(self._names, after))
         following = islice(self._names, begin, begin + limit)
         return tuple(takewhile(lambda name: name.startswith(prefix), following))
 
     def beginning(self, prefixes: Iterable[str]) -> Iterator[str]:
-        """Each name that begins with one of some prefixes, once, in order."""
+        """Yield each name that begins with one of the prefixes, once, in order."""
         covered: str | None = None
         for prefix in sorted(prefixes):
             if covered is not None and prefix.startswith(covered):
@@ -47,7 +47,7 @@ class Names:
 
 
 def named(name: str) -> str:
-    """A name that a variable or semaphore may have.
+    """Return `name`, which must be fit for a variable or semaphore: 1 to 255 bytes of UTF-8.
 
     Raises:
         Refused: "arguments".

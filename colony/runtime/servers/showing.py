@@ -1,7 +1,7 @@
-"""What DServer's frames show of its variables: those that were asked for by name, no others.
+"""The variables that DServer's frames show: those that were asked for by name, and no others.
 
-The program that is deployed asks for what its sensors are bound to, and connections ask by `publish`. So a
-frame is as large as what its readers want, however many variables there are.
+The program that is deployed asks for the variables that its sensors are bound to; connections ask by
+`publish`. So the size of a frame depends on what its readers want, not on the number of variables.
 """
 
 from __future__ import annotations
@@ -19,35 +19,35 @@ from colony.runtime.servers.publishing import Fields
 from colony.runtime.store import Journal, Key
 
 FRAME_SPACE = 1 << 16
-"""Bytes that the values in a frame may take."""
+"""Bytes that the names and values in a frame may take."""
 
 LONGEST_LIST = (FRAME_SPACE - 16) // 9
-"""Numbers in the longest list that a frame has room for."""
+"""Length of the longest list of numbers that a frame has room for."""
 
 MOST_EACH = 1_000
 """Names that one connection may ask for in frames."""
 
 MOST_ASKED = 10_000
-"""Names that all connections may ask for in frames, and that a program may read."""
+"""Names that all connections together may ask for in frames."""
 
 _READS = Key("fact", "reads")
 
 
 class Showing(NamedTuple):
-    """What a frame shows of a value, None where it cannot, and the bytes that it takes, 0 where none."""
+    """A value as frames show it, None if they cannot, and the bytes that it would take there, or 0."""
 
     value: Value | None
     size: int
 
 
 NOTHING = Showing(None, 0)
-"""Of a value that is no number, bool, or list of them."""
+"""The showing of a value that is no number, bool, or list of them."""
 
 
 def showing(name: str, data: bytes) -> Showing:
-    """What a frame shows of the value `data`, in msgpack.
+    """Return how frames show a value, given in msgpack.
 
-    A list that is too long for any frame has a size, but is not read: its elements may be anything.
+    A list that is too long for any frame gets its size, but is not decoded: its elements may be anything.
     """
     length = _list_length(data)
     if length is not None and length > LONGEST_LIST:
@@ -62,7 +62,10 @@ def showing(name: str, data: bytes) -> Showing:
 
 
 class Shown:
-    """Mutable: the variables that frames show, with their present values. Those without room are left out."""
+    """The content of frames. Mutable: the variables that they show, with their present values.
+
+    A value that finds no room is left out.
+    """
 
     def __init__(self, space: int = FRAME_SPACE) -> None:
         self.space = space
@@ -79,17 +82,17 @@ class Shown:
         return self._bound.reached(self._used)
 
     def fields(self) -> Fields:
-        """What a frame shows. As long as nothing changes it is the same object, so that frames share it."""
+        """Return the fields of a frame: the same object until something changes, so that frames share it."""
         if self._fields is None:
             self._fields = self._samples.copy()
         return self._fields
 
     def growth(self, name: str, size: int) -> int:
-        """By how many bytes frames grow where a variable gets a value of this size."""
+        """Return the bytes by which frames grow if a variable gets a value of this size."""
         return size - self._sizes.get(name, 0) if name in self._wanted else 0
 
     def expect_room(self, growth: int) -> None:
-        """Make sure that frames may grow by so much.
+        """Check that frames have room for `growth` more bytes.
 
         Raises:
             Refused: "full".
@@ -99,16 +102,16 @@ class Shown:
             raise Refused("full", text)
 
     def want(self, name: str) -> None:
-        """Show a variable from now on; `put` tells its present value."""
+        """Show a variable from now on; `put` gives its present value."""
         self._wanted.add(name)
 
     def unwant(self, name: str) -> None:
-        """Show it no more."""
+        """Stop showing a variable."""
         self._wanted.discard(name)
         self.drop(name)
 
     def put(self, name: str, shown: Showing, t_ns: int) -> None:
-        """A variable has a value."""
+        """Show the new value of a variable, if it is wanted."""
         if name not in self._wanted:
             return
         self.drop(name)
@@ -119,16 +122,17 @@ class Shown:
             self._used += shown.size
 
     def drop(self, name: str) -> None:
-        """A variable has no value any more."""
+        """Leave out a variable, until it gets a value."""
         if self._samples.pop(name, None) is not None:
             self._fields = None
             self._used -= self._sizes.pop(name)
 
 
 class Wanted:
-    """Who asked for which variables in frames. Mutable. What the program reads goes into the journal.
+    """The variables that were asked for, and by which connections. Mutable: that. Names that the program
+    reads go into the journal.
 
-    Each method gives the names that are asked for from now on, or no more.
+    Each method returns the names that frames show from now on, or no longer.
     """
 
     def __init__(self, journal: Journal) -> None:
@@ -147,14 +151,17 @@ class Wanted:
         return self._bound.reached(self._total)
 
     def deploy(self, run: str, reads: tuple[str, ...]) -> tuple[str, ...]:
-        """Another program is deployed; gives the names that are asked for no more."""
+        """Replace the program; return the names that nobody asks for any longer."""
         gone = self.frame_of(None)[1]
         self._run, self._reads = run, tuple(dict.fromkeys(reads))
         self._journal.put(_READS, _encode((self._run, self._reads)))
         return gone
 
     def frame_of(self, run: str | None) -> tuple[tuple[str, ...], tuple[str, ...]]:
-        """A frame of a run begins. The program reads in those of its own; gives what is new and what ends."""
+        """Begin a frame of a run; return the names to show from now on, and those to show no longer.
+
+        The program's names count in frames of its own run only.
+        """
         reading = run is not None and run == self._run
         if reading == self._reading:
             return (), ()
@@ -164,7 +171,7 @@ class Wanted:
         return (), tuple(self._take(self._reads))
 
     def ask(self, connection: str, names: Iterable[str]) -> tuple[str, ...]:
-        """A connection asks for these too; gives those that nobody asked for before.
+        """Add names to those that a connection asks for; return the ones that nobody asked for before.
 
         Raises:
             Refused: "full".
@@ -180,13 +187,13 @@ class Wanted:
         return tuple(self._add(new))
 
     def lost(self, connection: str) -> tuple[str, ...]:
-        """A connection ended; gives the names that are asked for no more."""
+        """Drop the names of a connection that ended; return the ones that nobody asks for any longer."""
         gone = self._asked.pop(connection, {})
         self._total -= len(gone)
         return tuple(self._take(gone))
 
     def load(self, entries: Mapping[Key, bytes]) -> None:
-        """Take over what a store had: what the program reads."""
+        """Take over the names that the program reads from the entries of a store."""
         if _READS in entries:
             self._run, self._reads = _reads.decode(entries[_READS])
 
@@ -205,7 +212,7 @@ class Wanted:
 
 
 def _list_length(data: bytes) -> int | None:
-    """The length of a list in msgpack, by its first bytes; None of anything else."""
+    """Return the length of a list in msgpack, by its first bytes; None for any other value."""
     first = data[0] if data else 0
     if first & 0xF0 == 0x90:
         return first & 0x0F

@@ -1,8 +1,8 @@
-"""Telling the connections that watch variables what became of these, a slice at a time.
+"""Notices to the connections that watch variables, sent in slices.
 
-What changed is told at once, as long as that is little. A connection that begins to watch thousands of
-variables, or one large value that hundreds watch, must not hold up everybody else; so the notices of one
-moment are bounded, and the rest go later. A variable that changes again before its turn is told once.
+A few notices go out at once. A connection that begins to watch thousands of variables, or a large value that
+hundreds of connections watch, must not hold up everybody else: a slice has a limited number of notices and
+bytes, and the next slice goes out later. A variable that changes again before its turn gets one notice.
 """
 
 from __future__ import annotations
@@ -18,25 +18,25 @@ from colony.runtime.servers.variables import MOST, Dating, Variables
 from colony.runtime.servers.watching import Watches
 
 SLICE = 250
-"""Notices that are sent in one moment."""
+"""Notices in one slice."""
 
 SLICE_BYTES = 2 << 20
-"""Bytes of values that are sent in the notices of one moment, and one value more."""
+"""Bytes of notices after which a slice ends; its last notice may go beyond."""
 
 PAUSE_NS = 10_000_000
-"""Time from one slice to the next."""
+"""Nanoseconds between two slices."""
 
 Notify = Callable[[str, str, msgspec.Raw], Iterable[Effect]]
-"""Gives the notice to a connection about a variable."""
+"""Returns the effects that send a connection a notice about a variable."""
 
 
 class Telling:
-    """Mutable: what is still to be told.
+    """The notices that are due. Mutable: these.
 
     Args:
-        variables: what there is to tell of.
-        watches: who is told of it.
-        notify: gives the notice to a connection, or nothing if it is not there.
+        variables: the variables that the notices are about.
+        watches: the connections that watch them.
+        notify: returns the effects that send a notice, none if the connection is gone.
     """
 
     def __init__(self, variables: Variables, watches: Watches, notify: Notify) -> None:
@@ -49,26 +49,30 @@ class Telling:
 
     @property
     def waiting(self) -> bool:
-        """Whether there is something to be told."""
+        """Whether notices are due."""
         return bool(self._changed or self._greeted) or self._telling is not None
 
     def changed(self, name: str) -> None:
-        """A variable was set or deleted."""
+        """Note that a variable was set or deleted.
+
+        At most `MOST` names are variables at a time. Beyond twice as many, the rest were deleted before their
+        turn came, and notices are dropped.
+        """
         if len(self._changed) < 2 * MOST and self._watches.watchers(name):
             self._changed[name] = None
 
     def greet(self, connection: str, names: Iterable[str], prefixes: Iterable[str]) -> None:
-        """A connection watches these from now on, or again: it is to be told how they are."""
+        """Note that a connection watches these from now on, or again: it gets their present values."""
         known_names, known_prefixes = self._greeted.setdefault(connection, ({}, {}))
         known_names.update(dict.fromkeys(names))
         known_prefixes.update(dict.fromkeys(prefixes))
 
     def lost(self, connection: str) -> None:
-        """A connection is not there any more."""
+        """Drop what a connection that has ended was to get first."""
         self._greeted.pop(connection, None)
 
     def slice(self) -> Iterator[Effect]:
-        """The notices of one moment."""
+        """Yield the effects that send one slice of notices."""
         left, room = SLICE, SLICE_BYTES
         while left > 0 and room > 0:
             self._telling = self._telling or self._next()
@@ -94,7 +98,7 @@ class Telling:
         return None
 
     def _news(self, name: str) -> Iterator[_Notice]:
-        """A variable for everybody who watches it."""
+        """Yield the notices about one variable, to all connections that watch it."""
         present = self._variables.present(name)
         if present is not None or not self._variables.has(name):
             body = _body(name, present)
@@ -102,7 +106,7 @@ class Telling:
                 yield _Notice(connection, name, body)
 
     def _greeting(self, connection: str, names: Iterable[str], prefixes: Iterable[str]) -> Iterator[_Notice]:
-        """The present values of all that a connection watches."""
+        """Yield the notices of the present values of all that one connection watches."""
         for name in sorted({*names, *self._variables.names.beginning(prefixes)}):
             present = self._variables.present(name)
             if present is not None:
