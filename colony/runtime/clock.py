@@ -117,6 +117,7 @@ class Clock:
     # --- messages --------------------------------------------------------------------------------------
 
     def start(self, now_ns: int) -> Iterable[Effect]:
+        self._latch.begin(now_ns)
         self._next_k = now_ns // NUMBER_NS
         self._epoch_k, self._due_ns = self._next_k, now_ns
         self._enroll(now_ns)

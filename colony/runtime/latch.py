@@ -49,6 +49,15 @@ class StopLatch:
         if path is not None:
             self._load(path)
 
+    def begin(self, now_ns: int) -> None:
+        """Begin at this time of the robot. What the file dates later is of another clock, from before the
+        machine was started again: a stop holds from now on, and a release is that of stops which nobody
+        remembers."""
+        if self.stopped is not None and self.stopped.t_ns > now_ns:
+            self.stopped = Stopped(by=self.stopped.by, t_ns=now_ns)
+        if self.released_ns > now_ns:
+            self.released_ns = NEVER_NS
+
     def engage(self, stopped: Stopped) -> None:
         """Stop; of several stops the first is remembered."""
         if self.stopped is None:

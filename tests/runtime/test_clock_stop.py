@@ -11,6 +11,7 @@ from colony.runtime.clock import Clock
 from colony.runtime.library import clock as clock_library
 from colony.runtime.library import emergency
 from colony.runtime.messages import ServerFrame, Stopped, Tick, WakeAt
+from colony.runtime.plausibility import check_plausible
 from tests.runtime.clock_stage import MS, Leader, S, Stage
 
 
@@ -79,6 +80,20 @@ def test_a_clock_that_is_started_again_knows_of_the_stop(tmp_path: Path) -> None
     first._latch.release(4 * S)
     (tick,) = (e.message for e in started(path) if not isinstance(e, WakeAt))
     assert (tick.stopped, tick.released_ns) == (None, 4 * S)
+
+
+def test_times_of_another_clock_are_not_believed(tmp_path: Path) -> None:
+    """The robot's time began at 0 once more; a release of the future would undo every stop until then."""
+    path = tmp_path / "stop"
+    first = Clock(servers=(), keep=4, stop_path=path)
+    first._latch.release(1000 * S)
+    (tick,) = (e.message for e in started(path) if not isinstance(e, WakeAt))
+    assert (tick.stopped, tick.released_ns) == (None, -1)
+    check_plausible(tick, 5 * S)
+    first._stop("ann/1", 2000 * S)
+    (tick,) = (e.message for e in started(path) if not isinstance(e, WakeAt))
+    assert tick.stopped == Stopped(by="ann/1", t_ns=5 * S)
+    check_plausible(tick, 5 * S)
 
 
 def test_a_stop_that_cannot_be_kept_stops_and_says_so(tmp_path: Path) -> None:
