@@ -50,6 +50,7 @@ from colony.runtime.messages import (
 from colony.runtime.plausibility import NUMBER_NS
 from colony.runtime.roll import Roll
 from colony.runtime.servers.leadership import Leadership
+from colony.runtime.servers.publishing import FRAME_BYTES, FetchBudget
 
 IDLE_FRAME_NS = 50_000_000
 """The frames of a robot without a program."""
@@ -89,6 +90,7 @@ class Clock:
         self._leader: Caller | None = None
         self._tick = Tick(k=-1, t_ns=0)
         self._kept: dict[int, Tick] = {}
+        self._fetched = FetchBudget()
         self._restart = False
         self._begun_run = ""
         self._decided: set[str] = set()
@@ -137,7 +139,10 @@ class Clock:
                     self._decided.add(message.actuator)
             case Fetch():
                 tick = self._kept.get(message.k)
-                if tick is not None:  # not where it was: to a server that was started anew it would be new
+                size = FRAME_BYTES if tick is None else FRAME_BYTES * (1 + len(tick.lost) + len(tick.void))
+                if tick is not None and self._fetched.take(
+                    self.address, message.k, size
+                ):  # not where it was: to a server that was started anew it would be new
                     yield Send(topics.frames(self.address), tick)
             case Ready():
                 if self._deployed is not None and message.run == self._deployed.run:
@@ -292,6 +297,7 @@ class Clock:
         self._kept.pop(k - self._keep, None)
         self._tick, self._next_k = tick, k + 1
         self._decided.clear()
+        self._fetched.renew()
         yield Send(topics.TICKS, tick)
         for server, missing in overdue:
             asked = DSERVER.name if server in self._announcers() else server

@@ -378,3 +378,15 @@ def test_no_more_is_waited_for_than_is_kept() -> None:
     for k in range(10):
         answers.asked(k, ())
     assert answers.void(("a",)) == (("a", 7), ("a", 8), ("a", 9))
+
+
+def test_a_tick_is_given_once_more_to_all_who_ask_between_two_ticks() -> None:
+    """Each goes to everybody: a flood of fetches must not breed."""
+    stage = Stage()
+    stage.until(500 * MS)
+    k = stage.ticks[-3].k
+    assert [tick.k for tick in stage.fetched(k)] == [k]
+    assert stage.fetched(k) == []
+    assert sum(len(stage.fetched(k - back)) for back in range(1, 200)) < 100
+    stage.until(stage.now_ns + 50 * MS)
+    assert [tick.k for tick in stage.fetched(k)] == [k]
