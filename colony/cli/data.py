@@ -12,8 +12,8 @@ import msgspec
 
 from colony.cli.exit_codes import EXIT_ERRORS
 from colony.cli.places import (
-    HERE,
     connect_option,
+    expect_robot_with_endpoint,
     place_of,
     problems_told,
     running_robots,
@@ -29,14 +29,14 @@ F = TypeVar("F", bound=Callable[..., Any])
 
 SERVER = "DServer"
 PAGE = 1000
-"""Names that are asked for at a time."""
+"""Names in one request of `colony data list`."""
 
 
 @click.group(name="data", short_help="list, read, set and delete shared variables")
 def command() -> None:
     """List, read, set and delete the variables that the processes of a robot share (DServer).
 
-    Values are JSON. Exit code 0, 1 where DServer refuses, 2 where there is no such robot.
+    Values are JSON. Exit code 0, 1 if DServer refuses, 2 if there is no such robot or it cannot be reached.
 
     \b
     Example:
@@ -79,7 +79,7 @@ def list_names(
 @click.argument("name")
 @_place_options
 def get(name: str, robot: str | None, connect: str | None, security: Path | None) -> None:
-    """Show the present value of the variable NAME, as JSON; bytes are shown in base64.
+    """Show the present value of the variable NAME as JSON: bytes in base64, infinities and NaN as null.
 
     \b
     Example:
@@ -102,7 +102,7 @@ def get(name: str, robot: str | None, connect: str | None, security: Path | None
 @click.argument("value")
 @_place_options
 def set_value(name: str, value: str, robot: str | None, connect: str | None, security: Path | None) -> None:
-    """Give the variable NAME a VALUE, which is JSON: text stands in quotes.
+    """Give the variable NAME a VALUE in JSON: text goes in quotes, and in quotes for the shell around these.
 
     \b
     Example:
@@ -115,7 +115,7 @@ def set_value(name: str, value: str, robot: str | None, connect: str | None, sec
     try:
         ask = data.set(name, msgspec.json.decode(value))
     except (msgspec.DecodeError, UnicodeError, OverflowError, RecursionError) as problem:
-        raise click.UsageError(f"VALUE is no JSON that fits: {problem}; text stands in quotes") from None
+        raise click.UsageError(f"VALUE is no JSON that fits: {problem}; text goes in quotes") from None
     with _dserver(robot, connect, security) as server:
         server.do(ask)
 
@@ -124,9 +124,9 @@ def set_value(name: str, value: str, robot: str | None, connect: str | None, sec
 @click.argument("names", metavar="NAME...", nargs=-1, required=True)
 @_place_options
 def delete(names: tuple[str, ...], robot: str | None, connect: str | None, security: Path | None) -> None:
-    """Delete variables with their histories, also where DServer is full.
+    """Delete variables with their histories. This works also when DServer is full.
 
-    Exit code 1 where one of them is not there; the others are deleted.
+    Exit code 1 if one of them does not exist; the others are deleted all the same.
 
     \b
     Example:
@@ -147,7 +147,7 @@ def delete(names: tuple[str, ...], robot: str | None, connect: str | None, secur
 
 @contextmanager
 def _dserver(robot: str | None, connect: str | None, security: Path | None) -> Iterator[Connection]:
-    """A connection to DServer; what it refuses is said in a line, and is exit code 1."""
+    """Open a connection to DServer; a call that it refuses ends the command with a line and exit code 1."""
     from colony.runtime.kit.errors import CallRefused
 
     name = _robot(robot, connect)
@@ -166,8 +166,7 @@ def _dserver(robot: str | None, connect: str | None, security: Path | None) -> I
 def _robot(robot: str | None, connect: str | None) -> str:
     if robot is not None:
         return robot
-    if connect not in (None, HERE):
-        raise click.UsageError("--connect ENDPOINT also wants --robot NAME: a gateway is that of one robot")
+    expect_robot_with_endpoint(robot, connect)
     names = [name for name, servers in running_robots().items() if SERVER in servers]
     if not names:
         raise click.ClickException(f"no robot with a {SERVER} runs on this machine")

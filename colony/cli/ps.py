@@ -12,6 +12,7 @@ from colony.cli.exit_codes import EXIT_ERRORS
 from colony.cli.places import (
     HERE,
     connect_option,
+    expect_robot_with_endpoint,
     place_of,
     problems_told,
     running_robots,
@@ -30,14 +31,14 @@ if TYPE_CHECKING:
 @security_option()
 @click.option("--format", "format_", type=click.Choice(["text", "json"]), default="text", show_default=True)
 def command(robot: str | None, connect: str | None, security: Path | None, format_: str) -> None:
-    """Show the robots of this machine that run: servers up and down, who is connected with which priority,
-    and how the clients of the run do.
+    """Show the robots of this machine that run: servers up and down, the limits that they have reached,
+    connections with their priorities, an emergency stop, and how the clients of the run do.
 
     A client is alive, late (its request for the newest frame came after the deadline) or lost (nothing was
-    heard of it for a while); beside it stands in how many frames it was that, and the last line of its
-    process where that died.
+    heard of it for a while). The table counts the frames in which it was on time, late or lost, its restarts,
+    and shows the last line of its process if that died.
 
-    Exit code 0, or 1 where nothing runs.
+    Exit code 0, or 1 if nothing runs.
 
     \b
     Example:
@@ -61,8 +62,7 @@ def command(robot: str | None, connect: str | None, security: Path | None, forma
 
 
 def _states(robot: str | None, connect: str | None, security: Path | None) -> list[RobotState]:
-    if connect not in (None, HERE) and robot is None:
-        raise click.UsageError("--connect ENDPOINT also wants --robot NAME: a gateway is that of one robot")
+    expect_robot_with_endpoint(robot, connect)
     from colony.runtime.processes.state import state_of
 
     names = [robot] if robot is not None else list(running_robots())

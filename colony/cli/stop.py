@@ -9,8 +9,8 @@ import click
 
 from colony.cli.exit_codes import EXIT_ERRORS
 from colony.cli.places import (
-    HERE,
     connect_option,
+    expect_robot_with_endpoint,
     place_of,
     problems_told,
     running_robots,
@@ -40,8 +40,9 @@ def command(robot: str | None, release: bool, connect: str | None, security: Pat
     it in a file and repeats it in every frame: it holds against every program and connection, and survives
     the death of any process. Programs go on meanwhile, and drive again after the release.
 
-    Exit code 0 if the Clock keeps the stop and every server that is up has acknowledged it, 1 if not (the
-    robot may be stopped all the same), 2 where there is no robot.
+    Exit code 0 if the Clock keeps the stop and every server that moves something and is up has acknowledged
+    it, 1 if not (the robot may be stopped all the same), 2 if there is no robot or it cannot be reached. With
+    --release, 0 if the Clock has released the stop, else 1 or 2.
 
     \b
     Example:
@@ -63,8 +64,7 @@ def command(robot: str | None, release: bool, connect: str | None, security: Pat
 def _robots(robot: str | None, connect: str | None) -> list[str]:
     if robot is not None:
         return [robot]
-    if connect not in (None, HERE):
-        raise click.UsageError("--connect ENDPOINT also wants --robot NAME: a gateway is that of one robot")
+    expect_robot_with_endpoint(robot, connect)
     running = running_robots()
     names = [name for name, servers in running.items() if not OF_A_BASE.isdisjoint(servers)]
     if not names:
@@ -74,7 +74,7 @@ def _robots(robot: str | None, connect: str | None) -> list[str]:
 
 
 def _command(name: str, release: bool, connect: str | None, security: Path | None) -> bool:
-    """Whether the robot has acknowledged."""
+    """Stop or release one robot; return whether that succeeded."""
     from colony.runtime.kit.errors import ConnectionProblem
 
     with problems_told():
@@ -95,7 +95,7 @@ def _stop(name: str, session: Session) -> bool:
     for problem in pressed.problems.values():
         say(f"{name}: error: {problem}")
     if pressed.acknowledged:
-        by, run = _told(session)
+        by, run = _circumstances(session)
         click.echo(f"{name}: stopped{by}; acknowledged by {', '.join(pressed.acknowledged)}{run}")
     return pressed.kept
 
@@ -106,12 +106,12 @@ def _release(name: str, session: Session) -> bool:
 
     with session.connect(CLOCK, name="colony stop") as clock:
         clock.do(release())
-    click.echo(f"{name}: released{_told(session)[1]}")
+    click.echo(f"{name}: released{_circumstances(session)[1]}")
     return True
 
 
-def _told(session: Session) -> tuple[str, str]:
-    """Who stopped the robot first, and the run that goes on; nothing where this user may not know."""
+def _circumstances(session: Session) -> tuple[str, str]:
+    """Return phrases for who stopped the robot first and for the run that goes on, empty if unknown."""
     from colony.runtime.kit.errors import ConnectionProblem
     from colony.runtime.library.clock import who
     from colony.runtime.topics import CLOCK
