@@ -1,7 +1,7 @@
-"""What DServer does for whoever calls it: the methods of `library/data.py` (thesis section 4.6.1).
+"""The methods of DServer, called by the functions of `library/data.py` (thesis section 4.6.1).
 
-Each of its parts (variables, semaphores, who watches, what was answered) puts what changes into one journal,
-and the server commits that before any effect leaves.
+Each part (variables, semaphores, watches, answers) puts its changes into one journal, which the server
+commits before any effect leaves.
 """
 
 from __future__ import annotations
@@ -52,22 +52,22 @@ RETURN_NS = 2_000_000_000
 somebody who is about to return might find that another has it too."""
 
 REPLY_BYTES = 3 << 20
-"""The most bytes of values in one reply, so that it fits into a message."""
+"""Bytes of values in one reply, so that it fits into a message."""
 
 MOST_NAMES = 5000
-"""The most names in one reply."""
+"""Names in one reply."""
 
 MOST_VALUES = 2000
-"""The most values of a history in one reply."""
+"""Values of a history in one reply."""
 
 MOST_AT_ONCE = 1000
-"""The most variables that one call sets, gets, watches or publishes."""
+"""Variables that one call sets, gets, watches or publishes."""
 
 SET_BYTES = VALUE_BYTES + 1024
-"""The largest arguments of `set` and `set_many`."""
+"""Bytes of the arguments of `set` and `set_many`: one value of the largest size, with its name."""
 
 NAMES_BYTES = 1 << 18
-"""The largest arguments of calls that list names."""
+"""Bytes of the arguments of calls that list names: `MOST_AT_ONCE` names of 255 bytes."""
 
 
 class DataCalls:
@@ -76,9 +76,9 @@ class DataCalls:
     Args:
         variables, semaphores, answers, watches, wanted: the state, loaded.
         others: more methods.
-        lost: told of connections that ended.
-        stop: carries out an emergency stop.
-        full: the limits of the server that are reached.
+        lost: called for each connection that has ended.
+        stop: carries out an emergency stop, given the connection and the time.
+        full: returns sentences about limits that the server has reached.
     """
 
     def __init__(
@@ -137,7 +137,7 @@ class DataCalls:
             yield from self._tell(now_ns)
 
     def changed(self, names: Iterable[str], now_ns: int) -> Iterator[Effect]:
-        """Variables were set by actuators: who watches is to know."""
+        """Send notices of variables that actuators have set."""
         for name in names:
             self._telling.changed(name)
         yield from self._tell(now_ns)
@@ -275,7 +275,7 @@ class DataCalls:
         return deleted
 
     def _grant(self, asked: Asked | None) -> None:
-        """A call that waited has what it waited for."""
+        """Answer a call that waited for a semaphore and has got it."""
         if asked is not None:
             self._answers.note(asked.caller.connection, asked.number, _NIL)
             self._effects += self._desk.answer(asked, None)
@@ -307,7 +307,7 @@ class DataCalls:
             yield from self._desk.notify(caller, name, body)
 
     def _tell(self, now_ns: int) -> Iterator[Effect]:
-        """Tell those who watch, as much as may be told at one moment, and go on a little later."""
+        """Send one slice of notices, and ask for a wake if more are due."""
         yield from self._telling.slice()
         if not self._telling.waiting:
             self._next_slice = None
@@ -322,7 +322,7 @@ class DataCalls:
         self._opened.append(caller.connection)
 
     def _greet(self) -> None:
-        """Go on with what those watch who are (back) here."""
+        """Restore the watches of connections that have opened, and send them the present values."""
         opened, self._opened = self._opened, []
         for connection in opened:
             self._watches.opened(connection)
@@ -339,7 +339,7 @@ class DataCalls:
         return ()
 
     def _give_up(self, connection: str) -> None:
-        """A connection's places in queues, and what it holds, are for others."""
+        """Free a connection's places in queues, and the semaphores that it holds, for others."""
         held, granted = self._semaphores.drop(connection)
         for number in held:
             self._answers.undo(connection, number)
@@ -384,7 +384,7 @@ def _fit(datings: Iterable[Dating], instead: str) -> None:
 
 
 def several(arguments: SetMany) -> list[Prepared]:
-    """The values that a call of `set_many` sets.
+    """Return the values, checked, that a call of `set_many` sets.
 
     Raises:
         Refused: "arguments" or "size".
@@ -404,7 +404,11 @@ def _few(count: int) -> None:
 
 
 def _page(names: Names, wanted: ListNames) -> tuple[str, ...]:
-    """Those that were asked for, of names in order."""
+    """Return the names that a call asks for.
+
+    Raises:
+        Refused: "arguments".
+    """
     if not 1 <= wanted.limit <= MOST_NAMES:
         raise Refused("arguments", f"DServer: at most {wanted.limit} names; expected 1 to {MOST_NAMES}")
     return names.page(wanted.prefix, wanted.after, wanted.limit)

@@ -52,12 +52,11 @@ KEPT = 2000
 WATCHDOG_FRAMES = 2
 
 FARTHEST_MM = 1e7
-"""10 km: no position that somebody tells the base is farther from the origin, in x and in y. With much larger
-numbers a step of dead reckoning would be lost in rounding, and the position stand still while the base
-moves."""
+"""Largest x and y of a position that a call may set: 10 km. With much larger numbers a step of dead reckoning
+would be lost in rounding, and the position would stand still while the base moves."""
 
 MOST_TURNED_DEG = 36_000.0
-"""The same for a heading."""
+"""Largest heading, in either direction, that a call may set, for the same reason."""
 
 
 class RServer:
@@ -328,7 +327,7 @@ class RServer:
         self._stopped(by)
 
     def _follow_stop(self, tick: Tick) -> None:
-        """Stop, or go on, as the Clock says."""
+        """Stop or go on, as the Clock's tick says."""
         before = self._emergency.stopped
         self._emergency.follow(tick)
         after = self._emergency.stopped

@@ -78,7 +78,7 @@ class Shown:
 
     @property
     def reached(self) -> tuple[str, ...]:
-        """Sentences about bounds that are or were reached."""
+        """Sentences for people about limits that are reached, or were since the server started."""
         return self._bound.reached(self._used)
 
     def fields(self) -> Fields:
@@ -147,7 +147,7 @@ class Wanted:
 
     @property
     def reached(self) -> tuple[str, ...]:
-        """Sentences about bounds that are or were reached."""
+        """Sentences for people about limits that are reached, or were since the server started."""
         return self._bound.reached(self._total)
 
     def deploy(self, run: str, reads: tuple[str, ...]) -> tuple[str, ...]:

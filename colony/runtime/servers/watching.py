@@ -51,7 +51,7 @@ class Watches:
 
     @property
     def reached(self) -> tuple[str, ...]:
-        """Sentences about bounds that are or were reached."""
+        """Sentences for people about limits that are reached, or were since the server started."""
         return (*self._most_names.reached(self._names), *self._most_prefixes.reached(self._prefixes))
 
     def watchers(self, name: str) -> Collection[str]:
