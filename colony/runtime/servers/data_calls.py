@@ -219,8 +219,9 @@ class DataCalls:
     def _history(self, asked: Asked, arguments: History, now_ns: int) -> tuple[Dated, ...]:
         limit = arguments.limit
         if not 1 <= limit <= MOST_VALUES or arguments.back > 0:
-            wrong = f"{limit} values from {arguments.back} on; expected 1 to {MOST_VALUES}, from 0 or less on"
-            raise Refused("arguments", f"DServer: {wrong}")
+            wrong = f"{limit} values of a history, from value {arguments.back} on"
+            expected = f"1 to {MOST_VALUES}, from value 0 or an older one on"
+            raise Refused("arguments", f"DServer: {wrong}; expected {expected}")
         found = tuple(islice(self._variables.history(arguments.name, arguments.back), limit))
         _fit(found, "fewer values, or single ones by `get`")
         return tuple(_dated(dating) for dating in found)
@@ -400,7 +401,7 @@ def several(arguments: SetMany) -> list[Prepared]:
 
 def _few(count: int) -> None:
     if count > MOST_AT_ONCE:
-        raise Refused("size", f"DServer: {count} in one call; expected at most {MOST_AT_ONCE}")
+        raise Refused("size", f"DServer: {count} names in one call; expected at most {MOST_AT_ONCE}")
 
 
 def _page(names: Names, wanted: ListNames) -> tuple[str, ...]:
@@ -410,5 +411,5 @@ def _page(names: Names, wanted: ListNames) -> tuple[str, ...]:
         Refused: "arguments".
     """
     if not 1 <= wanted.limit <= MOST_NAMES:
-        raise Refused("arguments", f"DServer: at most {wanted.limit} names; expected 1 to {MOST_NAMES}")
+        raise Refused("arguments", f"DServer: a limit of {wanted.limit} names; expected 1 to {MOST_NAMES}")
     return names.page(wanted.prefix, wanted.after, wanted.limit)
