@@ -1,4 +1,4 @@
-"""What an attacker tries, and what each right lets through. Expectations are written down here by hand, not
+"""The attempts of an attacker, and what each right lets through. Expectations are written by hand, not
 taken from the code that is attacked."""
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""What one call may ask of DServer, what all may, and that those who watch are told in slices."""
+"""Limits of one call to DServer and of all together; notices to connections that watch come in slices."""
 
 from __future__ import annotations
 
