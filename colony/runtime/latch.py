@@ -21,7 +21,7 @@ import msgspec
 
 from colony.runtime.messages import Stopped, Tick
 
-NEVER_NS = -1
+NEVER_RELEASED_NS = -1
 """The time of the last release if there was none."""
 
 
@@ -45,7 +45,7 @@ class StopLatch:
         self.trouble: str | None = None
         """The reason why the file could not be read or written; None if all is well."""
         self.stopped: Stopped | None = None
-        self.released_ns = NEVER_NS
+        self.released_ns = NEVER_RELEASED_NS
         if path is not None:
             self._load(path)
 
