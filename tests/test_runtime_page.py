@@ -19,7 +19,7 @@ from colony.runtime.kit.connection import Session
 from colony.runtime.kit.errors import CallRefused
 from colony.runtime.library import leader, robot
 from colony.runtime.library.ask import Ask
-from colony.runtime.live import names, waiting
+from colony.runtime.live import border, meter, names, waiting
 from colony.runtime.live.place import local
 from colony.runtime.messages import Request, ServerFrame
 from colony.runtime.servers import (
@@ -102,7 +102,10 @@ def test_the_behavior_is_right() -> None:
         ("| connections to a server of one user | 500 |", calls.CONNECTIONS_EACH == 500),
         ("| answers that a server keeps | 8 MiB |", calls.ANSWER_BYTES == 8 << 20),
         ("| clients of a program | 2000 |", deployment.MOST_CLIENTS == 2000),
-        ("| a position that is told to the base | 10 km from the origin |", rserver.FARTHEST_MM == 1e7),
+        (
+            "| a position that is set at the base | 10 km from the origin, and a heading of 36000 deg |",
+            (rserver.FARTHEST_MM, rserver.MOST_TURNED_DEG) == (1e7, 36_000.0),
+        ),
         ("| calls of one connection that wait | 256 |", waiting.CALLS_EACH == 256),
         ("| the value of a variable, in msgpack | 1 MiB |", variables.VALUE_BYTES == 1 << 20),
         ("| values in a history | 10000 |", variables.HISTORY_LENGTH == 10_000),
@@ -114,8 +117,19 @@ def test_the_behavior_is_right() -> None:
         ),
         ("| the values that one call sets | 1 MiB |", data_calls.SET_BYTES == (1 << 20) + 1024),
         ("| values of a history in one reply | 2000 |", data_calls.MOST_VALUES == 2000),
-        ("| the values in one of DServer's frames | 64 KiB |", showing.FRAME_SPACE == 64 << 10),
+        (
+            "| the values in one of DServer's frames that the program reads | 64 KiB |",
+            showing.FRAME_SPACE == 64 << 10,
+        ),
+        (
+            "| the other values in it, which connections published | 32 KiB |",
+            showing.PUBLISHED_SPACE == 32 << 10,
+        ),
+        ("| prefixes of them | 50 |", watching.MOST_PREFIXES_EACH == 50),
         ("| variables that a connection publishes | 1000 |", showing.MOST_EACH == 1000),
+        ("| variables that all connections publish | 10000 |", showing.MOST_ASKED == 10_000),
+        ("| names in the arguments of one call | 256 KiB |", data_calls.NAMES_BYTES == 256 << 10),
+        ("| names in one reply | 5000 |", data_calls.MOST_NAMES == 5000),
         ("| names and prefixes that a connection watches | 2000 |", watching.MOST == 2000),
         (
             "| names, and prefixes, that all connections watch | 20000 and 1000 |",
@@ -138,6 +152,11 @@ def test_the_behavior_is_right() -> None:
         ),
         ("| frames that a server keeps | 16 MiB |", publishing.KEPT_BYTES == 16 << 20),
         ("| the name of a robot, server or user | 64 characters |", names.LONGEST == 64),
+        ("16 KiB of a message count as one more", meter.BYTES_A_TOKEN == 16 << 10),
+        ("| calls and signs of life | 2000 | 1000 |", border.CALLS == (2000.0, 1000.0)),
+        ("| the same under the right `stop` | 500 | 100 |", border.STOPS == (500.0, 100.0)),
+        ("| frames that are asked for again | 500 | 500 |", border.FETCHES == (500.0, 500.0)),
+        ("| messages from clients of a program | 20000 | 10000 |", border.PROGRAMS == (20_000.0, 10_000.0)),
     ],
 )
 def test_numbers_are_those_of_the_code(said: str, is_so: bool) -> None:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar
@@ -12,15 +12,15 @@ import msgspec
 
 from colony.cli.exit_codes import EXIT_ERRORS
 from colony.cli.places import (
-    HERE,
     connect_option,
+    expect_robot_with_endpoint,
     place_of,
     problems_told,
     running_robots,
     security_option,
     session_with,
 )
-from colony.cli.reporting import say
+from colony.cli.reporting import printable, say
 
 if TYPE_CHECKING:
     from colony.runtime.kit.connection import Connection
@@ -29,14 +29,14 @@ F = TypeVar("F", bound=Callable[..., Any])
 
 SERVER = "DServer"
 PAGE = 1000
-"""Names that are asked for at a time."""
+"""Names in one request of `colony data list`."""
 
 
 @click.group(name="data", short_help="list, read, set and delete shared variables")
 def command() -> None:
     """List, read, set and delete the variables that the processes of a robot share (DServer).
 
-    Values are JSON. Exit code 0, 1 where DServer refuses, 2 where there is no such robot.
+    Values are JSON. Exit code 0, 1 if DServer refuses, 2 if there is no such robot or it cannot be reached.
 
     \b
     Example:
@@ -66,20 +66,21 @@ def list_names(
       colony data list Goal
       colony data list --format json
     """
+    _expect_names((prefix,))
     with _dserver(robot, connect, security) as server:
         names = list(_names(server, prefix))
     if format_ == "json":
         click.echo(msgspec.json.encode(names).decode())
     else:
         for name in names:
-            click.echo(name)
+            click.echo(printable(name))
 
 
 @command.command(short_help="show the value of a variable")
 @click.argument("name")
 @_place_options
 def get(name: str, robot: str | None, connect: str | None, security: Path | None) -> None:
-    """Show the present value of the variable NAME, as JSON; bytes are shown in base64.
+    """Show the present value of the variable NAME as JSON: bytes in base64, infinities and NaN as null.
 
     \b
     Example:
@@ -87,6 +88,7 @@ def get(name: str, robot: str | None, connect: str | None, security: Path | None
     """
     from colony.runtime.library import data
 
+    _expect_names((name,))
     with _dserver(robot, connect, security) as server:
         value = server.do(data.get(name))
     try:
@@ -102,7 +104,7 @@ def get(name: str, robot: str | None, connect: str | None, security: Path | None
 @click.argument("value")
 @_place_options
 def set_value(name: str, value: str, robot: str | None, connect: str | None, security: Path | None) -> None:
-    """Give the variable NAME a VALUE, which is JSON: text stands in quotes.
+    """Give the variable NAME a VALUE in JSON: text goes in quotes, and in quotes for the shell around these.
 
     \b
     Example:
@@ -112,10 +114,11 @@ def set_value(name: str, value: str, robot: str | None, connect: str | None, sec
     """
     from colony.runtime.library import data
 
+    _expect_names((name,))
     try:
         ask = data.set(name, msgspec.json.decode(value))
     except (msgspec.DecodeError, UnicodeError, OverflowError, RecursionError) as problem:
-        raise click.UsageError(f"VALUE is no JSON that fits: {problem}; text stands in quotes") from None
+        raise click.UsageError(f"VALUE is no JSON that fits: {problem}; text goes in quotes") from None
     with _dserver(robot, connect, security) as server:
         server.do(ask)
 
@@ -124,9 +127,9 @@ def set_value(name: str, value: str, robot: str | None, connect: str | None, sec
 @click.argument("names", metavar="NAME...", nargs=-1, required=True)
 @_place_options
 def delete(names: tuple[str, ...], robot: str | None, connect: str | None, security: Path | None) -> None:
-    """Delete variables with their histories, also where DServer is full.
+    """Delete variables with their histories. This works also when DServer is full.
 
-    Exit code 1 where one of them is not there; the others are deleted.
+    Exit code 1 if one of them does not exist; the others are deleted all the same.
 
     \b
     Example:
@@ -134,6 +137,7 @@ def delete(names: tuple[str, ...], robot: str | None, connect: str | None, secur
     """
     from colony.runtime.library import data
 
+    _expect_names(names)
     with _dserver(robot, connect, security) as server:
         missing = [name for name in names if not server.do(data.delete(name))]
     for name in missing:
@@ -145,9 +149,17 @@ def delete(names: tuple[str, ...], robot: str | None, connect: str | None, secur
 # --- DServer ---------------------------------------------------------------------------------------
 
 
+def _expect_names(names: Iterable[str]) -> None:
+    for name in names:
+        try:
+            name.encode()
+        except UnicodeEncodeError:
+            raise click.UsageError(f"the name {name!a} is not UTF-8") from None
+
+
 @contextmanager
 def _dserver(robot: str | None, connect: str | None, security: Path | None) -> Iterator[Connection]:
-    """A connection to DServer; what it refuses is said in a line, and is exit code 1."""
+    """Open a connection to DServer; a call that it refuses ends the command with a line and exit code 1."""
     from colony.runtime.kit.errors import CallRefused
 
     name = _robot(robot, connect)
@@ -166,8 +178,7 @@ def _dserver(robot: str | None, connect: str | None, security: Path | None) -> I
 def _robot(robot: str | None, connect: str | None) -> str:
     if robot is not None:
         return robot
-    if connect not in (None, HERE):
-        raise click.UsageError("--connect ENDPOINT also wants --robot NAME: a gateway is that of one robot")
+    expect_robot_with_endpoint(robot, connect)
     names = [name for name, servers in running_robots().items() if SERVER in servers]
     if not names:
         raise click.ClickException(f"no robot with a {SERVER} runs on this machine")

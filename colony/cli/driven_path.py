@@ -1,14 +1,14 @@
-"""The path of a robot for a picture: as many places as a picture can show, however long the run."""
+"""The path of a robot for a picture, with a limited number of places however long the run is."""
 
 from __future__ import annotations
 
 import math
 
 MOST_PLACES = 10_000
-"""Number of places above which every second one is dropped."""
+"""Places beyond which every second one is dropped."""
 
 SPACING_MM = 10.0
-"""Distance between two places at first; it doubles whenever places are dropped."""
+"""Distance between two places, in mm, at first; it doubles whenever places are dropped."""
 
 
 class DrivenPath:
@@ -20,7 +20,7 @@ class DrivenPath:
         self.places: list[tuple[float, float]] = []
 
     def add(self, x_mm: float, y_mm: float) -> None:
-        """Note where the robot is now."""
+        """Add the present place of the robot, in mm."""
         places = self.places
         if len(places) > 1 and math.dist(places[-2], (x_mm, y_mm)) < self._spacing_mm:
             places.pop()

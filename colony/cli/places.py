@@ -71,6 +71,16 @@ def session_with(place: Place) -> Session:
     return Session.open(place.robot)
 
 
+def expect_robot_with_endpoint(robot: str | None, connect: str | None) -> None:
+    """Check that a command which was given a gateway was given the robot behind it, too.
+
+    Raises:
+        click.UsageError: it was not.
+    """
+    if robot is None and connect not in (None, HERE):
+        raise click.UsageError("--connect ENDPOINT also wants --robot NAME: a gateway is that of one robot")
+
+
 @contextmanager
 def problems_told() -> Iterator[None]:
     """What is wrong with reaching a robot is said in a line, and is exit code 2."""

@@ -12,12 +12,14 @@ from colony.cli.exit_codes import EXIT_ERRORS
 from colony.cli.places import (
     HERE,
     connect_option,
+    expect_robot_with_endpoint,
     place_of,
     problems_told,
     running_robots,
     security_option,
     session_with,
 )
+from colony.cli.reporting import printable
 
 if TYPE_CHECKING:
     from colony.runtime.library.leader import RunStatus
@@ -30,14 +32,14 @@ if TYPE_CHECKING:
 @security_option()
 @click.option("--format", "format_", type=click.Choice(["text", "json"]), default="text", show_default=True)
 def command(robot: str | None, connect: str | None, security: Path | None, format_: str) -> None:
-    """Show the robots of this machine that run: servers up and down, who is connected with which priority,
-    and how the clients of the run do.
+    """Show the robots of this machine that run: servers up and down, the limits that they have reached,
+    connections with their priorities, an emergency stop, and how the clients of the run do.
 
     A client is alive, late (its request for the newest frame came after the deadline) or lost (nothing was
-    heard of it for a while); beside it stands in how many frames it was that, and the last line of its
-    process where that died.
+    heard of it for a while). The table counts the frames in which it was on time, late or lost, its restarts,
+    and shows the last line of its process if that died.
 
-    Exit code 0, or 1 where nothing runs.
+    Exit code 0, or 1 if nothing runs.
 
     \b
     Example:
@@ -55,14 +57,13 @@ def command(robot: str | None, connect: str | None, security: Path | None, forma
         click.echo(f"nothing of {robot} runs" if robot else "no robot runs on this machine")
     else:
         for state in states:
-            click.echo("\n".join(_lines(state)))
+            click.echo("\n".join(map(printable, _lines(state))))
     if not any(server.state != "down" for state in states for server in state.servers):
         raise click.exceptions.Exit(EXIT_ERRORS)
 
 
 def _states(robot: str | None, connect: str | None, security: Path | None) -> list[RobotState]:
-    if connect not in (None, HERE) and robot is None:
-        raise click.UsageError("--connect ENDPOINT also wants --robot NAME: a gateway is that of one robot")
+    expect_robot_with_endpoint(robot, connect)
     from colony.runtime.processes.state import state_of
 
     names = [robot] if robot is not None else list(running_robots())

@@ -40,6 +40,13 @@ def say(text: str) -> None:
         return
 
 
+def printable(text: str) -> str:
+    """Return a text from elsewhere without anything that a terminal would act on."""
+    return "".join(
+        c if c.isprintable() else c.encode("unicode_escape", "backslashreplace").decode() for c in text
+    )
+
+
 def report(diagnostics: Iterable[Diagnostic]) -> None:
     """Each diagnostic with its source line, caret and hint."""
     colored = sys.stderr.isatty() and not os.environ.get("NO_COLOR")

@@ -7,10 +7,10 @@ from typing import TYPE_CHECKING
 
 import click
 
-from colony.cli.exit_codes import EXIT_ERRORS
+from colony.cli.exit_codes import EXIT_ERRORS, EXIT_MISUSE
 from colony.cli.places import (
-    HERE,
     connect_option,
+    expect_robot_with_endpoint,
     place_of,
     problems_told,
     running_robots,
@@ -40,8 +40,9 @@ def command(robot: str | None, release: bool, connect: str | None, security: Pat
     it in a file and repeats it in every frame: it holds against every program and connection, and survives
     the death of any process. Programs go on meanwhile, and drive again after the release.
 
-    Exit code 0 if the Clock keeps the stop and every server that is up has acknowledged it, 1 if not (the
-    robot may be stopped all the same), 2 where there is no robot.
+    Exit code 0 if the Clock keeps the stop and every server that moves something and is up has acknowledged
+    it, 1 if not (the robot may be stopped all the same), 2 if there is no robot or it cannot be reached. With
+    --release, 0 if the Clock has released the stop, else 1 or 2.
 
     \b
     Example:
@@ -53,18 +54,18 @@ def command(robot: str | None, release: bool, connect: str | None, security: Pat
         names = _robots(robot, connect)
     if release and len(names) > 1:
         raise click.UsageError(f"--release also wants --robot NAME: found {', '.join(names)}")
-    failed = False
-    for name in names:
-        failed |= not _command(name, release, connect, security)
-    if failed:
-        raise click.exceptions.Exit(EXIT_ERRORS)
+    from concurrent.futures import ThreadPoolExecutor
+
+    with ThreadPoolExecutor(max_workers=len(names)) as pool:  # none waits for another
+        codes = list(pool.map(lambda name: _command(name, release, connect, security), names))
+    if any(codes):
+        raise click.exceptions.Exit(max(codes) if len(codes) == 1 else EXIT_ERRORS)
 
 
 def _robots(robot: str | None, connect: str | None) -> list[str]:
     if robot is not None:
         return [robot]
-    if connect not in (None, HERE):
-        raise click.UsageError("--connect ENDPOINT also wants --robot NAME: a gateway is that of one robot")
+    expect_robot_with_endpoint(robot, connect)
     running = running_robots()
     names = [name for name, servers in running.items() if not OF_A_BASE.isdisjoint(servers)]
     if not names:
@@ -73,18 +74,23 @@ def _robots(robot: str | None, connect: str | None) -> list[str]:
     return names
 
 
-def _command(name: str, release: bool, connect: str | None, security: Path | None) -> bool:
-    """Whether the robot has acknowledged."""
+def _command(name: str, release: bool, connect: str | None, security: Path | None) -> int:
+    """Stop or release one robot; return the exit code for it."""
     from colony.runtime.kit.errors import ConnectionProblem
+    from colony.runtime.live.errors import LiveError
 
-    with problems_told():
+    try:
         session = session_with(place_of(name, connect, security))
+    except (LiveError, ConnectionProblem) as problem:
+        say(f"colony: error: {problem}")
+        return EXIT_MISUSE
     with session:
         try:
-            return _release(name, session) if release else _stop(name, session)
+            done = _release(name, session) if release else _stop(name, session)
         except ConnectionProblem as problem:
             say(f"{name}: error: {problem}")
-            return False
+            return EXIT_ERRORS
+    return 0 if done else EXIT_ERRORS
 
 
 def _stop(name: str, session: Session) -> bool:
@@ -95,8 +101,8 @@ def _stop(name: str, session: Session) -> bool:
     for problem in pressed.problems.values():
         say(f"{name}: error: {problem}")
     if pressed.acknowledged:
-        by, run = _told(session)
-        click.echo(f"{name}: stopped{by}; acknowledged by {', '.join(pressed.acknowledged)}{run}")
+        by, run = _circumstances(session)
+        _tell(f"{name}: stopped{by}; acknowledged by {', '.join(pressed.acknowledged)}{run}")
     return pressed.kept
 
 
@@ -106,12 +112,20 @@ def _release(name: str, session: Session) -> bool:
 
     with session.connect(CLOCK, name="colony stop") as clock:
         clock.do(release())
-    click.echo(f"{name}: released{_told(session)[1]}")
+    _tell(f"{name}: released{_circumstances(session)[1]}")
     return True
 
 
-def _told(session: Session) -> tuple[str, str]:
-    """Who stopped the robot first, and the run that goes on; nothing where this user may not know."""
+def _tell(text: str) -> None:
+    """Print a line, also where nobody can read it: the other robots are to be stopped all the same."""
+    try:
+        click.echo(text)
+    except OSError as problem:
+        say(f"{text} (standard output: {problem.strerror})")
+
+
+def _circumstances(session: Session) -> tuple[str, str]:
+    """Return phrases for who stopped the robot first and for the run that goes on, empty if unknown."""
     from colony.runtime.kit.errors import ConnectionProblem
     from colony.runtime.library.clock import who
     from colony.runtime.topics import CLOCK

@@ -87,6 +87,7 @@ class LocalData:
     def __init__(self, reads: Iterable[str] = ()) -> None:
         journal = _Forgetful()
         self.variables = Variables(journal)
+        self.variables.read_by_program(reads)
         self.variables.show(reads)
         self._semaphores = Semaphores(journal)
         self.granted: Granted = []

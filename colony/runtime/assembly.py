@@ -35,9 +35,9 @@ ACTIVE = "active"
 """The one field of the frames in which the activity of a module in Python is published."""
 
 ASKED_AT_ONCE = 100
-"""How many ticks and frames that did not come are asked for with each tick, the oldest first. What was asked
-for and does not come is asked for again when it is 2, 4, 8... ticks old, so that a server that is behind is
-not asked more the further behind it is."""
+"""Missing ticks and frames that are fetched with each tick, the oldest first. One that does not come is
+fetched again when it is 2, 4, 8... ticks old, so that a server gets no more fetches the further it is
+behind."""
 
 V = TypeVar("V")
 

@@ -47,6 +47,9 @@ ANSWERS_KEPT = 64
 ANSWER_BYTES_KEPT = 1024 * 1024
 """Bytes of the replies kept for each connection; the newest is kept whatever its size."""
 
+ANSWER_OVERHEAD = 300
+"""Bytes of memory that a kept reply takes besides its result."""
+
 ANSWER_BYTES = 8 * 1024 * 1024
 """Bytes of the replies kept for all connections together."""
 
@@ -72,6 +75,10 @@ ARGUMENT_BYTES = 64 * 1024
 """Largest arguments, in msgpack, of a method that sets no limit of its own."""
 
 
+LONGEST_TEXT = 1000
+"""Characters of a message for people; the rest of a longer one is left out."""
+
+
 class Refused(Exception):
     """A call that a server does not do.
 
@@ -82,7 +89,7 @@ class Refused(Exception):
 
     def __init__(self, code: str, message: str) -> None:
         super().__init__(message)
-        self.problem = Problem(code=code, message=message)
+        self.problem = Problem(code=code, message=message[:LONGEST_TEXT])
 
 
 class Caller(NamedTuple):
@@ -117,13 +124,15 @@ Handler = Callable[[Asked, Any, int], object]
 
 class Method(NamedTuple):
     """A method of a server: the msgspec struct of its arguments, the right that it needs, and the most bytes
-    of arguments that it decodes."""
+    of arguments that it decodes. A `lasting` one goes on to cost the server something after its answer: the
+    right to stop does not do for it."""
 
     name: str
     arguments: type[msgspec.Struct]
     handler: Handler
     right: Right
     largest: int = ARGUMENT_BYTES
+    lasting: bool = False
 
 
 def method(
@@ -133,12 +142,13 @@ def method(
     *,
     right: Right = "command",
     largest: int = ARGUMENT_BYTES,
+    lasting: bool = False,
 ) -> Method:
     """Return a line of a server's table of methods.
 
     Arguments of more than `largest` bytes are refused with the code "size" before they are decoded.
     """
-    return Method(name, arguments, handler, right, largest)
+    return Method(name, arguments, handler, right, largest, lasting)
 
 
 class Open(msgspec.Struct, frozen=True, kw_only=True):
@@ -193,7 +203,7 @@ class _Connection:
         """Keep an answer, forget the oldest ones beyond the limits, and return the growth in bytes."""
         before = self.answer_bytes
         self.answers[reply.number] = reply
-        self.answer_bytes += len(memoryview(reply.result))
+        self.answer_bytes += _size(reply)
         while len(self.answers) > ANSWERS_KEPT or (
             len(self.answers) > 1 and self.answer_bytes > ANSWER_BYTES_KEPT
         ):
@@ -203,7 +213,7 @@ class _Connection:
     def forget_oldest(self) -> int:
         """Forget the oldest answer, and return its bytes."""
         number, old = self.answers.popitem(last=False)
-        size = len(memoryview(old.result))
+        size = _size(old)
         self.answer_bytes -= size
         self.forgotten = max(self.forgotten, number)
         return size
@@ -278,9 +288,9 @@ class CallDesk:
                     yield self._fail(message.connection, 0, _CLOSED)
             case Malformed():
                 self._malformed += 1
-                self._last_malformed = message.reason
+                self._last_malformed = message.reason[:LONGEST_TEXT]
                 if message.connection is not None:
-                    problem = Problem(code="malformed", message=f"{self._server}: {message.reason}")
+                    problem = Problem(code="malformed", message=f"{self._server}: {self._last_malformed}")
                     yield self._fail(message.connection, 0, problem)
             case Wake():
                 yield from self._expire(now_ns)
@@ -363,14 +373,15 @@ class CallDesk:
 
     def _do(self, connection: _Connection, call: Call, now_ns: int) -> Iterator[Effect]:
         asked = Asked(connection.caller, call.number)
+        known = self._methods.get(call.method)
+        # what was only read is read again for a call that arrives again: answers may be large
+        kept = known is not None and known[0].right != "read"
         try:
             result = self._result_of(asked, call, now_ns)
         except Refused as refused:
-            yield from self.refuse(asked, refused)
+            yield from self._reply(asked, _problem(asked, refused.problem), kept=kept)
             return
         if not isinstance(result, Later):
-            # what was only read is read again for a call that arrives again: answers may be large
-            kept = self._methods[call.method][0].right != "read"
             yield from self._reply(asked, _result(asked, result), kept=kept)
         if call.method == "close":
             yield from self._end(call.connection, now_ns)
@@ -382,7 +393,7 @@ class CallDesk:
             raise Refused("method", f"{self._server} has no method `{name}`; it has {known}")
         called, decoder = found
         where = f"{self._server}.{called.name}"
-        if call.right not in _RIGHTS[called.right]:
+        if call.right not in _RIGHTS[called.right] or (called.lasting and call.right == "stop"):
             raise Refused("right", f"{where} needs the right to {called.right}, not to {call.right}")
         if call.priority != asked.caller.priority:
             mine = asked.caller.priority
@@ -496,6 +507,12 @@ class CallDesk:
 
 
 _CLOSED = Problem(code="closed", message="the connection is not open, or was lost")
+
+
+def _size(reply: Reply) -> int:
+    """Return about how many bytes of memory an answer takes."""
+    text = 0 if reply.problem is None else len(reply.problem.message)
+    return len(memoryview(reply.result)) + text + ANSWER_OVERHEAD
 
 
 def _result(asked: Asked, result: object) -> Reply:

@@ -5,7 +5,7 @@ that scripts can drive it and servers are watched. A leader deploys a program; w
 said that they are ready, or after `GATHER_NS`, its frames begin, and they end with the leader's connection.
 
 The frames since one in which all memory was initial are an epoch. A new one begins with a run; when the
-Clock was started anew; when a client lost its memory for good; and when the observer stepped over a frame
+Clock was restarted; when a client lost its memory for good; and when the observer stepped over a frame
 that nobody else received. A frame's number is never used twice: a Clock that starts takes its first from the
 time, a number each `NUMBER_NS`, and no frames come faster than that.
 
@@ -185,6 +185,9 @@ class Clock:
 
     def _release(self, asked: Asked, arguments: Nothing, now_ns: int) -> None:
         self._latch.release(now_ns)
+        if self._latch.trouble is not None:
+            text = f"released, but a Clock that is started again may be stopped: {self._latch.trouble}"
+            raise Refused("not kept", f"{self.address}: {text}")
 
     # --- runs ------------------------------------------------------------------------------------------
 

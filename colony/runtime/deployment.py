@@ -28,7 +28,7 @@ LONGEST_FRAME_NS = 3_600_000_000_000
 would notice for hours that a client is lost."""
 
 DEPLOYMENT_BYTES = 256 * 1024
-"""Largest deployment, in msgpack, that the method `deploy` of a server decodes."""
+"""Bytes of the largest deployment, in msgpack, that the method `deploy` of a server decodes."""
 
 
 MOST_CLIENTS = 2000
@@ -39,7 +39,7 @@ MOST_OTHERS = 1000
 """Actuators, fields of one, modules in Python, servers and variables that a deployment may name, of each."""
 
 MOST_TOLD = 5
-"""Clients of one kind of problem that are named."""
+"""Names or priorities that the message about a problem lists."""
 
 LONGEST_NAME = 255
 """Characters of any name in a deployment."""
@@ -118,7 +118,7 @@ def deployment(
 
 
 def variables_read(bindings: Bindings) -> tuple[str, ...]:
-    """The variables of DServer that sensors are bound to, each once, in the order declared."""
+    """Return the variables of DServer that sensors are bound to, each once, in the order declared."""
     return tuple(dict.fromkeys(b.field for b in bindings.sensors if b.server == DSERVER.name))
 
 

@@ -21,7 +21,7 @@ import msgspec
 
 from colony.runtime.messages import Stopped, Tick
 
-NEVER_NS = -1
+NEVER_RELEASED_NS = -1
 """The time of the last release if there was none."""
 
 
@@ -45,7 +45,7 @@ class StopLatch:
         self.trouble: str | None = None
         """The reason why the file could not be read or written; None if all is well."""
         self.stopped: Stopped | None = None
-        self.released_ns = NEVER_NS
+        self.released_ns = NEVER_RELEASED_NS
         if path is not None:
             self._load(path)
 
@@ -56,7 +56,7 @@ class StopLatch:
         if self.stopped is not None and self.stopped.t_ns > now_ns:
             self.stopped = Stopped(by=self.stopped.by, t_ns=now_ns)
         if self.released_ns > now_ns:
-            self.released_ns = NEVER_NS
+            self.released_ns = NEVER_RELEASED_NS
 
     def engage(self, stopped: Stopped) -> None:
         """Stop; of several stops the first is remembered."""
@@ -94,9 +94,10 @@ class StopLatch:
     def _load(self, path: Path) -> None:
         try:
             kept = msgspec.json.decode(path.read_bytes(), type=_Kept)
+            msgspec.msgpack.encode(kept)  # what a tick could not carry is no time
         except FileNotFoundError:
             return
-        except (OSError, msgspec.DecodeError, UnicodeDecodeError) as problem:
+        except (OSError, msgspec.DecodeError, UnicodeDecodeError, OverflowError) as problem:
             self.trouble = f"{path}: {problem}"
             self.stopped = Stopped(by="a file that cannot be read", t_ns=0)
         else:

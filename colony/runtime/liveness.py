@@ -7,7 +7,7 @@ from collections.abc import Iterable, Iterator
 LEASE_NS = 250_000_000
 
 VOID_AT_ONCE = 2000
-"""Void frames of which one tick tells, so that it stays a small message."""
+"""Void frames in one tick, so that it stays a small message."""
 
 
 def lease(frame_ns: int) -> int:
@@ -75,16 +75,16 @@ class Answers:
             self._give_up(server, [k for k in waiting if k < since])
 
     def void(self, down: Iterable[str]) -> tuple[tuple[str, int], ...]:
-        """The frames that have become void, now that these servers are down: `VOID_AT_ONCE` at most, the
-        others the next time."""
+        """Return frames that have become void, now that these servers are down: at most `VOID_AT_ONCE`, the
+        others at the next call."""
         for server in down:
             self._give_up(server, list(self._waiting.get(server, ())))
         void, self._void = tuple(self._void[:VOID_AT_ONCE]), self._void[VOID_AT_ONCE:]
         return void
 
     def overdue(self, tick: int) -> Iterator[tuple[str, int]]:
-        """Frames to ask for again with this tick, the newest first: those that are 2, 4, 8... ticks old, so
-        that a server that is behind is not asked more the further behind it is."""
+        """Yield servers and frames to fetch with this tick, the newest frames first: those that are 2, 4,
+        8... ticks old, so that a server gets no more fetches the further it is behind."""
         for server, waiting in self._waiting.items():
             age = 2
             while waiting and age <= self._keep:

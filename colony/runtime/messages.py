@@ -183,7 +183,7 @@ class Ready(_Message, frozen=True, kw_only=True):
 
 
 class Restart(_Message, frozen=True, kw_only=True):
-    """A client that lost its memory asks the Clock to begin anew, unless it has since `start` already.
+    """A client that lost its memory asks the Clock for a new epoch, unless one began since `start`.
 
     So does the observer when it stepped over a frame that nobody else received.
     """

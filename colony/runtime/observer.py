@@ -146,7 +146,7 @@ class Observer:
             close_all(self._sinks)
 
     def _skip(self) -> None:
-        """Leave out what cannot be had; note the epoch where a frame that was handed out turned void."""
+        """Skip frames that cannot be had; note the epoch if a frame that was handed out has turned void."""
         left_out = self._assembler.skip()
         if not left_out:
             self._contradicted = self._assembler.start

@@ -27,7 +27,7 @@ APPLICATION = 0x436F6C44
 """`ColD`: marks a file as DServer's."""
 
 VERSION = 2
-"""Of the table's form. Version 1 had no row ids; files of it are converted."""
+"""Version of the table's form. Version 1 had no row ids; its files are converted."""
 
 _PAGE = 1024
 _CARRIED_OVER_AFTER = 4096  # pages of the log: four megabytes

@@ -197,7 +197,7 @@ def handshakes(robot: Lab) -> int:
                     half.rest()
                     closed = _until(lambda: not half.standing())
                     again = _login(robot, PATIENCE_S)
-                failures += closed == again == "never"
+                failures += "never" in (closed, again)
                 name = "stalled" if hello else "silent"
                 stops = f"{len(took):>6} {took[len(took) // 2]:>7.1f} {took[-1]:>7.1f}"
                 logins = f"{login:>8} {closed:>9} {again:>14}"

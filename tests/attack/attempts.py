@@ -1,4 +1,4 @@
-"""What an attacker tries, and what each right lets through. Expectations are written down here by hand, not
+"""The attempts of an attacker, and what each right lets through. Expectations are written by hand, not
 taken from the code that is attacked."""
 
 from __future__ import annotations
@@ -42,7 +42,7 @@ MAY_HEAR: dict[str, tuple[str, ...]] = {
 
 
 def keys(user: str) -> Iterator[str]:
-    """The keys of a robot: a user's own, those of others, and those of nobody."""
+    """Yield the keys of a robot: a user's own, those of other users, and some that belong to nobody."""
     for server in SERVERS:
         for right in RIGHTS:
             for who in (user, "ada", "fetches", "zoe"):
@@ -78,7 +78,7 @@ TOKENS = tuple(f"{ROOT}/alive/{MARK.decode()}{end}" for end in ("", "/x", "/x/y"
 
 
 def listen(attack: Attack) -> None:
-    """Declare all that could hear something, or be asked something."""
+    """Declare every kind of subscriber, queryable and token that could get something."""
     session = attack.session
     for key in (*PATTERNS, *keys(attack.intruder.user)):
         session.declare_subscriber(key, attack.put("put"), allowed_origin=REMOTE)
@@ -106,8 +106,8 @@ def send(attack: Attack) -> None:
 
 
 def drive(attack: Attack) -> None:
-    """Try to move the base: by calls of its own and in the name of others, under every right, by requests of
-    clients, and by ticks of a Clock of its own."""
+    """Try to move the base: by calls under its own name and others' and under every right, by requests of
+    clients, and by ticks of a forged Clock."""
     user = attack.intruder.user
     for who in (user, "ada"):
         for right in RIGHTS:
@@ -137,19 +137,19 @@ def _send(attack: Attack, topic: str, message: Sent) -> None:
 
 
 def may_send(user: str, key: str) -> bool:
-    """Whether what an attacker put on this key may get to the robot."""
+    """Return whether the robot may receive what an attacker put on this key."""
     return _matches(MAY_SEND.get(user, ()), key)
 
 
 def may_hear(user: str, kind: str, key: str) -> bool:
-    """Whether an attacker may have heard this: its own session tells it of what it declared itself."""
+    """Return whether an attacker may have heard this."""
     if kind == "token":  # every user may see who is there
         return user in ABUSERS and key.startswith(f"{ROOT}/alive/")
     return kind == "put" and _matches(MAY_HEAR.get(user, ()), key)
 
 
 def may_claim(user: str, key: str) -> bool:
-    """Whether it may be there under this name: who runs programs is there as their clients."""
+    """Return whether an attacker may show up under this name: users with `run` show up as clients."""
     return user == "runner" and re.fullmatch(rf"{ROOT}/alive/[^/]+/[^/]+(/[^/]+)?", key) is not None
 
 

@@ -1,6 +1,6 @@
 """A flood, as a process of its own: `python -m tests.attack.flood ORDER`, ORDER in JSON.
 
-It is bounded in number, rate and time, and says in the end how many messages it sent.
+It is limited in number, rate and time, and prints in the end how many messages it sent.
 """
 
 from __future__ import annotations
@@ -37,7 +37,7 @@ Kind = Literal[
 KINDS: tuple[Kind, ...] = get_args(Kind)
 
 PRIORITY = 1_000
-"""Of the calls of a flood: above those of honest users."""
+"""Priority of the calls of a flood, above those of honest users."""
 
 WHO: dict[Kind, str] = {
     "command calls": "driver",
@@ -83,11 +83,11 @@ class Flood:
         return self._process.stdout.readline().strip()
 
     def flows(self) -> bool:
-        """Whether it goes on."""
+        """Return whether it is still sending."""
         return self._process.poll() is None
 
     def end(self) -> int:
-        """End it now, if it did not; how many messages it sent."""
+        """End it, if it has not ended, and return how many messages it sent."""
         if self.flows():
             self._process.send_signal(signal.SIGTERM)
         sent = self._line()
@@ -120,7 +120,7 @@ def flood(
 
 
 def messages(order: Order) -> Iterator[tuple[str, bytes]]:
-    """The keys and bytes of a flood; it opens its connection first, as honest ones do."""
+    """Yield the keys and bytes of a flood, which opens its connection first, as honest users do."""
     server, connection = f"colony/{ROBOT}/RServer", f"{order.user}/1"
 
     def call(right: Right, number: int, method: str, arguments: object) -> tuple[str, bytes]:
@@ -154,7 +154,7 @@ def messages(order: Order) -> Iterator[tuple[str, bytes]]:
 
 
 def pour(order: Order, ended: Callable[[], bool]) -> int:
-    """Send until the order's bounds, or until it is ended."""
+    """Send until a limit of the order, or until `ended`; return how many messages were sent."""
     sent, begin = 0, time.monotonic()
     due = begin + order.seconds
 
@@ -198,15 +198,15 @@ def _ignore(sample: zenoh.Sample) -> None:
 
 
 def main(text: str) -> None:
-    told = False
+    ended = False
 
-    def tell(*_: object) -> None:
-        nonlocal told
-        told = True
+    def end(*_: object) -> None:
+        nonlocal ended
+        ended = True
 
-    signal.signal(signal.SIGTERM, tell)
+    signal.signal(signal.SIGTERM, end)
     order = msgspec.json.decode(text, type=Order)
-    print(pour(order, lambda: told), flush=True)
+    print(pour(order, lambda: ended), flush=True)
     os._exit(0)  # what still waits to be sent is of no use
 
 

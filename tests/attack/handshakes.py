@@ -39,14 +39,14 @@ class HalfOpen:
             self._open()
 
     def standing(self) -> int:
-        """How many the gateway has not closed."""
+        """Return the number of connections that the gateway has not closed."""
         return sum(not _closed(made) for made in tuple(self._sockets))
 
     def __len__(self) -> int:
         return len(self._sockets)
 
     def rest(self) -> None:
-        """Open no more."""
+        """Stop opening connections."""
         self._ended.set()
         self._thread.join()
 
@@ -71,7 +71,7 @@ def _client_hello() -> bytes:
 
 
 def _closed(made: socket.socket) -> bool:
-    """Whether the other end has closed it; what it said before is read."""
+    """Return whether the other end has closed a connection, after reading what it sent."""
     made.setblocking(False)
     try:
         while made.recv(65536):

@@ -28,9 +28,9 @@ OPENING_MS = 1500
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Intruder:
-    """Who attacks: the mode of the session, and the certificate or the user whose it is.
+    """An attacker: the mode of its session, and its kind of certificate or the user of that.
 
-    `process` is the id of zenoh that it gives itself: that of a process of the robot.
+    `process` is the id of zenoh under which it comes, if it claims to be a process of the robot.
     """
 
     mode: str
@@ -65,7 +65,7 @@ class Attack:
 
 
 def credentials(lab: Lab, folder: Path, certificate: str) -> Credentials | None:
-    """What an attacker shows; None where it is nothing."""
+    """Return the credentials of an attacker; None if it shows no certificate."""
     ours = lab.authority.path
     match certificate:
         case "none":
@@ -105,7 +105,7 @@ def _self_signed(folder: Path) -> Credentials:
 
 
 def settings(intruder: Intruder, lab: Lab, folder: Path) -> dict[str, object]:
-    """Settings that tell everybody to connect: it listens in the clear and at a unix socket, and gossips."""
+    """Return settings that invite others to connect: it listens on TCP and a unix socket, and gossips."""
     found: dict[str, object] = {
         "mode": intruder.mode,
         "connect/endpoints": [lab.endpoint],
@@ -133,7 +133,7 @@ def settings(intruder: Intruder, lab: Lab, folder: Path) -> dict[str, object]:
 
 
 def scouted(seconds: float) -> set[str]:
-    """The ids of zenoh of whoever answers a call to everybody on loopback."""
+    """Return the ids of zenoh that answer a scouting message on loopback."""
     made = zenoh.Config()
     made.insert_json5("scouting/multicast/interface", '"lo"')
     found: set[str] = set()
@@ -144,7 +144,7 @@ def scouted(seconds: float) -> set[str]:
 
 @contextmanager
 def attacks(intruder: Intruder, lab: Lab, folder: Path) -> Iterator[Attack | None]:
-    """The session, open until the end of the block; None where the gateway does not let it in."""
+    """Open the attacker's session until the end of the block; None if the gateway does not let it in."""
     made = zenoh.Config()
     for key, value in settings(intruder, lab, folder).items():
         made.insert_json5(key, json.dumps(value))

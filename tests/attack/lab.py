@@ -30,10 +30,10 @@ USERS: Mapping[str, tuple[Permission, ...]] = {
 """`ada` and `guard` are honest; each of the others abuses the one right that it has."""
 
 SERVED = ("Clock", "RServer", "PServer", "DServer", "Gateway")
-"""What a robot has behind its gateway, and that itself."""
+"""The servers of a robot, with its gateway."""
 
 MARK = b"intruder"
-"""Begins whatever an attacker sends, unless it has to be a message."""
+"""Beginning of all bytes that an attacker sends, unless they have to be a message."""
 
 
 class Lab:
@@ -84,7 +84,8 @@ def lab(folder: Path) -> Iterator[Lab]:
 
 
 class Witness:
-    """Mutable: the keys of what attackers put, ask and claim to be, as far as it gets to the robot."""
+    """Records what reaches the robot's own machine. Mutable: the keys of attackers' messages, queries and
+    tokens."""
 
     def __init__(self, machine: Machine) -> None:
         self.got: list[tuple[str, str]] = []
@@ -103,7 +104,7 @@ class Witness:
         return {str(zid) for zid in (*info.routers_zid(), *info.peers_zid())}
 
     def asks(self) -> None:
-        """Ask everybody: a queryable of an attacker would answer."""
+        """Send a query to everybody, which a queryable of an attacker would answer."""
         for reply in self._network.session.get("**", timeout=0.2):
             if reply.ok is not None and reply.ok.payload.to_bytes().startswith(MARK):
                 self.got.append(("answer", str(reply.ok.key_expr)))
@@ -128,11 +129,11 @@ class Witness:
 
 
 def descriptors(pid: int) -> int:
-    """How many file descriptors a process has open."""
+    """Return the number of file descriptors that a process has open."""
     return len(os.listdir(f"/proc/{pid}/fd"))
 
 
 def memory_mb(pid: int) -> float:
-    """The resident memory of a process."""
+    """Return the resident memory of a process in MB."""
     pages = int(Path(f"/proc/{pid}/statm").read_text().split()[1])
     return pages * os.sysconf("SC_PAGE_SIZE") / 1e6

@@ -11,7 +11,7 @@ _TABLES = ("tcp", "tcp6", "udp", "udp6", "raw", "raw6")
 
 
 class Socket(NamedTuple):
-    """`local` and `remote` are ports, 0 where there is none."""
+    """A network socket of a process. `local` and `remote` are ports, 0 if there is none."""
 
     process: str
     protocol: str
@@ -20,7 +20,7 @@ class Socket(NamedTuple):
 
 
 def network_sockets(processes: Mapping[str, int]) -> Iterator[Socket]:
-    """All of these processes, whatever their state; unix sockets are none."""
+    """Yield the network sockets of these processes, in every state."""
     table = dict(_table())
     for name, pid in processes.items():
         for inode in _inodes(pid):
@@ -55,7 +55,7 @@ def _inodes(pid: int) -> Iterator[str]:
 
 
 def beyond_the_gateway(processes: Mapping[str, int], port: int) -> list[Socket]:
-    """The sockets that no process of a robot may have: all but the gateway's at its port."""
+    """Return the sockets that no process of a robot may have: all but the gateway's at its port."""
     found = network_sockets(processes)
     return [
         s for s in found if not (s.process == "Gateway" and s.protocol.startswith("tcp") and s.local == port)

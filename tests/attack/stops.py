@@ -1,4 +1,4 @@
-"""How long an emergency stop takes while others attack: until every server has acknowledged it, and idles."""
+"""The time that an emergency stop takes during an attack, until every server has acknowledged it."""
 
 from __future__ import annotations
 
@@ -19,25 +19,25 @@ from tests.cli.machine import ROBOT, until
 
 PATIENCE_S = 60.0
 PAUSE_S = 0.1
-"""Between a release and the next stop: the robot is in motion again."""
+"""Seconds between a release and the next stop, in which the robot begins to move again."""
 
 
 class Stop(NamedTuple):
-    """One emergency stop: seconds until it was acknowledged by all, and the frames that were still decided as
-    if there were none."""
+    """One emergency stop: the seconds until every server had acknowledged it, and the number of frames that
+    were decided without it after it was sent."""
 
     seconds: float
     frames: int
 
 
 class Decisions:
-    """What RServer decides, as its verdicts tell. Mutable: those of late."""
+    """Decisions of RServer about the actuator `drive`. Mutable: the verdicts that came."""
 
     def __init__(self) -> None:
         self._verdicts: list[Verdict] = []
 
     def hear(self, sample: zenoh.Sample) -> None:
-        """In a thread of the network."""
+        """Take a verdict; called in a thread of the network."""
         verdict = codec.decode(sample.payload.to_bytes())
         if isinstance(verdict, Verdict) and verdict.actuator == "drive":
             self._verdicts.append(verdict)
@@ -47,7 +47,7 @@ class Decisions:
         return len(self._verdicts)
 
     def stopped_after(self, count: int) -> int | None:
-        """How many decisions came, after the first `count`, before one that the stop decided."""
+        """Return how many decisions came, after the first `count`, before the first that the stop decided."""
         later = self._verdicts[count:]
         return next((n for n, verdict in enumerate(later) if verdict.hold == "stopped"), None)
 

@@ -18,8 +18,8 @@ MAY_DRIVE = ("driver", "runner")
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Outcome:
-    """What came of an attack. `delivered`, `heard` and `connections` are beyond the right,
-    `within` is how much got through that may."""
+    """The outcome of an attack. `delivered`, `heard` and `connections` are beyond the attacker's right;
+    `within` counts the messages that got through within it."""
 
     attack: str
     linked: bool
@@ -31,12 +31,12 @@ class Outcome:
 
     @property
     def failed(self) -> bool:
-        """Whether the attack came to nothing."""
+        """True if the attack got nothing beyond its right."""
         return not (self.delivered or self.heard or self.connections or self.moved)
 
 
 def impersonators(lab: Lab, mode: str) -> list[Intruder]:
-    """A stranger under the id of zenoh of each process of the robot."""
+    """Return strangers that come under the ids of zenoh of the robot's processes, one for each."""
     witness = Witness(lab.machine)
     try:
         processes = witness.processes()
@@ -46,7 +46,7 @@ def impersonators(lab: Lab, mode: str) -> list[Intruder]:
 
 
 def attempt(intruder: Intruder, lab: Lab, folder: Path, *, watch_s: float) -> Outcome:
-    """Let it try everything, and watch what happens for so long."""
+    """Let an attacker try everything, and watch what happens for `watch_s` seconds."""
     witness = Witness(lab.machine)
     connections: set[str] = set()
     heard: list[tuple[str, str]] = []
@@ -95,7 +95,7 @@ def _may(user: str, kind: str, key: str) -> bool:
 
 
 def _connections(lab: Lab, attack: Attack, witness: Witness) -> set[str]:
-    """Sockets that no process of the robot may have, and links to the attacker that should not be."""
+    """Return sockets that no process of the robot may have, and links to the attacker that must not exist."""
     found = {
         f"{s.process} {s.protocol} {s.local}>{s.remote}" for s in beyond_the_gateway(lab.pids(), lab.port)
     }
@@ -108,13 +108,13 @@ def _connections(lab: Lab, attack: Attack, witness: Witness) -> set[str]:
 
 
 def _links(attack: Attack, witness: Witness) -> set[str]:
-    """The processes of the robot that the attacker is linked to; others on this machine are none of ours."""
+    """Return the ids of the robot's processes that the attacker is linked to."""
     info = attack.session.info
     return {str(zid) for zid in (*info.routers_zid(), *info.peers_zid())} & witness.processes()
 
 
 def _behind_it(lab: Lab) -> None:
-    """Wait until an honest user was served after the attack, who had to wait behind it; nothing is lost."""
+    """Check that an honest user is served, who has to wait behind the attack, and that no server is lost."""
     with lab.session("ada") as session, session.connect("Gateway") as gateway:
         assert gateway.do(whoami()).user == "ada"
         assert set(SERVED) <= set(session.servers())

@@ -87,3 +87,10 @@ def test_misuse_is_one_line(machine: Machine, colony: Colony) -> None:
         done = colony("data", *arguments)
         assert (done.code, done.out, done.err.count("\n")) == (2, "", 1), arguments
         assert said in done.err
+
+
+def test_names_that_are_no_text_are_refused_and_those_that_terminals_act_on_are_escaped() -> None:
+    from colony.cli.reporting import printable
+
+    assert printable("Pose\x1b[2J\nx") == "Pose\\x1b[2J\\nx"
+    assert printable("Ort è 3 mm") == "Ort è 3 mm"

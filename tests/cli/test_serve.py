@@ -9,6 +9,7 @@ from pathlib import Path
 
 import pytest
 
+from colony.runtime.kit.connection import Session
 from colony.runtime.library import data, robot
 from tests.cli.conftest import Colony
 from tests.cli.machine import MAP, ROBOT, WANDER, Machine, Started, children_of, lives, status, until
@@ -145,6 +146,28 @@ def test_stop_passes_over_a_data_server_that_robots_share(machine: Machine, colo
     assert both.out.endswith("; acknowledged by Clock, RServer\n")
     assert colony("stop", "--robot", "fleet").code == 1
     for one in (fleet, base, clock):
+        one.tell(signal.SIGINT)
+        assert one.wait() == 0
+
+
+def test_trouble_with_one_robot_keeps_no_other_from_being_stopped(machine: Machine, colony: Colony) -> None:
+    started = [machine.start("serve", server, "--robot", "siena") for server in ("Clock", "RServer")]
+    for one in started:
+        until(lambda one=one: one.ended() or "listens at" in one.err, "it listens")  # type: ignore[misc]
+    other = machine.start("serve", "Clock", "--robot", "arezzo")
+    until(lambda: other.ended() or "listens at" in other.err, "it listens")
+    with Session.open("siena", environment=machine.environment) as session:
+        until(lambda: {"Clock", "RServer"} <= set(session.servers()), "both are there")
+        folder = machine.directory.path.parent / "arezzo"
+        folder.chmod(0o755)
+        try:
+            both = colony("stop")
+        finally:
+            folder.chmod(0o700)
+        assert both.code == 1
+        assert both.out.startswith("siena: stopped by ")
+        assert "arezzo is open to others" in both.err
+    for one in (*started, other):
         one.tell(signal.SIGINT)
         assert one.wait() == 0
 

@@ -8,10 +8,10 @@ from pathlib import Path
 from statistics import median
 
 WARM_UP_S = 10
-"""Age in seconds at which a process has what it needs; growth counts from here."""
+"""Seconds after its start at which a process has warmed up; growth counts from there."""
 
 STARTED = 0.75
-"""Part of its last size at which a process has started."""
+"""Fraction of its last size at which a process counts as started."""
 
 NEWEST = 3
 """Number of samples, a second apart, of which the largest counts at each end of a curve."""
@@ -33,7 +33,7 @@ class Incarnations:
         self.curves: list[list[int]] = []
 
     def sample(self, pid: int | None) -> None:
-        """Measure the process of the moment; None while there is none."""
+        """Measure the present process; `pid` is None while there is none."""
         if pid is None:
             return
         if pid != self._pid:
@@ -55,7 +55,7 @@ class Incarnations:
 
     @property
     def drift(self) -> int:
-        """The bytes by which late incarnations are larger than early ones of the same age.
+        """Bytes by which late incarnations are larger than early ones of the same age.
 
         It compares the medians of the first and the last third; 0 for fewer than six incarnations.
         """
@@ -91,6 +91,6 @@ class Census:
         self.processes: dict[str, Incarnations] = {}
 
     def take(self, pids: Mapping[str, int]) -> None:
-        """Measure everybody who lives now."""
+        """Measure every process that lives now."""
         for name, pid in pids.items():
             self.processes.setdefault(name, Incarnations()).sample(pid)

@@ -1,5 +1,6 @@
-"""A run of twenty clients in which every process but the leader is frozen and killed all the time: do all of
-them keep their memory, and is every decision the interpreter's all the same?
+"""A run of twenty clients in which every process but the leader is frozen and killed again and again.
+
+No process may grow, and every decision has to be the interpreter's.
 
     python -m tests.runtime.soak --seconds 60 --seed 1
 
@@ -37,16 +38,16 @@ CLIENT_FREEZES_PER_S, SERVER_FREEZES_PER_S = 0.4, 0.1
 """Freezes per second of each process."""
 
 UNHEARD_PER_FRAME = 0.5
-"""Client-frames that have to be late or lost in a frame, on average."""
+"""Clients that have to be late or lost in a frame, on average: fewer would not be much of a test."""
 
 DECIDING = ("Clock", "RServer")
 """Servers without which there are no verdicts."""
 
 OUTAGE_S = 3.0
-"""Time without verdicts that each of their deaths may cost."""
+"""Seconds without verdicts that each of their deaths may cost."""
 
 GAP_S = 0.5
-"""Time without verdicts that counts as an outage."""
+"""Seconds without verdicts that count as an outage."""
 
 GROWTH = 8 << 20
 """Bytes that a process may gain after its warm-up: servers keep 2000 frames, which take 100 s to come."""
@@ -55,10 +56,10 @@ KILLED = 24 << 10
 """Further bytes for each process killed meanwhile: connections that come and go fragment the heap."""
 
 PATIENCE_S = 60.0
-"""Time in which a run becomes well on a machine that runs many other tests."""
+"""Seconds in which a run has to recover, on a machine that runs many other tests."""
 
 COMPARED = 0.8
-"""Part of the verdicts that the audit has to compare: after a frame that the leader could not observe,
+"""Fraction of the verdicts that the audit has to compare: after a frame that the leader could not observe,
 there is nothing to compare."""
 
 AUDITED = ("frames", "compared", "late", "lost", "idled", "unheard", "unknown", "restarts")
@@ -105,7 +106,7 @@ def program() -> str:
 
 @dataclass(frozen=False, slots=True, kw_only=True)
 class Figures:
-    """Measurements of a soak. `stage` is the memory of this process, which listens."""
+    """Measurements of a soak. `stage` is the memory of the process of the soak itself."""
 
     seconds: float
     seen: Seen = field(default_factory=lambda: Seen())
@@ -119,7 +120,7 @@ class Figures:
     stage: Incarnations = field(default_factory=Incarnations)
 
     def problems(self) -> list[str]:
-        """Return what should not be, a line each."""
+        """Return the failures of the soak, a line each."""
         found = [f"died by itself: {line}" for line in self.strange]
         kills_per_s = self.kills.total() / self.seconds
         for name, process in self.census.processes.items():
@@ -146,7 +147,7 @@ class Figures:
 
     @property
     def expected_frames(self) -> float:
-        """The least number of frames: half of those that there is time for, outages not counted."""
+        """Fewest frames: half of those that there is time for, outages not counted."""
         outages_s = OUTAGE_S * sum(self.kills[name] for name in DECIDING)
         return 10 * max(0.0, self.seconds - outages_s)
 
@@ -250,7 +251,7 @@ def _soak(run: Run, figures: Figures, seed: int) -> None:
 
 
 def _strike(run: Run, figures: Figures, chaos: Chaos) -> None:
-    """Execute the schedule, and measure everybody once a second."""
+    """Execute the schedule, and measure every process once a second."""
     began, measured = time.monotonic(), 0.0
     while (now := time.monotonic() - began) < figures.seconds:
         assert not run.ended(), run.started.err

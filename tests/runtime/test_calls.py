@@ -8,6 +8,7 @@ from typing import Any
 import msgspec
 import pytest
 
+from colony.runtime import calls
 from colony.runtime.calls import (
     ANSWER_BYTES_KEPT,
     ANSWERS_KEPT,
@@ -65,6 +66,8 @@ class Sums:
                 method("wait", Nothing, self._wait, right="read"),
                 method("halt", Nothing, lambda *_: None, right="stop"),
                 method("long", Nothing, lambda *_: None, largest=100_000),
+                method("watch", Nothing, lambda *_: None, right="read", lasting=True),
+                method("fail", Nothing, self._fail, right="read"),
             ),
             admit=self._admit,
             lost=self._lost,
@@ -76,6 +79,9 @@ class Sums:
             raise Refused("negative", f"found {add.amount}; expected at least 0")
         self.sum += add.amount
         return self.sum
+
+    def _fail(self, asked: Asked, arguments: Nothing, now_ns: int) -> None:
+        raise Refused("failed", "x" * 4_000_000)
 
     def _wait(self, asked: Asked, arguments: Nothing, now_ns: int) -> object:
         self.asked.append(asked)
@@ -327,3 +333,44 @@ def test_effects_are_lazy_but_complete(sums: Sums) -> None:
     """Whoever takes the effects one by one gets all of them."""
     effects = list(sums.desk.handle(call(ANN, 2, "sum"), 0))
     assert [type(e) for e in effects] == [Send]
+
+
+def test_the_right_to_stop_does_not_do_for_what_goes_on_to_cost_something(sums: Sums) -> None:
+    sums.open("ada/1")
+    assert code(sums.tell(call("ada/1", 2, "watch", right="stop"))) == "right"
+    for number, right in ((3, "read"), (4, "command")):
+        assert result(sums.tell(call("ada/1", number, "watch", right=right))) is None  # type: ignore[arg-type]
+
+
+def test_what_is_read_is_not_kept_be_it_refused_or_not(sums: Sums) -> None:
+    sums.open("ada/1")
+    for number in range(2, 40):
+        assert code(sums.tell(call("ada/1", number, "fail", right="read"))) == "failed"
+        assert result(sums.tell(call("ada/1", 100 + number, "sum", right="read"))) == 0
+        assert code(sums.tell(call("ada/1", 200 + number, "none of these", right="read"))) == "method"
+    connection = sums.desk._connections["ada/1"]
+    assert (len(connection.answers), connection.answer_bytes) == (0, 0)
+
+
+def test_no_text_of_a_caller_makes_a_status_too_large(sums: Sums) -> None:
+    sums.open("ada/1")
+    sums.tell(call("ada/1", 2, "fail", right="read"))
+    sums.tell(call("ada/1", 3, "m" * 4_000_000, right="read"))
+    sums.tell(Malformed(topic="Sums/call", connection="ada/1", reason="r" * 4_000_000))
+    status = result(sums.tell(call("ada/1", 4, "status", right="read")))
+    assert len(msgspec.msgpack.encode(status)) < 10_000
+    assert status["malformed"] == 1
+
+
+def test_answers_of_all_connections_have_an_end(sums: Sums, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(calls, "ANSWER_BYTES", 10_000)
+    for number in range(20):
+        sums.open(f"ada/{number}")
+        for call_number in range(2, 10):
+            sums.tell(call(f"ada/{number}", call_number, "add", Add(amount=1)))
+    assert sum(c.answer_bytes for c in sums.desk._connections.values()) <= 10_000
+    status = result(sums.tell(call("ada/19", 10, "status", right="read")))
+    assert status["full"] == ["Sums keeps 0 MiB of answers, and forgets the oldest"]
+    for number in range(20):
+        sums.tell(call(f"ada/{number}", 20, "close", right="read"))
+    assert sums.desk._answer_bytes == 0

@@ -133,23 +133,25 @@ def test_publishing_has_an_end(stage: DataStage, ada: Connection) -> None:
     )
 
 
-def test_frames_have_room_for_so_much(stage: DataStage, ada: Connection) -> None:
-    half = [0.5] * (LONGEST_LIST // 2 - 10)
-    ada.do(data.set_many({"A": half, "B": half, "C": half}))
+def test_what_no_program_reads_has_room_of_its_own_and_refuses_no_set(
+    stage: DataStage, ada: Connection
+) -> None:
+    quarter = [0.5] * (LONGEST_LIST // 4 - 10)
+    ada.do(data.set_many({"A": quarter, "B": quarter, "C": quarter}))
     ada.do(data.publish(["A", "B"]))
     assert refused(ada, data.publish(["C"])) == "full"
     assert set(stage.fields(1)) == {"A", "B"}
-    assert refused(ada, data.set("A", [0.5] * LONGEST_LIST)) == "full"
-    assert refused(ada, data.set("A", ["text"] * (LONGEST_LIST + 1))) == "full", "it is not read"
-    ada.do(data.set("C", [0.5] * LONGEST_LIST))
-    ada.do(data.set("A", "text" * 20_000))
-    assert set(stage.fields(2)) == {"B"}
-    ada.do(data.publish(["C2"]))
-    ada.do(data.set("C2", half))
-    assert set(stage.fields(3)) == {"B", "C2"}
-    (said,) = stage.server.full()
-    assert said.startswith("numbers in frames: ")
-    assert said.endswith(" of 64.0 KiB are used, and there was no room for more")
+    ada.do(data.set("A", [0.5] * LONGEST_LIST))
+    assert set(stage.fields(2)) == {"B"}, "it is left out"
+    ada.do(data.publish(["C"]))
+    assert set(stage.fields(3)) == {"B", "C"}
+    ada.do(deploy(program("run", "P", "B")))
+    ada.do(data.set("P", [0.5] * (3 * LONGEST_LIST // 4 - 20)))
+    assert set(stage.fields(4, "run")) == {"B", "C", "P"}, "nobody takes the program's room"
+    assert refused(ada, data.set("P", [0.5] * LONGEST_LIST)) == "full"
+    assert set(stage.fields(5)) == {"B", "C"}, "of another run"
+    said = {sentence.partition(":")[0] for sentence in stage.server.full()}
+    assert said == {"numbers in frames", "numbers in frames that no program reads"}
 
 
 def test_what_the_program_reads_without_room_is_missing(stage: DataStage, ada: Connection) -> None:

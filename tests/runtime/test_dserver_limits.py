@@ -1,4 +1,4 @@
-"""What one call may ask of DServer, what all may, and that those who watch are told in slices."""
+"""Limits of one call to DServer and of all together; notices to connections that watch come in slices."""
 
 from __future__ import annotations
 
@@ -41,7 +41,8 @@ def test_a_call_is_of_a_thousand_names_at_most(ada: Connection) -> None:
     names = [f"V{i}" for i in range(1000)]
     ada.do(data.set_many(dict.fromkeys(names, 1)))
     assert len(ada.do(data.get_many(names))) == 1000
-    ada.do(data.watch(*names[:600], prefixes=names[600:]))
+    ada.do(data.watch(*names[:950], prefixes=names[950:]))
+    assert refused(ada, data.watch(prefixes=["one more"])) == "full"
     ada.do(data.unwatch(*names))
     more = [*names, "one more"]
     for ask in (

@@ -192,6 +192,7 @@ def test_there_is_an_end_to_the_room() -> None:
     put("b", b"b" * 9_000)
     put("c", [0.5] * 200)
     variables.delete("c")
+    variables.read_by_program(["c"])
     variables.show(["c"])
     with pytest.raises(Refused, match="frames"):
         put("c", [0.5] * 200)

@@ -11,6 +11,7 @@ from colony.runtime.latch import StopFollower, StopLatch
 from colony.runtime.messages import Stopped, Tick
 
 ANN = Stopped(by="ann/1", t_ns=5)
+HUGE = b'{"stopped": {"by": "ann/1", "t_ns": 99999999999999999999999}, "released_ns": 0}'
 
 
 def test_a_stop_is_there_after_a_restart_until_it_is_released(tmp_path: Path) -> None:
@@ -50,7 +51,8 @@ def test_a_stop_that_only_a_server_heard_is_latched_and_one_that_is_over_is_not(
 
 
 @pytest.mark.parametrize(
-    "data", [b"", b"{", b"\xff\xfe", b"[1]", b"null", b'{"by": 3, "t_ns": 0}', b'{"by": "ann/1", "t_ns": 0}']
+    "data",
+    [b"", b"{", b"\xff\xfe", b"[1]", b"null", b'{"by": 3, "t_ns": 0}', b'{"by": "ann/1", "t_ns": 0}', HUGE],
 )
 def test_a_file_that_cannot_be_read_counts_as_a_stop(tmp_path: Path, data: bytes) -> None:
     path = tmp_path / "stop"

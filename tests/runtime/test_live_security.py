@@ -9,6 +9,7 @@ import pytest
 from colony.runtime.live.access import access_control
 from colony.runtime.live.endpoint import Endpoint, parse_endpoint
 from colony.runtime.live.errors import SecurityError
+from colony.runtime.live.names import local_user
 from colony.runtime.live.security import (
     PERMISSIONS,
     check_credentials,
@@ -151,3 +152,12 @@ def test_nothing_is_allowed_that_is_not_in_the_table(tmp_path: Path) -> None:
     assert sends["user-0-sends"] == ["colony/rome/*/call/read/ada/*", "colony/rome/*/fetches/ada"]
     assert sends["user-1-sends"] == ["colony/rome/*/call/stop/bob/*"]
     assert "colony/rome/*/requests/eva" in sends["user-2-sends"]
+
+
+def test_no_user_goes_by_the_name_of_the_robots_own_programs(tmp_path: Path) -> None:
+    """Servers do not count these."""
+    table = Authority(tmp_path).table({local_user(): ("read",)})
+    with pytest.raises(
+        SecurityError, match=f"users.{local_user()}: the robot's own programs go by this name"
+    ):
+        read_security(table)

@@ -291,3 +291,23 @@ def test_the_watchdog_can_be_given_more_time() -> None:
     stage.frame(bid("cruise", 300.0, 0.0), *silent("cruise"))
     stage.wait(300 * MS)
     assert stage.base.stops == [0, 250 * MS]
+
+
+def test_a_server_that_stood_still_moves_nothing_by_what_waited_for_it() -> None:
+    """Frozen, it has not heard what was said since: a stop, perhaps, that comes behind these ticks."""
+    stage = Stage(run="r1", deployment=deployed())
+    stage.frame(bid("cruise", 300.0, 0.0), *silent("cruise"))
+    assert stage.base.velocity == 300.0
+    stage.wait(2_000_000_000)
+    told = len(stage.base.told)
+    for k in range(stage.k + 1, stage.k + 30):
+        stage.give(Tick(k=k, t_ns=k * FRAME, run="r1"))
+        for request in (bid("cruise", 300.0, 0.0), *silent("cruise")):
+            stage.give(msgspec.structs.replace(request, k=k))
+    assert len(stage.base.told) == told
+    assert stage.base.velocity == 0.0
+    notes = [note for verdict in stage.verdicts for note in verdict.notes]
+    assert any("nothing was sent, its tick came too late" in note for note in notes)
+    stage.k = 40
+    stage.frame(bid("cruise", 300.0, 0.0), *silent("cruise"))
+    assert stage.base.velocity == 300.0

@@ -10,7 +10,7 @@ A button has its connections open before it is pressed; pressing it costs one me
 from __future__ import annotations
 
 import time
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from queue import Empty, SimpleQueue
 from types import TracebackType
@@ -20,6 +20,7 @@ from colony.runtime.kit.connection import Session
 from colony.runtime.kit.conversation import Outcome
 from colony.runtime.kit.errors import ConnectionProblem
 from colony.runtime.library import emergency
+from colony.runtime.live.place import Local
 from colony.runtime.topics import CLOCK
 
 PATIENCE_S = 2.0
@@ -102,8 +103,13 @@ class StopButton:
 
     def _awaited(self, found: Mapping[str, Outcome]) -> list[str]:
         missing = [server for server in self._wires if server not in found]
-        there = self._session.servers() if missing else ()
+        there = {*self._session.servers(), *self._running()} if missing else ()
         return [server for server in missing if server in there]
+
+    def _running(self) -> Iterable[str]:
+        """The servers that have a process on this machine, frozen ones too; unknown from another machine."""
+        place = self._session.hub.network.place
+        return place.directory.running() if isinstance(place, Local) else ()
 
     def close(self) -> None:
         """End the connections; closing twice does nothing."""

@@ -59,7 +59,7 @@ def method(
     right: Right = "command",
     largest: int = calls.ARGUMENT_BYTES,
 ) -> Method:
-    """A line of a server's table of methods. `handler` gives the result, or raises `Refused`.
+    """Return a line of a server's table of methods. `handler` returns the result, or raises `Refused`.
 
     Calls with more than `largest` bytes of arguments, in msgpack, are refused with the code "size".
     """

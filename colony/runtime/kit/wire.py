@@ -72,8 +72,8 @@ class Wire:
         notify: Callable[[Notice], None],
         defer: Callable[[Deferred], None],
     ) -> None:
-        """`begin` is told the connection whose replies are to be handed to `take` from now on; `defer` takes
-        what must not be done in a thread of the network, to be done soon by another."""
+        """`begin` gets the connection whose replies have to be handed to `take` from now on; `defer` takes
+        work that must not be done in a thread of the network, for another thread to do soon."""
         self.server = server
         self.network = network
         self._rights = rights

@@ -36,7 +36,7 @@ class Who(msgspec.Struct, frozen=True, kw_only=True):
 
     `run` and `program` are of the deployment, "" where there is none; `leader` is the connection that
     deployed it. `begun` is false while the Clock still waits for clients to be ready; `restarts` counts how
-    often all memory began anew since. `stopped` is the emergency stop that is on; `trouble` tells that it
+    often all memory began anew since. `stopped` is the emergency stop that is on; `trouble` says that it
     could not be written to, or read from, its file.
     """
 

@@ -6,12 +6,12 @@ section 4.6.1).
 
 A value is anything that msgspec can put into msgpack: numbers, bools, strings, bytes, None, lists, mappings,
 dataclasses and structs. Numbers, bools and flat lists of them can also be fields of DServer's frames, which
-the sensors of programs bind to: frames show the variables that the program reads, and those that somebody
+the sensors of programs bind to: frames show the variables that the program reads, and those that a connection
 asked for with `publish`. A name has 1 to 255 bytes of UTF-8.
 
-What was acknowledged survives the death of the server. Each of these is done once, however often it is called
-again because no answer came. Besides those told below, the codes of what is refused are: "arguments"; "size",
-for a value that is too large; "full", for a server that has no room for more.
+What was acknowledged survives the death of the server. Each call is done once, however often it is repeated
+because no answer came. Besides the codes given below, calls are refused with "arguments"; "size", for a value
+or a call that is too large; "full", if the server has no room for more.
 """
 
 from __future__ import annotations
@@ -43,14 +43,14 @@ class Set(msgspec.Struct, frozen=True, kw_only=True):
 class SetMany(msgspec.Struct, frozen=True, kw_only=True):
     """`set_many`: a mapping from variables to their new values, in msgpack.
 
-    It comes undecoded, so that a server can look at its length first.
+    It stays undecoded, so that a server can check its length first.
     """
 
     values: msgspec.Raw
 
     @property
     def count(self) -> int:
-        """How many entries the mapping has, by its first bytes; 0 where it is none."""
+        """The number of entries of the mapping, by its first bytes; 0 if it is not a mapping."""
         head = bytes(memoryview(self.values)[:5])
         if head[0] & 0xF0 == 0x80:
             return head[0] & 0x0F
@@ -58,7 +58,7 @@ class SetMany(msgspec.Struct, frozen=True, kw_only=True):
         return int.from_bytes(head[1 : 1 + sizes.get(head[0], 0)], "big")
 
     def read(self) -> dict[str, msgspec.Raw]:
-        """The variables and their values.
+        """Decode the mapping from variables to their values.
 
         Raises:
             msgspec.DecodeError, UnicodeDecodeError: it is no such mapping.
@@ -215,7 +215,7 @@ def get_many(names: Iterable[str]) -> Ask[dict[str, Any]]:
 def history(name: str, back: int = 0, limit: int = 2000) -> Ask[tuple[Dated, ...]]:
     """Values kept of a variable, with their times, from value `back` on to older ones, at most `limit`.
 
-    0 is the present value, -1 the one before it. Refused with "unknown", and with "size" where the values are
+    0 is the present value, -1 the one before it. Refused with "unknown", and with "size" if the values are
     too large for one reply.
     """
     arguments = History(name=name, back=back, limit=limit)
@@ -245,10 +245,10 @@ def names(prefix: str = "", *, after: str = "", limit: int = 1000) -> Ask[tuple[
 def publish(names: Iterable[str]) -> Ask[None]:
     """Have DServer's frames show these variables, too, for as long as this connection is open.
 
-    Frames show what the program that runs reads, and what was asked for so: numbers, bools and flat lists of
-    them. A variable that is not there yet is shown from when it is set. It adds to what was asked for before;
-    a connection asks for at most 1,000 variables. Refused with "full" where frames have no room for them. Ask
-    by a connection's `keep`, so that it is asked again when the server was started anew.
+    Frames show numbers, bools and flat lists of them. A variable that does not exist yet is shown as soon as
+    it is set. Further calls add variables, up to 1,000 for a connection. Refused with "full" if frames have
+    no room for them. Use a connection's `keep` for this call, so that it is repeated after a restart of the
+    server.
     """
     return Ask("publish", Publish(names=tuple(names)), type(None), "read", repeatable=True)
 
@@ -321,8 +321,8 @@ def watch(*names: str, prefixes: Iterable[str] = ()) -> Ask[None]:
 
     A notice comes for each that has a value already, and then for every time that one is set or deleted; its
     subject is the name of the variable, its body a `Change`. When a connection is opened again, the notices
-    go on, from the values of that moment. It adds to what is watched already. Where very many notices are due
-    at one moment they come a little later, and a variable that changed several times by then comes once.
+    go on, from the values of that moment. Further calls add to what is watched. When very many notices are
+    due at one moment, some come a little later, and a variable that changes again before its turn comes once.
     """
     return Ask("watch", Watch(names=names, prefixes=tuple(prefixes)), type(None), "read", repeatable=True)
 

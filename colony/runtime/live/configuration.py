@@ -95,10 +95,10 @@ def stop_settings(directory: RobotDirectory) -> Settings:
 
 
 def gateway_settings(directory: RobotDirectory, listen: str, security: Security) -> Settings:
-    """Those of a gateway that listens at `listen`, but for its access control.
+    """Return the settings of a gateway that listens at `listen`, without its access control.
 
     It connects to nobody: all processes of the robot connect to it. Two ends that dial each other after a
-    link broke can each take the other's link for the one that stands, and then nobody dials any more.
+    link broke can each take the other's link for the one that stands, and then neither dials again.
     """
     return _common("router", (*LOCAL_LINKS, *REMOTE_LINKS), gossip=False) | {
         "gateway": {"south": LET_IN},
@@ -117,7 +117,7 @@ def gateway_settings(directory: RobotDirectory, listen: str, security: Security)
 
 
 def _local(directory: RobotDirectory, listens: tuple[str, ...], names: set[str]) -> dict[str, object]:
-    """Listen as `listens`, and connect to all of `names`, present or not."""
+    """Return the settings to listen as `listens`, and to connect to all other `names`, present or not."""
     return {
         "listen/endpoints": [directory.endpoint(name) for name in listens],
         "connect/endpoints": [directory.endpoint(name) for name in sorted(names.difference(listens))],

@@ -300,13 +300,22 @@ class Host:
         for topic in self._listeners:
             if keys.takes_calls(topic):
                 for right in keys.RIGHTS:
-                    key = keys.listening_to_calls(robot, topic, right)
-                    take = self._takes_stop(topic, declared) if right == "stop" else self._takes_call(topic)
-                    self._subscribe(key, take, declared)
-                    if right == "stop" and self._network.stops is not None:
-                        self._subscribe(key, take, declared, self._network.stops)
+                    if right != "stop":
+                        key = keys.listening_to_calls(robot, topic, right)
+                        self._subscribe(key, self._takes_call(topic), declared)
+                self._listen_to_stops(topic, declared)
             else:
                 self._subscribe(keys.listening(robot, topic), self._takes_frame(topic), declared)
+
+    def _listen_to_stops(self, topic: str, declared: ExitStack) -> None:
+        """Have a lane for what comes under the right to stop, over both sessions where there are two."""
+        lane = StopLane(self._stop_nodes, self._inbox.call)
+        declared.callback(lane.close)
+        key = keys.listening_to_calls(self._network.robot, topic, "stop")
+        self._subscribe(key, _takes_stop(topic, lane, self._border, twice=False), declared)
+        if self._network.stops is not None:
+            take = _takes_stop(topic, lane, Border(local_user()), twice=True)
+            self._subscribe(key, take, declared, self._network.stops)
 
     def _subscribe(
         self,
@@ -376,18 +385,6 @@ class Host:
             number = message.number if isinstance(message, Call) else 0
             self._inbox.refuse(topic, key.connection, number)
 
-    def _takes_stop(self, topic: str, declared: ExitStack) -> Callable[[zenoh.Sample], None]:
-        border, lane = self._border, StopLane(self._stop_nodes, self._inbox.call)
-        declared.callback(lane.close)
-
-        def take(sample: zenoh.Sample) -> None:
-            payload = sample.payload
-            key = keys.call_key(str(sample.key_expr))
-            if key is not None and len(payload) <= LARGEST and border.stop(key.connection, len(payload)):
-                lane.put(topic, key, payload.to_bytes())
-
-        return take
-
     # --- the thread of emergency stops ---------------------------------------------------------------
 
     def _stop_nodes(self, topic: str, message: Call) -> None:
@@ -422,6 +419,19 @@ class Host:
         except NotAMessage as problem:
             return Malformed(topic=waiting.topic, connection=None, reason=str(problem))
         return message
+
+
+def _takes_stop(topic: str, lane: StopLane, border: Border, *, twice: bool) -> Callable[[zenoh.Sample], None]:
+    """Return what takes messages of one session under the right to stop. `twice`: another session brings the
+    same, and what is no emergency stop is left to that one."""
+
+    def take(sample: zenoh.Sample) -> None:
+        payload = sample.payload
+        key = keys.call_key(str(sample.key_expr))
+        if key is not None and len(payload) <= LARGEST and border.stop(key.connection, len(payload)):
+            lane.put(topic, key, payload.to_bytes(), twice=twice)
+
+    return take
 
 
 _Due = tuple[Node, Effect]

@@ -34,7 +34,7 @@ DESCRIPTORS = 8192
 """Files that a gateway may have open, if the system allows it: many more than the connections that can wait
 for the timeout of their handshake."""
 
-SMALL, MIDDLE = 1024, 64 * 1024
+SMALL, MIDDLE = 1024, 257 * 1024
 """Bytes of the largest message of the two kinds that are limited further; see `_sizes`."""
 
 _REMOTE = ["tls"]

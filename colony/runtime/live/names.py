@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import os
+import pwd
 import re
 
 LONGEST = 64
@@ -35,3 +37,12 @@ def _check(what: str, name: str, pattern: re.Pattern[str], expected: str) -> str
             f"{expected}, beginning with a letter or digit"
         )
     return name
+
+
+def local_user() -> str:
+    """The name of this process's user, as far as it can be that of a user of a robot."""
+    number = os.getuid()
+    try:
+        return check_user(pwd.getpwuid(number).pw_name)
+    except (KeyError, ValueError):
+        return f"uid{number}"

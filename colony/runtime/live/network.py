@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import os
-import pwd
 import time
 from collections.abc import Callable
 from contextlib import ExitStack
@@ -14,7 +12,7 @@ import zenoh
 from colony.runtime.live import configuration, keys
 from colony.runtime.live.configuration import Settings
 from colony.runtime.live.errors import NotReached
-from colony.runtime.live.names import check_user
+from colony.runtime.live.names import local_user as local_user
 from colony.runtime.live.place import Local, Place, Remote
 from colony.runtime.live.probe import why_not_reached
 
@@ -132,15 +130,6 @@ def _why(place: Place, settings: Settings, problem: zenoh.ZError) -> str:
             return why_not_reached(place)
         case Local(directory=directory):
             return f"{directory.robot}: cannot listen at {settings['listen/endpoints']}: {problem}"
-
-
-def local_user() -> str:
-    """The name of this process's user, as far as it can be that of a user of a robot."""
-    number = os.getuid()
-    try:
-        return check_user(pwd.getpwuid(number).pw_name)
-    except (KeyError, ValueError):
-        return f"uid{number}"
 
 
 def local_time(place: Local) -> Callable[[], int]:

@@ -29,10 +29,10 @@ from colony.runtime.messages import (
 )
 
 IDLE_NS = 10_000_000_000
-"""After this time without a message the publisher for a connection is given back."""
+"""Nanoseconds without a message after which the publisher for a connection is given back."""
 
 PASSING_MOST = 256
-"""How many publishers for connections there are at most."""
+"""Publishers for connections at a time."""
 
 Report = Callable[[str], None]
 """Told of something that went wrong and is survived, in a sentence."""
@@ -44,7 +44,8 @@ class Outbox:
     def __init__(
         self, session: zenoh.Session, robot: str, report: Report, *, user: str, urgent: bool = False
     ) -> None:
-        """`urgent`: replies overtake all else, and are dropped rather than wait: their readers ask again."""
+        """If `urgent`, replies overtake all else, and are dropped instead of waiting for room: callers ask
+        again."""
         self._session = session
         self._robot = robot
         self._report = report

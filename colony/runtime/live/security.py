@@ -24,7 +24,7 @@ from pathlib import Path
 from typing import Literal, get_args
 
 from colony.runtime.live.errors import SecurityError
-from colony.runtime.live.names import check_user
+from colony.runtime.live.names import check_user, local_user
 from colony.runtime.live.place import Credentials
 from colony.runtime.messages import Right
 
@@ -156,6 +156,8 @@ def _users(table: object, problems: list[str]) -> dict[str, tuple[Permission, ..
             check_user(name)
         except ValueError as problem:
             problems.append(f"{where}: {problem}")
+        if name == local_user():
+            problems.append(f"{where}: the robot's own programs go by this name; expected another one")
         if not isinstance(entry, dict) or not isinstance(entry.get("may"), list) or not entry["may"]:
             problems.append(f"{where}: expected `may = [...]` with some of {', '.join(PERMISSIONS)}")
             continue

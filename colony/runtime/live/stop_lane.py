@@ -30,6 +30,7 @@ class _Came(NamedTuple):
     topic: str
     key: CallKey
     data: bytes
+    twice: bool
 
 
 class StopLane:
@@ -47,10 +48,11 @@ class StopLane:
         self._thread = Thread(target=self._run, name="emergency stops", daemon=True)
         self._thread.start()
 
-    def put(self, topic: str, key: CallKey, data: bytes) -> None:
-        """Queue a message from the network, without blocking; drop it if `LONGEST` messages wait."""
+    def put(self, topic: str, key: CallKey, data: bytes, *, twice: bool = False) -> None:
+        """Queue a message from the network, without blocking; drop it if `LONGEST` messages wait. What comes
+        `twice` is handled only if it is an emergency stop, which is known again when it comes once more."""
         if self._queue.qsize() < LONGEST:
-            self._queue.put(_Came(topic, key, data))
+            self._queue.put(_Came(topic, key, data, twice))
 
     def close(self) -> None:
         """Handle the messages that wait, and end the thread."""
@@ -62,7 +64,7 @@ class StopLane:
             message = _read(came)
             if isinstance(message, Call) and message.method == EMERGENCY_STOP:
                 self._stop(came.topic, message)
-            else:
+            elif not came.twice:
                 self._other(came.topic, came.key.connection, message, len(came.data))
 
 

@@ -189,7 +189,7 @@ ONE_THREAD = (
     + ", ".join(f"{part}: (handover: app)" for part in ("net", "acc", "tx", "rx"))
     + ")"
 )
-"""How zenoh is to spread over threads in a client of a program, as `ZENOH_RUNTIME` says it: not at all. A
+"""Threads of zenoh in a client of a program, as `ZENOH_RUNTIME` gives them: one for all of its tasks. A
 process that hands all to one thread of Python gains nothing from more, and each costs switches (measured,
 with direct hosts: a third of a frame's time). That thread must not wait for room at a link, which it would
 have to make itself: see `live/host.py`. Servers, and the gateway, keep zenoh's own threads: one that is

@@ -1,4 +1,4 @@
-"""What clients of a network give DServer to keep: their memory, for the process that comes after them.
+"""Checkpoints at DServer: the memory of a program's clients, for the processes that take their place.
 
 Only clients of the program that is deployed may keep something here.
 """
@@ -40,11 +40,11 @@ class Checkpoints:
 
     @property
     def reached(self) -> tuple[str, ...]:
-        """Sentences about bounds that are or were reached."""
+        """Sentences for people about limits that are reached, or were since the server started."""
         return self._bound.reached(self._used)
 
     def keep(self, checkpoint: Checkpoint) -> None:
-        """Keep it, unless it is a stranger's, older than what is here, or too large."""
+        """Keep a checkpoint of one of the program's clients, unless it is too large or not the newest."""
         client = checkpoint.client
         if client not in self._clients:
             return
@@ -59,15 +59,14 @@ class Checkpoints:
         self._journal.put(Key("checkpoint", client), _encode(checkpoint))
 
     def recall(self, recall: Recall) -> Iterator[Send]:
-        """The answer to a client that asks for its newest; strangers get none."""
+        """Send a client its newest checkpoint; a client that is not the program's gets no answer."""
         if recall.client in self._clients:
             none = Checkpoint(client=recall.client, k=-1, start=-1, memory=b"")
             found = self._newest.get(recall.client, none)
             yield Send(topics.recalled(DSERVER.name, recall.client), found)
 
     def begin(self, run: str, clients: Iterable[str]) -> None:
-        """Another run begins, with these clients: what was kept is of no use to it. The same run again is
-        nothing."""
+        """Begin a run with these clients, and drop the checkpoints of another run."""
         if run == self._run:
             return
         for client in self._newest:
@@ -79,7 +78,7 @@ class Checkpoints:
         self._journal.put(_CLIENTS, _encode(sorted(self._clients)))
 
     def load(self, entries: Mapping[Key, bytes]) -> None:
-        """Take over what a store had of the kind "checkpoint", and which run it is of."""
+        """Take over the entries of a store of the kind "checkpoint", with their run and its clients."""
         run = entries.get(_RUN)
         self._run = None if run is None else run.decode()
         if _CLIENTS in entries:

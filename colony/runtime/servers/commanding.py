@@ -114,7 +114,7 @@ class CommandDesk:
 
     @property
     def moves(self) -> bool:
-        """Whether there is an actuator that `halt` makes idle."""
+        """True if there is an actuator that `halt` makes idle."""
         return any(c.actuator.idle is not None for c in self._commanded.values())
 
     def tick(self, tick: Tick, now_ns: int, others: Others = NOBODY) -> Iterable[Effect]:
@@ -143,7 +143,8 @@ class CommandDesk:
         yield from self._set_alarm()
 
     def halt(self, now_ns: int) -> Iterable[Effect]:
-        """The emergency stop has come on: carry out every idle command, whatever the frames have decided."""
+        """Carry out every idle command, whatever the frames have decided: for the emergency stop, and for a
+        server that gets no ticks."""
         for name, commanded in self._commanded.items():
             yield from self.intervene(name, STOPPED, now_ns)
             if commanded.actuator.idle is not None:

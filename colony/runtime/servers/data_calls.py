@@ -1,7 +1,7 @@
-"""What DServer does for whoever calls it: the methods of `library/data.py` (thesis section 4.6.1).
+"""The methods of DServer, called by the functions of `library/data.py` (thesis section 4.6.1).
 
-Each of its parts (variables, semaphores, who watches, what was answered) puts what changes into one journal,
-and the server commits that before any effect leaves.
+Each part (variables, semaphores, watches, answers) puts its changes into one journal, which the server
+commits before any effect leaves.
 """
 
 from __future__ import annotations
@@ -52,22 +52,22 @@ RETURN_NS = 2_000_000_000
 somebody who is about to return might find that another has it too."""
 
 REPLY_BYTES = 3 << 20
-"""The most bytes of values in one reply, so that it fits into a message."""
+"""Bytes of values in one reply, so that it fits into a message."""
 
 MOST_NAMES = 5000
-"""The most names in one reply."""
+"""Names in one reply."""
 
 MOST_VALUES = 2000
-"""The most values of a history in one reply."""
+"""Values of a history in one reply."""
 
 MOST_AT_ONCE = 1000
-"""The most variables that one call sets, gets, watches or publishes."""
+"""Variables that one call sets, gets, watches or publishes."""
 
 SET_BYTES = VALUE_BYTES + 1024
-"""The largest arguments of `set` and `set_many`."""
+"""Bytes of the arguments of `set` and `set_many`: one value of the largest size, with its name."""
 
 NAMES_BYTES = 1 << 18
-"""The largest arguments of calls that list names."""
+"""Bytes of the arguments of calls that list names: `MOST_AT_ONCE` names of 255 bytes."""
 
 
 class DataCalls:
@@ -76,9 +76,9 @@ class DataCalls:
     Args:
         variables, semaphores, answers, watches, wanted: the state, loaded.
         others: more methods.
-        lost: told of connections that ended.
-        stop: carries out an emergency stop.
-        full: the limits of the server that are reached.
+        lost: called for each connection that has ended.
+        stop: carries out an emergency stop, given the connection and the time.
+        full: returns sentences about limits that the server has reached.
     """
 
     def __init__(
@@ -137,7 +137,7 @@ class DataCalls:
             yield from self._tell(now_ns)
 
     def changed(self, names: Iterable[str], now_ns: int) -> Iterator[Effect]:
-        """Variables were set by actuators: who watches is to know."""
+        """Send notices of variables that actuators have set."""
         for name in names:
             self._telling.changed(name)
         yield from self._tell(now_ns)
@@ -153,7 +153,7 @@ class DataCalls:
             method("set_history", SetHistory, once(self._set_history)),
             method("delete", Named, once(self._delete)),
             method("names", ListNames, self._names, right="read"),
-            method("publish", Publish, self._publish, right="read", largest=NAMES_BYTES),
+            method("publish", Publish, self._publish, right="read", lasting=True, largest=NAMES_BYTES),
             method("create_semaphore", CreateSemaphore, once(self._create_semaphore)),
             method("wait", Wait, once(self._wait)),
             method("signal", Named, once(self._signal)),
@@ -161,8 +161,8 @@ class DataCalls:
             method("semaphore", Named, self._semaphore, right="read"),
             method("semaphores", ListNames, self._semaphore_names, right="read"),
             method("delete_semaphore", Named, once(self._delete_semaphore)),
-            method("watch", Watch, self._watch, right="read", largest=NAMES_BYTES),
-            method("unwatch", Watch, self._unwatch, right="read", largest=NAMES_BYTES),
+            method("watch", Watch, self._watch, right="read", lasting=True, largest=NAMES_BYTES),
+            method("unwatch", Watch, self._unwatch, right="read", lasting=True, largest=NAMES_BYTES),
         )
 
     def _once(self, handler: Handler) -> Handler:
@@ -219,8 +219,9 @@ class DataCalls:
     def _history(self, asked: Asked, arguments: History, now_ns: int) -> tuple[Dated, ...]:
         limit = arguments.limit
         if not 1 <= limit <= MOST_VALUES or arguments.back > 0:
-            wrong = f"{limit} values from {arguments.back} on; expected 1 to {MOST_VALUES}, from 0 or less on"
-            raise Refused("arguments", f"DServer: {wrong}")
+            wrong = f"{limit} values of a history, from value {arguments.back} on"
+            expected = f"1 to {MOST_VALUES}, from value 0 or an older one on"
+            raise Refused("arguments", f"DServer: {wrong}; expected {expected}")
         found = tuple(islice(self._variables.history(arguments.name, arguments.back), limit))
         _fit(found, "fewer values, or single ones by `get`")
         return tuple(_dated(dating) for dating in found)
@@ -275,7 +276,7 @@ class DataCalls:
         return deleted
 
     def _grant(self, asked: Asked | None) -> None:
-        """A call that waited has what it waited for."""
+        """Answer a call that waited for a semaphore and has got it."""
         if asked is not None:
             self._answers.note(asked.caller.connection, asked.number, _NIL)
             self._effects += self._desk.answer(asked, None)
@@ -307,7 +308,7 @@ class DataCalls:
             yield from self._desk.notify(caller, name, body)
 
     def _tell(self, now_ns: int) -> Iterator[Effect]:
-        """Tell those who watch, as much as may be told at one moment, and go on a little later."""
+        """Send one slice of notices, and ask for a wake if more are due."""
         yield from self._telling.slice()
         if not self._telling.waiting:
             self._next_slice = None
@@ -322,7 +323,7 @@ class DataCalls:
         self._opened.append(caller.connection)
 
     def _greet(self) -> None:
-        """Go on with what those watch who are (back) here."""
+        """Restore the watches of connections that have opened, and send them the present values."""
         opened, self._opened = self._opened, []
         for connection in opened:
             self._watches.opened(connection)
@@ -339,7 +340,7 @@ class DataCalls:
         return ()
 
     def _give_up(self, connection: str) -> None:
-        """A connection's places in queues, and what it holds, are for others."""
+        """Free a connection's places in queues, and the semaphores that it holds, for others."""
         held, granted = self._semaphores.drop(connection)
         for number in held:
             self._answers.undo(connection, number)
@@ -384,7 +385,7 @@ def _fit(datings: Iterable[Dating], instead: str) -> None:
 
 
 def several(arguments: SetMany) -> list[Prepared]:
-    """The values that a call of `set_many` sets.
+    """Return the values, checked, that a call of `set_many` sets.
 
     Raises:
         Refused: "arguments" or "size".
@@ -400,11 +401,15 @@ def several(arguments: SetMany) -> list[Prepared]:
 
 def _few(count: int) -> None:
     if count > MOST_AT_ONCE:
-        raise Refused("size", f"DServer: {count} in one call; expected at most {MOST_AT_ONCE}")
+        raise Refused("size", f"DServer: {count} names in one call; expected at most {MOST_AT_ONCE}")
 
 
 def _page(names: Names, wanted: ListNames) -> tuple[str, ...]:
-    """Those that were asked for, of names in order."""
+    """Return the names that a call asks for.
+
+    Raises:
+        Refused: "arguments".
+    """
     if not 1 <= wanted.limit <= MOST_NAMES:
-        raise Refused("arguments", f"DServer: at most {wanted.limit} names; expected 1 to {MOST_NAMES}")
+        raise Refused("arguments", f"DServer: a limit of {wanted.limit} names; expected 1 to {MOST_NAMES}")
     return names.page(wanted.prefix, wanted.after, wanted.limit)

@@ -56,7 +56,7 @@ _CLOSED = Key("fact", "closed")
 _ROBOT_WITHOUT_PROGRAM = timing(50_000_000)
 
 WATCHDOG_DEADLINES = 3
-"""Deadlines of a frame after a tick, after which at least two ticks were missed: actuators become idle."""
+"""Time without a tick, in deadlines of a frame, after which actuators become idle: two ticks were missed."""
 
 
 class DServer:
@@ -68,8 +68,8 @@ class DServer:
     It also hands on the activity of the modules in Python that are `announced`, and keeps the checkpoints of
     clients. Mutable: the variables and all else.
 
-    Frames show the variables that the program reads, in the frames of its own run, and those that connections
-    asked for by `publish`.
+    Frames show the variables that connections asked for by `publish`, and, in frames of the program's own
+    run, those that the program reads.
 
     Args:
         held: variables that somebody outside keeps setting: they are as fresh as each frame. Who sets one of
@@ -119,6 +119,7 @@ class DServer:
         self._bark_at: int | None = None
         self._times = _ROBOT_WITHOUT_PROGRAM
         self._changed: list[str] = []
+        self._reads: tuple[str, ...] = ()
         self._run: str | None = None
         self._publisher = Publisher(
             self.address, self._read, keep=keep, stopped=lambda: self._emergency.stopped
@@ -146,7 +147,9 @@ class DServer:
                 yield from self._calls.handle(message, now_ns)
             case Tick():
                 self._relay.tick()
+                before = self._emergency.stopped
                 self._emergency.follow(message)
+                self._halting = before is None and self._emergency.stopped is not None
                 yield from self._publisher.handle(message)
                 yield from self._arbitrate(message, now_ns)
                 yield from self._watch(now_ns)
@@ -181,7 +184,7 @@ class DServer:
             yield from self._calls.changed(changed, now_ns)
 
     def full(self) -> tuple[str, ...]:
-        """Sentences for people about bounds that are reached now, or were since the server started."""
+        """Return sentences for people about limits that are reached, or were since the server started."""
         parts = (
             self._variables,
             self._wanted,
@@ -212,6 +215,9 @@ class DServer:
     def _read(self, tick: Tick) -> Fields:
         new, gone = self._wanted.frame_of(tick.run)
         self._variables.hide(gone)
+        if (reads := self._wanted.reads) is not self._reads:
+            self._reads = reads
+            self._variables.read_by_program(reads)
         self._variables.show(new)
         return self._variables.fields(tick.t_ns)
 
@@ -228,7 +234,7 @@ class DServer:
         self._halting = True
 
     def _watch(self, now_ns: int) -> Iterable[Effect]:
-        """See to it that the actuators become idle when the ticks stop."""
+        """Ask for a wake at which the actuators become idle, unless a tick comes before."""
         if self._desk.moves:
             self._bark_at = now_ns + WATCHDOG_DEADLINES * self._times.deadline_ns
             yield WakeAt(self._bark_at)

@@ -32,6 +32,7 @@ SPACE = 16 << 20
 """Bytes of all answers that are noted; each counts for its connection and `OVERHEAD` more."""
 
 OVERHEAD = 100
+"""Bytes for which an answer counts besides its result and its connection."""
 
 HIGHEST = (1 << 53) - 1
 """The largest number of a call."""
@@ -63,7 +64,7 @@ class Answers:
 
     @property
     def reached(self) -> tuple[str, ...]:
-        """Sentences about bounds that are or were reached."""
+        """Sentences for people about limits that are reached, or were since the server started."""
         return self._bound.reached(self._used)
 
     def find(self, connection: str, number: int) -> bytes | None:

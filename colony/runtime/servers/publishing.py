@@ -25,11 +25,11 @@ FRAME_BYTES = 100
 
 
 class FetchBudget:
-    """Bounds what fetches make a server publish between two ticks. Mutable.
+    """The frames that fetches may make a server publish between two ticks. Mutable: what is left of it.
 
-    Each frame goes to everybody, so that one answer is enough; whoever missed it asks again after the next
-    tick. Without a bound, a reader that falls behind would be sent more frames than it can read, fall behind
-    further, and ask for more.
+    A frame goes to all readers, so that one answer is enough; a reader that missed it asks again after the
+    next tick. Without a limit, a reader that falls behind would be sent more frames than it can read, fall
+    behind further, and ask for more.
     """
 
     def __init__(self) -> None:
@@ -62,8 +62,8 @@ class Publisher:
     """Publishes one frame a tick and keeps the newest `keep` of them. Mutable: the frames kept.
 
     For one k it never publishes two different frames. Asked for a frame of a tick that it never saw, it says
-    "no value" for all fields, so that every reader goes on with the same. Of frames before the first that it
-    answered it says nothing at all: another process, which died, may have published them.
+    "no value" for all fields, so that every reader goes on with the same. It does not answer fetches of
+    frames before its first one: another process, which died, may have published them.
     """
 
     def __init__(
@@ -95,7 +95,7 @@ class Publisher:
 
     @property
     def reached(self) -> tuple[str, ...]:
-        """Sentences about bounds that were reached."""
+        """A sentence for people if frames were forgotten early for want of room; else nothing."""
         if not self._was_full:
             return ()
         kept = f"{len(self._kept)} of {self._keep} are kept"

@@ -51,13 +51,16 @@ KEPT = 2000
 
 WATCHDOG_FRAMES = 2
 
+STALE_FRAMES = 2
+"""Frames after which a tick is too old to move the base by: this process stood still, and what waited for it
+since may have been overtaken by a stop that it has not heard of yet."""
+
 FARTHEST_MM = 1e7
-"""10 km: no position that somebody tells the base is farther from the origin, in x and in y. With much larger
-numbers a step of dead reckoning would be lost in rounding, and the position stand still while the base
-moves."""
+"""Largest x and y of a position that a call may set: 10 km. With much larger numbers a step of dead reckoning
+would be lost in rounding, and the position would stand still while the base moves."""
 
 MOST_TURNED_DEG = 36_000.0
-"""The same for a heading."""
+"""Largest heading, in either direction, that a call may set, for the same reason."""
 
 
 class RServer:
@@ -97,6 +100,7 @@ class RServer:
         self._watchdog_given = watchdog_ns
         self._use(deployment)
         self._k = -1
+        self._tick_ns = 0
         self._watching = True
         self._outside_speeds: Speeds | None = None
         self._acting: str | None = None
@@ -148,7 +152,7 @@ class RServer:
     def _tick(self, tick: Tick, now_ns: int) -> Iterator[Effect]:
         new = tick.k > self._k
         if new:
-            self._k = tick.k
+            self._k, self._tick_ns = tick.k, tick.t_ns
             self._follow_stop(tick)
             self._look()
         yield from self._publisher.handle(tick)
@@ -211,11 +215,19 @@ class RServer:
         if self._emergency.stopped is not None:
             self._halt()
             return
+        if self._stale(now_ns):
+            self._halt()
+            self._desk.remark(self._base.name, f"frame {self._k}: nothing was sent, its tick came too late")
+            return
         speeds = self._outside_speeds
         wanted = self._base.speeds(values) if speeds is None else speeds
         self._setting = self._reflex(wanted, now_ns) if self._watching and wanted.velocity else wanted
         self._driver.drive(*self._setting)
         self._commanded_at = now_ns
+
+    def _stale(self, now_ns: int) -> bool:
+        """Return whether the present frame is long over. In lockstep the times of ticks only count frames."""
+        return not self._base.lockstep and now_ns - self._tick_ns > STALE_FRAMES * self._base.frame_ns
 
     def _reflex(self, wanted: Speeds, now_ns: int) -> Speeds:
         """Not into a bumper that is pressed."""
@@ -328,7 +340,7 @@ class RServer:
         self._stopped(by)
 
     def _follow_stop(self, tick: Tick) -> None:
-        """Stop, or go on, as the Clock says."""
+        """Stop or go on, as the Clock's tick says."""
         before = self._emergency.stopped
         self._emergency.follow(tick)
         after = self._emergency.stopped

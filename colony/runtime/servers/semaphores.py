@@ -23,13 +23,13 @@ from colony.runtime.servers.naming import Names
 from colony.runtime.store import Journal, Key
 
 MOST = 10_000
-"""Semaphores."""
+"""Semaphores at a time."""
 
 MOST_HELD = 2_000
-"""Holds of all connections: they may all end in one moment."""
+"""Holds of all connections together: all of them may end at one moment."""
 
 MOST_WAITING = 1_000
-"""Calls that wait for all semaphores: they may all be answered in one moment."""
+"""Calls that wait for semaphores, of all connections together: all may be answered at one moment."""
 
 FOR_EVER_NS = 10**17
 """Who would wait for three years waits for ever."""
@@ -73,7 +73,7 @@ class Semaphores:
 
     @property
     def reached(self) -> tuple[str, ...]:
-        """Sentences about bounds that are or were reached."""
+        """Sentences for people about limits that are reached, or were since the server started."""
         return (
             *self._most.reached(len(self._semaphores)),
             *self._most_held.reached(self._held),

@@ -21,6 +21,9 @@ from colony.runtime.store import Journal, Key
 FRAME_SPACE = 1 << 16
 """Bytes that the names and values in a frame may take."""
 
+PUBLISHED_SPACE = 1 << 15
+"""Bytes that names and values may take besides, which no program reads and connections asked for."""
+
 LONGEST_LIST = (FRAME_SPACE - 16) // 9
 """Length of the longest list of numbers that a frame has room for."""
 
@@ -64,22 +67,35 @@ def showing(name: str, data: bytes) -> Showing:
 class Shown:
     """The content of frames. Mutable: the variables that they show, with their present values.
 
-    A value that finds no room is left out.
+    What the program reads and what connections asked for besides have room of their own: nobody who looks
+    takes it from the program. A value that finds no room is left out.
     """
 
     def __init__(self, space: int = FRAME_SPACE) -> None:
         self.space = space
         self._bound = Bound("numbers in frames", space, in_bytes=True)
-        self._used = 0
+        self._published = Bound("numbers in frames that no program reads", PUBLISHED_SPACE, in_bytes=True)
+        self._used = self._used_besides = 0
         self._wanted: set[str] = set()
+        self._read: frozenset[str] = frozenset()
         self._samples: dict[str, Sample] = {}
         self._sizes: dict[str, int] = {}
         self._fields: Fields | None = None
 
     @property
     def reached(self) -> tuple[str, ...]:
-        """Sentences about bounds that are or were reached."""
-        return self._bound.reached(self._used)
+        """Sentences for people about limits that are reached, or were since the server started."""
+        return (*self._bound.reached(self._used), *self._published.reached(self._used_besides))
+
+    def read(self, names: Iterable[str]) -> frozenset[str]:
+        """Take these, and no others, for the variables that the program reads; return those that this
+        changes, whose present values `put` is to give again."""
+        new = frozenset(names)
+        changed = self._read ^ new
+        for name in changed:
+            self.drop(name)
+        self._read = new
+        return changed
 
     def fields(self) -> Fields:
         """Return the fields of a frame: the same object until something changes, so that frames share it."""
@@ -88,11 +104,24 @@ class Shown:
         return self._fields
 
     def growth(self, name: str, size: int) -> int:
-        """Return the bytes by which frames grow if a variable gets a value of this size."""
-        return size - self._sizes.get(name, 0) if name in self._wanted else 0
+        """Return the bytes by which the program's part of frames grows if a variable gets a value of this
+        size."""
+        return size - self._sizes.get(name, 0) if name in self._wanted and name in self._read else 0
+
+    def expect_room_besides(self, size: int) -> None:
+        """Check that frames have room for `size` more bytes that no program reads.
+
+        Raises:
+            Refused: "full".
+        """
+        if not self._published.allows(self._used_besides + size):
+            text = (
+                f"DServer's frames have no room for more than {PUBLISHED_SPACE} bytes that no program reads"
+            )
+            raise Refused("full", text)
 
     def expect_room(self, growth: int) -> None:
-        """Check that frames have room for `growth` more bytes.
+        """Check that the program's part of frames has room for `growth` more bytes.
 
         Raises:
             Refused: "full".
@@ -115,17 +144,28 @@ class Shown:
         if name not in self._wanted:
             return
         self.drop(name)
-        if shown.size and self._bound.allows(self._used + shown.size) and shown.value is not None:
+        if shown.size and self._allows(name, shown.size) and shown.value is not None:
             self._fields = None
             self._samples[name] = Sample(shown.value, t_ns)
             self._sizes[name] = shown.size
-            self._used += shown.size
+            self._count(name, shown.size)
 
     def drop(self, name: str) -> None:
         """Leave out a variable, until it gets a value."""
         if self._samples.pop(name, None) is not None:
             self._fields = None
-            self._used -= self._sizes.pop(name)
+            self._count(name, -self._sizes.pop(name))
+
+    def _allows(self, name: str, size: int) -> bool:
+        if name in self._read:
+            return self._bound.allows(self._used + size)
+        return self._published.allows(self._used_besides + size)
+
+    def _count(self, name: str, size: int) -> None:
+        if name in self._read:
+            self._used += size
+        else:
+            self._used_besides += size
 
 
 class Wanted:
@@ -147,7 +187,7 @@ class Wanted:
 
     @property
     def reached(self) -> tuple[str, ...]:
-        """Sentences about bounds that are or were reached."""
+        """Sentences for people about limits that are reached, or were since the server started."""
         return self._bound.reached(self._total)
 
     def deploy(self, run: str, reads: tuple[str, ...]) -> tuple[str, ...]:
@@ -169,6 +209,11 @@ class Wanted:
         if reading:
             return tuple(self._add(self._reads)), ()
         return (), tuple(self._take(self._reads))
+
+    @property
+    def reads(self) -> tuple[str, ...]:
+        """The variables that the program reads in the present frame."""
+        return self._reads if self._reading else ()
 
     def ask(self, connection: str, names: Iterable[str]) -> tuple[str, ...]:
         """Add names to those that a connection asks for; return the ones that nobody asked for before.

@@ -1,7 +1,7 @@
 """DServer's variables: named values with a history each (thesis section 4.6.1, "Ordinary Variables").
 
-Values are kept in msgpack, as they came. What frames show of them is `showing.py`.
-The store has each value of a history in a slot of its own (see `_Variable.slot`).
+Values are kept in msgpack, as they came; `showing.py` decides what frames show of them. The store has each
+value of a history in a slot of its own (see `_Variable.slot`).
 """
 
 from __future__ import annotations
@@ -23,26 +23,27 @@ from colony.runtime.servers.showing import FRAME_SPACE, Showing, Shown, showing
 from colony.runtime.store import Journal, Key
 
 MOST = 20_000
-"""Variables."""
+"""Variables at a time."""
 
 VALUE_BYTES = 1 << 20
-"""The largest value, in msgpack."""
+"""Bytes of the largest value, in msgpack."""
 
 READ_BYTES = 1 << 14
-"""Values up to this size are read before they are taken: text must be UTF-8, and keys what can be keys. Of
-larger ones only the structure is known to be msgpack, as reading them could take a fifth of a second."""
+"""Bytes up to which a value is decoded before it is accepted: text must be UTF-8, and keys must be hashable.
+Of larger values only the structure is checked, because decoding them could take a fifth of a second."""
 
 HISTORY_LENGTH = 10_000
-"""The longest history."""
+"""Values in the longest history."""
 
 SPACE = 1 << 26
-"""Bytes that all variables with their histories may take; each value counts for `OVERHEAD` more."""
+"""Bytes that all variables with their histories may take; each variable and each value counts for `OVERHEAD`
+more."""
 
 OVERHEAD = 200
 """Bytes of memory that a value takes besides its own (measured: 210)."""
 
 LONG_AGO_NS = 10**17
-"""By how much values are older than the present whose time is of another clock: three years."""
+"""Nanoseconds before the present at which values of another clock are dated: three years."""
 
 
 _HELD = Key("fact", "held")
@@ -99,13 +100,13 @@ class Variables:
 
     @property
     def reached(self) -> tuple[str, ...]:
-        """Sentences about bounds that are or were reached."""
+        """Sentences for people about limits that are reached, or were since the server started."""
         count = self._most.reached(len(self._variables))
         return (*count, *self._space.reached(self._used), *self._shown.reached)
 
     def fields(self, now_ns: int) -> Fields:
-        """What a frame shows: the variables that were asked for whose present value is a number, a bool, or a
-        list of them.
+        """Return the fields of a frame: the variables that were asked for whose present value is a number, a
+        bool, or a list of them.
 
         As long as nothing changes it is the same object, so that the frames that are kept share it.
         """
@@ -118,34 +119,45 @@ class Variables:
         return {**shown, **held} if held else shown
 
     def expect_frames_with(self, names: Iterable[str]) -> None:
-        """Make sure that frames have room for these variables, too.
+        """Check that frames have room for these variables, too.
 
         Raises:
             Refused: "full".
         """
         known = (self._variables.get(name) for name in names)
-        self._shown.expect_room(sum(variable.shown_size for variable in known if variable is not None))
+        self._shown.expect_room_besides(
+            sum(variable.shown_size for variable in known if variable is not None)
+        )
+
+    def read_by_program(self, names: Iterable[str]) -> None:
+        """Show these variables as those that the program reads, and no others as such."""
+        self._refresh(self._shown.read(names))
 
     def show(self, names: Iterable[str]) -> None:
-        """Have frames show these variables, too, also those that are set only later."""
+        """Show these variables in frames from now on, including those that are set only later."""
+        names = tuple(names)
         for name in names:
             self._shown.want(name)
+        self._refresh(names)
+
+    def _refresh(self, names: Iterable[str]) -> None:
+        for name in names:
             variable = self._variables.get(name)
             if variable is not None and 0 < variable.shown_size <= self._shown.space:
                 present = variable.values[-1]
                 self._shown.put(name, showing(name, present.data), present.t_ns)
 
     def hide(self, names: Iterable[str]) -> None:
-        """Have frames show these no more."""
+        """Stop showing these variables in frames."""
         for name in names:
             self._shown.unwant(name)
 
     def has(self, name: str) -> bool:
-        """Whether there is one of this name."""
+        """Return whether there is a variable of this name."""
         return name in self._variables
 
     def present(self, name: str) -> Dating | None:
-        """The present value, if there is one."""
+        """Return the present value, None if there is none."""
         variable = self._variables.get(name)
         return variable.values[-1] if variable is not None and variable.values else None
 
@@ -170,7 +182,7 @@ class Variables:
         return variable.values[back - 1]
 
     def history(self, name: str, back: int = 0) -> Iterator[Dating]:
-        """All values kept from the value `-back` times before the present one on, the newest first.
+        """Yield the values kept, the newest first, from the value `-back` times before the present one on.
 
         Raises:
             Refused: "unknown".
@@ -204,7 +216,7 @@ class Variables:
             self.put(one, now_ns)
 
     def put(self, one: Prepared, now_ns: int) -> None:
-        """Set one variable, whatever room there is."""
+        """Set one variable without checking limits."""
         name, data, shown = one
         if name in self._held:
             self._let_go(name)
@@ -336,15 +348,15 @@ class Variables:
 
 
 def prepared(name: str, value: msgspec.Raw | bytes, *, readable: bool = True) -> Prepared:
-    """A value that came, checked, and apart from the message that it came in.
+    """Check a value, and copy it out of the message that it came in.
 
     Args:
         name: of the variable.
         value: in msgpack; its structure was checked when the message was decoded.
-        readable: whether to read it, so that what nobody could read is refused (see `READ_BYTES`).
+        readable: whether to decode it too, to refuse a value that nobody could read (see `READ_BYTES`).
 
     Raises:
-        Refused: "arguments" for what is no msgpack, "size" for what is too large.
+        Refused: "arguments" for a value that is no msgpack, "size" for one that is too large.
     """
     data = bytes(value)
     if len(data) > VALUE_BYTES:
@@ -360,7 +372,7 @@ def prepared(name: str, value: msgspec.Raw | bytes, *, readable: bool = True) ->
 
 
 def unknown(name: str) -> Refused:
-    """That there is no such variable."""
+    """Return the refusal of a call for a variable that does not exist."""
     return Refused("unknown", f"DServer has no variable `{name}`")
 
 
@@ -369,7 +381,7 @@ def _cost(data: bytes) -> int:
 
 
 def encoded(value: Value) -> bytes:
-    """A value of a program in msgpack."""
+    """Return a value of a program in msgpack."""
     return _encode(value)
 
 

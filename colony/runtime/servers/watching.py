@@ -19,6 +19,9 @@ from colony.runtime.store import Journal, Key
 MOST = 2_000
 """Names and prefixes that one connection may watch."""
 
+MOST_PREFIXES_EACH = 50
+"""Prefixes that one connection may watch."""
+
 MOST_NAMES = 20_000
 """Names that all connections may watch together."""
 
@@ -51,7 +54,7 @@ class Watches:
 
     @property
     def reached(self) -> tuple[str, ...]:
-        """Sentences about bounds that are or were reached."""
+        """Sentences for people about limits that are reached, or were since the server started."""
         return (*self._most_names.reached(self._names), *self._most_prefixes.reached(self._prefixes))
 
     def watchers(self, name: str) -> Collection[str]:
@@ -77,6 +80,8 @@ class Watches:
         prefixes = [prefix for prefix in dict.fromkeys(prefixes) if prefix not in watch.prefixes]
         if len(watch.names) + len(names) + len(watch.prefixes) + len(prefixes) > MOST:
             raise Refused("full", f"DServer: a connection watches at most {MOST} names and prefixes")
+        if len(watch.prefixes) + len(prefixes) > MOST_PREFIXES_EACH:
+            raise Refused("full", f"DServer: a connection watches at most {MOST_PREFIXES_EACH} prefixes")
         if not self._most_names.allows(self._names + len(names)):
             raise Refused("full", f"DServer: connections watch {MOST_NAMES} names already")
         if not self._most_prefixes.allows(self._prefixes + len(prefixes)):
