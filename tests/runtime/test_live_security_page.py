@@ -12,11 +12,9 @@ import pytest
 
 from colony.runtime.codec import LARGEST
 from colony.runtime.kit.connection import Session
-from colony.runtime.live import border, limits
+from colony.runtime.live import limits
 from colony.runtime.live.gateway import MEMORY_BYTES, open_gateway
-from colony.runtime.live.meter import BYTES_A_TOKEN, Rate
 from colony.runtime.live.security import PERMISSIONS, read_credentials, read_security
-from colony.runtime.live.waiting import CALLS_EACH
 from tests.runtime.certificates import free_port
 from tests.runtime.kit_stage import BATTERY, battery_thread, charge, level
 from tests.runtime.live_stage import ROBOT, place, run_directory, running, until
@@ -64,23 +62,7 @@ def test_the_limits_on_the_page_are_those_of_the_gateway() -> None:
     assert f"| {LARGEST >> 20} MiB and {limits.SMALL // 1024} KiB | dropped" in PAGE
 
 
-@pytest.mark.parametrize(
-    ("what", "rate"),
-    [
-        ("calls, and signs of life of connections", border.CALLS),
-        ("the same under the right `stop`", border.STOPS),
-        ("frames asked for again", border.FETCHES),
-        ("requests and all else that a program's clients send", border.PROGRAMS),
-    ],
-)
-def test_the_rates_on_the_page_are_those_of_servers(what: str, rate: Rate) -> None:
-    assert f"| {what} | {rate.per_s:.0f} | {rate.burst:.0f} |" in PAGE
-
-
-def test_other_numbers_of_servers_are_those_of_the_code() -> None:
-    assert f"`flood`, {border.REFUSALS.per_s:.0f} a second" in PAGE
-    assert f"Each {BYTES_A_TOKEN >> 10} KiB of a message count as one more" in PAGE
-    assert f"no more than {CALLS_EACH} calls wait" in PAGE
+def test_the_memory_of_the_gateway_is_that_of_the_code() -> None:
     assert f"memory reaches {MEMORY_BYTES >> 20} MiB" in PAGE
 
 
