@@ -93,9 +93,9 @@ class Started:
         """Send it a signal."""
         self.process.send_signal(number)
 
-    def wait(self) -> int:
+    def wait(self, patience_s: float = PATIENCE_S) -> int:
         """Its exit code."""
-        code = self.process.wait(PATIENCE_S)
+        code = self.process.wait(patience_s)
         assert "Traceback" not in self.err, self.err
         return code
 
@@ -123,10 +123,10 @@ class Machine:
         self._started.append(started)
         return started
 
-    def run(self, *arguments: str) -> Started:
+    def run(self, *arguments: str, patience_s: float = PATIENCE_S) -> Started:
         """The same, to its end."""
         started = self.start(*arguments)
-        started.wait()
+        started.wait(patience_s)
         return started
 
     def close(self) -> None:

@@ -223,7 +223,8 @@ def soak(folder: Path, *, seconds: float, seed: int) -> Figures:
             run.close()
         figures.strange = tuple(_STRANGE.findall(run.started.err))
         figures.disagreements = len(json.loads(run.started.out)["disagreements"])
-        audit = machine.run("audit", str(run.started.folder / "run.mcap"), "--format", "json")
+        recording = str(run.started.folder / "run.mcap")
+        audit = machine.run("audit", recording, "--format", "json", patience_s=max(60.0, seconds))
         assert audit.process.returncode in (0, 1), audit.err
         figures.audit = json.loads(audit.out)
     finally:
