@@ -8,7 +8,7 @@ from itertools import count
 import msgspec
 import pytest
 
-from colony.runtime.calls import Nothing
+from colony.runtime.calls import EMERGENCY_STOP, Nothing
 from colony.runtime.codec import LARGEST
 from colony.runtime.kit.conversation import (
     AGAIN_NS,
@@ -207,3 +207,32 @@ def test_arguments_that_are_too_large_are_refused_before_anything_is_sent() -> N
     ask: Ask[None] = Ask("write", _Blob(data=bytes(LARGEST)), None, "command")
     with pytest.raises(CallRefused, match=r"write: the arguments are [0-9]+ bytes; expected at most 4193280"):
         Pending(ask, lambda outcome: None)
+
+
+def test_a_call_is_sent_again_before_its_time_as_long_as_it_has_no_answer() -> None:
+    talk = Conversation(server="S", user="ada", ids=iter(("1",)).__next__, name="n", priority=0)
+    pending = Pending(
+        Ask(EMERGENCY_STOP, Nothing(), type(None), "stop", repeatable=True), lambda outcome: None
+    )
+    assert list(talk.again(pending, 0)) == [], "not sent yet"
+    list(talk.open(lambda outcome: None, 0))
+    (first,) = talk.ask(pending, 1)
+    assert isinstance(first, Transmit), "it does not wait until the connection is open"
+    assert list(talk.again(pending, 2)) == [first], "with the same number"
+    assert isinstance(first.message, Call)
+    list(talk.take(Reply(connection="ada/1", number=first.message.number), 3))
+    assert list(talk.again(pending, 4)) == []
+
+
+def test_a_call_that_was_refused_as_one_too_many_is_sent_again() -> None:
+    talk = Conversation(server="S", user="ada", ids=iter(("1",)).__next__, name="n", priority=0)
+    list(talk.open(lambda outcome: None, 0))
+    list(talk.take(Reply(connection="ada/1", number=1), 0))
+    outcomes: list[object] = []
+    (sent,) = talk.ask(Pending(Ask("m", Nothing(), type(None), "read"), outcomes.append), 0)
+    assert isinstance(sent, Transmit)
+    assert isinstance(sent.message, Call)
+    flood = Problem(code="flood", message="too many")
+    assert list(talk.take(Reply(connection="ada/1", number=sent.message.number, problem=flood), 1)) == []
+    assert (outcomes, talk.complaint) == ([], "too many")
+    assert sent in list(talk.tend(300_000_000))

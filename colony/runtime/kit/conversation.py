@@ -158,6 +158,11 @@ class Conversation:
         elif pending in self._unsent:
             self._unsent.remove(pending)
 
+    def again(self, pending: Pending, now_ns: int) -> Iterator[Effect]:
+        """Send a call once more that has no answer yet, before its time."""
+        if pending.call is not None and pending.call.number in self._sent:
+            yield self._transmit(pending, now_ns)
+
     def take(self, message: Reply | Notice, now_ns: int) -> Iterator[Effect]:
         """Take what the server says; what it said to an older connection is nothing."""
         if message.connection != self.connection or self.state is State.CLOSED:

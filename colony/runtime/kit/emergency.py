@@ -17,11 +17,15 @@ from types import TracebackType
 
 from colony.runtime.kit.answers import read_result
 from colony.runtime.kit.connection import Session
-from colony.runtime.kit.conversation import Outcome
+from colony.runtime.kit.conversation import Outcome, Pending
 from colony.runtime.kit.errors import ConnectionProblem
 from colony.runtime.library import emergency
 from colony.runtime.live.place import Local
 from colony.runtime.topics import CLOCK
+
+AGAIN_S = 0.03
+"""Seconds after which a stop without an acknowledgement is sent again: on its way it may be dropped where
+there is no room. Servers know it again."""
 
 PATIENCE_S = 2.0
 """Seconds to wait for the acknowledgements."""
@@ -73,18 +77,22 @@ class StopButton:
             for server, wire in self._wires.items()
         }
         try:
-            return self._collect(outcomes, due)
+            return self._collect(outcomes, due, sent)
         finally:
             for server, pending in sent.items():
                 self._wires[server].forget(pending)
 
-    def _collect(self, outcomes: SimpleQueue[tuple[str, Outcome]], due: float) -> Pressed:
+    def _collect(
+        self, outcomes: SimpleQueue[tuple[str, Outcome]], due: float, sent: Mapping[str, Pending]
+    ) -> Pressed:
         found: dict[str, Outcome] = {}
         while self._awaited(found) and (left_s := due - time.monotonic()) > 0.0:
             try:
-                server, found[server] = outcomes.get(timeout=left_s)
+                server, outcome = outcomes.get(timeout=min(left_s, AGAIN_S))
+                found[server] = outcome
             except Empty:
-                break
+                for missing in self._awaited(found):
+                    self._wires[missing].again(sent[missing])
         problems: dict[str, str] = {}
         for server, outcome in found.items():
             try:

@@ -114,6 +114,12 @@ class Wire:
         self._carry_out(effects)
         return pending
 
+    def again(self, pending: Pending) -> None:
+        """Send a call once more that has no answer yet."""
+        with self._lock:
+            effects = list(self._talk.again(pending, monotonic()))
+        self._carry_out(effects, patient=False)
+
     def forget(self, pending: Pending) -> None:
         """Nobody waits for this call any more."""
         with self._lock:
