@@ -132,7 +132,7 @@ def test_the_behavior_is_right() -> None:
         ("| names in one reply | 5000 |", data_calls.MOST_NAMES == 5000),
         ("| names and prefixes that a connection watches | 2000 |", watching.MOST == 2000),
         (
-            "| names, and prefixes, that all connections watch | 20000 and 1000 |",
+            "| names, and prefixes, that all connections watch; of one user half | 20000 and 1000 |",
             (watching.MOST_NAMES, watching.MOST_PREFIXES) == (20_000, 1000),
         ),
         ("| semaphores | 10000 |", semaphores.MOST == 10_000),

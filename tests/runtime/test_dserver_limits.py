@@ -142,6 +142,7 @@ def test_there_are_so_many_semaphores_holds_and_waiting_calls(monkeypatch: pytes
 def test_there_are_so_many_names_and_prefixes_watched(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(watching, "MOST_NAMES", 3)
     monkeypatch.setattr(watching, "MOST_PREFIXES", 2)
+    monkeypatch.setattr(watching, "SHARE", 1)
     stage = DataStage()
     ada, bob = stage.connect(), stage.connect("bob/1")
     ada.do(data.watch("A", "B", prefixes=["P"]))
@@ -153,6 +154,18 @@ def test_there_are_so_many_names_and_prefixes_watched(monkeypatch: pytest.Monkey
     ada.do(data.unwatch("B", prefixes=["P"]))
     bob.do(data.watch("C", prefixes=["Px"]))
     assert bob.changes(ada.begin(data.set("Pxy", 1))) == [("Pxy", 1)]
+
+
+def test_no_user_watches_all_there_is_to_watch(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(watching, "MOST_NAMES", 4)
+    monkeypatch.setattr(watching, "MOST_PREFIXES", 4)
+    stage = DataStage()
+    first, second, bob = stage.connect("ada/1"), stage.connect("ada/2"), stage.connect("bob/1")
+    first.do(data.watch("A", prefixes=["P"]))
+    second.do(data.watch("B", prefixes=["Q"]))
+    assert refused(second, data.watch("C")) == "full"
+    assert refused(first, data.watch(prefixes=["R"])) == "full"
+    bob.do(data.watch("C", "D", prefixes=["R", "S"]))
 
 
 def test_answers_of_long_ago_make_room(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -28,6 +28,9 @@ MOST_NAMES = 20_000
 MOST_PREFIXES = 1_000
 """Prefixes that all connections may watch together."""
 
+SHARE = 2
+"""One user's connections may watch one part in so many of what all may: nobody takes it all."""
+
 KEPT_NS = 60_000_000_000
 """For how long it is kept what a lost connection watched."""
 
@@ -82,6 +85,11 @@ class Watches:
             raise Refused("full", f"DServer: a connection watches at most {MOST} names and prefixes")
         if len(watch.prefixes) + len(prefixes) > MOST_PREFIXES_EACH:
             raise Refused("full", f"DServer: a connection watches at most {MOST_PREFIXES_EACH} prefixes")
+        mine = [w for c, w in self._watches.items() if _user(c) == _user(connection)]
+        if sum(len(w.names) for w in mine) + len(names) > MOST_NAMES // SHARE:
+            raise Refused("full", f"DServer: a user watches at most {MOST_NAMES // SHARE} names")
+        if sum(len(w.prefixes) for w in mine) + len(prefixes) > MOST_PREFIXES // SHARE:
+            raise Refused("full", f"DServer: a user watches at most {MOST_PREFIXES // SHARE} prefixes")
         if not self._most_names.allows(self._names + len(names)):
             raise Refused("full", f"DServer: connections watch {MOST_NAMES} names already")
         if not self._most_prefixes.allows(self._prefixes + len(prefixes)):
@@ -171,6 +179,10 @@ def _unindex(table: dict[str, dict[str, None]], one: str, connection: str) -> bo
         return False
     del table[one]
     return True
+
+
+def _user(connection: str) -> str:
+    return connection.partition("/")[0]
 
 
 _NOBODY: dict[str, None] = {}
