@@ -37,6 +37,9 @@ def test_nobody_gets_beyond_the_right(intruder: Intruder, lab: Lab, folder: Path
     let_in = intruder.mode != "peer" and intruder.certificate not in REFUSED
     assert outcome.linked == let_in, "the attack took place as it was meant"
     has_a_right = let_in and intruder.certificate != STRANGER
+    if has_a_right and not outcome.within:  # on a busy machine what it may do takes longer to arrive
+        outcome = attempt(intruder, lab, folder, watch_s=8 * WATCH_S)
+        assert outcome.failed, outcome
     assert (outcome.within > 0) == has_a_right, "else the witness would be deaf"
 
 

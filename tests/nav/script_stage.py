@@ -100,7 +100,8 @@ class Stage:
             case "DServer", "set":
                 return self._set(by, {told["name"]: told["value"]}, "set")
             case "DServer", "set_many":
-                return self._set(by, told["values"], "set_many")
+                values = msgspec.msgpack.decode(told["values"], type=dict[str, msgspec.Raw])
+                return self._set(by, values, "set_many")
             case "DServer", "get":
                 found = self._get([told["name"]])
                 return found if isinstance(found, Exception) else found[told["name"]]

@@ -20,6 +20,7 @@ from colony.runtime.live import configuration, gateway, keys
 from colony.runtime.live.errors import GatewayFull, NotReached, SecurityError
 from colony.runtime.live.gateway import GatewayNode, open_gateway
 from colony.runtime.live.host import Host
+from colony.runtime.live.limits import MIDDLE
 from colony.runtime.live.network import Network
 from colony.runtime.live.outbox import Haste, publish
 from colony.runtime.live.place import Credentials, Remote
@@ -377,7 +378,7 @@ def test_a_server_of_the_kit_that_starts_after_its_client(lab: _Lab) -> None:
 
 
 @pytest.mark.parametrize(
-    ("user", "right", "limit"), [("carl", "stop", 1024), ("bob", "read", 65536), ("ada", "command", None)]
+    ("user", "right", "limit"), [("carl", "stop", 1024), ("bob", "read", MIDDLE), ("ada", "command", None)]
 )
 def test_messages_larger_than_their_right_allows(lab: _Lab, user: str, right: str, limit: int | None) -> None:
     sizes: list[int] = []
@@ -487,10 +488,11 @@ def _urgent(network: Network, key: str) -> None:
 
 def test_a_gateway_whose_memory_is_full_begins_again(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """As the same process, for a supervisor or a person who started it."""
-    used = [gateway.MEMORY_BYTES]
+    used = [46 << 20]
     node = GatewayNode(read_security(Authority(tmp_path).table(USERS)), memory=lambda: used[0])
     (wake,) = node.start(0)
     assert isinstance(wake, WakeAt)
+    used[0] += gateway.GROWTH_BYTES
     assert list(node.handle(Wake(), wake.t_ns)) == [WakeAt(2 * wake.t_ns)]
     used[0] += 1 << 20
     assert list(node.handle(Wake(), 2 * wake.t_ns - 1)) == [], "not looked at yet"
