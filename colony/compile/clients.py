@@ -38,9 +38,12 @@ class ActuatorClients:
 class ClientList:
     """All clients of a program over one table of guards.
 
-    `observed` gives the activity of the wires that contracts and tests name.
+    `observed` gives the activity of the wires that contracts and tests name. `windows` gives the guards that
+    are time constants, by what `ir.memory` calls them; simplification, which merges and drops some, leaves
+    all of them out.
     """
 
     guards: tuple[Guard, ...]
     actuators: tuple[ActuatorClients, ...]
     observed: tuple[tuple[str, int], ...] = ()
+    windows: tuple[tuple[str, int], ...] = ()
