@@ -51,6 +51,8 @@ THIRD_PARTY: dict[str, set[str]] = {
     "msgspec": {"runtime", "sim", "experiment", "cli"},
     "zenoh": {"runtime"},
     "mcap": {"runtime"},
+    "lz4": {"runtime"},
+    "zstandard": {"runtime"},
 }
 """The only packages that may import these."""
 

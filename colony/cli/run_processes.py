@@ -242,10 +242,10 @@ class _Run:
         )
 
     def _lead(self) -> LedRun:
-        program, clients = self._both
+        program, _ = self._both
         recorded = self._options.record is not None
         observer = build_observer(
-            program, clients, self._bindings, (self._window,), self._deployed.run, requests=recorded
+            program, self._bindings, (self._window,), self._deployed.run, requests=recorded
         )
         servers = dict.fromkeys([CLOCK, DSERVER.name, *(b.server for b in self._bindings.actuators)])
         return LedRun(

@@ -7,17 +7,18 @@ import sys
 from collections.abc import Iterator
 from contextlib import redirect_stdout
 from pathlib import Path
-from typing import TYPE_CHECKING, BinaryIO, NoReturn
+from typing import TYPE_CHECKING, BinaryIO, NamedTuple, NoReturn
 
 import click
 
-from colony.cli.exit_codes import EXIT_MISUSE
+from colony.cli.exit_codes import EXIT_ERRORS, EXIT_MISUSE
 from colony.cli.outputs import check_output, write_whole
 from colony.cli.reporting import load_program, refuse, say
 
 if TYPE_CHECKING:
-    from colony.ir.frame import Executor, Frame
+    from colony.ir.frame import Executor, Frame, Outcome
     from colony.ir.program import Program
+    from colony.runtime.monitor import Keyframe
 
 
 @click.command("trace", short_help="decide recorded frames, with any of the executors")
@@ -38,7 +39,9 @@ def command(file: str, input_: str, backend: str, output: Path | None) -> None:
 
     A frame is a JSON object a line: "t" in seconds, sensors in declared units, an absent sensor is missing.
     A recording that `colony run --record` wrote is valid input, as JSON lines or as MCAP (*.mcap). A bad line
-    is an error with its place, exit code 2, and nothing is printed.
+    is an error with its place, exit code 2, and nothing is printed. Where a recording is damaged its whole
+    frames are decided, it is said from when to when, and the exit code is 1. After the damage only the
+    backend network goes on, from the memory that the recording holds.
 
     \b
     Example:
@@ -55,11 +58,12 @@ def command(file: str, input_: str, backend: str, output: Path | None) -> None:
     lines = io.StringIO()
     name = "<stdin>" if input_ == "-" else input_
     with _open(input_) as frames, redirect_stdout(sys.stderr):  # for what modules in Python print
-        executor = _executor(program, backend)
+        decider = _Decider(program, backend)
         try:
-            for frame, restart in _read(frames, name, program):
-                executor = _executor(program, backend) if restart else executor
-                lines.write(outcome_line(program, frame.t_ns, executor.step(frame)) + "\n")
+            for recorded in _read(frames, name, program, decider):
+                outcome = decider.step(recorded)
+                if outcome is not None:
+                    lines.write(outcome_line(program, recorded.frame.t_ns, outcome) + "\n")
         except Failure as failure:
             refuse(failure.diagnostics)
         except OSError as problem:
@@ -68,18 +72,87 @@ def command(file: str, input_: str, backend: str, output: Path | None) -> None:
         click.echo(lines.getvalue(), nl=False)
     else:
         write_whole(output, lines.getvalue())
+    for text in decider.damage:
+        say(f"{name}: error: {text}")
+    if decider.damage:
+        raise click.exceptions.Exit(EXIT_ERRORS)
 
 
-def _read(frames: BinaryIO, name: str, program: Program) -> Iterator[tuple[Frame, bool]]:
-    """Every frame, and whether all memory begins anew with it."""
+class _Recorded(NamedTuple):
+    """A frame; whether all memory begins anew with it; the memory before it, where the recording holds that;
+    and whether something before it is damaged."""
+
+    frame: Frame
+    restart: bool
+    keyframe: Keyframe | None
+    damaged: bool
+
+
+def _read(frames: BinaryIO, name: str, program: Program, decider: _Decider) -> Iterator[_Recorded]:
+    """Every frame; tells `decider` whether what comes after the last one is damaged."""
     from colony.cli.recordings import is_mcap, read_recording
 
-    if not is_mcap(name):
-        from colony.runtime.recordings.replay import read_rows
+    if is_mcap(name):
+        reader = read_recording(frames, name)
+        for whole in reader.frames(program):
+            yield _Recorded(whole.frame, whole.restart, whole.keyframe, whole.damaged)
+        decider.ends(damaged=reader.damaged)
+        return
+    from colony.runtime.recordings.keyframes import read_keyframe
+    from colony.runtime.recordings.replay import Rows
 
-        return ((row.frame, row.values.get("@restart") is True) for row in read_rows(frames, name, program))
+    rows = Rows(frames, name, program)
+    for row in rows:
+        members = row.values.get("@keyframe")
+        keyframe = read_keyframe(members) if isinstance(members, dict) else None
+        yield _Recorded(row.frame, row.values.get("@restart") is True, keyframe, row.damaged)
+    decider.ends(damaged=rows.damaged)
 
-    return ((recorded.frame, recorded.restart) for recorded in read_recording(frames, name).frames(program))
+
+class _Decider:
+    """Decides frames with the executor that was asked for, and goes on after damage where that can. Mutable:
+    the executor, and what was damaged."""
+
+    def __init__(self, program: Program, backend: str) -> None:
+        self._program = program
+        self._backend = backend
+        self._executor: Executor | None = _executor(program, backend)
+        self._last_ns: int | None = None
+        self.damage: list[str] = []
+
+    def step(self, recorded: _Recorded) -> Outcome | None:
+        """Decide a frame; None where memory is not known."""
+        if recorded.damaged:
+            self._executor = None
+            self._tell(f" to {recorded.frame.t_ns / 1e9:.10g} s")
+        self._last_ns = recorded.frame.t_ns
+        if recorded.restart:
+            self._executor = _executor(self._program, self._backend)
+        elif self._executor is None and recorded.keyframe is not None:
+            self._executor = self._resumed(recorded.keyframe)
+        return None if self._executor is None else self._executor.step(recorded.frame)
+
+    def ends(self, *, damaged: bool) -> None:
+        """Note whether what comes after the last frame is damaged."""
+        if damaged:
+            self._tell(" to its end")
+
+    def _resumed(self, keyframe: Keyframe) -> Executor | None:
+        if self._backend != "network" or keyframe.memory is None:
+            return None
+        from colony.verify.interpreter import Interpreter
+
+        interpreter = Interpreter(self._program)
+        try:
+            interpreter.resume(keyframe.memory)
+        except ValueError:
+            return None
+        return interpreter
+
+    def _tell(self, end: str) -> None:
+        start = "" if self._last_ns is None else f" from {self._last_ns / 1e9:.10g} s"
+        goes_on = "" if self._backend == "network" else f"; the backend {self._backend} cannot go on after it"
+        self.damage.append(f"damaged{start}{end}{goes_on}")
 
 
 def _open(name: str) -> BinaryIO:

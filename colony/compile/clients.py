@@ -6,7 +6,7 @@ exclusive guard holds": in no frame do two exclusive guards of one actuator hold
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 from colony.compile.guards import Guard
 
@@ -46,4 +46,4 @@ class ClientList:
     guards: tuple[Guard, ...]
     actuators: tuple[ActuatorClients, ...]
     observed: tuple[tuple[str, int], ...] = ()
-    windows: tuple[tuple[str, int], ...] = ()
+    windows: tuple[tuple[str, int], ...] = field(default=(), compare=False)

@@ -7,7 +7,7 @@ and B stays one: a link passes its node's command on in the frames in which its 
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 from colony.compile.guards import Guard
 from colony.compile.network import ModuleLeaf
@@ -51,4 +51,4 @@ class SuppressionNetwork:
     outputs: tuple[tuple[str, Link], ...]
     wires: tuple[tuple[str, int], ...] = ()
     observed: tuple[tuple[str, int], ...] = ()
-    windows: tuple[tuple[str, int], ...] = ()
+    windows: tuple[tuple[str, int], ...] = field(default=(), compare=False)

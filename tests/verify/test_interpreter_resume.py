@@ -89,7 +89,17 @@ def test_every_kind_of_memory_goes_on() -> None:
     )
     check((of, trace))
     kinds = {name.split()[0] for name in memories((of, trace))[30].cells}
-    assert kinds >= {"rising", "held", "latch", "every", "previous", "captured", "changed", "elapsed", "state"}
+    assert kinds >= {
+        "rising",
+        "held",
+        "latch",
+        "every",
+        "previous",
+        "captured",
+        "changed",
+        "elapsed",
+        "state",
+    }
     assert "window" in kinds
 
 

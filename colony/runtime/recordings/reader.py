@@ -6,7 +6,6 @@ before it, and says so.
 
 from __future__ import annotations
 
-import json
 from collections.abc import Iterator
 from typing import Any, BinaryIO
 
@@ -15,11 +14,12 @@ import msgspec
 from colony.diagnostics import Failure
 from colony.ir.program import Actuator, Program
 from colony.runtime.messages import Fate, Hold, Tick, Verdict
+from colony.runtime.recordings.keyframes import read_keyframe
 from colony.runtime.recordings.recorded import RecordedFrame
-from colony.runtime.recordings.replay import Row, located, read_rows
+from colony.runtime.recordings.replay import Row, Rows, located
 
 MAGIC = b"\x89MCAP0\r\n"
-"""How a recording as MCAP begins."""
+"""How MCAP begins."""
 
 BREAKS_OFF = "it breaks off in the middle of a frame"
 
@@ -36,6 +36,7 @@ class LinesReader:
         self._file = file
         self._name = name
         self.cut: str | None = None
+        self.damaged = False
 
     def frames(self, program: Program) -> Iterator[RecordedFrame]:
         """Its frames, as frames of `program`.
@@ -45,45 +46,39 @@ class LinesReader:
                 actuators.
         """
         actuators, start = program.robot.actuators, None
-        for at, row in enumerate(read_rows(self._lines(), self._name, program)):
+        rows = Rows(self._file, self._name, program)
+        for at, row in enumerate(rows):
             try:
                 told = msgspec.convert(row.values, _Row)
                 k = at if told.tick is None else told.tick
-                start = k if start is None or told.restart else start
+                if told.restart or start is None:
+                    start = _UNKNOWN if row.damaged and not told.restart else k
                 tick = Tick(k=k, t_ns=row.frame.t_ns, start=start)
                 recorded = _recorded(tick, row, actuators, told)
             except msgspec.ValidationError as problem:
                 message = f"what is recorded is no decision of this program: {problem}"
                 raise Failure([located("A004", self._name, row.number, row.text, 0, message)]) from None
             yield recorded
-
-    def _lines(self) -> Iterator[bytes]:
-        for line in self._file:
-            if not line.endswith(b"\n") and not _is_json(line):
-                self.cut = BREAKS_OFF
-                return
-            yield line
+        self.damaged = rows.damaged
+        self.cut = BREAKS_OFF if rows.broken_off else None
 
 
-def _is_json(line: bytes) -> bool:
-    try:
-        json.loads(line)
-    except (ValueError, RecursionError):
-        return False
-    return True
+_UNKNOWN = -1
+"""The frame in which memory was initial, where it is not known."""
 
 
 class _Row(
     msgspec.Struct,
     frozen=True,
     kw_only=True,
-    rename={"tick": "@tick", "restart": "@restart", "skipped": "@skipped"},
+    rename={"tick": "@tick", "restart": "@restart", "skipped": "@skipped", "keyframe": "@keyframe"},
 ):
     """What a line says of its frame."""
 
     tick: int | None = None
     restart: bool = False
     skipped: int | None = None
+    keyframe: dict[str, Any] | None = None
 
 
 class _Decision(
@@ -112,6 +107,8 @@ def _recorded(tick: Tick, row: Row, actuators: tuple[Actuator, ...], told: _Row)
         restart=told.restart,
         skipped=told.skipped or 0,
         astray=told.skipped is not None,
+        keyframe=None if told.keyframe is None else read_keyframe(told.keyframe),
+        damaged=row.damaged,
     )
 
 
