@@ -115,14 +115,23 @@ def flips(data: bytes, name: str, *, trials: int, seed: int) -> Flips:
 # --- bombs -----------------------------------------------------------------------------------------
 
 
-def bombs(recording: bytes) -> Iterator[tuple[str, str, bytes]]:
-    """Yield files that are small and unpack to much: what they are, a name for them, and what they hold."""
-    head = recording[: recording.index(b"zstd") - 41]
+def bombs(recording: bytes, *, most: int = 1 << 32) -> Iterator[tuple[str, str, bytes]]:
+    """Yield recordings that are small and unpack to much, up to `most` bytes: what they are, a name, and what
+    they hold."""
+    first = recording.index(b"zstd", recording.index(b"zstd") + 1) - 41  # the first chunk with frames
     for compression in ("zstd", "lz4"):
-        yield f"4 GiB in a chunk, {compression}", "bomb.mcap", head + _chunk(compression, 1 << 32)
+        yield (
+            f"4 GiB in one chunk, {compression}",
+            "bomb.mcap",
+            recording[:first] + _chunk(compression, 1 << 32),
+        )
         many = _chunk(compression, 1 << 24) * 128
-        yield f"2 GiB in 128 chunks, {compression}", "bomb.mcap", recording[:-500] + many
-    yield "a line of 1 GB", "bomb.jsonl", b'{"t": 0, "x": "' + bytes(1 << 30)
+        yield (
+            f"128 chunks of 16 MiB, {compression}",
+            "bomb.mcap",
+            recording[:first] + many + recording[first:],
+        )
+    yield "a line without end", "bomb.jsonl", b'{"t": 0, "x": "' + bytes(1 << 26)
     yield "nested brackets", "bomb.jsonl", b'{"t": 0, "x": ' + b"[" * 500_000 + b"\n"
 
 
@@ -161,23 +170,26 @@ class Cost(NamedTuple):
     said: str
 
 
+_LAUNCH = """
+import resource, subprocess, sys, time
+begin = time.monotonic()
+null = subprocess.DEVNULL
+done = subprocess.run(sys.argv[1:], stdin=null, stdout=null, stderr=subprocess.PIPE)
+took, used = time.monotonic() - begin, resource.getrusage(resource.RUSAGE_CHILDREN)
+said = done.stderr.decode(errors="replace")[-1000:]
+print(took, used.ru_maxrss / 1024, done.returncode, said)
+"""
+"""A process counts the memory of the one that started it as its own: so a small one does."""
+
+
 def cost(*arguments: str, patience_s: float = 120.0) -> Cost:
     """Run a command to its end."""
-    begin = time.monotonic()
-    with subprocess.Popen(
-        (*COMMAND, *arguments),
+    done = subprocess.run(
+        (sys.executable, "-c", _LAUNCH, *COMMAND, *arguments),
         env={**os.environ, "PYTHONPATH": str(ROOT)},
-        stdout=subprocess.DEVNULL,
-        stderr=subprocess.PIPE,
-    ) as process:
-        assert process.stderr is not None
-        while True:
-            pid, status, used = os.wait4(process.pid, os.WNOHANG)
-            if pid:
-                break
-            if time.monotonic() - begin > patience_s:
-                process.kill()
-            time.sleep(0.005)
-        process.returncode = os.waitstatus_to_exitcode(status)
-        said = process.stderr.read().decode(errors="replace").strip()
-    return Cost(time.monotonic() - begin, used.ru_maxrss / 1024, process.returncode, said)
+        stdout=subprocess.PIPE,
+        timeout=patience_s,
+        check=True,
+    )
+    seconds, megabytes, code, said = done.stdout.decode().split(" ", 3)
+    return Cost(float(seconds), float(megabytes), int(code), said.strip())

@@ -195,6 +195,9 @@ def _chunk(shape: _Shape, packed: bytes) -> Iterator[Record]:
                 yield Channel.read(ReadDataStream(BytesIO(records[at:end])))
             except (EndOfFile, ValueError, struct.error):
                 yield Damage("a channel that cannot be read")
+        elif opcode != Opcode.SCHEMA:
+            yield Damage("a chunk of something else")
+            return
         at = end
 
 
