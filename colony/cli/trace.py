@@ -13,7 +13,7 @@ import click
 
 from colony.cli.exit_codes import EXIT_ERRORS, EXIT_MISUSE
 from colony.cli.outputs import check_output, write_whole
-from colony.cli.reporting import load_program, refuse, say
+from colony.cli.reporting import load_program, one_line, refuse, say
 
 if TYPE_CHECKING:
     from colony.ir.frame import Executor, Frame, Outcome
@@ -65,6 +65,9 @@ def command(file: str, input_: str, backend: str, output: Path | None) -> None:
                 if outcome is not None:
                     lines.write(outcome_line(program, recorded.frame.t_ns, outcome) + "\n")
         except Failure as failure:
+            if failure.diagnostics[0].code == "A006":
+                say(one_line(failure.diagnostics[0]))
+                raise click.exceptions.Exit(EXIT_ERRORS) from None
             refuse(failure.diagnostics)
         except OSError as problem:
             _unreadable(name, problem.strerror or str(problem))
@@ -72,6 +75,8 @@ def command(file: str, input_: str, backend: str, output: Path | None) -> None:
         click.echo(lines.getvalue(), nl=False)
     else:
         write_whole(output, lines.getvalue())
+    if decider.cut:
+        say(f"{name}: {decider.cut}; decided as far as it goes")
     for text in decider.damage:
         say(f"{name}: error: {text}")
     if decider.damage:
@@ -89,16 +94,17 @@ class _Recorded(NamedTuple):
 
 
 def _read(frames: BinaryIO, name: str, program: Program, decider: _Decider) -> Iterator[_Recorded]:
-    """Every frame; tells `decider` whether what comes after the last one is damaged."""
+    """Every frame; tells `decider` how the recording ends."""
     from colony.cli.recordings import is_mcap, read_recording
 
     if is_mcap(name):
         reader = read_recording(frames, name)
         for whole in reader.frames(program):
             yield _Recorded(whole.frame, whole.restart, whole.keyframe, whole.damaged)
-        decider.ends(damaged=reader.damaged)
+        decider.ends(damaged=reader.damaged, cut=reader.cut)
         return
     from colony.runtime.recordings.keyframes import read_keyframe
+    from colony.runtime.recordings.reader import BREAKS_OFF
     from colony.runtime.recordings.replay import Rows
 
     rows = Rows(frames, name, program)
@@ -106,7 +112,7 @@ def _read(frames: BinaryIO, name: str, program: Program, decider: _Decider) -> I
         members = row.values.get("@keyframe")
         keyframe = read_keyframe(members) if isinstance(members, dict) else None
         yield _Recorded(row.frame, row.values.get("@restart") is True, keyframe, row.damaged)
-    decider.ends(damaged=rows.damaged)
+    decider.ends(damaged=rows.damaged, cut=BREAKS_OFF if rows.broken_off else None)
 
 
 class _Decider:
@@ -119,6 +125,7 @@ class _Decider:
         self._executor: Executor | None = _executor(program, backend)
         self._last_ns: int | None = None
         self.damage: list[str] = []
+        self.cut: str | None = None
 
     def step(self, recorded: _Recorded) -> Outcome | None:
         """Decide a frame; None where memory is not known."""
@@ -132,8 +139,9 @@ class _Decider:
             self._executor = self._resumed(recorded.keyframe)
         return None if self._executor is None else self._executor.step(recorded.frame)
 
-    def ends(self, *, damaged: bool) -> None:
-        """Note whether what comes after the last frame is damaged."""
+    def ends(self, *, damaged: bool, cut: str | None) -> None:
+        """Note whether what comes after the last frame is damaged, and how the recording breaks off."""
+        self.cut = cut
         if damaged:
             self._tell(" to its end")
 

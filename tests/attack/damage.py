@@ -55,7 +55,8 @@ def record(path: Path, *, seconds: float, killed: bool) -> bytes:
 
 class Audited(NamedTuple):
     """What an audit says: frames that were read, compared decisions, frames that are not known after damage,
-    whether something differs, how many parts are damaged; or the code of what it refuses."""
+    whether something differs, how many parts are damaged, the time of the last frame; or the code of what it
+    refuses."""
 
     frames: int = 0
     compared: int = 0
@@ -63,6 +64,7 @@ class Audited(NamedTuple):
     differs: bool = False
     damaged: int = 0
     refused: str | None = None
+    last_ns: int = 0
 
 
 def audited(data: bytes, name: str, program: Program) -> Audited:
@@ -77,7 +79,12 @@ def audited(data: bytes, name: str, program: Program) -> Audited:
         return Audited(refused=failure.diagnostics[0].code)
     report = auditor.report()
     return Audited(
-        report.frames, report.compared, report.forgotten, not report.agrees, len(report.damaged), None
+        frames=report.frames,
+        compared=report.compared,
+        forgotten=report.forgotten,
+        differs=not report.agrees,
+        damaged=len(report.damaged),
+        last_ns=report.last_ns,
     )
 
 

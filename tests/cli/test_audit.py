@@ -5,6 +5,7 @@ from __future__ import annotations
 import io
 import json
 import os
+import re
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -201,7 +202,45 @@ def test_a_recording_that_breaks_off(colony: Colony, recorded: Callable[..., Ran
         assert result.code == 0
         assert "  truncated: it breaks off in the middle of a frame; audited as far as it goes" in result.out
         assert json.loads(colony("audit", name, *arguments, "--format", "json").out)["truncated"]
-        assert list(colony("trace", "roam.colony", "--input", name).out) if name == "run.mcap" else True
+        traced = colony("trace", "roam.colony", "--input", name)
+        assert (traced.code, bool(traced.out)) == (0, True)
+        assert traced.err == f"{name}: it breaks off in the middle of a frame; decided as far as it goes\n"
+
+
+@pytest.mark.parametrize("name", ["run.mcap", "run.jsonl"])
+def test_a_recording_that_is_damaged(colony: Colony, recorded: Callable[..., Ran], name: str) -> None:
+    recorded(name)
+    data = bytearray(Path(name).read_bytes())
+    data[len(data) - 9 * len(data) // 20 if name == "run.jsonl" else data.rindex(b"zstd") + 20] ^= 1
+    whole = colony("trace", "roam.colony", "--input", name).out.splitlines()
+    Path(name).write_bytes(bytes(data))
+    result = colony("audit", name, "roam.colony")
+    assert (result.code, result.err) == (1, "")
+    told = re.search(
+        r"^  damaged from ([\d.]+) s to (?:([\d.]+) s|its end): left out$", result.out, re.MULTILINE
+    )
+    assert told is not None
+    assert float(told[2] or 2.95) - float(told[1]) <= 0.5
+    assert result.out.endswith("is the interpreter's, as far as the recording is not damaged\n")
+    row = json.loads(colony("audit", name, "roam.colony", "--format", "json").out)
+    assert (row["agrees"], len(row["damaged"]), row["frames"] >= 50) == (True, 1, True)
+    for backend in ("network", "clients", "python"):
+        traced = colony("trace", "roam.colony", "--input", name, "--backend", backend)
+        assert traced.code == 1
+        assert traced.err.startswith(f"{name}: error: damaged from {told[1]} s to ")
+        assert ("cannot go on" in traced.err) is (backend != "network")
+        assert set(traced.out.splitlines()) < set(whole)
+        assert len(traced.out.splitlines()) >= (45 if backend == "network" else 15)
+
+
+def test_a_recording_of_which_nothing_is_whole(colony: Colony, recorded: Callable[..., Ran]) -> None:
+    recorded()
+    data = Path("run.mcap").read_bytes()
+    Path("run.mcap").write_bytes(data.replace(b"colony-recording/2", b"colony-recordinh/2", 1))
+    result = colony("audit", "run.mcap")
+    assert (result.code, result.out) == (1, "")
+    assert "error[A006]: it is damaged before its first frame (metadata with a wrong checksum)" in result.err
+    assert colony("trace", "roam.colony", "--input", "run.mcap").code == 1
 
 
 def test_mcap_is_input_of_trace(colony: Colony, recorded: Callable[..., Ran]) -> None:

@@ -76,11 +76,9 @@ class Rows:
         summed = any(has_right_sum(line) for _, line in first)
         for number, line in chain(first, rest):
             wrong = summed and not has_right_sum(line)
-            if not line.endswith(b"\n") and (wrong or not summed) and not _is_json(line):
-                complete = summed and _SUM_BEGINS in line
-                self.damaged, self.broken_off = self.damaged or complete, not complete
-                return
-            if wrong:
+            if wrong and not line.endswith(b"\n") and _SUM_BEGINS not in line:
+                self.broken_off = True
+            elif wrong:
                 self.damaged = True
             elif line.strip():
                 yield self._reader.row(number, line)._replace(damaged=self.damaged)
@@ -96,14 +94,6 @@ def has_right_sum(line: bytes) -> bool:
     at = line.rfind(_SUM_BEGINS)
     found = _SUM.fullmatch(line, at) if at >= 0 else None
     return found is not None and int(found[1], 16) == zlib.crc32(line[:at].removeprefix(BOM_UTF8))
-
-
-def _is_json(line: bytes) -> bool:
-    try:
-        json.loads(line)
-    except (ValueError, RecursionError):
-        return False
-    return True
 
 
 RESERVED = frozenset({"t", "@tick", "@restart", "@skipped", "@keyframe", "@sum"})
