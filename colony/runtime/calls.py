@@ -412,7 +412,7 @@ class CallDesk:
             opening = msgspec.msgpack.decode(call.arguments, type=Open)
         except (msgspec.DecodeError, UnicodeDecodeError, RecursionError) as problem:
             return None, Problem(code="arguments", message=f"{self._server}.open: {problem}")
-        user = call.connection.partition("/")[0]
+        user = topics.user_of(call.connection)
         if len(self._connections) >= CONNECTIONS:
             return None, self._no_room(f"{self._server} has {CONNECTIONS} connections already")
         if sum(c.caller.user == user for c in self._connections.values()) >= CONNECTIONS_EACH:

@@ -139,11 +139,11 @@ class Clock:
                     self._decided.add(message.actuator)
             case Fetch():
                 tick = self._kept.get(message.k)
-                size = FRAME_BYTES if tick is None else FRAME_BYTES * (1 + len(tick.lost) + len(tick.void))
-                if tick is not None and self._fetched.take(
-                    self.address, message.k, size
-                ):  # not where it was: to a server that was started anew it would be new
-                    yield Send(topics.frames(self.address), tick)
+                if tick is not None:
+                    size = FRAME_BYTES * (1 + len(tick.lost) + len(tick.void))
+                    if self._fetched.take(self.address, message.k, size):
+                        # not where it was: to a server that was started anew it would be new
+                        yield Send(topics.frames(self.address), tick)
             case Ready():
                 if self._deployed is not None and message.run == self._deployed.run:
                     self._roll.ready(message.client)
