@@ -16,6 +16,7 @@ BASE = {
     "colony.codes",
     "colony.collector",
     "colony.diagnostics",
+    "colony.files",
     "colony.record",
     "colony.source",
     "colony.units",

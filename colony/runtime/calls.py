@@ -337,11 +337,11 @@ class CallDesk:
         try:
             stop(call.connection, now_ns)
         except Refused as refused:
-            return self._fail(call.connection, call.number, refused.problem)
-        reply = Reply(connection=call.connection, number=call.number)
-        sent = self._stops[call.connection, call.number] = Send(
-            topics.replies(self._server, call.connection), reply
-        )
+            sent = self._fail(call.connection, call.number, refused.problem)
+        else:
+            reply = Reply(connection=call.connection, number=call.number)
+            sent = Send(topics.replies(self._server, call.connection), reply)
+        self._stops[call.connection, call.number] = sent
         if len(self._stops) > STOPS_KEPT:
             self._stops.popitem(last=False)
         return sent

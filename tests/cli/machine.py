@@ -65,12 +65,18 @@ def children_of(pid: int) -> set[int]:
 class Started:
     """A `colony` command as a process. Mutable: whether it has ended."""
 
-    def __init__(self, arguments: tuple[str, ...], environment: Mapping[str, str], folder: Path) -> None:
+    def __init__(
+        self,
+        arguments: tuple[str, ...],
+        environment: Mapping[str, str],
+        folder: Path,
+        enter: tuple[str, ...] = (),
+    ) -> None:
         self._out, self._err = folder / "out", folder / "err"
         folder.mkdir()
         with self._out.open("wb") as out, self._err.open("wb") as err:
             self.process = subprocess.Popen(
-                [sys.executable, "-m", "colony.cli.main", *arguments],
+                [*enter, sys.executable, "-m", "colony.cli.main", *arguments],
                 stdin=subprocess.DEVNULL,
                 stdout=out,
                 stderr=err,
@@ -116,10 +122,10 @@ class Machine:
         }
         self._started: list[Started] = []
 
-    def start(self, *arguments: str) -> Started:
-        """Run `colony ARGUMENTS`."""
+    def start(self, *arguments: str, enter: tuple[str, ...] = ()) -> Started:
+        """Run `colony ARGUMENTS`, by a command that begins with `enter` if need be."""
         folder = self._folder / f"{len(self._started)}"
-        started = Started(arguments, self.environment, folder)
+        started = Started(arguments, self.environment, folder, enter)
         self._started.append(started)
         return started
 

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, assert_never
 from colony.runtime.live.place import Local, Place
 from colony.runtime.messages import Node
 from colony.runtime.processes.devices import Devices
+from colony.runtime.processes.ending import say
 from colony.runtime.processes.spec import (
     AnnouncerPart,
     ClientPart,
@@ -79,7 +80,8 @@ def _clock(servers: tuple[str, ...], stop: Path) -> tuple[Node, ...]:
     from colony.runtime.servers.runtime_server import RuntimeServer
 
     runtime = RuntimeServer(keep=KEPT)
-    return Clock(servers=servers, keep=KEPT, told=runtime.use, stop_path=stop), runtime
+    clock = Clock(servers=servers, keep=KEPT, told=runtime.use, stop_path=stop, report=say)
+    return clock, runtime
 
 
 def _driving(
