@@ -176,7 +176,8 @@ class ConnectionStatus(msgspec.Struct, frozen=True, kw_only=True):
 class Status(msgspec.Struct, frozen=True, kw_only=True):
     """`status`: the connections, and the number of messages that could not be decoded.
 
-    `full` has a sentence for each limit of the server that is reached, or was since it started.
+    `full` has a sentence for each limit of the server that is reached, or was since it started, and for what
+    else people have to see to.
     """
 
     server: str

@@ -5,7 +5,7 @@ store in one commit before any answer leaves. So whatever was acknowledged is in
 that was not committed nothing is.
 
 A server that is started again loads all of it. What the bytes mean is the server's business; a store promises
-that they are those that were committed, or that loading fails with `StoreError`.
+that they are those that were committed; it keeps what is damaged aside, all of it, says so, and has nothing.
 """
 
 from __future__ import annotations
@@ -36,7 +36,7 @@ class Store(Protocol):
         """Every entry that was committed, in no particular order.
 
         Raises:
-            StoreError: it is damaged.
+            StoreError: they cannot be read.
         """
         ...
 

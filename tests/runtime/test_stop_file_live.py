@@ -13,7 +13,7 @@ from colony.runtime.library import clock
 from colony.runtime.library.clock import Who
 from colony.runtime.topics import CLOCK
 from tests.cli.machine import ROBOT, Machine, Started, until
-from tests.small_disk import SmallDisk
+from tests.small_disk import SmallDisk, small_disk
 
 
 class Robot:
@@ -21,13 +21,13 @@ class Robot:
 
     def __init__(self, machine: Machine, disk: SmallDisk) -> None:
         self.machine, self.disk = machine, disk
-        machine.environment["XDG_STATE_HOME"] = str(disk.folder)
+        machine.environment["XDG_STATE_HOME"] = str(disk.path)
         self.state = disk.seen / "colony" / ROBOT
         self.state.mkdir(parents=True, mode=0o700)
 
     def start(self) -> Started:
         """Start its Clock, which is ready to be called when it ticks."""
-        started = self.machine.start("serve", CLOCK, "--robot", ROBOT, enter=self.disk.enter)
+        started = self.machine.start("serve", CLOCK, "--robot", ROBOT, enter=self.disk.inside)
         until(lambda: started.ended() or "listens at" in started.err, "the Clock listens")
         assert not started.ended(), started.err
         until(self.who, "the Clock answers")
@@ -53,7 +53,7 @@ class Robot:
 @pytest.fixture
 def robot(tmp_path: Path) -> Iterator[Robot]:
     machine = Machine(tmp_path)
-    with SmallDisk(tmp_path / "disk") as disk:
+    with small_disk(tmp_path / "disk", "64k") as disk:
         yield Robot(machine, disk)
         machine.close()
 
@@ -77,7 +77,7 @@ def test_a_stop_is_kept_on_a_disk_that_became_full(robot: Robot) -> None:
 def test_a_clock_that_has_no_room_for_a_stop_says_so_and_keeps_trying(robot: Robot) -> None:
     robot.disk.fill()
     first = robot.start()
-    trouble = f"{robot.disk.folder}/colony/{ROBOT}/Clock.stop: No space left on device"
+    trouble = f"{robot.disk.path}/colony/{ROBOT}/Clock.stop: No space left on device"
     assert first.err.splitlines().count(f"an emergency stop cannot be kept: {trouble}") == 1
     assert not (robot.state / "Clock.stop").exists(), "half a file would stop the next Clock"
     assert f"trouble: {trouble}" in robot.run("ps")[1]
@@ -87,7 +87,7 @@ def test_a_clock_that_has_no_room_for_a_stop_says_so_and_keeps_trying(robot: Rob
     found = robot.who()
     assert found is not None
     assert found.stopped is not None, "the robot is stopped all the same"
-    robot.disk.free()
+    robot.disk.clear()
     until(lambda: (w := robot.who()) and w.trouble is None, "the stop is kept")
     robot.kill(first)
     robot.start()

@@ -108,13 +108,16 @@ def _driving(
 
 
 def _dserver(part: DServerPart, place: Place) -> Node:
+    from colony.runtime.aside import damages
     from colony.runtime.servers.dserver import DServer
     from colony.runtime.sqlite_store import SqliteStore
 
     if not isinstance(place, Local):
         raise ValueError("DServer runs on the robot's own machine")
-    store = SqliteStore(Path(part.store), fsync=part.fsync)
-    return DServer(part.held, keep=KEPT, store=store, epoch=str(place.directory.base_ns()))
+    path = Path(part.store)
+    store = SqliteStore(path, fsync=part.fsync, report=say)
+    epoch = str(place.directory.base_ns())
+    return DServer(part.held, keep=KEPT, store=store, epoch=epoch, notes=lambda: damages(path))
 
 
 def _client(part: ClientPart) -> Node:

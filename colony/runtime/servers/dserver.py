@@ -8,7 +8,7 @@ server that was started in the place of a dead one (see `once.py`).
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 
 import msgspec
 
@@ -78,6 +78,7 @@ class DServer:
         keep: how many frames are kept for who missed one.
         store: where the state is kept; loaded here, closed by `close`.
         epoch: names the clock that times are of. Values that the store has from another one's are old.
+        notes: returns sentences for people about the store, for `status`.
 
     Raises:
         StoreError: what the store has cannot be read.
@@ -93,10 +94,12 @@ class DServer:
         keep: int = KEPT_MOST,
         store: Store | None = None,
         epoch: str = "",
+        notes: Callable[[], Iterable[str]] = lambda: (),
     ) -> None:
         self._store = MemoryStore() if store is None else store
         self._journal = Journal(self._store)
         self._epoch, self._other_epoch = epoch, False
+        self._notes = notes
         self._variables, self._wanted = Variables(self._journal), Wanted(self._journal)
         self._semaphores, self._answers = Semaphores(self._journal), Answers(self._journal)
         self._watches, self._checkpoints = Watches(self._journal), Checkpoints(self._journal)
@@ -184,7 +187,8 @@ class DServer:
             yield from self._calls.changed(changed, now_ns)
 
     def full(self) -> tuple[str, ...]:
-        """Return sentences for people about limits that are reached, or were since the server started."""
+        """Return sentences for people about the store, and about limits that are reached, or were since the
+        server started."""
         parts = (
             self._variables,
             self._wanted,
@@ -194,7 +198,7 @@ class DServer:
             self._checkpoints,
             self._publisher,
         )
-        return tuple(sentence for part in parts for sentence in part.reached)
+        return (*self._notes(), *(sentence for part in parts for sentence in part.reached))
 
     def settle(self) -> None:
         """Commit what was changed.
