@@ -70,6 +70,8 @@ def read_all(file: BinaryIO, most: int, path: StrPath) -> bytes:
     Raises:
         OSError: it cannot be read, or has more bytes.
     """
+    if os.fstat(file.fileno()).st_size > most:
+        raise UnfitFile(errno.EFBIG, f"it is larger than {size_text(most)}", path)
     found = bytearray()
     while chunk := file.read(min(_CHUNK, most + 1 - len(found))):
         found += chunk

@@ -2,15 +2,13 @@
 
 from __future__ import annotations
 
-import os
-import stat
-from io import BufferedReader, FileIO
 from pathlib import Path
 from typing import TYPE_CHECKING, BinaryIO, NoReturn
 
 from colony import __version__
 from colony.cli.outputs import cannot_write, open_alone
 from colony.diagnostics import Failure, error
+from colony.files import open_regular, reason
 from colony.source import Source, Span
 
 if TYPE_CHECKING:
@@ -78,11 +76,9 @@ def open_recording(path: str) -> BinaryIO:
         Failure: A001, it cannot be read.
     """
     try:
-        if not stat.S_ISREG(os.stat(path).st_mode):  # nothing that could keep us waiting
-            _unreadable(path, "it is not a regular file")
-        return BufferedReader(FileIO(path))
-    except (OSError, ValueError) as problem:
-        _unreadable(path, (problem.strerror if isinstance(problem, OSError) else None) or str(problem))
+        return open_regular(path)
+    except OSError as problem:
+        _unreadable(path, reason(problem))
 
 
 def _unreadable(path: str, why: str) -> NoReturn:

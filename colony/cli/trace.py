@@ -14,6 +14,7 @@ import click
 from colony.cli.exit_codes import EXIT_MISUSE
 from colony.cli.outputs import check_output, write_whole
 from colony.cli.reporting import load_program, refuse, say
+from colony.files import bounded_lines, open_regular, reason
 
 if TYPE_CHECKING:
     from colony.ir.frame import Executor, Frame
@@ -63,7 +64,7 @@ def command(file: str, input_: str, backend: str, output: Path | None) -> None:
         except Failure as failure:
             refuse(failure.diagnostics)
         except OSError as problem:
-            _unreadable(name, problem.strerror or str(problem))
+            _unreadable(name, reason(problem))
     if output is None:
         click.echo(lines.getvalue(), nl=False)
     else:
@@ -75,9 +76,10 @@ def _read(frames: BinaryIO, name: str, program: Program) -> Iterator[tuple[Frame
     from colony.cli.recordings import is_mcap, read_recording
 
     if not is_mcap(name):
-        from colony.runtime.recordings.replay import read_rows
+        from colony.runtime.recordings.replay import LINE_BYTES, read_rows
 
-        return ((row.frame, row.values.get("@restart") is True) for row in read_rows(frames, name, program))
+        rows = read_rows(bounded_lines(frames, LINE_BYTES), name, program)
+        return ((row.frame, row.values.get("@restart") is True) for row in rows)
 
     return ((recorded.frame, recorded.restart) for recorded in read_recording(frames, name).frames(program))
 
@@ -88,9 +90,9 @@ def _open(name: str) -> BinaryIO:
             _unreadable("<stdin>", "standard input is closed")
         return sys.stdin.buffer
     try:
-        return open(name, "rb")
-    except (OSError, ValueError) as problem:
-        _unreadable(name, (problem.strerror if isinstance(problem, OSError) else None) or str(problem))
+        return open_regular(name)
+    except OSError as problem:
+        _unreadable(name, reason(problem))
 
 
 def _unreadable(name: str, why: str) -> NoReturn:

@@ -174,3 +174,14 @@ def test_robots_are_not_looked_for_where_others_could_have_put_them(tmp_path: Pa
     (tmp_path / "open").mkdir(mode=0o755)
     with pytest.raises(RunDirectoryError, match="open to others"):
         RunDirectory(tmp_path / "open").robots()
+
+
+@pytest.mark.parametrize("name", ["RServer.claim", "base"])
+def test_what_is_no_file_in_the_folder_of_a_robot(tmp_path: Path, name: str) -> None:
+    directory = RunDirectory(tmp_path / "r").robot("rome")
+    directory.prepare()
+    os.mkfifo(directory.path / name)
+    assert directory.running() == {}
+    use = directory.base_ns if name == "base" else lambda: directory.claim("RServer")
+    with pytest.raises(RunDirectoryError, match=f"{name}: it is not a regular file"):
+        use()

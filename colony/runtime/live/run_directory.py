@@ -21,6 +21,7 @@ from types import TracebackType
 
 import msgspec
 
+from colony.files import UnfitFile, open_descriptor, read_file, reason
 from colony.runtime.live.errors import AlreadyRunning, RunDirectoryError
 from colony.runtime.live.names import check_name
 
@@ -29,6 +30,9 @@ LONGEST_SOCKET = 107
 
 NOT_IN_ENDPOINTS = "#?"
 """What ends the address in an endpoint of zenoh, and so cannot be in the path of a socket."""
+
+BASE_BYTES = 4096
+"""Largest file of the base of a robot's time."""
 
 CLAIM_TRIES = 10
 CLAIM_PAUSE_S = 0.01
@@ -135,7 +139,10 @@ class RobotDirectory:
         """
         self.prepare()
         path = self.socket(server).with_suffix(".claim")
-        descriptor = os.open(path, os.O_RDWR | os.O_CREAT | os.O_CLOEXEC, 0o600)
+        try:
+            descriptor = open_descriptor(path, os.O_RDWR | os.O_CREAT)
+        except OSError as problem:
+            raise RunDirectoryError(f"{path}: {reason(problem)}") from None
         if not _locks(descriptor):
             holder = os.read(descriptor, 32).decode("ascii", "replace").strip() or "unknown"
             os.close(descriptor)
@@ -244,8 +251,8 @@ def _locks(descriptor: int) -> bool:
 def _holder(path: Path) -> int | None:
     """The process that holds the lock of a claim."""
     try:
-        descriptor = os.open(path, os.O_RDONLY | os.O_CLOEXEC)
-    except FileNotFoundError:
+        descriptor = open_descriptor(path)
+    except (FileNotFoundError, UnfitFile):
         return None
     try:
         fcntl.flock(descriptor, fcntl.LOCK_SH | fcntl.LOCK_NB)
@@ -267,11 +274,13 @@ def _boot_id() -> str:
 
 def _read_base(path: Path) -> _Base | None:
     try:
-        return msgspec.json.decode(path.read_bytes(), type=_Base)
+        return msgspec.json.decode(read_file(path, BASE_BYTES), type=_Base)
     except FileNotFoundError:
         return None
-    except msgspec.DecodeError as problem:
-        raise RunDirectoryError(f"{path}: {problem}: remove it while nothing of the robot runs") from None
+    except (msgspec.DecodeError, UnfitFile) as problem:
+        raise RunDirectoryError(
+            f"{path}: {reason(problem)}: remove it while nothing of the robot runs"
+        ) from None
 
 
 @contextmanager

@@ -19,6 +19,7 @@ from pathlib import Path
 from typing import IO, NamedTuple
 
 import colony
+from colony.files import open_regular
 from colony.runtime.processes.ending import EXIT_FINAL
 from colony.runtime.processes.restarts import Restarts
 
@@ -224,7 +225,7 @@ def _told(code: int) -> str:
 def last_lines(path: Path) -> tuple[str, ...]:
     """The end of a file of text, a few lines at most; none where it cannot be read."""
     try:
-        with path.open("rb") as file:
+        with open_regular(path) as file:
             file.seek(max(0, file.seek(0, os.SEEK_END) - TAIL_BYTES))
             text = file.read().decode("utf-8", "replace")
     except OSError:

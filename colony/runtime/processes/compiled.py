@@ -13,6 +13,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 from colony.compile.clients import ClientList
+from colony.files import open_regular
 from colony.ir.program import Program
 from colony.runtime.bindings import Bindings, bind
 from colony.runtime.fields import SERVERS, ServerSpec
@@ -59,7 +60,7 @@ def read_compiled(path: Path) -> Compiled:
         NotOurs: it is another user's, or others may write to it.
         OSError: it cannot be read.
     """
-    with path.open("rb") as file:
+    with open_regular(path) as file:
         found = os.fstat(file.fileno())
         if found.st_uid != os.getuid() or found.st_mode & (stat.S_IWGRP | stat.S_IWOTH):
             raise NotOurs(f"{path}: it is not this user's alone, and is not read")

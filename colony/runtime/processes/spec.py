@@ -11,9 +11,13 @@ from pathlib import Path
 
 import msgspec
 
+from colony.files import read_file
 from colony.ir.types import Value
 from colony.runtime.live.place import Credentials, Local, Place, Remote
 from colony.runtime.live.run_directory import RobotDirectory
+
+SPEC_BYTES = 4 * 1024 * 1024
+"""Largest spec; it holds no more than a command line."""
 
 
 class Here(msgspec.Struct, frozen=True, kw_only=True, tag="here"):
@@ -137,7 +141,7 @@ def read_spec(path: Path) -> Spec:
         msgspec.DecodeError: it is none.
         OSError: it cannot be read.
     """
-    return msgspec.json.decode(path.read_bytes(), type=Spec)
+    return msgspec.json.decode(read_file(path, SPEC_BYTES), type=Spec)
 
 
 def said_of(place: Place) -> Here | There:

@@ -12,11 +12,13 @@ from typing import Any, BinaryIO
 
 import msgspec
 
-from colony.diagnostics import Failure
+from colony.diagnostics import Failure, error
+from colony.files import bounded_lines, reason
 from colony.ir.program import Actuator, Program
 from colony.runtime.messages import Fate, Hold, Tick, Verdict
 from colony.runtime.recordings.recorded import RecordedFrame
-from colony.runtime.recordings.replay import Row, located, read_rows
+from colony.runtime.recordings.replay import LINE_BYTES, Row, located, read_rows
+from colony.source import Source, Span
 
 MAGIC = b"\x89MCAP0\r\n"
 """How a recording as MCAP begins."""
@@ -41,8 +43,8 @@ class LinesReader:
         """Its frames, as frames of `program`.
 
         Raises:
-            Failure: at the first bad line. Codes: those of `read_frames`, and A004 for what it says of
-                actuators.
+            Failure: at the first bad line. Codes: those of `read_frames`, A004 for what it says of
+                actuators, and A001 where it cannot be read or a line is too long.
         """
         actuators, start = program.robot.actuators, None
         for at, row in enumerate(read_rows(self._lines(), self._name, program)):
@@ -58,11 +60,18 @@ class LinesReader:
             yield recorded
 
     def _lines(self) -> Iterator[bytes]:
-        for line in self._file:
+        for line in self._bounded():
             if not line.endswith(b"\n") and not _is_json(line):
                 self.cut = BREAKS_OFF
                 return
             yield line
+
+    def _bounded(self) -> Iterator[bytes]:
+        try:
+            yield from bounded_lines(self._file, LINE_BYTES)
+        except OSError as problem:
+            message = f"cannot read the recording: {reason(problem)}"
+            raise Failure([error("A001", Span(Source(self._name, ""), 0, 0), message)]) from None
 
 
 def _is_json(line: bytes) -> bool:

@@ -20,6 +20,9 @@ from colony.runtime.recordings.lines import seconds_text
 from colony.source import Source, Span
 from colony.units import nanoseconds
 
+LINE_BYTES = 4 * 1024 * 1024
+"""Largest line of a recording. No message of a robot is larger, so no frame is."""
+
 _EXACT_BELOW = float(2**20)
 """Seconds below which the nearest double of a decimal time is within half a nanosecond of it."""
 
