@@ -49,6 +49,10 @@ class Robot:
         done = self.machine.run(*arguments, "--robot", ROBOT)
         return done.wait(), done.out + done.err
 
+    def until_shown(self, text: str) -> None:
+        """Wait until `colony ps` has found the Clock, and shows this of it."""
+        until(lambda: text in self.run("ps")[1], f"`colony ps` shows {text}")
+
 
 @pytest.fixture
 def robot(tmp_path: Path) -> Iterator[Robot]:
@@ -65,7 +69,7 @@ def test_a_stop_is_kept_on_a_disk_that_became_full(robot: Robot) -> None:
     assert code == 0, said
     robot.kill(first)
     second = robot.start()
-    assert "EMERGENCY STOP, by " in robot.run("ps")[1]
+    robot.until_shown("EMERGENCY STOP, by ")
     assert robot.run("stop", "--release")[0] == 0
     robot.kill(second)
     robot.start()
@@ -80,7 +84,7 @@ def test_a_clock_that_has_no_room_for_a_stop_says_so_and_keeps_trying(robot: Rob
     trouble = f"{robot.disk.path}/colony/{ROBOT}/Clock.stop: No space left on device"
     assert first.err.splitlines().count(f"an emergency stop cannot be kept: {trouble}") == 1
     assert not (robot.state / "Clock.stop").exists(), "half a file would stop the next Clock"
-    assert f"trouble: {trouble}" in robot.run("ps")[1]
+    robot.until_shown(f"trouble: {trouble}")
     code, said = robot.run("stop")
     assert code == 1
     assert "stopped, but a Clock that is started again will not know it" in said
@@ -109,7 +113,6 @@ def test_a_stop_on_a_disk_that_may_only_be_read_is_refused_as_not_kept(robot: Ro
     code, said = robot.run("stop")
     assert code == 1
     assert "Read-only file system" in said
-    shown = robot.run("ps")[1]
-    assert "EMERGENCY STOP, by " in shown
-    assert "Clock.stop: Read-only file system" in shown
+    robot.until_shown("EMERGENCY STOP, by ")
+    robot.until_shown("Clock.stop: Read-only file system")
     assert not started.ended()

@@ -74,7 +74,7 @@ def test_a_damaged_store_is_kept_aside_and_everybody_is_told(
     assert line.startswith(f"{path} is damaged: ")
     assert line.endswith("it is kept as DServer.sqlite.damaged-1, and DServer begins with nothing")
     note = f"its file was damaged, so it began with nothing; remove {path}.damaged-1 once nobody needs it"
-    assert note in machine.run("ps", *HERE).out
+    until(lambda: note in machine.run("ps", *HERE).out, "`colony ps` tells of it")
     listed = machine.run("data", "list", *HERE)
     assert (listed.wait(), listed.out, listed.err) == (0, "", f"colony: warning: DServer: {note}\n")
     kept = {p.name: p.read_bytes() for p in path.parent.glob("DServer.sqlite.damaged-1*")}
