@@ -114,7 +114,6 @@ class StopLatch:
         try:
             self._file.write(Kept(stopped=self.stopped, released_ns=self.released_ns))
         except (OSError, ValueError) as problem:
-            self._saved = False
             self._tell("an emergency stop cannot be kept", f"{self._file.path}: {reason(problem)}")
         else:
             self._saved, self.trouble = True, None

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import resource
 import socket
 from collections.abc import Callable, Iterator
 from pathlib import Path
@@ -139,6 +140,24 @@ def test_a_file_that_cannot_be_read_counts_as_a_stop(path: Path, kind: str) -> N
     assert found(path) is None
 
 
+REASONS = {
+    "empty": "it is empty",
+    "cut short": "no Clock of this version wrote it",
+    "too long": "it is larger than 4 KiB",
+    "a later version": "no Clock of this version wrote it",
+    "a wrong checksum": "it is damaged: the checksum is wrong",
+    "not JSON": "Input data was truncated",
+}
+
+
+@pytest.mark.parametrize("kind", REASONS)
+def test_it_is_told_why_a_file_cannot_be_read(path: Path, kind: str) -> None:
+    path.write_bytes(BAD[kind](kept(path)))
+    latch = begun(path)
+    assert latch.stopped == Stopped(by="a file that cannot be read", t_ns=0)
+    assert latch.trouble == f"{path}: {REASONS[kind]}"
+
+
 def test_any_byte_of_the_file_counts(path: Path) -> None:
     good = kept(path)
     for place in range(0, FILE_BYTES, 7):
@@ -251,16 +270,54 @@ def test_a_folder_that_went_away_is_told(tmp_path: Path) -> None:
     assert found(path) == ANN
 
 
-def test_a_file_that_cannot_be_made_whole_is_not_left_behind(
+def test_a_file_that_is_moved_away_while_it_is_written_keeps_nothing(
     path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    def full(descriptor: int, data: bytes, offset: int) -> int:
-        raise OSError(28, "No space left on device")
-
-    monkeypatch.setattr(os, "pwrite", full)
     latch = begun(path)
+    written = os.fdatasync
+
+    def moved(descriptor: int) -> None:
+        written(descriptor)
+        path.rename(path.with_name("away"))
+
+    monkeypatch.setattr(os, "fdatasync", moved)
+    latch.engage(ANN)
+    assert latch.trouble == f"{path}: it was moved away while it was written"
+    monkeypatch.undo()
+    latch.save(0)
+    assert latch.trouble is None
+    assert found(path) == ANN
+
+
+def test_a_file_that_cannot_be_made_whole_is_not_left_behind(path: Path) -> None:
+    before = resource.getrlimit(resource.RLIMIT_FSIZE)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (FILE_BYTES // 2, before[1]))
+    try:
+        latch = begun(path)
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, before)
     assert latch.trouble == f"{path}: No space left on device"
     assert not path.exists(), "a Clock that is started again is not stopped by it"
+    latch.save(0)
+    assert latch.trouble is None
+
+
+def test_a_file_that_is_up_to_date_is_not_written_again(path: Path) -> None:
+    latch = begun(path)
+    latch.engage(ANN)
+    os.utime(path, ns=(0, 0))
+    latch.engage(BOB)
+    latch.save(10**12)
+    assert path.stat().st_mtime_ns == 0
+
+
+def test_times_of_a_clock_from_before_the_machine_was_started_are_not_believed(path: Path) -> None:
+    begun(path).engage(Stopped(by="ann/1", t_ns=1000))
+    for now_ns, t_ns in ((1000, 1000), (999, 999), (2000, 999)):
+        assert begun(path, now_ns).stopped == Stopped(by="ann/1", t_ns=t_ns)
+    begun(path).release(1000)
+    assert begun(path, 1000).released_ns == 1000
+    assert begun(path, 999).released_ns == -1
 
 
 # --- servers ---------------------------------------------------------------------------------------
