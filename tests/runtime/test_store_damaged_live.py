@@ -68,7 +68,8 @@ def test_a_damaged_store_is_kept_aside_and_everybody_is_told(
     fill(machine)
     path = state(machine) / "DServer.sqlite"
     damage(path)
-    before = {p.name: p.read_bytes() for p in path.parent.glob("DServer.sqlite*") if p.stat().st_size}
+    files = [p for p in (path, path.with_name(f"{path.name}-wal")) if p.exists() and p.stat().st_size]
+    before = {p.name: p.read_bytes() for p in files}
     started = start(machine)
     (line,) = [line for line in started.err.splitlines() if "is damaged" in line]
     assert line.startswith(f"{path} is damaged: ")
