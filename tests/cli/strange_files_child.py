@@ -22,13 +22,17 @@ ROOM = 3 << 30
 """Bytes of address space that a command may take, so that a mistake costs no other process its memory."""
 
 
+class Stream(io.TextIOWrapper):
+    """Output that is no file of the system, as the type says."""
+
+
 def run(arguments: list[str]) -> dict[str, object]:
     """Run a command; return what it left behind, the seconds it took, and the peak of memory so far in MB."""
     out, err = io.BytesIO(), io.BytesIO()
     sys.argv = ["colony", *arguments]
     sys.stdin = io.TextIOWrapper(io.BytesIO())
-    sys.stdout = io.TextIOWrapper(out, encoding="utf-8")
-    sys.stderr = io.TextIOWrapper(err, encoding="utf-8", errors="backslashreplace")
+    sys.stdout = Stream(out, encoding="utf-8")
+    sys.stderr = Stream(err, encoding="utf-8", errors="backslashreplace")
     code: object = "none"
     signal.alarm(PATIENCE_S)
     began = time.monotonic()
