@@ -18,6 +18,7 @@ from colony.runtime.processes.crew import SERVERS, fresh_folder, job_of, server_
 from colony.runtime.processes.ending import Ending, on_signals
 from colony.runtime.processes.run import ENDING_S, LOOK_S
 from colony.runtime.processes.spec import GatewayPart, Part, Spec, name_of, said_of
+from colony.runtime.store import StoreError
 from colony.sim.child import PlantDevices
 from colony.sim.plant_child import SIMULATOR, Look, NoRoom, serve
 
@@ -47,7 +48,7 @@ def serve_one(server: str, place: Local, settings: Settings) -> None:
         LiveError: it runs already, or the run directory or the gateway's security are no good.
         Misuse: the robot has no room in the building.
         Failure: the map is bad.
-        BrokenOff: what it kept cannot be read.
+        BrokenOff: what it kept cannot be read, or can be kept no more.
     """
     ending = Ending()
     with on_signals(ending):
@@ -72,7 +73,7 @@ def _serve(part: Part, place: Local, settings: Settings, ending: Ending) -> None
     spec = Spec(place=said_of(place), part=part)
     try:
         child.run(spec, ending, devices=PlantDevices(), ready=lambda: say(told))
-    except child.CannotBegin as problem:
+    except (child.CannotBegin, StoreError) as problem:
         raise BrokenOff(str(problem)) from None
 
 

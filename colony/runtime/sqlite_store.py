@@ -11,6 +11,11 @@ The file is locked while it is open: two servers cannot write one state. Pages a
 are: a commit writes whole pages. Each entry has a checksum, as the file format itself has none. The table has
 row ids, so that keys are in an index of their own: a search among entries of a megabyte would have to read
 those that it comes across.
+
+A full disk. Beside the file is a reserve, which takes up room. When a commit finds no room, the reserve is
+given up, the log is carried over into the database, and the commit is tried again: what was being done can
+be kept. From then on the store is `full`, until there is room for the reserve again. A limit of the size of
+files, or a quota, counts as a full disk.
 """
 
 from __future__ import annotations
@@ -19,9 +24,11 @@ import os
 import sqlite3
 import zlib
 from collections.abc import Iterator, Mapping
+from contextlib import suppress
 from pathlib import Path
 
-from colony.runtime.store import Key, StoreError
+from colony.runtime.reserve import Reserve
+from colony.runtime.store import Key, StoreError, StoreFull
 
 APPLICATION = 0x436F6C44
 """`ColD`: marks a file as DServer's."""
@@ -49,11 +56,12 @@ class SqliteStore:
     """Keeps entries in the database at `path`, which is made where there is none. Mutable: the file.
 
     Args:
-        path: of the database; SQLite keeps its log beside it, as `<path>-wal`.
+        path: of the database; beside it SQLite keeps its log, `<path>-wal`, and this the `<path>.reserve`.
         fsync: whether a commit outlives a loss of power, too.
         patience_s: for how long to wait for another server to let go of the file.
 
     Raises:
+        StoreFull: the file is not there, or is of an earlier version, and the disk has no room for a new one.
         StoreError: the file cannot be opened, is in use, is damaged, or is something else.
     """
 
@@ -72,6 +80,18 @@ class SqliteStore:
         except BaseException:
             self._abandon()
             raise
+        self._reserve = Reserve(self._path.with_name(self._path.name + ".reserve"))
+        self.full: str | None = None
+        self.make_room()
+
+    def make_room(self) -> None:
+        """Put the reserve aside, again if it was given up; without room for it the store is full."""
+        try:
+            self._reserve.take()
+        except OSError as problem:
+            self.full = str(self._no_room(problem.strerror))
+        else:
+            self.full = None
 
     def load(self) -> Iterator[tuple[Key, bytes]]:
         try:
@@ -85,6 +105,15 @@ class SqliteStore:
             raise StoreError(f"{self._path} is damaged: {problem}; {_MEND}") from None
 
     def commit(self, changes: Mapping[Key, bytes | None]) -> None:
+        try:
+            self._commit(changes)
+        except StoreFull as problem:
+            self.full = str(problem)
+            self._reserve.give_up()
+            self._carry_over()
+            self._commit(changes)
+
+    def _commit(self, changes: Mapping[Key, bytes | None]) -> None:
         database = self._open()
         try:
             database.execute("BEGIN")
@@ -104,7 +133,13 @@ class SqliteStore:
         """Carry the log over into the database, and let go of the file."""
         database, self._database = self._database, None
         if database is not None:
+            self._reserve.give_up()
             database.close()
+
+    def _carry_over(self) -> None:
+        """Carry the log over into the database, as far as there is room for it, and begin the log again."""
+        with suppress(sqlite3.Error):
+            self._open().execute("PRAGMA wal_checkpoint(TRUNCATE)").fetchone()
 
     # --- opening ---------------------------------------------------------------------------------------
 
@@ -161,11 +196,16 @@ class SqliteStore:
         primary = None if code is None else code & 0xFF
         if primary in (sqlite3.SQLITE_BUSY, sqlite3.SQLITE_LOCKED):
             return StoreError(f"{self._path} is in use by another server")
+        if primary == sqlite3.SQLITE_FULL or code == sqlite3.SQLITE_IOERR_WRITE:
+            return self._no_room(problem)
         if primary == sqlite3.SQLITE_NOTADB:
             return StoreError(f"{self._path} is no database; give DServer a file of its own")
         if primary == sqlite3.SQLITE_CORRUPT or isinstance(problem, UnicodeDecodeError):
             return StoreError(f"{self._path} is damaged: {problem}; {_MEND}")
         return StoreError(f"{self._path}: {problem}")
+
+    def _no_room(self, problem: object) -> StoreFull:
+        return StoreFull(f"{self._path}: {problem}: free some space in {self._path.parent}")
 
 
 _MEND = "restore it from a copy, or move it away to begin with nothing"

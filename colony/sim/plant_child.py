@@ -11,7 +11,13 @@ import msgspec
 
 from colony.runtime.live.errors import LiveError
 from colony.runtime.live.run_directory import RobotDirectory
-from colony.runtime.processes.ending import Ending, give_up, on_death_of_parent, on_signals
+from colony.runtime.processes.ending import (
+    Ending,
+    drop_what_cannot_be_printed,
+    give_up,
+    on_death_of_parent,
+    on_signals,
+)
 
 if TYPE_CHECKING:
     from colony.sim.camera import CameraConfig
@@ -98,6 +104,7 @@ def main() -> None:
     """The entry of the process."""
     from colony.diagnostics import Failure
 
+    drop_what_cannot_be_printed()
     ending = Ending()
     with on_signals(ending):
         on_death_of_parent(ending)

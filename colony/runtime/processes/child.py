@@ -20,7 +20,15 @@ from colony.runtime.live.host import Host
 from colony.runtime.live.place import Local, Place
 from colony.runtime.processes.compiled import NotOurs
 from colony.runtime.processes.devices import Devices
-from colony.runtime.processes.ending import Ending, give_up, on_death_of_parent, on_signals, say
+from colony.runtime.processes.ending import (
+    EXIT_FAILED,
+    Ending,
+    drop_what_cannot_be_printed,
+    give_up,
+    on_death_of_parent,
+    on_signals,
+    say,
+)
 from colony.runtime.processes.parts import at_once, nodes_of, serves
 from colony.runtime.processes.spec import GatewayPart, Part, Spec, place_of, read_spec
 from colony.runtime.store import StoreError
@@ -42,6 +50,7 @@ def run(
     Raises:
         LiveError: it cannot join the robot's processes; another process serves its name, for one.
         CannotBegin: what it needs is not there, or is no good.
+        StoreError: it cannot keep what it has to, and must not go on.
         Exception: whatever a node raised.
     """
     place = place_of(spec.place)
@@ -79,6 +88,7 @@ def _host(part: Part, place: Place, devices: Devices | None, holds: ExitStack) -
 
 def main(devices: Devices | None = None) -> None:
     """The entry of a process that a supervisor starts."""
+    drop_what_cannot_be_printed()
     ending = Ending()
     with on_signals(ending):
         on_death_of_parent(ending)
@@ -86,6 +96,8 @@ def main(devices: Devices | None = None) -> None:
             run(read_spec(Path(sys.argv[1])), ending, devices=devices)
         except (LiveError, CannotBegin) as problem:
             give_up(str(problem))
+        except (StoreError, MemoryError) as problem:
+            give_up(str(problem) or "out of memory", EXIT_FAILED)
 
 
 if __name__ == "__main__":

@@ -118,7 +118,7 @@ class Children:
 
     def _spawn(self, child: _Child) -> None:
         python = (sys.executable, "-P", "-u", "-X", "faulthandler")
-        with open(child.job.log, "ab", opener=_private) as log:
+        with _log(child.job.log) as log:
             child.process = subprocess.Popen(
                 [*python, "-m", child.job.module, *child.job.arguments],
                 stdin=subprocess.PIPE,
@@ -178,6 +178,15 @@ def _forget(child: _Child) -> None:
         stdin: IO[bytes] | None = process.stdin
         if stdin is not None:
             stdin.close()
+
+
+def _log(path: Path) -> IO[bytes]:
+    """Open the file of what a process prints; where it cannot be made, because the disk is full for one,
+    what it prints is dropped."""
+    try:
+        return open(path, "ab", opener=_private)
+    except OSError:
+        return open(os.devnull, "ab")
 
 
 def _private(path: str, flags: int) -> int:

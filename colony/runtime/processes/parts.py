@@ -5,6 +5,7 @@ from __future__ import annotations
 
 import sys
 from contextlib import ExitStack
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, assert_never
 
@@ -21,6 +22,7 @@ from colony.runtime.processes.spec import (
     PServerPart,
     RServerPart,
 )
+from colony.runtime.store import Store, StoreFull, UnmadeStore
 
 if TYPE_CHECKING:
     from colony.runtime.processes.compiled import Compiled
@@ -107,12 +109,24 @@ def _driving(
 
 def _dserver(part: DServerPart, place: Place) -> Node:
     from colony.runtime.servers.dserver import DServer
-    from colony.runtime.sqlite_store import SqliteStore
 
     if not isinstance(place, Local):
         raise ValueError("DServer runs on the robot's own machine")
-    store = SqliteStore(Path(part.store), fsync=part.fsync)
-    return DServer(part.held, keep=KEPT, store=store, epoch=str(place.directory.base_ns()))
+    return DServer(part.held, keep=KEPT, store=_store(part), epoch=str(place.directory.base_ns()))
+
+
+def _store(part: DServerPart) -> Store:
+    """Open DServer's store; one that cannot even be made is made when its disk has room."""
+    from colony.runtime.sqlite_store import SqliteStore
+
+    path = Path(part.store)
+    make = partial(SqliteStore, path, fsync=part.fsync)
+    try:
+        return make()
+    except StoreFull as problem:
+        if path.exists() and path.stat().st_size:
+            raise
+        return UnmadeStore(make, problem)
 
 
 def _client(part: ClientPart) -> Node:

@@ -4,6 +4,9 @@ What it has survives its death, SIGKILL included. Each change is put into a jour
 store in one commit, after all that waited was handled and before any effect leaves: nothing is acknowledged
 that could be lost, and many changes cost one commit. A call that comes again is not done again, even by the
 server that was started in the place of a dead one (see `once.py`).
+
+On a full disk calls that would have to be kept are refused, and all else goes on: calls that only look,
+ticks, frames, and what actuators set.
 """
 
 from __future__ import annotations
@@ -57,6 +60,9 @@ _ROBOT_WITHOUT_PROGRAM = timing(50_000_000)
 
 WATCHDOG_DEADLINES = 3
 """Time without a tick, in deadlines of a frame, after which actuators become idle: two ticks were missed."""
+
+ROOM_NS = 1_000_000_000
+"""Nanoseconds between two looks whether a full disk has room again."""
 
 
 class DServer:
@@ -113,7 +119,9 @@ class DServer:
             lost=self._leadership.lost,
             stop=self._stop,
             full=self.full,
+            no_room=lambda: self._journal.full,
         )
+        self._look_for_room_at = 0
         self._emergency = StopFollower()
         self._halting = False
         self._bark_at: int | None = None
@@ -142,6 +150,9 @@ class DServer:
         return self._calls.start(now_ns)
 
     def handle(self, message: Message, now_ns: int) -> Iterable[Effect]:
+        if self._journal.full is not None and now_ns >= self._look_for_room_at:
+            self._look_for_room_at = now_ns + ROOM_NS
+            self._journal.make_room()
         match message:
             case Call() | Alive():
                 yield from self._calls.handle(message, now_ns)
@@ -194,10 +205,11 @@ class DServer:
             self._checkpoints,
             self._publisher,
         )
-        return tuple(sentence for part in parts for sentence in part.reached)
+        no_room = () if self._journal.full is None else (f"nothing new is kept: {self._journal.full}",)
+        return (*no_room, *(sentence for part in parts for sentence in part.reached))
 
     def settle(self) -> None:
-        """Commit what was changed.
+        """Commit what was changed; on a full disk what nobody was promised waits.
 
         Raises:
             StoreError: it cannot be kept; the server must end, and nothing that it said may leave.

@@ -94,6 +94,7 @@ class Watches:
             raise Refused("full", f"DServer: connections watch {MOST_NAMES} names already")
         if not self._most_prefixes.allows(self._prefixes + len(prefixes)):
             raise Refused("full", f"DServer: connections watch {MOST_PREFIXES} prefixes already")
+        self._journal.promise()
         self._watches[connection] = watch
         watch.names |= dict.fromkeys(names)
         watch.prefixes |= dict.fromkeys(prefixes)
