@@ -16,6 +16,7 @@ BASE = {
     "colony.codes",
     "colony.collector",
     "colony.diagnostics",
+    "colony.os_errors",
     "colony.record",
     "colony.source",
     "colony.units",

@@ -9,7 +9,7 @@ import shutil
 import sys
 import time
 from collections.abc import Callable, Iterator
-from contextlib import ExitStack, contextmanager, suppress
+from contextlib import AbstractContextManager, ExitStack, contextmanager, suppress
 from dataclasses import replace
 from pathlib import Path
 from tempfile import mkdtemp
@@ -24,12 +24,14 @@ from colony.cli.run_outputs import check_outputs, draw_paths
 from colony.cli.run_progress import Progress
 from colony.compile.pipeline import compile_program
 from colony.ir.program import Program
+from colony.os_errors import naming
 from colony.runtime.deployment import deployment
 from colony.runtime.fields import DSERVER, SERVERS, ServerSpec
 from colony.runtime.live.place import Local, Place
+from colony.runtime.live.run_directory import in_run_directory
 from colony.runtime.processes.children import Job
 from colony.runtime.processes.compiled import Compiled
-from colony.runtime.processes.crew import client_jobs, fresh_folder, keep_logs
+from colony.runtime.processes.crew import client_jobs, expect_room, fresh_folder, keep_logs
 from colony.runtime.processes.leader import Standings
 from colony.runtime.processes.run import LedRun, RunFailed
 from colony.runtime.processes.window import Window
@@ -81,8 +83,10 @@ def run_here(program: Program, place: Local, options: Options) -> tuple[RunSumma
             hazards=options.hazards,
             held=run.held,
         )
-        led.start(jobs_of(place, robot, run.folder))
-        led.start(run.client_jobs())
+        with in_run_directory(run.folder):
+            jobs = (*jobs_of(place, robot, run.folder), *run.client_jobs())
+            expect_room(run.folder, len(jobs))
+        led.start(jobs)
         begun = led.wait_for(truth.look, run.stop, what="the simulator starts", most_s=PLANT_S)
         interrupted = not begun or run.follow(led, meanwhile=truth.look)
         travel = truth.travel
@@ -115,7 +119,10 @@ def run_there(program: Program, place: Place, options: Options) -> tuple[RunSumm
         way = way_of(options)
     run = _Run(program, place, options, way)
     with run.led() as led:
-        led.start(run.client_jobs())
+        with _in_folder(place, run.folder):
+            jobs = run.client_jobs()
+            expect_room(run.folder, len(jobs))
+        led.start(jobs)
         led.hold(run.held)
         interrupted = run.follow(led)
     return run.summary(interrupted, None), run.arrival(None)
@@ -273,7 +280,9 @@ class _Run:
     def _fresh_folder(self) -> Path:
         """The folder of the run, where nothing is of an earlier one: its leader is the only one now."""
         if isinstance(self._place, Local):
-            return fresh_folder(self._place.directory.path / "run")
+            folder = self._place.directory.path / "run"
+            with in_run_directory(folder):
+                return fresh_folder(folder)
         return Path(mkdtemp(prefix="colony-run-"))
 
     def _tidy(self) -> None:
@@ -288,6 +297,11 @@ class _Run:
         run, started = self._deployed.run, time.strftime("%Y-%m-%dT%H:%M:%S%z")
         file, seed = self._options.file, self._options.seed
         return recording_into(path, file, *self._both, seed=seed, run=run, started=started)
+
+
+def _in_folder(place: Place, folder: Path) -> AbstractContextManager[None]:
+    """While it lasts, tell of an OSError what to do about the folder of a run."""
+    return in_run_directory(folder) if isinstance(place, Local) else naming(folder)
 
 
 def _more_servers(program: Program, place: Place) -> tuple[ServerSpec, ...]:

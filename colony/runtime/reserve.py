@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-import errno
 import os
 from pathlib import Path
 
+from colony.os_errors import NO_ROOM, naming
+
 RESERVE_BYTES = 2 << 20
 """Size of the reserve: two of the largest values, or some thousand small changes."""
-
-_NO_ROOM = frozenset({errno.ENOSPC, errno.EDQUOT, errno.EFBIG})
 
 
 class Reserve:
@@ -17,10 +16,12 @@ class Reserve:
 
     Args:
         path: of the file, on the disk whose room is put aside.
+        size: of the room, in bytes.
     """
 
-    def __init__(self, path: Path) -> None:
+    def __init__(self, path: Path, size: int = RESERVE_BYTES) -> None:
         self._path = path
+        self._size = size
 
     def take(self) -> None:
         """Take up the room, unless that is done; on a disk that cannot put room aside do without.
@@ -31,12 +32,13 @@ class Reserve:
         try:
             file = os.open(self._path, os.O_RDWR | os.O_CREAT | os.O_CLOEXEC, 0o600)
             try:
-                os.posix_fallocate(file, 0, RESERVE_BYTES)
+                with naming(self._path):
+                    os.posix_fallocate(file, 0, self._size)
             finally:
                 os.close(file)
         except OSError as problem:
             self.give_up()  # a part of it may have been taken
-            if problem.errno in _NO_ROOM:
+            if problem.errno in NO_ROOM:
                 raise
 
     def give_up(self) -> None:

@@ -15,6 +15,7 @@ from colony.runtime.processes.ending import (
     Ending,
     drop_what_cannot_be_printed,
     give_up,
+    give_up_without,
     on_death_of_parent,
     on_signals,
 )
@@ -112,6 +113,8 @@ def main() -> None:
             serve(msgspec.json.decode(Path(sys.argv[1]).read_bytes(), type=PlantSpec), ending)
         except (LiveError, NoRoom, Failure) as problem:
             give_up(str(problem))
+        except Exception as problem:
+            give_up_without(problem)
 
 
 if __name__ == "__main__":

@@ -15,6 +15,7 @@ from pathlib import Path
 from typing import NoReturn
 
 from colony.diagnostics import Failure
+from colony.os_errors import described
 from colony.runtime.live.errors import GatewayFull, LiveError
 from colony.runtime.live.host import Host
 from colony.runtime.live.place import Local, Place
@@ -25,6 +26,7 @@ from colony.runtime.processes.ending import (
     Ending,
     drop_what_cannot_be_printed,
     give_up,
+    give_up_without,
     on_death_of_parent,
     on_signals,
     say,
@@ -81,7 +83,9 @@ def _host(part: Part, place: Place, devices: Devices | None, holds: ExitStack) -
         return open_gateway(place, part.listen, read_security(Path(part.security)), report=say)
     try:
         nodes = nodes_of(part, place, devices, holds)
-    except (Failure, StoreError, NotOurs, OSError) as problem:
+    except OSError as problem:
+        raise CannotBegin(described(problem)) from None
+    except (Failure, StoreError, NotOurs) as problem:
         raise CannotBegin(str(problem)) from None
     return Host.open(place, nodes, serves=serves(part), direct=at_once(part, nodes), report=say)
 
@@ -96,8 +100,10 @@ def main(devices: Devices | None = None) -> None:
             run(read_spec(Path(sys.argv[1])), ending, devices=devices)
         except (LiveError, CannotBegin) as problem:
             give_up(str(problem))
-        except (StoreError, MemoryError) as problem:
-            give_up(str(problem) or "out of memory", EXIT_FAILED)
+        except StoreError as problem:
+            give_up(str(problem), EXIT_FAILED)
+        except Exception as problem:
+            give_up_without(problem)
 
 
 if __name__ == "__main__":

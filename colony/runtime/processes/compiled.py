@@ -14,6 +14,7 @@ from typing import NamedTuple
 
 from colony.compile.clients import ClientList
 from colony.ir.program import Program
+from colony.os_errors import naming
 from colony.runtime.bindings import Bindings, bind
 from colony.runtime.fields import SERVERS, ServerSpec
 
@@ -47,7 +48,7 @@ def write_compiled(path: Path, compiled: Compiled) -> None:
     """
     beside = path.with_suffix(f".{os.getpid()}")
     beside.unlink(missing_ok=True)
-    with open(os.open(beside, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o600), "wb") as file:
+    with naming(beside), open(os.open(beside, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o600), "wb") as file:
         pickle.dump(tuple(compiled), file, protocol=pickle.HIGHEST_PROTOCOL)
     beside.replace(path)
 

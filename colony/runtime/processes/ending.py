@@ -15,6 +15,8 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from typing import TYPE_CHECKING, BinaryIO, NoReturn, cast
 
+from colony.os_errors import described, is_out_of_memory
+
 if TYPE_CHECKING:
     from _typeshed import ReadableBuffer as Buffer
 
@@ -141,3 +143,12 @@ def give_up(text: str, code: int = EXIT_FINAL) -> NoReturn:
     """Say why the process ends, and end: it was started wrongly, unless another code says otherwise."""
     say(text)
     sys.exit(code)
+
+
+def give_up_without(problem: Exception) -> NoReturn:
+    """End for lack of memory, files or room, and say so in a line; raise anything else, which is a bug."""
+    if is_out_of_memory(problem):
+        give_up("out of memory", EXIT_FAILED)
+    if isinstance(problem, OSError):
+        give_up(described(problem), EXIT_FAILED)
+    raise problem

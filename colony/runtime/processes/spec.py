@@ -12,6 +12,7 @@ from pathlib import Path
 import msgspec
 
 from colony.ir.types import Value
+from colony.os_errors import naming
 from colony.runtime.live.place import Credentials, Local, Place, Remote
 from colony.runtime.live.run_directory import RobotDirectory
 
@@ -126,7 +127,7 @@ def write_spec(path: Path, spec: msgspec.Struct) -> None:
         OSError: it cannot be written.
     """
     path.unlink(missing_ok=True)
-    with open(os.open(path, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o600), "wb") as file:
+    with naming(path), open(os.open(path, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o600), "wb") as file:
         file.write(msgspec.json.encode(spec))
 
 
