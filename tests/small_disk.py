@@ -48,6 +48,11 @@ class SmallDisk:
         """Give back all the room that `fill` took."""
         self._filler.unlink()
 
+    def remount(self, options: str) -> None:
+        """Change how it is mounted: "ro" or "rw"."""
+        command = [*self.inside, "mount", "-o", f"remount,{options}", str(self.path)]
+        subprocess.run(command, check=True, timeout=30)
+
     @property
     def _filler(self) -> Path:
         return self.seen / "filler"

@@ -20,14 +20,16 @@ files, or a quota, counts as a full disk.
 
 from __future__ import annotations
 
+import errno
 import os
+import resource
 import sqlite3
 import zlib
 from collections.abc import Iterator, Mapping
 from contextlib import suppress
 from pathlib import Path
 
-from colony.runtime.reserve import Reserve
+from colony.runtime.reserve import RESERVE_BYTES, Reserve
 from colony.runtime.store import Key, StoreError, StoreFull
 
 APPLICATION = 0x436F6C44
@@ -87,6 +89,7 @@ class SqliteStore:
     def make_room(self) -> None:
         """Put the reserve aside, again if it was given up; without room for it the store is full."""
         try:
+            _expect_growth(self._path)
             self._reserve.take()
         except OSError as problem:
             self.full = str(self._no_room(problem.strerror))
@@ -227,6 +230,17 @@ def _look_at(path: Path) -> None:
         raise StoreError(f"{path} is missing or empty, but its log {log.name} is there; {_MEND}")
     if header and header != _HEADER:
         raise StoreError(f"{path} is no database; give DServer a file of its own")
+
+
+def _expect_growth(path: Path) -> None:
+    """Check that a file may grow by as much as the reserve: a limit of the size of files knows no reserve.
+
+    Raises:
+        OSError: it may not.
+    """
+    most = resource.getrlimit(resource.RLIMIT_FSIZE)[0]
+    if most != resource.RLIM_INFINITY and path.stat().st_size + RESERVE_BYTES > most:
+        raise OSError(errno.EFBIG, os.strerror(errno.EFBIG), str(path))
 
 
 def _checksum(key: Key, data: bytes) -> int:

@@ -70,13 +70,13 @@ class Started:
         arguments: tuple[str, ...],
         environment: Mapping[str, str],
         folder: Path,
-        inside: tuple[str, ...] = (),
+        enter: tuple[str, ...] = (),
     ) -> None:
         self._out, self._err = folder / "out", folder / "err"
         folder.mkdir()
         with self._out.open("wb") as out, self._err.open("wb") as err:
             self.process = subprocess.Popen(
-                [*inside, sys.executable, "-m", "colony.cli.main", *arguments],
+                [*enter, sys.executable, "-m", "colony.cli.main", *arguments],
                 stdin=subprocess.DEVNULL,
                 stdout=out,
                 stderr=err,
@@ -114,13 +114,13 @@ class Machine:
 
     Args:
         folder: for its files.
-        inside: what its commands begin with, as those do that have a small disk.
+        enter: what its commands begin with, as those do that have a small disk.
         variables: of its environment, besides the usual ones.
     """
 
-    def __init__(self, folder: Path, inside: tuple[str, ...] = (), **variables: str) -> None:
+    def __init__(self, folder: Path, enter: tuple[str, ...] = (), **variables: str) -> None:
         self._folder = folder
-        self._inside = inside
+        self._enter = enter
         self.environment = {
             **os.environ,
             "COLONY_RUN_DIR": str(folder / "r"),
@@ -130,10 +130,10 @@ class Machine:
         }
         self._started: list[Started] = []
 
-    def start(self, *arguments: str) -> Started:
-        """Run `colony ARGUMENTS`."""
+    def start(self, *arguments: str, enter: tuple[str, ...] = ()) -> Started:
+        """Run `colony ARGUMENTS`, by a command that begins with `enter` if need be."""
         folder = self._folder / f"{len(self._started)}"
-        started = Started(arguments, self.environment, folder, self._inside)
+        started = Started(arguments, self.environment, folder, enter or self._enter)
         self._started.append(started)
         return started
 

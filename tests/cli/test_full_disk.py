@@ -7,6 +7,8 @@ import os
 import shutil
 import signal
 from collections.abc import Iterator
+from concurrent.futures import ThreadPoolExecutor
+from contextlib import ExitStack
 from pathlib import Path
 
 import pytest
@@ -150,7 +152,7 @@ def test_dserver_refuses_what_must_be_kept_and_lives(machine: Machine, disk: Sma
     with machine.session() as session:
         server = until(lambda: _connected(session), "DServer answers")
         disk.fill()
-        while (refused := _refusal(server, name := f"V{len(kept):05}")) is None:
+        while (refused := _refusal(server, name := f"V{len(kept):05}", name * 200)) is None:
             kept[name] = name * 200
         assert refused.code == "full"
         assert str(disk.path / "s") in str(refused)
@@ -196,10 +198,35 @@ def test_a_dserver_that_can_make_no_store_lives_in_memory(machine: Machine, disk
         server.close()
 
 
-def _refusal(server: Connection, name: str) -> CallRefused | None:
-    """Set a variable to something large; gives the refusal, if it is refused."""
+def test_nothing_is_lost_where_even_the_reserve_is_too_small(machine: Machine, disk: SmallDisk) -> None:
+    """Values of a megabyte at one moment: the server may have to end before it answers."""
+    served = serve(machine, disk)
+    values = {f"V{i}": bytes([i]) * 1_000_000 for i in range(8)}
+    with machine.session() as session, ExitStack() as open_:
+        until(lambda: _connected(session), "DServer answers").close()
+        servers = {name: open_.enter_context(session.connect("DServer", timeout_s=30.0)) for name in values}
+        disk.fill()
+        with ThreadPoolExecutor(len(values)) as pool:
+            refused = dict(
+                zip(values, pool.map(lambda n: _refusal(servers[n], n, values[n]), values), strict=True)
+            )
+        assert {problem.code for problem in refused.values() if problem is not None} == {"full"}
+        kept = {name for name, problem in refused.items() if problem is None}
+        pid = machine.pid("DServer")
+        assert pid is not None
+        os.kill(pid, signal.SIGKILL)
+        until(lambda: machine.pid("DServer") not in (None, pid), "DServer is started again")
+        server = servers["V0"]
+        assert set(server.do(data.names())) == kept
+        for name in kept:
+            assert server.do(data.get(name)) == values[name]
+    assert "Traceback" not in served.err
+
+
+def _refusal(server: Connection, name: str, value: object) -> CallRefused | None:
+    """Set a variable; gives the refusal, if it is refused."""
     try:
-        server.do(data.set(name, name * 200))
+        server.do(data.set(name, value))
     except CallRefused as refused:
         return refused
     return None

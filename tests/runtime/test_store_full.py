@@ -182,8 +182,11 @@ def test_a_limit_of_the_size_of_files_is_like_a_full_disk(disk: SmallDisk, start
     assert store.ask("names")["answer"] == kept
     store.kill()
     store = start()
-    store.ask("open")
+    assert store.ask("open")["full"] is None  # this process has no limit
     assert store.well("names") == kept
+    store.kill()
+    store = start(largest_file=RESERVE_BYTES + (1 << 19))
+    assert "File too large" in store.ask("open")["full"]  # though there would be room for the reserve
 
 
 # --- the journal, and a store that cannot be made ------------------------------------------------
