@@ -112,15 +112,14 @@ def _prepare_streams() -> None:
     for descriptor in range(3):  # or the next file that is opened would be taken for it
         if not _is_open(descriptor):
             os.open(os.devnull, os.O_WRONLY if descriptor == 2 else os.O_RDONLY)
-    if sys.stdout is None:
-        sys.stdout = TextIOWrapper(BufferedWriter(_StandardOutput(1, "wb", closefd=False)), encoding="utf-8")
-    elif type(sys.stdout) is TextIOWrapper and sys.stdout.fileno() == 1:
+    own = sys.__stdout__
+    if sys.stdout is own:  # not that of a program that calls `main`
         sys.stdout = TextIOWrapper(
             BufferedWriter(_StandardOutput(1, "wb", closefd=False)),
-            encoding=sys.stdout.encoding,
-            errors=sys.stdout.errors,
-            line_buffering=sys.stdout.line_buffering,
-            write_through=sys.stdout.write_through,
+            encoding="utf-8" if own is None else own.encoding,
+            errors="strict" if own is None else own.errors,
+            line_buffering=own is not None and own.line_buffering,
+            write_through=own is not None and own.write_through,
         )
     if isinstance(sys.stdout, TextIOWrapper) and sys.stdout.errors == "strict":
         sys.stdout.reconfigure(errors="backslashreplace")
