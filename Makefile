@@ -7,11 +7,12 @@ STAMP  := $(VENV)/.installed
 SECONDS ?= 60
 SEED    ?= 1
 SEEDS   ?= 10000
+TRIALS  ?= 100
 MODULE  ?=
 SAMPLE  ?=
 WORKERS ?= 2
 
-.PHONY: run test check format bench soak loss attack tables mutants clean
+.PHONY: run test check format bench soak stops loss attack tables mutants clean
 
 run: $(STAMP)
 	$(BIN)/colony run behaviors/wander.colony --map maps/loop.stickrep --duration 60 --seed 1 --picture run.png
@@ -33,6 +34,9 @@ bench: $(STAMP)
 
 soak: $(STAMP)
 	$(BIN)/python -m tests.runtime.soak --seconds $(SECONDS) --seed $(SEED)
+
+stops: $(STAMP)
+	$(BIN)/python -m tests.runtime.stops_kept --trials $(TRIALS) --seed $(SEED)
 
 loss: $(STAMP)
 	$(BIN)/python -m tests.runtime.loss_policy --seeds $(SEEDS)

@@ -65,6 +65,7 @@ CODES: dict[str, str] = {
     "A003": "there is nothing to audit in a recording",
     "A004": "what is recorded is none of the program",
     "A005": "the program of a recording cannot be used",
+    "A006": "the recording is damaged",
     "V001": "what was compiled is not the network",
     "V002": "what was compiled is neither proved nor refuted",
     "V010": "a contract can be broken",

@@ -16,6 +16,8 @@ BASE = {
     "colony.codes",
     "colony.collector",
     "colony.diagnostics",
+    "colony.files",
+    "colony.os_errors",
     "colony.record",
     "colony.source",
     "colony.units",
@@ -51,6 +53,8 @@ THIRD_PARTY: dict[str, set[str]] = {
     "msgspec": {"runtime", "sim", "experiment", "cli"},
     "zenoh": {"runtime"},
     "mcap": {"runtime"},
+    "lz4": {"runtime"},
+    "zstandard": {"runtime"},
 }
 """The only packages that may import these."""
 

@@ -9,7 +9,7 @@ import pytest
 
 from colony.dsl.check.robot import RESERVED_FIELDS
 from colony.runtime.recordings.replay import RESERVED
-from colony.runtime.recordings.schemas import CONTRACTS, FRAMES, REQUESTS, VERDICTS
+from colony.runtime.recordings.schemas import CONTRACTS, FRAMES, KEYFRAMES, REQUESTS, VERDICTS
 from tests.pages import COMMANDS, typed
 
 ROOT = Path(__file__).parent.parent
@@ -30,5 +30,5 @@ def test_commands_print_what_the_page_shows(tmp_path: Path, monkeypatch: pytest.
 def test_every_name_is_told_of() -> None:
     for name in (*RESERVED, *RESERVED_FIELDS):
         assert f"`{name}`" in PAGE or f'"{name}"' in PAGE, name
-    for topic in (FRAMES, CONTRACTS, f"{VERDICTS}ACTUATOR", f"{REQUESTS}ACTUATOR"):
+    for topic in (FRAMES, KEYFRAMES, CONTRACTS, f"{VERDICTS}ACTUATOR", f"{REQUESTS}ACTUATOR"):
         assert f"`{topic}`" in PAGE

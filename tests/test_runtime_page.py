@@ -12,19 +12,20 @@ import msgspec
 import pytest
 
 from colony.dsl.load import check_text
-from colony.runtime import assembly, calls, client, clock, codec, deployment, liveness
+from colony.runtime import assembly, calls, client, clock, codec, deployment, liveness, reserve
 from colony.runtime.arbitration import timing
 from colony.runtime.kit import connection, conversation
 from colony.runtime.kit.connection import Session
 from colony.runtime.kit.errors import CallRefused
 from colony.runtime.library import leader, robot
 from colony.runtime.library.ask import Ask
-from colony.runtime.live import border, meter, names, waiting
+from colony.runtime.live import border, meter, names, network, waiting
 from colony.runtime.live.place import local
 from colony.runtime.messages import Request, ServerFrame
 from colony.runtime.servers import (
     checkpoints,
     data_calls,
+    dserver,
     publishing,
     rserver,
     semaphores,
@@ -152,6 +153,9 @@ def test_the_behavior_is_right() -> None:
         ),
         ("| frames that a server keeps | 16 MiB |", publishing.KEPT_BYTES == 16 << 20),
         ("| the name of a robot, server or user | 64 characters |", names.LONGEST == 64),
+        ("DServer puts 2 MiB aside", reserve.RESERVE_BYTES == 2 << 20),
+        ("Once a second it looks whether there is room", dserver.ROOM_NS == 1_000_000_000),
+        ("needs room for 32 more open files", network.DESCRIPTORS == 32),
         ("16 KiB of a message count as one more", meter.BYTES_A_TOKEN == 16 << 10),
         ("| calls and signs of life | 2000 | 1000 |", border.CALLS == (2000.0, 1000.0)),
         ("| the same under the right `stop` | 500 | 100 |", border.STOPS == (500.0, 100.0)),

@@ -34,12 +34,13 @@ def command(recording: str, file: str | None, trust: bool, format_: str) -> None
     The program is the one in the recording, or FILE, which JSON lines need: they do not hold it. Where a
     client was late or lost the idle command is right, too; frames in which a client outside the network
     commanded, or the emergency stop or a lock was on, are counted and not compared. A recording that breaks
-    off is audited as far as it goes.
+    off is audited as far as it goes, and one that is damaged before and after the damage.
 
     A recording may hold modules in Python, which come from whoever made it: they are run, out of a
     temporary folder, only with --trust. With FILE, modules are looked for beside it, as in other commands.
 
-    Exit code 0 where every frame agrees, 1 where one differs, 2 for misuse, as a file that is no recording.
+    Exit code 0 where every frame agrees, 1 where one differs or the recording is damaged, 2 for misuse, as a
+    file that is no recording.
 
     \b
     Example:
@@ -58,7 +59,8 @@ def command(recording: str, file: str | None, trust: bool, format_: str) -> None
                 result = _audit(program, reader, _Progress(stream))
             _refuse_empty(recording, reader, result)
     except Failure as failure:
-        if failure.diagnostics[0].code[0] in "AF":
+        code = failure.diagnostics[0].code
+        if code[0] in "AF" and code != "A006":
             refuse(failure.diagnostics)
         report(failure.diagnostics)
         raise click.exceptions.Exit(EXIT_ERRORS) from None
@@ -68,7 +70,7 @@ def command(recording: str, file: str | None, trust: bool, format_: str) -> None
         from colony.cli.audit_text import render
 
         click.echo(render(recording, reader.run, program, result, file=file, cut=reader.cut))
-    if not result.agrees:
+    if not result.agrees or result.damaged:
         raise click.exceptions.Exit(EXIT_ERRORS)
 
 
@@ -99,6 +101,8 @@ def _audit(program: Program, reader: RecordingReader, progress: Callable[[], Non
     for recorded in reader.frames(program):
         auditor.take(recorded)
         progress()
+    if reader.damaged:
+        auditor.end_damaged()
     return auditor.report()
 
 
@@ -110,6 +114,8 @@ def _refuse_empty(recording: str, reader: RecordingReader, result: AuditReport) 
     if result.frames and result.compared + result.outside + result.holds:
         return
     message = "the recording holds no decision" if result.frames else "the recording holds no frame"
+    if result.damaged:
+        raise Failure([error("A006", Span(Source(recording, ""), 0, 0), f"{message} that is not damaged")])
     cut = f": {reader.cut}" if reader.cut else ""
     raise Failure([error("A003", Span(Source(recording, ""), 0, 0), f"{message}{cut}")])
 

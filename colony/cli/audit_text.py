@@ -31,11 +31,12 @@ def render(
         *_indented(_counts(report)),
         *_indented(_contracts(report, program)),
         *([f"  truncated: {cut}; audited as far as it goes"] if cut else []),
+        *_indented(_damage(report)),
     ]
     if report.first is None:
-        return "\n".join(
-            [*lines, f"agrees: every decision {'compared ' if report.unknown else ''}is the interpreter's"]
-        )
+        compared = "compared " if report.unknown or report.damaged else ""
+        whole = ", as far as the recording is not damaged" if report.damaged else ""
+        return "\n".join([*lines, f"agrees: every decision {compared}is the interpreter's{whole}"])
     differing = _count(report.differing, "frame")
     return "\n".join(
         [*lines, f"DIFFERS in {differing}, first {_where(report.first)}", *_first(report, program)]
@@ -67,6 +68,17 @@ def _counts(report: AuditReport) -> Iterator[str]:
         yield f"{_count(report.unknown, 'frame')} not compared: a frame before them was not observed"
     if report.restarts:
         yield f"{_count(report.restarts, 'restart')}"
+
+
+def _damage(report: AuditReport) -> Iterator[str]:
+    for span in report.damaged:
+        start = "" if span.after_ns is None else f" from {_seconds(span.after_ns)}"
+        end = "to its end" if span.before_ns is None else f"to {_seconds(span.before_ns)}"
+        yield f"damaged{start} {end}: left out"
+    if any(span.before_ns is not None for span in report.damaged):
+        yield "after that, audited from the memory that was recorded"
+    if report.forgotten:
+        yield f"{_count(report.forgotten, 'frame')} not compared: memory after the damage is not known"
 
 
 def _contracts(report: AuditReport, program: Program) -> Iterator[str]:

@@ -7,16 +7,21 @@ from typing import TYPE_CHECKING, assert_never
 
 import click
 
-from colony.cli.exit_codes import EXIT_ERRORS
+from colony.cli.exit_codes import EXIT_ERRORS, EXIT_MISUSE
 from colony.cli.outputs import check_output, write_whole
 from colony.cli.prover_interruption import interruptions
 from colony.cli.prover_options import ProverSeconds
 from colony.cli.reporting import load_program, report, say
+from colony.files import read_file, reason
 
 if TYPE_CHECKING:
     from colony.compile.pipeline import Compiled
     from colony.ir.program import Program
     from colony.verify.equivalence.results import Result
+
+
+CLIENTS_BYTES = 64 * 1024 * 1024
+"""Largest file of clients that is proved."""
 
 
 @click.command("compile", short_help="show the prioritized clients that a behavior compiles to")
@@ -133,8 +138,11 @@ def _proof_of(existing: Path, program: Program, compiled: Compiled, timeout_ms: 
     from colony.verify.equivalence.results import Malformed, Proved
 
     try:
-        text = existing.read_text(encoding="utf-8")
-    except (OSError, UnicodeDecodeError) as problem:
+        text = read_file(existing, CLIENTS_BYTES).decode("utf-8")
+    except OSError as problem:
+        say(f"{existing}: error: cannot read: {reason(problem)}")
+        raise click.exceptions.Exit(EXIT_MISUSE) from None
+    except UnicodeDecodeError as problem:
         return Malformed(
             form=str(existing), subject="text", found=str(problem), expected="clients as UTF-8 text"
         )

@@ -37,6 +37,7 @@ def command() -> None:
     """List, read, set and delete the variables that the processes of a robot share (DServer).
 
     Values are JSON. Exit code 0, 1 if DServer refuses, 2 if there is no such robot or it cannot be reached.
+    Limits that DServer has reached, and damaged files that it keeps aside, are said on standard error.
 
     \b
     Example:
@@ -159,8 +160,10 @@ def _expect_names(names: Iterable[str]) -> None:
 
 @contextmanager
 def _dserver(robot: str | None, connect: str | None, security: Path | None) -> Iterator[Connection]:
-    """Open a connection to DServer; a call that it refuses ends the command with a line and exit code 1."""
+    """Open a connection to DServer, and say what troubles it; a call that it refuses ends the command with a
+    line and exit code 1."""
     from colony.runtime.kit.errors import CallRefused
+    from colony.runtime.processes.state import STATUS
 
     name = _robot(robot, connect)
     with (
@@ -169,6 +172,8 @@ def _dserver(robot: str | None, connect: str | None, security: Path | None) -> I
         session.connect(SERVER, name="colony data") as server,
     ):
         try:
+            for sentence in server.do(STATUS).full:
+                say(f"colony: warning: {SERVER}: {printable(sentence)}")
             yield server
         except CallRefused as problem:
             say(f"colony: error: {problem.message}")

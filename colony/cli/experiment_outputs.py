@@ -17,9 +17,13 @@ from colony.experiment.confidence import event_table, path_table
 from colony.experiment.figures import targets
 from colony.experiment.record import RunResult
 from colony.experiment.tables import failure_table, table, target_table
+from colony.files import read_file, reason
 
 BEGIN, END = "<!-- {} -->", "<!-- end of {} -->"
 """Between these two lines of a page its tables stand; the rest is left as it is."""
+
+PAGE_BYTES = 4 * 1024 * 1024
+"""Largest page that tables are put into."""
 
 _ROWS_ON_A_PAGE = 60
 """A page has a row a run for lists of up to so many; of longer ones what they came to."""
@@ -175,9 +179,9 @@ def _around(asked: Experiment, page: Path) -> tuple[str, str]:
     before which they end; exits with 2 where it has not these lines."""
     begin, end = (mark.format(f"{asked.name} {asked.label}") for mark in (BEGIN, END))
     try:
-        text = page.read_text(encoding="utf-8")
+        text = read_file(page, PAGE_BYTES).decode("utf-8")
     except OSError as problem:
-        cannot_write(page, problem.strerror or str(problem))
+        cannot_write(page, reason(problem))
     except UnicodeDecodeError as problem:
         cannot_write(page, f"byte {problem.start} is no UTF-8; expected a page of Markdown")
     before, marked, rest = text.partition(begin)

@@ -5,18 +5,20 @@ Exit codes: 0 good (warnings included), 1 errors found, 2 misuse, 3 undecided (`
 
 from __future__ import annotations
 
-import errno
 import os
 import sys
 from contextlib import suppress
 from importlib import import_module
-from io import StringIO, TextIOWrapper
-from typing import TextIO
+from io import BufferedWriter, FileIO, TextIOWrapper
+from typing import TYPE_CHECKING, TextIO
 
 import click
 
 from colony import __version__
 from colony.cli.exit_codes import EXIT_ERRORS, EXIT_INTERRUPTED, EXIT_MISUSE
+
+if TYPE_CHECKING:
+    from _typeshed import ReadableBuffer
 
 COMMANDS = {
     "new": "write a first behavior file",
@@ -42,8 +44,15 @@ COMMANDS = {
 """Every command and what it is for; `colony/cli/NAME.py` has it as `command`."""
 
 
-_UNWRITTEN = frozenset({errno.ENOSPC, errno.EFBIG, errno.EIO, errno.EBADF})
-"""What goes wrong where output cannot be written, and no file has a name."""
+class _StandardOutput(FileIO):
+    """Standard output, which says so where it cannot be written."""
+
+    def write(self, data: ReadableBuffer, /) -> int:
+        try:
+            return super().write(data)
+        except OSError as problem:
+            problem.filename = "standard output: cannot write"
+            raise
 
 
 class Commands(click.Group):
@@ -98,11 +107,32 @@ def colony(context: click.Context) -> None:
 
 
 def _prepare_streams() -> None:
-    """Output that is closed is kept from everyone, and letters that an encoding lacks become escapes."""
-    sys.stdout = sys.stdout or StringIO()
-    sys.stderr = sys.stderr or StringIO()
+    """Have output that says whose fault it is when it fails, and in which letters that an encoding lacks
+    become escapes. Of streams that are closed, output fails, and messages are kept from everyone."""
+    for descriptor in range(3):  # or the next file that is opened would be taken for it
+        if not _is_open(descriptor):
+            os.open(os.devnull, os.O_WRONLY if descriptor == 2 else os.O_RDONLY)
+    own = sys.__stdout__
+    if sys.stdout is own:  # not that of a program that calls `main`
+        sys.stdout = TextIOWrapper(
+            BufferedWriter(_StandardOutput(1, "wb", closefd=False)),
+            encoding="utf-8" if own is None else own.encoding,
+            errors="strict" if own is None else own.errors,
+            line_buffering=own is not None and own.line_buffering,
+            write_through=own is not None and own.write_through,
+        )
     if isinstance(sys.stdout, TextIOWrapper) and sys.stdout.errors == "strict":
         sys.stdout.reconfigure(errors="backslashreplace")
+    if sys.stderr is None:
+        sys.stderr = os.fdopen(2, "w", encoding="utf-8", errors="backslashreplace", closefd=False)
+
+
+def _is_open(descriptor: int) -> bool:
+    try:
+        os.fstat(descriptor)
+    except OSError:
+        return False
+    return True
 
 
 def _give_up_output(stream: TextIO | None = None) -> None:
@@ -125,10 +155,20 @@ def _say(text: str) -> None:
 
 
 def _report_failure(problem: Exception) -> int:
-    """What a stage found wrong is reported as it stands; anything else is a bug, and raised."""
+    """What a stage found wrong is reported as it stands, and what the system refuses in a line; anything
+    else is a bug, and raised."""
     from colony.cli.reporting import report
     from colony.diagnostics import Failure
+    from colony.os_errors import described, is_out_of_memory
 
+    if is_out_of_memory(problem):
+        _say("colony: error: out of memory")
+        _give_up_output()
+        return EXIT_ERRORS
+    if isinstance(problem, OSError):
+        _say(f"colony: error: {described(problem)}")
+        _give_up_output()
+        return EXIT_MISUSE
     if not isinstance(problem, Failure):
         raise problem
     report(problem.diagnostics)
@@ -158,12 +198,6 @@ def _run() -> int:
         return EXIT_ERRORS
     except BrokenPipeError:  # whoever read our output has seen enough
         _give_up_output()
-    except OSError as problem:
-        unwritten = "standard output: cannot write" if problem.errno in _UNWRITTEN else None
-        what = problem.filename or unwritten
-        _say(f"colony: error: {f'{what}: ' if what else ''}{problem.strerror or problem}")
-        _give_up_output()
-        return EXIT_MISUSE
     except Exception as problem:
         return _report_failure(problem)
     return 0

@@ -11,7 +11,11 @@ from collections.abc import Iterable, Iterator
 from importlib.machinery import ModuleSpec, PathFinder
 from pathlib import Path
 
+from colony.files import read_file
 from colony.runtime.recordings.recorded import SourceFile
+
+SOURCE_BYTES = 4 * 1024 * 1024
+"""Largest file of a module in Python that goes into a recording."""
 
 _INSTALLED = tuple(
     Path(sysconfig.get_path(name)).resolve() for name in ("stdlib", "platstdlib", "purelib", "platlib")
@@ -60,7 +64,7 @@ def _own(spec: ModuleSpec) -> SourceFile | None:
     place = spec.name.replace(".", "/")
     place += ".py" if spec.submodule_search_locations is None else "/__init__.py"
     try:
-        return SourceFile(kind="python", place=place, data=origin.read_bytes())
+        return SourceFile(kind="python", place=place, data=read_file(origin, SOURCE_BYTES))
     except OSError:
         return None
 

@@ -10,6 +10,7 @@ from colony.diagnostics import Diagnostic, Failure, error, has_errors, headline
 from colony.dsl.check.program import check_program
 from colony.dsl.files import SourceTree, load_tree
 from colony.ir.program import Program, PythonModule
+from colony.os_errors import naming
 from colony.runtime.recordings.recorded import RunInfo, SourceFile
 from colony.source import Source, Span
 
@@ -73,7 +74,8 @@ def recorded_program(run: RunInfo, name: str, folder: Path) -> Program:
         for source in run.sources:
             path = folder / source.kind / source.place
             path.parent.mkdir(parents=True, exist_ok=True)
-            path.write_bytes(source.data)
+            with naming(path):
+                path.write_bytes(source.data)
     except (OSError, ValueError) as problem:
         raise Failure([unusable(name, f"its program cannot be unpacked: {problem}")]) from None
     root = folder / "behavior" / run.program

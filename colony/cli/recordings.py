@@ -2,21 +2,19 @@
 
 from __future__ import annotations
 
-import os
-import stat
-from io import BufferedReader, FileIO
 from pathlib import Path
 from typing import TYPE_CHECKING, BinaryIO, NoReturn
 
 from colony import __version__
 from colony.cli.outputs import cannot_write, open_alone
 from colony.diagnostics import Failure, error
+from colony.files import open_regular, reason
 from colony.source import Source, Span
 
 if TYPE_CHECKING:
     from colony.compile.clients import ClientList
     from colony.ir.program import Program
-    from colony.runtime.observer import Sink
+    from colony.runtime.observer import FrameLog, Sink
     from colony.runtime.recordings.recorded import RecordingReader
 
 SUFFIX = ".mcap"
@@ -28,6 +26,58 @@ def is_mcap(path: str | None) -> bool:
     return path is not None and Path(path).suffix == SUFFIX
 
 
+class RunRecording:
+    """The recording of a run, which may break off: the disk is full, for one. A sink; mutable: how far it
+    goes.
+
+    Args:
+        sink: what is written.
+        path: of the file.
+    """
+
+    def __init__(self, sink: Sink, path: str) -> None:
+        self._sink = sink
+        self._path = path
+        self._problem: OSError | None = None
+        self._first_ns: int | None = None
+        self._last_ns = 0
+
+    def take(self, log: FrameLog) -> None:
+        if self._problem is not None:
+            return
+        try:
+            self._sink.take(log)
+        except OSError as problem:
+            self._problem = problem
+            return
+        self._last_ns = log.frame.t_ns
+        if self._first_ns is None:
+            self._first_ns = self._last_ns
+
+    def close(self) -> None:
+        try:
+            self._sink.close()
+        except OSError as problem:
+            self._problem = self._problem or problem
+
+    @property
+    def broken_off(self) -> str | None:
+        """How far the recording goes and why no farther, in words; None if it has all so far."""
+        if self._problem is None:
+            return None
+        seconds = (self._last_ns - (self._first_ns or 0)) / 1e9
+        return f"the recording {self._path} has only the first {seconds:.2f} s: {_reason(self._problem)}"
+
+    def expect_frames(self) -> None:
+        """Exit with 2, and say why, if it broke off before its first frame."""
+        if self._problem is not None and self._first_ns is None:
+            cannot_write(self._path, _reason(self._problem))
+
+
+def _reason(problem: OSError) -> str:
+    return problem.strerror or str(problem)
+
+
 def recording_into(
     path: str,
     file: str,
@@ -37,7 +87,7 @@ def recording_into(
     seed: int,
     run: str = "",
     started: str = "",
-) -> Sink:
+) -> RunRecording:
     """A sink that records a run of the behavior `file` into `path`; exits with 2 where it cannot be written.
 
     `run` names a run on a real robot, `started` when it was.
@@ -47,7 +97,7 @@ def recording_into(
         if not is_mcap(path):
             from colony.runtime.recordings.lines import Recording
 
-            return Recording(program, opened)
+            return RunRecording(Recording(program, opened), path)
         from colony.cli.recorded_program import program_sources
         from colony.runtime.recordings.mcap_writer import McapRecording
         from colony.runtime.recordings.recorded import RunInfo, places
@@ -64,11 +114,11 @@ def recording_into(
             run=run,
             started=started,
         )
-        return McapRecording(program, info, opened)
+        return RunRecording(McapRecording(program, info, opened), path)
     except BlockingIOError:
         cannot_write(path, "another run is recording into it")
     except OSError as problem:
-        cannot_write(path, problem.strerror or str(problem))
+        cannot_write(path, _reason(problem))
 
 
 def open_recording(path: str) -> BinaryIO:
@@ -78,11 +128,9 @@ def open_recording(path: str) -> BinaryIO:
         Failure: A001, it cannot be read.
     """
     try:
-        if not stat.S_ISREG(os.stat(path).st_mode):  # nothing that could keep us waiting
-            _unreadable(path, "it is not a regular file")
-        return BufferedReader(FileIO(path))
-    except (OSError, ValueError) as problem:
-        _unreadable(path, (problem.strerror if isinstance(problem, OSError) else None) or str(problem))
+        return open_regular(path)
+    except OSError as problem:
+        _unreadable(path, reason(problem))
 
 
 def _unreadable(path: str, why: str) -> NoReturn:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import re
 import sys
 from collections.abc import Iterable, Sequence
 from pathlib import Path
@@ -29,11 +30,19 @@ format_option = click.option(
 )
 """How a command writes what it found: a `Format`, as `format_`."""
 
+_CONTROL = re.compile("[\0-\x08\x0b-\x1f\x7f-\x9f]")
+"""Characters that a terminal acts on, but for tabs and ends of lines."""
+
 _COLORS = {"error": "red", "warning": "yellow"}
 
 
 def say(text: str) -> None:
-    """Text and a line break on standard error; where nobody can hear it, the command goes on."""
+    """Text and a line break on standard error, with names of files as they may be on a terminal; where nobody
+    can hear it, the command goes on."""
+    _echo(_CONTROL.sub(lambda found: printable(found[0]), text))
+
+
+def _echo(text: str) -> None:
     try:
         click.echo(text, err=True)
     except OSError:
@@ -55,7 +64,7 @@ def report(diagnostics: Iterable[Diagnostic]) -> None:
         if colored:
             kind = f"{diagnostic.severity}[{diagnostic.code}]"
             text = text.replace(kind, click.style(kind, fg=_COLORS[diagnostic.severity], bold=True), 1)
-        say(text)
+        _echo(text)
 
 
 def one_line(diagnostic: Diagnostic) -> str:
@@ -72,7 +81,7 @@ def refuse(diagnostics: Sequence[Diagnostic]) -> None:
 
 def is_unreadable(diagnostics: Sequence[Diagnostic]) -> bool:
     """Whether the file that was named could not be read at all: misuse rather than an error in it."""
-    return len(diagnostics) == 1 and diagnostics[0].code == "E001"
+    return len(diagnostics) == 1 and diagnostics[0].code in ("E001", "E003")
 
 
 def check_to_run(path: str) -> Checked:

@@ -108,10 +108,11 @@ def command(
     that is there has to stand before the room --from, and its map is --map (docs/missions.md).
 
     In the end it tells who drove how long, how far the robot came, what it bumped into, which contracts
-    broke, and draws its way. Ctrl-C stops the robot, closes the recording and still tells what was run.
+    broke, and draws its way. Ctrl-C stops the robot, closes the recording and still tells what was run; so
+    does a recording that cannot be written any more, on a full disk for one.
 
     Exit code 0 where all contracts held, 1 where one was broken, the program has errors or the run broke
-    off, 2 for misuse, 130 after Ctrl-C.
+    off, 2 for misuse or where the picture cannot be written, 130 after Ctrl-C.
 
     \b
     Example:
@@ -248,7 +249,7 @@ def _tell(summary: RunSummary, arrival: Arrival | None, options: Options, format
 
         click.echo(render(summary))
         for path in (options.record, options.picture, *(() if arrival is None else arrival.pictures)):
-            if path is not None:
+            if path is not None and path not in summary.unwritten:
                 click.echo(f"  wrote {path}")
         if arrival is not None:
             click.echo(f"  {arrival.text}")
@@ -258,3 +259,5 @@ def _tell(summary: RunSummary, arrival: Arrival | None, options: Options, format
         raise click.exceptions.Exit(EXIT_ERRORS)
     if summary.interrupted:
         raise click.exceptions.Exit(EXIT_INTERRUPTED)
+    if summary.unwritten:
+        raise click.exceptions.Exit(EXIT_MISUSE)

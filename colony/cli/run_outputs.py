@@ -7,6 +7,8 @@ from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+import click
+
 from colony.cli.outputs import check_output, write_whole
 from colony.cli.run_options import BadOption
 
@@ -37,9 +39,10 @@ def check_outputs(record: str | None, picture: str | None, inputs: Iterable[str]
 
 def draw_paths(
     floors: Sequence[Map], places: Mapping[str, Sequence[tuple[float, float]]], robot: str, path: str
-) -> tuple[str, ...]:
+) -> tuple[str, ...] | None:
     """Each floor with the way of a robot on it: the first one into `path`, the others beside it, by their
-    names: run.png and run.msu_engineering_2.png. These others are given."""
+    names: run.png and run.msu_engineering_2.png. These others are given; None where a picture could not be
+    written, which has been said."""
     import numpy as np
 
     from colony.view.map_picture import draw_map, encode_picture, picture_format
@@ -50,6 +53,9 @@ def draw_paths(
         way = np.array(places.get(floor.name, ()), dtype=np.float64).reshape(-1, 2)
         picture = draw_map(floor, [way], names=[robot])
         drawn = target if number == 0 else target.with_suffix(f".{floor.name}{target.suffix}")
-        write_whole(drawn, encode_picture(picture, picture_format(path)))
+        try:
+            write_whole(drawn, encode_picture(picture, picture_format(path)))
+        except click.exceptions.Exit:
+            return None
         others += [str(drawn)] if number else []
     return tuple(others)

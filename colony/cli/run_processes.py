@@ -9,28 +9,29 @@ import shutil
 import sys
 import time
 from collections.abc import Callable, Iterator
-from contextlib import ExitStack, contextmanager, suppress
+from contextlib import AbstractContextManager, ExitStack, contextmanager, suppress
+from dataclasses import replace
 from pathlib import Path
 from tempfile import mkdtemp
 from typing import TYPE_CHECKING
 
 from colony.cli.interruption import interruptible
-from colony.cli.outputs import cannot_write
 from colony.cli.places import running_robots, session_with
-from colony.cli.recordings import recording_into
+from colony.cli.recordings import RunRecording, recording_into
 from colony.cli.reporting import say
 from colony.cli.run_options import Arrival, BrokenOff, Misuse, Options, cameras, duration_ns, variables
 from colony.cli.run_outputs import check_outputs, draw_paths
 from colony.cli.run_progress import Progress
 from colony.compile.pipeline import compile_program
 from colony.ir.program import Program
+from colony.os_errors import naming
 from colony.runtime.deployment import deployment
 from colony.runtime.fields import DSERVER, SERVERS, ServerSpec
 from colony.runtime.live.place import Local, Place
-from colony.runtime.observer import Sink
+from colony.runtime.live.run_directory import in_run_directory
 from colony.runtime.processes.children import Job
 from colony.runtime.processes.compiled import Compiled
-from colony.runtime.processes.crew import client_jobs, fresh_folder, keep_logs
+from colony.runtime.processes.crew import client_jobs, expect_room, fresh_folder, keep_logs
 from colony.runtime.processes.leader import Standings
 from colony.runtime.processes.run import LedRun, RunFailed
 from colony.runtime.processes.window import Window
@@ -82,15 +83,20 @@ def run_here(program: Program, place: Local, options: Options) -> tuple[RunSumma
             hazards=options.hazards,
             held=run.held,
         )
-        led.start(jobs_of(place, robot, run.folder))
-        led.start(run.client_jobs())
+        with in_run_directory(run.folder):
+            jobs = (*jobs_of(place, robot, run.folder), *run.client_jobs())
+            expect_room(run.folder, len(jobs))
+        led.start(jobs)
         begun = led.wait_for(truth.look, run.stop, what="the simulator starts", most_s=PLANT_S)
         interrupted = not begun or run.follow(led, meanwhile=truth.look)
         travel = truth.travel
         truth.close()
+    summary = run.summary(interrupted, travel)
     if options.picture is not None:
-        draw_paths([building], {building.name: truth.places}, program.robot.name, options.picture)
-    return run.summary(interrupted, travel), run.arrival(truth.places[-1] if truth.places else None)
+        places = {building.name: truth.places}
+        if draw_paths([building], places, program.robot.name, options.picture) is None:
+            summary = replace(summary, unwritten=(options.picture,))
+    return summary, run.arrival(truth.places[-1] if truth.places else None)
 
 
 def run_there(program: Program, place: Place, options: Options) -> tuple[RunSummary, Arrival | None]:
@@ -113,7 +119,10 @@ def run_there(program: Program, place: Place, options: Options) -> tuple[RunSumm
         way = way_of(options)
     run = _Run(program, place, options, way)
     with run.led() as led:
-        led.start(run.client_jobs())
+        with _in_folder(place, run.folder):
+            jobs = run.client_jobs()
+            expect_room(run.folder, len(jobs))
+        led.start(jobs)
         led.hold(run.held)
         interrupted = run.follow(led)
     return run.summary(interrupted, None), run.arrival(None)
@@ -164,25 +173,33 @@ class _Run:
             sinks=(self._tally, self._standings, Progress(self._length_ns)),
         )
         self._folder: Path | None = None
+        self._recording: RunRecording | None = None
+        self._interrupted: Callable[[], bool] = lambda: False
 
     @contextmanager
     def led(self) -> Iterator[LedRun]:
         """Lead the run, to the end of the block; its processes have ended then."""
-        recorded = self._options.record
-        with interruptible() as self.stop, ExitStack() as holds:
+        with interruptible() as self._interrupted, ExitStack() as holds:
             led = holds.enter_context(self._lead())
             self._folder = self._fresh_folder()
-            if recorded is not None:
-                self._window.record(self._recording(recorded))
+            if self._options.record is not None:
+                self._recording = self._begin_recording(self._options.record)
+                self._window.record(self._recording)
             try:
                 yield led
                 holds.close()
             except RunFailed as problem:
                 raise BrokenOff(str(problem)) from None
-            except OSError as problem:
-                if recorded is None or problem.filename not in (None, recorded):
-                    raise
-                cannot_write(recorded, problem.strerror or str(problem))
+        if self._recording is not None:
+            self._recording.expect_frames()
+
+    def stop(self) -> bool:
+        """Whether the run is to end before its time: it was interrupted, or its recording broke off."""
+        return self._interrupted() or self._broke_off is not None
+
+    @property
+    def _broke_off(self) -> str | None:
+        return None if self._recording is None else self._recording.broken_off
 
     @property
     def folder(self) -> Path:
@@ -234,18 +251,19 @@ class _Run:
 
     def summary(self, interrupted: bool, travel: Travel | None) -> RunSummary:
         """What came of it."""
-        return self._tally.summary(
+        found = self._tally.summary(
             seed=self._options.seed,
             duration_s=self._window.shown_ns / 1e9,
-            interrupted=interrupted,
+            interrupted=interrupted and self._interrupted(),
             travel=travel,
         )
+        return replace(found, broke_off=self._broke_off)
 
     def _lead(self) -> LedRun:
-        program, clients = self._both
+        program, _ = self._both
         recorded = self._options.record is not None
         observer = build_observer(
-            program, clients, self._bindings, (self._window,), self._deployed.run, requests=recorded
+            program, self._bindings, (self._window,), self._deployed.run, requests=recorded
         )
         servers = dict.fromkeys([CLOCK, DSERVER.name, *(b.server for b in self._bindings.actuators)])
         return LedRun(
@@ -262,7 +280,9 @@ class _Run:
     def _fresh_folder(self) -> Path:
         """The folder of the run, where nothing is of an earlier one: its leader is the only one now."""
         if isinstance(self._place, Local):
-            return fresh_folder(self._place.directory.path / "run")
+            folder = self._place.directory.path / "run"
+            with in_run_directory(folder):
+                return fresh_folder(folder)
         return Path(mkdtemp(prefix="colony-run-"))
 
     def _tidy(self) -> None:
@@ -273,10 +293,15 @@ class _Run:
             else:
                 shutil.rmtree(self._folder, ignore_errors=True)
 
-    def _recording(self, path: str) -> Sink:
+    def _begin_recording(self, path: str) -> RunRecording:
         run, started = self._deployed.run, time.strftime("%Y-%m-%dT%H:%M:%S%z")
         file, seed = self._options.file, self._options.seed
         return recording_into(path, file, *self._both, seed=seed, run=run, started=started)
+
+
+def _in_folder(place: Place, folder: Path) -> AbstractContextManager[None]:
+    """While it lasts, tell of an OSError what to do about the folder of a run."""
+    return in_run_directory(folder) if isinstance(place, Local) else naming(folder)
 
 
 def _more_servers(program: Program, place: Place) -> tuple[ServerSpec, ...]:

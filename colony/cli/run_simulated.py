@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 from colony.cli.interruption import interruptible
-from colony.cli.outputs import cannot_write
-from colony.cli.recordings import is_mcap, recording_into
+from colony.cli.recordings import RunRecording, is_mcap, recording_into
 from colony.cli.run_options import Arrival, Misuse, Options, duration_ns, variables
 from colony.cli.run_outputs import check_outputs, draw_paths
 from colony.cli.run_progress import Progress
@@ -65,20 +65,26 @@ def run(program: Program, options: Options) -> tuple[RunSummary, Arrival | None]
         requests=is_mcap(options.record),
         nodes=() if mission is None else mission.nodes(plant),
     )
+    recording = None
     if options.record is not None:
-        session.add(recording_into(options.record, options.file, program, clients, seed=options.seed))
+        recording = recording_into(options.record, options.file, program, clients, seed=options.seed)
+        session.add(recording)
     session.add(Progress(length_ns))
-    interrupted = _run(session, length_ns, options, mission)
+    interrupted = _run(session, length_ns, options, mission, recording)
     summary = tally.summary(
         seed=options.seed,
         duration_s=clock() / 1e9,
         interrupted=interrupted,
         travel=Travel(bumps=plant.world.bumps(0), distance_mm=plant.world.distance(0)),
     )
-    others: tuple[str, ...] = ()
+    if recording is not None:
+        summary = replace(summary, broke_off=recording.broken_off)
+    others: tuple[str, ...] | None = ()
     if options.picture is not None:
         others = draw_paths(floors, path.places, program.robot.name, options.picture)
-    return summary, None if mission is None else mission.arrival(clock())._replace(pictures=others)
+        if others is None:
+            summary = replace(summary, unwritten=(options.picture,))
+    return summary, None if mission is None else mission.arrival(clock())._replace(pictures=others or ())
 
 
 def _building(
@@ -102,20 +108,29 @@ def _length_ns(options: Options, mission: Mission | None) -> int:
     return longest_ns(mission.plan, OURS.mm_s)
 
 
-def _run(session: Session, length_ns: int, options: Options, mission: Mission | None) -> bool:
-    """Whether the run was interrupted; it ends by itself when a mission is over."""
-    over = mission.is_over if mission is not None else lambda: False
+def _run(
+    session: Session,
+    length_ns: int,
+    options: Options,
+    mission: Mission | None,
+    recording: RunRecording | None,
+) -> bool:
+    """Whether the run was interrupted; it ends by itself when a mission is over, or its recording breaks
+    off."""
+
+    def over() -> bool:
+        broken_off = recording is not None and recording.broken_off is not None
+        return broken_off or (mission is not None and mission.is_over())
+
     with interruptible() as interrupted:
         try:
             pace = wall_clock() if options.realtime else None
             session.run(length_ns, stop=lambda: interrupted() or over(), pace=pace)
-            return interrupted()
         except KeyboardInterrupt:
             return True
-        except OSError as problem:
-            if options.record is None or problem.filename not in (None, options.record):
-                raise
-            cannot_write(options.record, problem.strerror or str(problem))
+        if recording is not None:
+            recording.expect_frames()
+        return interrupted()
 
 
 def _world(building: Map, options: Options) -> World:

@@ -12,12 +12,14 @@ from colony.cli.reporting import say
 from colony.cli.run_options import BrokenOff, Misuse
 from colony.cli.simulated_robot import SimulatedRobot, device_of, jobs_of, plant_spec
 from colony.runtime.live.place import Local
+from colony.runtime.live.run_directory import in_run_directory
 from colony.runtime.processes import child
 from colony.runtime.processes.children import Children, told
-from colony.runtime.processes.crew import SERVERS, fresh_folder, job_of, server_parts
+from colony.runtime.processes.crew import SERVERS, expect_room, fresh_folder, job_of, server_parts
 from colony.runtime.processes.ending import Ending, on_signals
 from colony.runtime.processes.run import ENDING_S, LOOK_S
 from colony.runtime.processes.spec import GatewayPart, Part, Spec, name_of, said_of
+from colony.runtime.store import StoreError
 from colony.sim.child import PlantDevices
 from colony.sim.plant_child import SIMULATOR, Look, NoRoom, serve
 
@@ -47,7 +49,7 @@ def serve_one(server: str, place: Local, settings: Settings) -> None:
         LiveError: it runs already, or the run directory or the gateway's security are no good.
         Misuse: the robot has no room in the building.
         Failure: the map is bad.
-        BrokenOff: what it kept cannot be read.
+        BrokenOff: what it kept cannot be read, or can be kept no more.
     """
     ending = Ending()
     with on_signals(ending):
@@ -72,7 +74,7 @@ def _serve(part: Part, place: Local, settings: Settings, ending: Ending) -> None
     spec = Spec(place=said_of(place), part=part)
     try:
         child.run(spec, ending, devices=PlantDevices(), ready=lambda: say(told))
-    except child.CannotBegin as problem:
+    except (child.CannotBegin, StoreError) as problem:
         raise BrokenOff(str(problem)) from None
 
 
@@ -89,10 +91,12 @@ def serve_all(place: Local, settings: Settings) -> None:
     assert settings.map_path is not None
     load_map(settings.map_path)
     with interruptible("ending the servers") as stop, place.directory.claim(SUPERVISOR):
-        folder = fresh_folder(place.directory.path / "served")
-        jobs = [*jobs_of(place, _robot(settings), folder)]
-        if settings.listen is not None:
-            jobs.append(job_of(place, _part("Gateway", place, settings), folder, SERVERS))
+        robot, folder = _robot(settings), place.directory.path / "served"
+        with in_run_directory(folder):
+            jobs = [*jobs_of(place, robot, fresh_folder(folder))]
+            if settings.listen is not None:
+                jobs.append(job_of(place, _part("Gateway", place, settings), folder, SERVERS))
+            expect_room(folder, len(jobs))
         children = Children()
         try:
             for job in jobs:

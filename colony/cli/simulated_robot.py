@@ -85,13 +85,15 @@ LOOK_NS = 100_000_000
 class TruthLog:
     """The true way of a simulated robot, by the plant's control channel. Mutable: the way so far.
 
-    A plant that was started anew begins again where the map says; its way is added to that of the one before.
+    A plant that was started anew begins again where the map says; its way is added to that of the one
+    before. A plant that was frozen is the same one: its own count of the way goes on.
     """
 
     def __init__(self, place: Local) -> None:
         self._socket = plant_socket(place.directory.path)
         self._robot = place.robot
         self._control: PlantControl | None = None
+        self._plant: int | None = None
         self._before = Travel(bumps=0, distance_mm=0.0)
         self._now = Travel(bumps=0, distance_mm=0.0)
         self._next_ns = 0
@@ -106,6 +108,7 @@ class TruthLog:
         try:
             if self._control is None:
                 self._control = PlantControl(self._socket, timeout_s=0.5)
+                self._count_on(self._control.began_ns)
             truth = self._control.truth(self._robot)
         except (OSError, ValueError):
             self.close()
@@ -119,6 +122,11 @@ class TruthLog:
         control, self._control = self._control, None
         if control is not None:
             control.close()
+
+    def _count_on(self, plant: int) -> None:
+        """Add what comes from now on to the way of a plant that is no more, if this is another one."""
+        if plant != self._plant:
+            self._plant = plant
             self._before, self._now = self.travel, Travel(bumps=0, distance_mm=0.0)
 
     @property

@@ -5,19 +5,21 @@ from __future__ import annotations
 import io
 import sys
 from collections.abc import Iterator
-from contextlib import redirect_stdout
+from contextlib import redirect_stdout, suppress
 from pathlib import Path
-from typing import TYPE_CHECKING, BinaryIO, NoReturn
+from typing import TYPE_CHECKING, BinaryIO, NamedTuple, NoReturn
 
 import click
 
-from colony.cli.exit_codes import EXIT_MISUSE
+from colony.cli.exit_codes import EXIT_ERRORS, EXIT_MISUSE
 from colony.cli.outputs import check_output, write_whole
-from colony.cli.reporting import load_program, refuse, say
+from colony.cli.reporting import load_program, one_line, refuse, say
+from colony.files import bounded_lines, open_regular, reason
 
 if TYPE_CHECKING:
-    from colony.ir.frame import Executor, Frame
+    from colony.ir.frame import Executor, Frame, Outcome
     from colony.ir.program import Program
+    from colony.runtime.monitor import Keyframe
 
 
 @click.command("trace", short_help="decide recorded frames, with any of the executors")
@@ -38,7 +40,9 @@ def command(file: str, input_: str, backend: str, output: Path | None) -> None:
 
     A frame is a JSON object a line: "t" in seconds, sensors in declared units, an absent sensor is missing.
     A recording that `colony run --record` wrote is valid input, as JSON lines or as MCAP (*.mcap). A bad line
-    is an error with its place, exit code 2, and nothing is printed.
+    is an error with its place, exit code 2, and nothing is printed. Where a recording is damaged its whole
+    frames are decided, it is said from when to when, and the exit code is 1. After the damage only the
+    backend network goes on, from the memory that the recording holds.
 
     \b
     Example:
@@ -55,31 +59,112 @@ def command(file: str, input_: str, backend: str, output: Path | None) -> None:
     lines = io.StringIO()
     name = "<stdin>" if input_ == "-" else input_
     with _open(input_) as frames, redirect_stdout(sys.stderr):  # for what modules in Python print
-        executor = _executor(program, backend)
+        decider = _Decider(program, backend)
         try:
-            for frame, restart in _read(frames, name, program):
-                executor = _executor(program, backend) if restart else executor
-                lines.write(outcome_line(program, frame.t_ns, executor.step(frame)) + "\n")
+            for recorded in _read(frames, name, program, decider):
+                outcome = decider.step(recorded)
+                if outcome is not None:
+                    lines.write(outcome_line(program, recorded.frame.t_ns, outcome) + "\n")
         except Failure as failure:
+            if failure.diagnostics[0].code == "A006":
+                say(one_line(failure.diagnostics[0]))
+                raise click.exceptions.Exit(EXIT_ERRORS) from None
             refuse(failure.diagnostics)
         except OSError as problem:
-            _unreadable(name, problem.strerror or str(problem))
+            _unreadable(name, reason(problem))
     if output is None:
         click.echo(lines.getvalue(), nl=False)
     else:
         write_whole(output, lines.getvalue())
+    if decider.cut:
+        say(f"{name}: {decider.cut}; decided as far as it goes")
+    for text in decider.damage:
+        say(f"{name}: error: {text}")
+    if decider.damage:
+        raise click.exceptions.Exit(EXIT_ERRORS)
 
 
-def _read(frames: BinaryIO, name: str, program: Program) -> Iterator[tuple[Frame, bool]]:
-    """Every frame, and whether all memory begins anew with it."""
+class _Recorded(NamedTuple):
+    """A frame; whether all memory begins anew with it; the memory before it, where the recording holds that;
+    and whether something before it is damaged."""
+
+    frame: Frame
+    restart: bool
+    keyframe: Keyframe | None
+    damaged: bool
+
+
+def _read(frames: BinaryIO, name: str, program: Program, decider: _Decider) -> Iterator[_Recorded]:
+    """Every frame; tells `decider` how the recording ends."""
     from colony.cli.recordings import is_mcap, read_recording
 
-    if not is_mcap(name):
-        from colony.runtime.recordings.replay import read_rows
+    if is_mcap(name):
+        reader = read_recording(frames, name)
+        for whole in reader.frames(program):
+            yield _Recorded(whole.frame, whole.restart, whole.keyframe, whole.damaged)
+        decider.ends(damaged=reader.damaged, cut=reader.cut)
+        return
+    import msgspec
 
-        return ((row.frame, row.values.get("@restart") is True) for row in read_rows(frames, name, program))
+    from colony.runtime.recordings.keyframes import read_keyframe
+    from colony.runtime.recordings.reader import BREAKS_OFF
+    from colony.runtime.recordings.replay import LINE_BYTES, Rows
 
-    return ((recorded.frame, recorded.restart) for recorded in read_recording(frames, name).frames(program))
+    rows = Rows(bounded_lines(frames, LINE_BYTES), name, program)
+    for row in rows:
+        keyframe = None
+        with suppress(msgspec.ValidationError):  # what another tool wrote there
+            keyframe = read_keyframe(row.values.get("@keyframe"))
+        yield _Recorded(row.frame, row.values.get("@restart") is True, keyframe, row.damaged)
+    decider.ends(damaged=rows.damaged, cut=BREAKS_OFF if rows.broken_off else None)
+
+
+class _Decider:
+    """Decides frames with the executor that was asked for, and goes on after damage where that can. Mutable:
+    the executor, and what was damaged."""
+
+    def __init__(self, program: Program, backend: str) -> None:
+        self._program = program
+        self._backend = backend
+        self._executor: Executor | None = _executor(program, backend)
+        self._last_ns: int | None = None
+        self.damage: list[str] = []
+        self.cut: str | None = None
+
+    def step(self, recorded: _Recorded) -> Outcome | None:
+        """Decide a frame; None where memory is not known."""
+        if recorded.damaged:
+            self._executor = None
+            self._tell(f" to {recorded.frame.t_ns / 1e9:.10g} s")
+        self._last_ns = recorded.frame.t_ns
+        if recorded.restart:
+            self._executor = _executor(self._program, self._backend)
+        elif self._executor is None and recorded.keyframe is not None:
+            self._executor = self._resumed(recorded.keyframe)
+        return None if self._executor is None else self._executor.step(recorded.frame)
+
+    def ends(self, *, damaged: bool, cut: str | None) -> None:
+        """Note whether what comes after the last frame is damaged, and how the recording breaks off."""
+        self.cut = cut
+        if damaged:
+            self._tell(" to its end")
+
+    def _resumed(self, keyframe: Keyframe) -> Executor | None:
+        if self._backend != "network" or keyframe.memory is None:
+            return None
+        from colony.verify.interpreter import Interpreter
+
+        interpreter = Interpreter(self._program)
+        try:
+            interpreter.resume(keyframe.memory)
+        except ValueError:
+            return None
+        return interpreter
+
+    def _tell(self, end: str) -> None:
+        start = "" if self._last_ns is None else f" from {self._last_ns / 1e9:.10g} s"
+        goes_on = "" if self._backend == "network" else f"; the backend {self._backend} cannot go on after it"
+        self.damage.append(f"damaged{start}{end}{goes_on}")
 
 
 def _open(name: str) -> BinaryIO:
@@ -88,9 +173,9 @@ def _open(name: str) -> BinaryIO:
             _unreadable("<stdin>", "standard input is closed")
         return sys.stdin.buffer
     try:
-        return open(name, "rb")
-    except (OSError, ValueError) as problem:
-        _unreadable(name, (problem.strerror if isinstance(problem, OSError) else None) or str(problem))
+        return open_regular(name)
+    except OSError as problem:
+        _unreadable(name, reason(problem))
 
 
 def _unreadable(name: str, why: str) -> NoReturn:

@@ -9,6 +9,8 @@ from typing import TYPE_CHECKING, NamedTuple
 
 from colony.cli.outputs import cannot_write, write_whole
 from colony.cli.reporting import say
+from colony.dsl.files import MAX_BYTES
+from colony.files import read_file, reason
 
 if TYPE_CHECKING:
     from colony.ir.program import Program
@@ -73,9 +75,9 @@ def _new_test(program: Program, result: Refuted, titles: set[str], text: str) ->
 
 def _bytes(path: Path) -> bytes:
     try:
-        return path.read_bytes()
+        return read_file(path, MAX_BYTES)
     except OSError as problem:
-        cannot_write(path, problem.strerror or str(problem))
+        cannot_write(path, reason(problem))
 
 
 def _append(path: Path, before: bytes, blocks: Sequence[str]) -> None:

@@ -161,7 +161,7 @@ class VirtualRobot:
             self.builders[topics.activity(DSERVER.name, module)] = partial(
                 build_announcer, program, bindings, module, RUN
             )
-        self.observer: Observer = build_observer(program, clients, bindings, (self.log,), RUN)
+        self.observer: Observer = build_observer(program, bindings, (self.log,), RUN)
 
 
 def _bindings(program: Program) -> Bindings:

@@ -12,6 +12,7 @@ import click
 from colony.cli.exit_codes import EXIT_MISUSE
 from colony.cli.outputs import check_output, write_whole
 from colony.cli.reporting import say
+from colony.files import read_file, reason
 
 if TYPE_CHECKING:
     from colony.vision.image_files import Rgb
@@ -121,10 +122,9 @@ def _looked_at(file: str, picture: Path, chosen: Sequence[str], files: Sequence[
     from colony.vision.image_files import MOST_BYTES, BadImage, decode_image
 
     try:
-        with open(file, "rb") as stream:
-            image = decode_image(stream.read(MOST_BYTES + 1))
-    except (OSError, BadImage, ValueError) as problem:
-        why = (problem.strerror if isinstance(problem, OSError) else None) or str(problem)
+        image = decode_image(read_file(file, MOST_BYTES))
+    except (OSError, BadImage) as problem:
+        why = reason(problem)
         say(f"{file}: error: {why}")
         return _Report(file, (0, 0), (), picture, why)
     check_output(picture, files)

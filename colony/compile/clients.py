@@ -6,7 +6,7 @@ exclusive guard holds": in no frame do two exclusive guards of one actuator hold
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 from colony.compile.guards import Guard
 
@@ -38,9 +38,12 @@ class ActuatorClients:
 class ClientList:
     """All clients of a program over one table of guards.
 
-    `observed` gives the activity of the wires that contracts and tests name.
+    `observed` gives the activity of the wires that contracts and tests name. `windows` gives the guards that
+    are time constants, by what `ir.memory` calls them; simplification, which merges and drops some, leaves
+    all of them out.
     """
 
     guards: tuple[Guard, ...]
     actuators: tuple[ActuatorClients, ...]
     observed: tuple[tuple[str, int], ...] = ()
+    windows: tuple[tuple[str, int], ...] = field(default=(), compare=False)

@@ -27,7 +27,7 @@ Times are nanoseconds since the first frame.
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from enum import Enum, unique
 from typing import Literal as OneOf
 from typing import assert_never
@@ -267,7 +267,10 @@ class ContractCode:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Code:
-    """See the top of this file. `kinds[i]` is of value i; `names` has what some values are called."""
+    """See the top of this file. `kinds[i]` is of value i; `names` has what some values are called.
+
+    `places` gives the cells by the names of `ir.memory`; time constants have some in unsimplified code only.
+    """
 
     ops: tuple[Op, ...]
     kinds: tuple[Kind, ...]
@@ -278,6 +281,7 @@ class Code:
     actuators: tuple[ActuatorCode, ...]
     contracts: tuple[ContractCode, ...]
     names: Mapping[int, str]
+    places: Mapping[str, int] = field(default_factory=dict)
 
 
 # --- what is needed ------------------------------------------------------------------------------

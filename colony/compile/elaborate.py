@@ -7,6 +7,7 @@ from typing import assert_never
 
 from colony.compile.network import Inhibitor, ModuleLeaf, Network, NetworkNode, Suppressor
 from colony.ir.expression import Expression, IsActive, children
+from colony.ir.memory import window_cell
 from colony.ir.program import Chain, Program, Use, Wiring
 
 
@@ -22,7 +23,7 @@ def elaborate(program: Program) -> Network:
     """
     building = _Elaboration(program)
     for wire in program.wires:
-        node = building.wiring(wire.wiring)
+        node = building.wiring(wire.wiring, wire.name, ())
         if wire.actuator is None:
             building.named[wire.name] = node
         else:
@@ -47,12 +48,12 @@ class _Elaboration:
         self.named: dict[str, int] = {}
         self.driving: dict[str, int] = {}
 
-    def wiring(self, wiring: Wiring) -> int:
+    def wiring(self, wiring: Wiring, wire: str, place: tuple[int, ...]) -> int:
         match wiring:
             case Use(name=name):
                 return self.use(name)
             case Chain():
-                return self.chain(wiring)
+                return self.chain(wiring, wire, place)
             case _:
                 assert_never(wiring)
 
@@ -66,12 +67,15 @@ class _Elaboration:
             node = self.leaves[name] = self.add(ModuleLeaf(module=name))
         return node
 
-    def chain(self, chain: Chain) -> int:
+    def chain(self, chain: Chain, wire: str, place: tuple[int, ...]) -> int:
         joint = Suppressor if chain.relation == "suppresses" else Inhibitor
-        inputs = [self.wiring(operand) for operand in chain.operands]
+        inputs = [self.wiring(operand, wire, (*place, i)) for i, operand in enumerate(chain.operands)]
         node = inputs.pop()
-        for dominant, window_ns in zip(reversed(inputs), reversed(chain.windows_ns), strict=True):
-            node = self.add(joint(dominant=dominant, inferior=node, window_ns=window_ns))
+        for i in reversed(range(len(inputs))):
+            window = window_cell(wire, (*place, i))
+            node = self.add(
+                joint(dominant=inputs[i], inferior=node, window_ns=chain.windows_ns[i], place=window)
+            )
         return node
 
     def add(self, node: NetworkNode) -> int:

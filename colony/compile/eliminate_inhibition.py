@@ -29,10 +29,10 @@ def eliminate_inhibition(network: Network) -> SuppressionNetwork:
         match node:
             case ModuleLeaf():
                 links.append(elimination.leaf(node))
-            case Inhibitor(dominant=dominant, inferior=inferior, window_ns=window_ns):
-                links.append(elimination.inhibited(links[dominant], links[inferior], window_ns))
-            case Suppressor(dominant=dominant, inferior=inferior, window_ns=window_ns):
-                links.append(elimination.suppressed(links[dominant], links[inferior], window_ns))
+            case Inhibitor(dominant=dominant, inferior=inferior):
+                links.append(elimination.inhibited(links[dominant], links[inferior], node))
+            case Suppressor(dominant=dominant, inferior=inferior):
+                links.append(elimination.suppressed(links[dominant], links[inferior], node))
             case _:
                 assert_never(node)
     return SuppressionNetwork(
@@ -41,6 +41,7 @@ def eliminate_inhibition(network: Network) -> SuppressionNetwork:
         outputs=tuple((actuator, links[node]) for actuator, node in network.outputs),
         wires=tuple((name, links[node].active) for name, node in network.wires),
         observed=tuple((name, links[node].active) for name, node in network.observed),
+        windows=tuple(elimination.windows),
     )
 
 
@@ -52,21 +53,24 @@ class _Elimination:
         self.always = self.table.add(Always())
         self.nodes: list[SuppressionNode] = []
         self.activities: list[int] = []
+        self.windows: list[tuple[str, int]] = []
 
     def leaf(self, leaf: ModuleLeaf) -> Link:
         return self.add(leaf, self.table.add(ModuleActive(leaf.module)))
 
-    def inhibited(self, dominant: Link, inferior: Link, window_ns: int) -> Link:
+    def inhibited(self, dominant: Link, inferior: Link, node: Inhibitor | Suppressor) -> Link:
         """The inferior link, open only where the dominant one does not dominate."""
         table = self.table
-        dominating = table.recently(dominant.active, window_ns)
+        dominating = table.recently(dominant.active, node.window_ns)
+        if node.window_ns > 0:
+            self.windows.append((node.place, dominating))
         gate = table.conjunction((table.negation(dominating), inferior.gate))
         active = table.conjunction((gate, self.activities[inferior.node]))
         return Link(node=inferior.node, gate=gate, active=active)
 
-    def suppressed(self, dominant: Link, inferior: Link, window_ns: int) -> Link:
-        if window_ns > 0:
-            inferior = self.inhibited(dominant, inferior, window_ns)
+    def suppressed(self, dominant: Link, inferior: Link, node: Suppressor) -> Link:
+        if node.window_ns > 0:
+            inferior = self.inhibited(dominant, inferior, node)
         active = self.table.disjunction((dominant.active, inferior.active))
         return self.add(GatedSuppressor(dominant=dominant, inferior=inferior), active)
 

@@ -16,6 +16,7 @@ from colony.compile.executor_machine import Machine
 from colony.compile.lower import lower, lower_client
 from colony.compile.ways import by_several_ways
 from colony.ir.frame import Decision, Frame, Outcome, Record
+from colony.ir.memory import ProgramMemory
 from colony.ir.program import Program
 from colony.ir.types import ScalarValue
 
@@ -58,6 +59,16 @@ class ClientListExecutor:
             Failure: one of them cannot be built.
         """
         self._machine = Machine(self.code)
+
+    @property
+    def memory(self) -> ProgramMemory | None:
+        """All that it remembers, for a client list with places; None with modules in Python, which remember
+        more."""
+        machine = self._machine
+        if self.code.python:
+            return None
+        cells = {name: machine.cells[i] for name, i in self.code.places.items()}
+        return ProgramMemory(first_ns=machine.first_ns, cells=cells)
 
     def _decide(self, actuator: ActuatorCode) -> Decision:
         winner = self._winner(actuator)

@@ -36,7 +36,12 @@ def forward_traversal(suppression: SuppressionNetwork) -> ClientList:
         ActuatorClients(actuator=actuator, clients=_clients(suppression.nodes, root, table))
         for actuator, root in suppression.outputs
     )
-    return ClientList(guards=table.freeze(), actuators=actuators, observed=suppression.observed)
+    return ClientList(
+        guards=table.freeze(),
+        actuators=actuators,
+        observed=suppression.observed,
+        windows=suppression.windows,
+    )
 
 
 def _clients(nodes: tuple[SuppressionNode, ...], root: Link, table: GuardTable) -> tuple[Client, ...]:

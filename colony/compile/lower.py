@@ -87,6 +87,7 @@ class _Lowering(Declarations):
             actuators=tuple(self._actuator_codes),
             contracts=tuple(self._contracts),
             names=self.builder.names,
+            places=self.builder.places,
         )
 
     # --- Python modules --------------------------------------------------------------------------

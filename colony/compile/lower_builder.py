@@ -67,6 +67,7 @@ class Builder:
     _index: dict[Hashable, int] = field(default_factory=dict)
     _cells: list[_OpenCell] = field(default_factory=list)
     _cell_names: dict[str, int] = field(default_factory=dict)
+    places: dict[str, int] = field(default_factory=dict)
 
     # --- ops -------------------------------------------------------------------------------------
 
@@ -157,13 +158,17 @@ class Builder:
 
     # --- memory ----------------------------------------------------------------------------------
 
-    def cell(self, name: str, kind: Kind, initial: ScalarValue | int) -> int:
-        """The old value of the cell called `name`, which is made if it is new; it has to be `kept` once."""
+    def cell(self, name: str, kind: Kind, initial: ScalarValue | int, *places: str) -> int:
+        """The old value of the cell called `name`, which is made if it is new; it has to be `kept` once.
+
+        `places` are what `ir.memory` calls it.
+        """
         at = self._cell_names.get(name)
         if at is None:
             at = self._cell_names[name] = len(self._cells)
             never = self.literal(False)
             self._cells.append(_OpenCell(name, kind, initial, never, never))
+        self.places.update(dict.fromkeys(places, at))
         return self.add(OldCell(at), kind)
 
     def keep(self, old: int, condition: int, value: int) -> None:
@@ -205,6 +210,7 @@ def trimmed(code: Code, *, every_sensor: bool) -> Code:
             for c in code.contracts
         ),
         names={number[i]: name for i, name in code.names.items() if i in number},
+        places={name: cell_number[i] for name, i in code.places.items() if i in cell_number},
     )
 
 

@@ -17,6 +17,7 @@ from colony.compile.lower_guards import GuardLowering
 from colony.compile.operators import Operator
 from colony.ir import expression as e
 from colony.ir import program as ir
+from colony.ir.memory import state_cell
 
 
 @dataclass(frozen=True, slots=True)
@@ -50,7 +51,7 @@ class Declarations:
         self.actuators = {a.name: a for a in program.robot.actuators}
         self.modules = {m.name: m for m in program.modules}
         self._observed = dict(clients.observed)
-        self._guards = GuardLowering(self.builder, clients.guards, self._heard)
+        self._guards = GuardLowering(self.builder, clients, self._heard)
         self._all_lets = dict(self._lets_of(program))
         self._all_states = dict(self._states_of(program))
         self._lets: dict[str, Values] = {}
@@ -119,12 +120,13 @@ class Declarations:
         if name not in self._states:
             place = self._all_states[name]
             if isinstance(place, ir.Machine):
-                old = self.builder.cell(name, Kind.NUMBER, place.start)
+                old = self.builder.cell(name, Kind.NUMBER, place.start, state_cell(name))
                 self._states_to_move.append(name)
             elif place.state.next is None:
                 old = self.builder.literal(place.state.initial)
             else:
-                old = self.builder.cell(name, kind_of(place.state.type), place.state.initial)
+                kind = kind_of(place.state.type)
+                old = self.builder.cell(name, kind, place.state.initial, state_cell(name))
                 self._states_to_move.append(name)
             self._states[name] = old
         return self._states[name]

@@ -18,6 +18,7 @@ from colony.compile.lower_memory import Place, remember
 from colony.compile.operators import Operator
 from colony.ir import expression as ir
 from colony.ir.expression import Binary, Function, Unary
+from colony.ir.memory import function_cell
 from colony.ir.types import Array, Bool, Type, element_type
 
 Values = tuple[int, ...]
@@ -377,7 +378,8 @@ class ExpressionLowering:
         name = f"{scope.place} {e.function.value} {e.cell}{loops}"
         values = []
         for i in range(size):
-            place = Place(name=f"{name} [{i}]" if size > 1 else name, ready=scope.ready)
+            cell = function_cell(e.function.value, e.cell, tuple(k for _, k in scope.loops), i)
+            place = Place(name=f"{name} [{i}]" if size > 1 else name, cells=(cell,), ready=scope.ready)
             chosen = tuple(a[i] if len(a) > 1 else a[0] for a in arguments)
             values.append(remember(self.builder, e, chosen, place))
         return tuple(values)

@@ -2,21 +2,27 @@
 
 from __future__ import annotations
 
+from collections import defaultdict
 from collections.abc import Callable
 from typing import assert_never
 
 from colony.compile import guards as g
+from colony.compile.clients import ClientList
 from colony.compile.lower_builder import Builder
 from colony.compile.lower_memory import Place, until
 
 
 class GuardLowering:
-    """Lowers those guards of a table that are asked for. `active` gives the value of a module's activity."""
+    """Lowers those guards of a client list that are asked for. `active` gives the value of a module's
+    activity."""
 
-    def __init__(self, builder: Builder, table: tuple[g.Guard, ...], active: Callable[[str], int]) -> None:
+    def __init__(self, builder: Builder, clients: ClientList, active: Callable[[str], int]) -> None:
         self.builder = builder
-        self._table = table
+        self._table = clients.guards
         self._active = active
+        self._windows: defaultdict[int, tuple[str, ...]] = defaultdict(tuple)
+        for cell, guard in clients.windows:
+            self._windows[guard] += (cell,)
         self._values: dict[int, int] = {}
 
     def guard(self, root: int) -> int:
@@ -48,7 +54,7 @@ class GuardLowering:
             case g.Or(operands=operands):
                 return builder.either(*[values[i] for i in operands])
             case g.Recently(operand=operand, window_ns=window_ns):
-                place = Place(name=f"guard {at}", ready=builder.literal(True))
+                place = Place(name=f"guard {at}", cells=self._windows[at], ready=builder.literal(True))
                 return until(builder, values[operand], window_ns, place)
             case _:
                 assert_never(node)

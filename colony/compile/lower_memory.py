@@ -19,10 +19,18 @@ from colony.ir.expression import Memory, MemoryCall
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Place:
-    """The name of one scalar memory call, and the value that says in which frames it moves on."""
+    """The name of one scalar memory call, and the value that says in which frames it moves on.
+
+    `cells` are what the names of its cells begin with in `ir.memory`; a guard may stand in several places.
+    """
 
     name: str
+    cells: tuple[str, ...]
     ready: int
+
+    def called(self, part: str) -> tuple[str, ...]:
+        """What `ir.memory` calls a part of what is remembered."""
+        return tuple([f"{cell} {part}" for cell in self.cells])
 
 
 def remember(builder: Builder, call: MemoryCall, arguments: tuple[int, ...], place: Place) -> int:
@@ -32,7 +40,7 @@ def remember(builder: Builder, call: MemoryCall, arguments: tuple[int, ...], pla
             return _previous(builder, arguments[0], arguments[1], place)
         case Memory.CHANGED:
             old = _last(builder, arguments[0], place)
-            return builder.both(started(builder, place.ready), _differs(builder, arguments[0], old))
+            return builder.both(started(builder, place), _differs(builder, arguments[0], old))
         case Memory.RISING:
             return builder.both(arguments[0], builder.negation(_last(builder, arguments[0], place)))
         case Memory.FALLING:
@@ -42,7 +50,7 @@ def remember(builder: Builder, call: MemoryCall, arguments: tuple[int, ...], pla
         case Memory.ELAPSED:
             return _elapsed(builder, arguments[0], place)
         case Memory.LATCH:
-            old = builder.cell(f"{place.name} value", Kind.BOOL, False)
+            old = builder.cell(f"{place.name} value", Kind.BOOL, False, *place.called("value"))
             value = builder.both(builder.either(old, arguments[0]), builder.negation(arguments[1]))
             builder.keep(old, place.ready, value)
             return value
@@ -54,17 +62,17 @@ def remember(builder: Builder, call: MemoryCall, arguments: tuple[int, ...], pla
             assert_never(call.function)
 
 
-def started(builder: Builder, ready: int) -> int:
-    """Whether there was a frame before this one in which `ready` was true; one cell a condition."""
-    old = builder.cell(f"started {ready}", Kind.BOOL, False)
-    builder.keep(old, ready, builder.literal(True))
+def started(builder: Builder, place: Place) -> int:
+    """Whether there was a frame before this one in which `place` was ready; one cell a condition."""
+    old = builder.cell(f"started {place.ready}", Kind.BOOL, False, *place.called("started"))
+    builder.keep(old, place.ready, builder.literal(True))
     return old
 
 
 def until(builder: Builder, holds: int, window_ns: int, place: Place) -> int:
     """True from a frame with `holds` until, and not including, `window_ns` after the last such frame."""
     now = builder.add(FrameTime(), Kind.TIME)
-    end = builder.cell(f"{place.name} until", Kind.TIME, 0)
+    end = builder.cell(f"{place.name} until", Kind.TIME, 0, *place.called("until"))
     later = builder.apply(Operator.TIME_ADD, now, builder.time(window_ns))
     builder.keep(end, builder.both(place.ready, holds), later)
     return builder.either(holds, builder.apply(Operator.TIME_LESS, now, end))
@@ -73,7 +81,7 @@ def until(builder: Builder, holds: int, window_ns: int, place: Place) -> int:
 def _last(builder: Builder, value: int, place: Place) -> int:
     """The argument in the last frame; false or 0 at first."""
     kind = builder.kinds[value]
-    old = builder.cell(f"{place.name} last", kind, False if kind is Kind.BOOL else 0.0)
+    old = builder.cell(f"{place.name} last", kind, False if kind is Kind.BOOL else 0.0, *place.called("last"))
     builder.keep(old, place.ready, value)
     return old
 
@@ -81,10 +89,8 @@ def _last(builder: Builder, value: int, place: Place) -> int:
 def _previous(builder: Builder, value: int, initial: int, place: Place) -> int:
     constant = builder.ops[initial]
     if not isinstance(constant, Literal):
-        return builder.apply(
-            Operator.SELECT, started(builder, place.ready), _last(builder, value, place), initial
-        )
-    old = builder.cell(f"{place.name} last", builder.kinds[value], constant.value)
+        return builder.apply(Operator.SELECT, started(builder, place), _last(builder, value, place), initial)
+    old = builder.cell(f"{place.name} last", builder.kinds[value], constant.value, *place.called("last"))
     builder.keep(old, place.ready, value)
     return old
 
@@ -95,8 +101,8 @@ def _differs(builder: Builder, value: int, old: int) -> int:
 
 def _elapsed(builder: Builder, holds: int, place: Place) -> int:
     now = builder.add(FrameTime(), Kind.TIME)
-    was = builder.cell(f"{place.name} was", Kind.BOOL, False)
-    since = builder.cell(f"{place.name} since", Kind.TIME, 0)
+    was = builder.cell(f"{place.name} was", Kind.BOOL, False, *place.called("was"))
+    since = builder.cell(f"{place.name} since", Kind.TIME, 0, *place.called("since"))
     builder.keep(was, place.ready, holds)
     builder.keep(since, builder.both(place.ready, holds, builder.negation(was)), now)
     seconds = builder.apply(Operator.SECONDS, builder.apply(Operator.TIME_SUBTRACT, now, since))
@@ -105,10 +111,14 @@ def _elapsed(builder: Builder, holds: int, place: Place) -> int:
 
 def _captured(builder: Builder, value: int, key: int, place: Place) -> int:
     kind, key_kind = builder.kinds[value], builder.kinds[key]
-    held = builder.cell(f"{place.name} held", kind, False if kind is Kind.BOOL else 0.0)
-    last = builder.cell(f"{place.name} key", key_kind, False if key_kind is Kind.BOOL else 0.0)
+    held = builder.cell(
+        f"{place.name} held", kind, False if kind is Kind.BOOL else 0.0, *place.called("held")
+    )
+    last = builder.cell(
+        f"{place.name} key", key_kind, False if key_kind is Kind.BOOL else 0.0, *place.called("key")
+    )
     new = builder.either(
-        builder.negation(started(builder, place.ready)), builder.apply(Operator.NOT_EQUAL, key, last)
+        builder.negation(started(builder, place)), builder.apply(Operator.NOT_EQUAL, key, last)
     )
     take = builder.both(place.ready, new)
     builder.keep(held, take, value)
@@ -118,7 +128,7 @@ def _captured(builder: Builder, value: int, key: int, place: Place) -> int:
 
 def _every(builder: Builder, interval_ns: int, place: Place) -> int:
     now = builder.add(FrameTime(), Kind.TIME)
-    due = builder.cell(f"{place.name} due", Kind.TIME, 0)
+    due = builder.cell(f"{place.name} due", Kind.TIME, 0, *place.called("due"))
     is_due = builder.negation(builder.apply(Operator.TIME_LESS, now, due))
     later = builder.apply(Operator.TIME_ADD, now, builder.time(interval_ns))
     builder.keep(due, builder.both(place.ready, is_due), later)

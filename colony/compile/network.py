@@ -7,7 +7,7 @@ goes through the table from one end or the other, or keeps a stack of its own; n
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -22,12 +22,14 @@ class Suppressor:
     """The dominant's output where that is active, else the inferior's (thesis section 3.2.2).
 
     With a time constant the dominant dominates until, and not including, `window_ns` after the last frame
-    in which it was active; in that time the inferior does not get through.
+    in which it was active; in that time the inferior does not get through. `place` is what `ir.memory` calls
+    the time constant.
     """
 
     dominant: int
     inferior: int
     window_ns: int = 0
+    place: str = field(default="", compare=False)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -37,6 +39,7 @@ class Inhibitor:
     dominant: int
     inferior: int
     window_ns: int = 0
+    place: str = field(default="", compare=False)
 
 
 NetworkNode = ModuleLeaf | Suppressor | Inhibitor

@@ -48,6 +48,11 @@ def compile_program(program: Program) -> Compiled:
     )
 
 
+def traverse(program: Program) -> ClientList:
+    """The clients of a typed program before simplification, in which time constants have places."""
+    return forward_traversal(eliminate_inhibition(elaborate(program)))
+
+
 def compile_network(network: Network) -> ClientList:
     """The passes over a network that no program describes, such as one drawn by a property test."""
     with collector_at_rest():

@@ -7,7 +7,7 @@ and B stays one: a link passes its node's command on in the frames in which its 
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 from colony.compile.guards import Guard
 from colony.compile.network import ModuleLeaf
@@ -42,7 +42,8 @@ class SuppressionNetwork:
     """A pure suppression network N(M, S, L_d, L_i, sigma) for each output, over shared nodes and guards.
 
     Nodes stand after those that they use. Nodes that no output reaches are what only inhibits, or drives
-    nothing. `wires` and `observed` give when the wires of those names are active.
+    nothing. `wires` and `observed` give when the wires of those names are active, `windows` the guards that
+    are time constants, by what `ir.memory` calls them.
     """
 
     nodes: tuple[SuppressionNode, ...]
@@ -50,3 +51,4 @@ class SuppressionNetwork:
     outputs: tuple[tuple[str, Link], ...]
     wires: tuple[tuple[str, int], ...] = ()
     observed: tuple[tuple[str, int], ...] = ()
+    windows: tuple[tuple[str, int], ...] = field(default=(), compare=False)

@@ -2,18 +2,19 @@
 
 from __future__ import annotations
 
+import errno
 import os
-import stat
 from dataclasses import replace
 from pathlib import Path
 
 from colony.diagnostics import Diagnostic, error
 from colony.dsl import ast
 from colony.dsl.parse import parse
+from colony.files import read_file, reason, size_text
 from colony.record import Record, record
 from colony.source import Source, Span
 
-MAX_BYTES = 64 * 1024 * 1024
+MAX_BYTES = 4 * 1024 * 1024
 MAX_FILES = 1000
 _SHOWN_OF_CYCLE = 6
 
@@ -73,19 +74,14 @@ def read_source(path: Path, name: str) -> Source:
         Unreadable: there is no such file, it is not a regular one, too large, or not text.
     """
     try:
-        status = path.stat()
-        if stat.S_ISDIR(status.st_mode):
+        data = read_file(path, MAX_BYTES)
+    except OSError as problem:
+        if problem.errno == errno.EFBIG:
+            raise Unreadable("E003", f"`{name}` is larger than {size_text(MAX_BYTES)}") from problem
+        if problem.errno == errno.EISDIR:
             hint = "name a file that ends in .colony"
-            raise Unreadable("E001", f"cannot read `{name}`: it is a directory", hint)
-        if not stat.S_ISREG(status.st_mode):
-            raise Unreadable("E001", f"cannot read `{name}`: it is not a regular file")
-        if status.st_size > MAX_BYTES:
-            size, limit = status.st_size >> 20, MAX_BYTES >> 20
-            raise Unreadable("E003", f"`{name}` has {size} MiB; at most {limit} MiB are read")
-        data = path.read_bytes()
-    except (OSError, ValueError) as problem:
-        reason = problem.strerror if isinstance(problem, OSError) and problem.strerror else str(problem)
-        raise Unreadable("E001", f"cannot read `{name}`: {reason}") from problem
+            raise Unreadable("E001", f"cannot read `{name}`: it is a directory", hint) from problem
+        raise Unreadable("E001", f"cannot read `{name}`: {reason(problem)}") from problem
     return decode(data, name)
 
 

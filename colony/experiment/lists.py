@@ -6,8 +6,10 @@ import csv
 import random
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from io import StringIO
 from pathlib import Path
 
+from colony.files import read_file, reason
 from colony.nav.building import Building
 from colony.nav.published_plates import PUBLISHED_WALKS
 from colony.nav.published_runs import PUBLISHED_RUNS, PublishedRun
@@ -18,6 +20,9 @@ PUBLISHED = "thesis"
 """What the list of the published runs is called."""
 
 PUBLISHED_MAP = Path(__file__).parents[2] / "maps" / "msu_engineering_3.stickrep"
+
+LIST_BYTES = 1024 * 1024
+"""Largest file of a list."""
 
 _TRIES = 200
 """How many random pairs are drawn for each that is wanted, before it is given up."""
@@ -67,12 +72,10 @@ def own_list(path: Path, building: Building) -> tuple[ListedRun, ...]:
         ListProblem: it cannot be read, or a line is no run in this building; the first such line is told.
     """
     try:
-        with path.open(newline="", encoding="utf-8") as file:
-            rows = [
-                (number, row) for number, row in enumerate(csv.reader(file), 1) if any(map(str.strip, row))
-            ]
+        lines = StringIO(read_file(path, LIST_BYTES).decode("utf-8"), newline="")
+        rows = [(number, row) for number, row in enumerate(csv.reader(lines), 1) if any(map(str.strip, row))]
     except (OSError, UnicodeDecodeError, csv.Error) as problem:
-        raise ListProblem(f"{path}: cannot be read: {problem}") from None
+        raise ListProblem(f"{path}: cannot be read: {reason(problem)}") from None
     if rows and [word.strip().lower() for word in rows[0][1]] == ["from", "to"]:
         del rows[0]
     if not rows:

@@ -8,15 +8,18 @@ was finished. Anything that reads SQLite can go on from there; docs/experiments.
 
 from __future__ import annotations
 
+import os
 import sqlite3
 from array import array
 from collections.abc import Callable, Mapping
+from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 from types import TracebackType
 from typing import Any, Generic, Protocol, TypeVar
 
 from colony.experiment.record import Contacts, LightCount, ModeCount, RunKey, RunResult
+from colony.files import open_descriptor, reason
 
 VERSION = 1
 
@@ -120,12 +123,15 @@ class Results(Generic[R]):
     def __init__(self, path: Path | None, table: Table[R]) -> None:
         self._path, self._table = path, table
         try:
+            if path is not None:
+                _expect_file(path)
             self._file = sqlite3.connect(path or ":memory:", isolation_level=None, timeout=30.0)
             self._file.execute("PRAGMA journal_mode = WAL")
             self._file.execute("PRAGMA synchronous = NORMAL")
             self._begin()
-        except sqlite3.Error as problem:
-            raise ResultsError(f"{path} cannot be used for results: {problem}; choose another file") from None
+        except (sqlite3.Error, OSError) as problem:
+            why = reason(problem)
+            raise ResultsError(f"{path} cannot be used for results: {why}; choose another file") from None
 
     def _begin(self) -> None:
         version = self._file.execute("PRAGMA user_version").fetchone()[0]
@@ -192,6 +198,12 @@ class Results(Generic[R]):
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
         self.close()
+
+
+def _expect_file(path: Path) -> None:
+    """Refuse a pipe or a device, for which SQLite would wait; there may be no file yet."""
+    with suppress(FileNotFoundError):
+        os.close(open_descriptor(path))
 
 
 def _row(result: RunResult) -> tuple[object, ...]:

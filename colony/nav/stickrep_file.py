@@ -4,10 +4,9 @@ from __future__ import annotations
 
 import errno
 import os
-import stat
-from pathlib import Path
 
 from colony.diagnostics import Failure, error
+from colony.files import read_file, reason
 from colony.source import Source, Span
 
 MAX_BYTES = 4_000_000
@@ -22,17 +21,14 @@ def load_source(path: str | os.PathLike[str]) -> Source:
     shown = os.fspath(path)
     empty = Source(shown, "")
     try:
-        if not stat.S_ISREG(os.stat(path).st_mode):  # a pipe or a device could keep us waiting forever
-            raise OSError(errno.EINVAL, "it is not a regular file")
-        with Path(path).open("rb") as file:
-            data = file.read(MAX_BYTES + 1)
-    except (OSError, ValueError) as failure:
-        reason = failure.strerror if isinstance(failure, OSError) else None
-        message = f"cannot read the map: {reason or failure}"
+        data = read_file(path, MAX_BYTES)
+    except OSError as failure:
+        if failure.errno == errno.EFBIG:
+            message = f"the file is larger than {MAX_BYTES // 1_000_000} MB; expected a map"
+            place, hint = Span(empty, 0, 0), "is it another file that you meant?"
+            raise Failure([error("M002", place, message, hint)]) from None
+        message = f"cannot read the map: {reason(failure)}"
         raise Failure([error("M001", Span(empty, 0, 0), message)]) from None
-    if len(data) > MAX_BYTES:
-        message = f"the file is larger than {MAX_BYTES // 1_000_000} MB; expected a map"
-        raise Failure([error("M002", Span(empty, 0, 0), message, "is it another file that you meant?")])
     try:
         return Source(shown, data.decode("utf-8-sig"))
     except UnicodeDecodeError as failure:

@@ -176,7 +176,8 @@ class ConnectionStatus(msgspec.Struct, frozen=True, kw_only=True):
 class Status(msgspec.Struct, frozen=True, kw_only=True):
     """`status`: the connections, and the number of messages that could not be decoded.
 
-    `full` has a sentence for each limit of the server that is reached, or was since it started.
+    `full` has a sentence for each limit of the server that is reached, or was since it started, and for what
+    else people have to see to.
     """
 
     server: str
@@ -337,11 +338,11 @@ class CallDesk:
         try:
             stop(call.connection, now_ns)
         except Refused as refused:
-            return self._fail(call.connection, call.number, refused.problem)
-        reply = Reply(connection=call.connection, number=call.number)
-        sent = self._stops[call.connection, call.number] = Send(
-            topics.replies(self._server, call.connection), reply
-        )
+            sent = self._fail(call.connection, call.number, refused.problem)
+        else:
+            reply = Reply(connection=call.connection, number=call.number)
+            sent = Send(topics.replies(self._server, call.connection), reply)
+        self._stops[call.connection, call.number] = sent
         if len(self._stops) > STOPS_KEPT:
             self._stops.popitem(last=False)
         return sent
@@ -412,7 +413,7 @@ class CallDesk:
             opening = msgspec.msgpack.decode(call.arguments, type=Open)
         except (msgspec.DecodeError, UnicodeDecodeError, RecursionError) as problem:
             return None, Problem(code="arguments", message=f"{self._server}.open: {problem}")
-        user = call.connection.partition("/")[0]
+        user = topics.user_of(call.connection)
         if len(self._connections) >= CONNECTIONS:
             return None, self._no_room(f"{self._server} has {CONNECTIONS} connections already")
         if sum(c.caller.user == user for c in self._connections.values()) >= CONNECTIONS_EACH:

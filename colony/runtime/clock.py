@@ -68,6 +68,7 @@ class Clock:
         deployment: a program that is there from the beginning; others come by `deploy`.
         told: hears of every deployment, before its first frame.
         stop_path: the file in which the emergency stop is kept; without it, a restart forgets the stop.
+        report: called with a line for people when that file makes trouble.
     """
 
     address = topics.CLOCK
@@ -80,8 +81,9 @@ class Clock:
         deployment: Deployment | None = None,
         told: Callable[[Deployment], None] = lambda deployed: None,
         stop_path: Path | None = None,
+        report: Callable[[str], None] = lambda line: None,
     ) -> None:
-        self._latch = StopLatch(stop_path)
+        self._latch = StopLatch(stop_path, report=report)
         self._servers = servers
         self._keep = keep
         self._deployed = deployment
@@ -139,11 +141,11 @@ class Clock:
                     self._decided.add(message.actuator)
             case Fetch():
                 tick = self._kept.get(message.k)
-                size = FRAME_BYTES if tick is None else FRAME_BYTES * (1 + len(tick.lost) + len(tick.void))
-                if tick is not None and self._fetched.take(
-                    self.address, message.k, size
-                ):  # not where it was: to a server that was started anew it would be new
-                    yield Send(topics.frames(self.address), tick)
+                if tick is not None:
+                    size = FRAME_BYTES * (1 + len(tick.lost) + len(tick.void))
+                    if self._fetched.take(self.address, message.k, size):
+                        # not where it was: to a server that was started anew it would be new
+                        yield Send(topics.frames(self.address), tick)
             case Ready():
                 if self._deployed is not None and message.run == self._deployed.run:
                     self._roll.ready(message.client)
@@ -161,7 +163,8 @@ class Clock:
         yield from self._advance(now_ns)
 
     def close(self) -> None:
-        """It holds nothing."""
+        """Close the file of the emergency stop."""
+        self._latch.close()
 
     def _heard(self, server: str, k: int, since: int, now_ns: int) -> None:
         self._liveness.heard(server, now_ns)
@@ -293,7 +296,7 @@ class Clock:
             stopped=self._latch.stopped,
             released_ns=self._latch.released_ns,
         )
-        self._latch.save()
+        self._latch.save(now_ns)
         overdue = list(self._answers.overdue(k))
         self._answers.asked(k, down)
         self._kept[k] = tick

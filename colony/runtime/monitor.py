@@ -12,6 +12,7 @@ from collections.abc import Collection, Iterable, Mapping
 from typing import NamedTuple, Protocol
 
 from colony.ir.frame import Decision, Executor, Frame, Outcome
+from colony.ir.memory import ProgramMemory
 from colony.runtime.messages import Fate, Verdict
 
 
@@ -23,9 +24,21 @@ class Checked(NamedTuple):
 
 
 class Restartable(Executor, Protocol):
-    """An executor that can go on from its initial memory."""
+    """An executor that can go on from its initial memory, and tells what it remembers, unless that is more
+    than can be told."""
+
+    @property
+    def memory(self) -> ProgramMemory | None: ...
 
     def restart(self) -> None: ...
+
+
+class Keyframe(NamedTuple):
+    """The memory before a frame, None where it is not known, and whether a client has been lost since it was
+    initial: then what `on_loss degrade` makes of it is not known."""
+
+    memory: ProgramMemory | None
+    degraded: bool = False
 
 
 class Monitor:
@@ -51,6 +64,10 @@ class Monitor:
     def lose(self) -> None:
         """A frame was missed: what should come of the next ones is not known until memory begins anew."""
         self._astray = True
+
+    def keyframe(self) -> Keyframe:
+        """Return the memory before the next frame."""
+        return Keyframe(None if self._astray else self._executor.memory, bool(self._degraded))
 
     def check(self, frame: Frame, verdicts: Mapping[str, Verdict], lost: Collection[str] = ()) -> Checked:
         """Step, and compare, in a frame in which these clients are lost; an actuator without a verdict is not

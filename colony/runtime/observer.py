@@ -18,7 +18,7 @@ from colony.runtime import topics
 from colony.runtime.assembly import KEPT_NS, Assembled, FrameAssembler
 from colony.runtime.closing import close_all
 from colony.runtime.messages import Effect, Fate, Message, Request, Restart, Send, ServerFrame, Tick, Verdict
-from colony.runtime.monitor import Monitor
+from colony.runtime.monitor import Keyframe, Monitor
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -29,7 +29,8 @@ class FrameLog:
     verdicts differ from `expected` although nobody was late or lost: there should never be one. `restart`
     tells that all memory began anew with this frame in the middle of a run, `requests` what the clients asked
     for, as they came (unless nobody wants to know). `skipped` frames before this one were missed for good;
-    from there to the next restart nothing is expected, as memory is not known.
+    from there to the next restart nothing is expected, as memory is not known. `keyframe`, at least every
+    `KEYFRAME_NS`, has the memory before the frame.
     """
 
     tick: Tick
@@ -40,11 +41,17 @@ class FrameLog:
     restart: bool = False
     requests: tuple[Request, ...] = ()
     skipped: int = 0
+    keyframe: Keyframe | None = None
 
     @property
     def breaches(self) -> tuple[str, ...]:
         """The contracts that are broken in this frame."""
         return self.expected.breaches
+
+    @property
+    def damaged(self) -> bool:
+        """Whether something before this frame is damaged, which only a recording can be."""
+        return False
 
     @property
     def astray(self) -> bool:
@@ -70,6 +77,9 @@ class _Waiting(NamedTuple):
     skipped: int
     astray: bool
 
+
+KEYFRAME_NS = 400_000_000
+"""Time between two keyframes. With the frame that is being decided it stays below half a second."""
 
 _UNHEARD: frozenset[Fate] = frozenset({"late", "lost", "refused"})
 
@@ -103,6 +113,7 @@ class Observer:
         self._requests: dict[int, dict[tuple[str, str], Request]] = {}
         self._heeds = bool(heeded)
         self._first = True
+        self._keyframe_ns: int | None = None
         self._skipped, self._astray = 0, True
         self._contradicted: int | None = None
         self.listens = (*assembler.listens, topics.VERDICTS, *(topics.requests(s) for s in heeded))
@@ -181,6 +192,7 @@ class Observer:
             self._monitor.restart()
         elif astray:
             self._monitor.lose()
+        keyframe = self._keyframe(tick.t_ns, assembled.restart or astray)
         expected, disagreements = self._monitor.check(frame, verdicts, tick.lost)
         log = FrameLog(
             tick=tick,
@@ -191,10 +203,18 @@ class Observer:
             restart=assembled.restart and not self._first,
             requests=tuple(requests.values()),
             skipped=skipped,
+            keyframe=keyframe,
         )
         self._first = False
         for sink in self._sinks:
             sink.take(log)
+
+    def _keyframe(self, t_ns: int, jumped: bool) -> Keyframe | None:
+        """Return the memory before a frame if it is time for it, or it `jumped`: a frame is missing."""
+        if self._keyframe_ns is not None and t_ns - self._keyframe_ns < KEYFRAME_NS and not jumped:
+            return None
+        self._keyframe_ns = t_ns
+        return self._monitor.keyframe()
 
 
 K = TypeVar("K")

@@ -92,7 +92,7 @@ class Session:
             builders[activity(DSERVER.name, module)] = partial(
                 build_announcer, program, bindings, module, RUN
             )
-        self._observer = build_observer(program, clients, bindings, sinks, RUN, requests=requests)
+        self._observer = build_observer(program, bindings, sinks, RUN, requests=requests)
         builders[CLOCK] = lambda: Clock(servers=servers, keep=keep, deployment=deployed)
         self._builders = builders
         self._nodes: dict[str, Node] = {address: build() for address, build in builders.items()}

@@ -6,6 +6,7 @@ from dataclasses import replace
 
 from colony.compile.clients import ClientList
 from colony.compile.executor import ClientExecutor, ClientListExecutor
+from colony.compile.pipeline import traverse
 from colony.ir.expression import IsActive
 from colony.ir.frame import Frame
 from colony.ir.program import Contract, Program, PythonModule
@@ -76,13 +77,14 @@ class ClientSlice:
         )
 
 
-def whole_executor(program: Program, clients: ClientList) -> ClientListExecutor:
-    """All clients, and the contracts, of a program.
+def whole_executor(program: Program) -> ClientListExecutor:
+    """All clients, and the contracts, of a program. Its guards are not simplified, so that what it remembers
+    has places in the text; and so it is independent of the last pass.
 
     Raises:
         Failure: a module in Python cannot be imported or built; so may its `restart`.
     """
-    return ClientListExecutor(program, clients)
+    return ClientListExecutor(program, traverse(program))
 
 
 class ActivityExecutor:

@@ -81,6 +81,9 @@ class Travel:
 class RunSummary:
     """All of one run. `mean_speed_mm_s` is over its whole duration, `contracts` how many were watched.
 
+    `broke_off` tells why the run ended before its time, although nobody interrupted it. `unwritten` are
+    files that could not be written after it.
+
     `restarts` is how often all memory began anew, `skipped` how many frames were missed for good. Of a real
     robot nobody knows how it went: `bumps` and the two after it are None.
     """
@@ -102,6 +105,8 @@ class RunSummary:
     restarts: int
     skipped: int
     disagreements: tuple[str, ...]
+    broke_off: str | None = None
+    unwritten: tuple[str, ...] = ()
 
     def as_json(self) -> dict[str, object]:
         """The same in plain dicts and lists."""
@@ -109,8 +114,8 @@ class RunSummary:
 
     @property
     def sound(self) -> bool:
-        """No contract was broken, and the runtime did what the program says."""
-        return not self.breaches and not self.disagreements
+        """No contract was broken, the runtime did what the program says, and the run did not break off."""
+        return not self.breaches and not self.disagreements and self.broke_off is None
 
 
 _TROUBLES: tuple[Fate, ...] = ("late", "lost", "refused", "overruled")
@@ -217,7 +222,7 @@ def _per(distance_mm: float, duration_s: float) -> float:
 
 def render(summary: RunSummary) -> str:
     """The summary for a person, in plain text."""
-    end = ", interrupted" if summary.interrupted else ""
+    end = ", interrupted" if summary.interrupted else ", broken off" if summary.broke_off else ""
     length = f"{summary.duration_s:.1f} s, {_times(summary.frames, 'frame')}"
     head = f"{summary.robot}: {length}, seed {summary.seed}{end}"
     lines = [head]
@@ -248,6 +253,7 @@ def render(summary: RunSummary) -> str:
     if summary.contracts and summary.frames and not summary.breaches:
         lines.append(f"  {_times(summary.contracts, 'contract')} held in every frame")
     lines += [f"  INTERNAL: {text}" for text in summary.disagreements]
+    lines += [] if summary.broke_off is None else [f"  {summary.broke_off}"]
     return "\n".join(lines)
 
 

@@ -90,7 +90,6 @@ def build_announcer(program: Program, bindings: Bindings, module: str, run: str)
 
 def build_observer(
     program: Program,
-    clients: ClientList,
     bindings: Bindings,
     sinks: tuple[Sink, ...],
     run: str,
@@ -106,7 +105,7 @@ def build_observer(
     return Observer(
         FrameAssembler(bindings.sensors, run=run, keep=frames_kept(program.robot.frame_ns)),
         tuple(a.name for a in program.robot.actuators),
-        Monitor(whole_executor(program, clients), degrading),
+        Monitor(whole_executor(program), degrading),
         sinks,
         heeded=tuple(dict.fromkeys(b.server for b in bindings.actuators)) if requests else (),
     )

@@ -69,3 +69,8 @@ def client_address(actuator: str, module: str) -> str:
 def module_of(address: str) -> str:
     """The module of a client's address."""
     return address.partition("/")[2]
+
+
+def user_of(connection: str) -> str:
+    """Return the user of a connection, `user/id`."""
+    return connection.partition("/")[0]

@@ -46,8 +46,8 @@ def compiled(function: F) -> F:
     signature = numba.void(*(_native(name, function.__globals__) for name in names.values()))
     try:
         return cast(F, numba.njit(signature, cache=True, nogil=True, error_model="numpy")(function))
-    except RuntimeError as failure:
-        if "cannot cache" not in str(failure):
+    except (RuntimeError, OSError) as failure:
+        if isinstance(failure, RuntimeError) and "cannot cache" not in str(failure):
             raise
         return cast(F, numba.njit(signature, nogil=True, error_model="numpy")(function))
 

@@ -9,9 +9,18 @@ from typing import TYPE_CHECKING, Literal
 
 import msgspec
 
+from colony.files import read_file
 from colony.runtime.live.errors import LiveError
 from colony.runtime.live.run_directory import RobotDirectory
-from colony.runtime.processes.ending import Ending, give_up, on_death_of_parent, on_signals
+from colony.runtime.processes.ending import (
+    Ending,
+    drop_what_cannot_be_printed,
+    give_up,
+    give_up_without,
+    on_death_of_parent,
+    on_signals,
+)
+from colony.runtime.processes.spec import SPEC_BYTES
 
 if TYPE_CHECKING:
     from colony.sim.camera import CameraConfig
@@ -98,13 +107,16 @@ def main() -> None:
     """The entry of the process."""
     from colony.diagnostics import Failure
 
+    drop_what_cannot_be_printed()
     ending = Ending()
     with on_signals(ending):
         on_death_of_parent(ending)
         try:
-            serve(msgspec.json.decode(Path(sys.argv[1]).read_bytes(), type=PlantSpec), ending)
+            serve(msgspec.json.decode(read_file(sys.argv[1], SPEC_BYTES), type=PlantSpec), ending)
         except (LiveError, NoRoom, Failure) as problem:
             give_up(str(problem))
+        except Exception as problem:
+            give_up_without(problem)
 
 
 if __name__ == "__main__":

@@ -12,6 +12,7 @@ from colony.sim.plant_protocol import (
     Advance,
     AskTruth,
     AttachControl,
+    Attached,
     FromPlant,
     Place,
     Refusal,
@@ -26,6 +27,8 @@ from colony.sim.plant_protocol import (
 class PlantControl:
     """A connection to the plant that asks and waits for each answer. Not for several threads.
 
+    `began_ns` is when the plant began: another time is another plant, which counts from 0 again.
+
     Raises, here and in each method:
         OSError: the plant does not answer, within `timeout_s`.
         BadBytes: what it answers makes no sense.
@@ -38,7 +41,9 @@ class PlantControl:
         try:
             self._sock.settimeout(timeout_s)
             self._sock.connect(os.fspath(path))
-            self._ask(AttachControl())
+            attached = self._ask(AttachControl())
+            assert isinstance(attached, Attached)
+            self.began_ns = attached.began_ns
         except BaseException:
             self._sock.close()
             raise

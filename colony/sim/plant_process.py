@@ -198,6 +198,7 @@ class _Server:
         self._selector = selector
         self._clock = clock
         self._logical_ns = logical_ns
+        self._began_ns = clock()
         self._connections: set[_Connection] = set()
         selector.register(listener, selectors.EVENT_READ, None)
 
@@ -272,7 +273,7 @@ class _Server:
             if isinstance(port, BasePort):
                 self._make_room(port)
             connection.port, connection.due_ns = port, self._devices.reached_ns
-            answer = Attached(logical=self._logical_ns is not None)
+            answer = Attached(logical=self._logical_ns is not None, began_ns=self._began_ns)
         else:
             answer = connection.port.take(message, self._devices, self._logical_ns)
         if answer is not None:

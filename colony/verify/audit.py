@@ -6,6 +6,9 @@ the network gives without the lost clients. Where a client outside the network c
 stop or a lock kept the network from deciding, a frame is counted and not compared. At a restart the
 interpreter begins anew, as all memory did; from a frame that could not be observed to the next restart nobody
 knows what memory was, and nothing is compared.
+
+What is damaged in a recording is never judged. After it the interpreter goes on from the memory that the
+recording holds at the next of its keyframes.
 """
 
 from __future__ import annotations
@@ -15,8 +18,15 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from typing import Protocol
 
 from colony.ir.frame import Decision, Frame, Outcome
+from colony.ir.memory import ProgramMemory
 from colony.ir.program import Program
-from colony.verify.audit_report import AuditReport, ClientAccount, ContractCount, Difference
+from colony.verify.audit_report import (
+    AuditReport,
+    ClientAccount,
+    ContractCount,
+    DamagedSpan,
+    Difference,
+)
 from colony.verify.audit_verdict import RecordedVerdict, is_excused, objection, same_decision
 from colony.verify.interpreter import Interpreter
 
@@ -35,11 +45,23 @@ class RecordedTick(Protocol):
     def lost(self) -> Sequence[str]: ...
 
 
+class Remembered(Protocol):
+    """The memory before a frame, None where it is not known; `degraded`: a client has been lost since it was
+    initial."""
+
+    @property
+    def memory(self) -> ProgramMemory | None: ...
+
+    @property
+    def degraded(self) -> bool: ...
+
+
 class Recorded(Protocol):
     """One frame of a run, from a recording or from a run that is observed.
 
     `skipped` frames before it could not be observed; `astray`: nobody knows what memory was. `breaches` are
-    the contracts that were found broken, None where that was not recorded.
+    the contracts that were found broken, None where that was not recorded. `damaged`: what was recorded
+    between the frame before it and this one is damaged.
     """
 
     @property
@@ -62,6 +84,12 @@ class Recorded(Protocol):
 
     @property
     def breaches(self) -> tuple[str, ...] | None: ...
+
+    @property
+    def keyframe(self) -> Remembered | None: ...
+
+    @property
+    def damaged(self) -> bool: ...
 
 
 def audit(program: Program, frames: Iterable[Recorded]) -> AuditReport:
@@ -98,24 +126,49 @@ class Auditor:
         self._counts: Counter[str] = Counter()
         self._contracts: dict[str, ContractCount] = {}
         self._first: Difference | None = None
+        self._damaged: list[DamagedSpan] = []
+        self._remembers = True
 
     def _begin(self) -> None:
         """All memory at its initial values."""
         self._interpreter = Interpreter(self._program)
         degrades = any(a.on_loss == "degrade" for a in self._program.robot.actuators)
         self._degraded = Interpreter(self._program) if degrades else None
+        self._remembers = True
+
+    def _resume(self, keyframe: Remembered) -> None:
+        """Go on from the memory that was recorded, if it is known and of this program."""
+        if keyframe.memory is None:
+            return
+        self._begin()
+        try:
+            self._interpreter.resume(keyframe.memory)
+            if keyframe.degraded:
+                self._degraded = None
+            elif self._degraded is not None:
+                self._degraded.resume(keyframe.memory)
+        except ValueError:
+            self._remembers = False
 
     def take(self, recorded: Recorded) -> None:
         """Compare one frame, and count it."""
         tick, before = recorded.tick, self._previous
         begins = recorded.restart or tick.k == tick.start
+        if recorded.damaged:
+            after_ns = None if before is None else before.frame.t_ns
+            self._damaged.append(DamagedSpan(after_ns=after_ns, before_ns=recorded.frame.t_ns))
+            self._remembers = False
         if before is None:
             self._first_ns = recorded.frame.t_ns
-        elif begins:
+        if begins and (before is not None or recorded.damaged):
             self._begin()
+        elif not self._remembers and recorded.keyframe is not None:
+            self._resume(recorded.keyframe)
         differences = [*self._sequence(recorded, begins)]
         if recorded.astray:
             self._counts["unknown"] += 1
+        elif not self._remembers:
+            self._counts["forgotten"] += 1
         else:
             differences += self._decisions(recorded)
         self._first = self._first or next(iter(differences), None)
@@ -128,6 +181,11 @@ class Auditor:
         self._counts["differing"] += bool(differences)
         self._counts["frames"] += 1
         self._previous = recorded
+
+    def end_damaged(self) -> None:
+        """What is recorded after the last frame is damaged."""
+        after_ns = None if self._previous is None else self._previous.frame.t_ns
+        self._damaged.append(DamagedSpan(after_ns=after_ns, before_ns=None))
 
     def report(self) -> AuditReport:
         """What came of the frames so far."""
@@ -152,22 +210,24 @@ class Auditor:
             contracts=tuple(
                 self._contracts[c.name] for c in self._program.contracts if c.name in self._contracts
             ),
+            damaged=tuple(self._damaged),
+            forgotten=counts["forgotten"],
         )
 
     def _sequence(self, recorded: Recorded, begins: bool) -> Iterator[Difference]:
         """What is wrong with the place of a frame: memory must have seen every frame since its start."""
         tick, before = recorded.tick, self._previous
         if before is None:
-            if not begins and not recorded.astray:
+            if not begins and not recorded.astray and not recorded.damaged:
                 message = f"the recording begins with frame {tick.k}, but memory with frame {tick.start}"
                 yield self._difference(recorded, message)
             return
         gap = tick.k - before.tick.k - 1
-        if gap < 0 or (gap != recorded.skipped and not begins):
+        if gap < 0 or (gap != recorded.skipped and not begins and not recorded.damaged):
             missing = f": {gap} between them are not in the recording" if gap > 0 else ""
             message = f"frame {tick.k} follows frame {before.tick.k}{missing}"
             yield self._difference(recorded, message)
-        if tick.start != before.tick.start and not begins and not recorded.astray:
+        if tick.start != before.tick.start and not (begins or recorded.astray or recorded.damaged):
             yield self._difference(recorded, f"memory began anew with frame {tick.start}, which is missing")
         if recorded.frame.t_ns <= before.frame.t_ns:
             message = f"time must rise: {recorded.frame.t_ns} ns follow {before.frame.t_ns} ns"
@@ -185,6 +245,9 @@ class Auditor:
                 if self._actuators[decision.actuator].on_loss == "degrade":
                     due[decision.actuator] = decision, self._degraded
         for name, (decision, interpreter) in due.items():
+            if self._degraded is None and self._actuators[name].on_loss == "degrade":
+                self._counts["forgotten"] += 1  # what a lost client changed in memory is damaged
+                continue
             yield from self._compare(recorded, name, decision, interpreter)
         self._count_breaches(recorded.frame.t_ns, heard)
         if (

@@ -50,13 +50,23 @@ class ContractCount:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class DamagedSpan:
+    """A part of the recording that is damaged: the times of the whole frames around it, None at its ends."""
+
+    after_ns: int | None
+    before_ns: int | None
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class AuditReport:
     """What an audit came to.
 
     `compared` counts decisions (one an actuator and frame), `idled` those among them that were idle because a
     client was late, lost or refused; `unheard` those that nothing was recorded of. `late`, `lost`, `refused`,
     `violations`, `outside`, `holds` and `differing` count frames in which that occurred, `unknown` those that
-    were not compared because a frame before them, and so memory, is not known.
+    were not compared because a frame before them, and so memory, is not known. After each of `damaged` the
+    interpreter went on from the memory that the recording holds; `forgotten` counts the frames until there
+    was one, which were not compared.
     """
 
     frames: int
@@ -76,6 +86,8 @@ class AuditReport:
     differing: int
     first: Difference | None
     contracts: tuple[ContractCount, ...]
+    damaged: tuple[DamagedSpan, ...] = ()
+    forgotten: int = 0
 
     @property
     def agrees(self) -> bool:

@@ -13,9 +13,11 @@ from typing import assert_never
 from colony.ir import program as ir
 from colony.ir.expression import Expression
 from colony.ir.frame import Decision, Frame, Outcome, Reading, Record
+from colony.ir.memory import ProgramMemory
 from colony.ir.types import ScalarValue, Value
 from colony.verify.interpreter_boundary import ModuleFrame, PythonRunner, clamp, default_of, sense
 from colony.verify.interpreter_expressions import Memory, Moment, evaluate, missing, scalar
+from colony.verify.interpreter_memory import recalled
 
 
 class Interpreter:
@@ -40,6 +42,20 @@ class Interpreter:
         self._moment: Moment | None = None
         self._lost: frozenset[str] = frozenset()
         self._silent: set[str] = set()
+
+    def resume(self, memory: ProgramMemory) -> None:
+        """Go on from what another executor remembered, instead of the initial memory.
+
+        Raises:
+            ValueError: it is the memory of another program, or there are modules in Python, which remember
+                more.
+        """
+        if self._python:
+            raise ValueError("modules in Python have memory of their own")
+        if memory.first_ns is None:
+            return
+        self._memory, self._dominated, self._states = recalled(self.program, memory, self._states)
+        self._moment = Moment(t_ns=memory.first_ns, first_ns=memory.first_ns, states=self._states)
 
     def step(self, frame: Frame, lost: frozenset[str] = frozenset()) -> Outcome:
         """One frame, its readings in declared units.

@@ -18,6 +18,7 @@ from colony.runtime.library.clock import release
 from colony.runtime.live.errors import NotReached
 from colony.runtime.live.network import local_user
 from tests.attack.after import after
+from tests.attack.damage import BEHAVIOR, bombs, cost, flips, record
 from tests.attack.flood import KINDS, Kind, flood
 from tests.attack.handshakes import HalfOpen
 from tests.attack.intruder import CERTIFICATES, MODES, Intruder, scouted
@@ -34,6 +35,8 @@ BEGUN_S = 0.5
 HALF_OPEN, NEW_A_SECOND = 300, 20.0
 DURING_S = 45.0
 PATIENCE_S = 120.0
+TRIALS, RECORDED_S = 250, 8.0
+BOMB_S, BOMB_MB = 2.0, 300.0
 
 
 def main() -> int:
@@ -42,6 +45,7 @@ def main() -> int:
         with lab(folder) as robot:
             failures = scouting(robot) + intruders(robot, folder)
             failures += floods(robot) + heavy(robot) + handshakes(robot)
+        failures += flipped(folder) + bombed(folder)
     finally:
         shutil.rmtree(folder)
     print(f"\n{failures} attacks got something" if failures else "\nno attack got anything")
@@ -78,6 +82,61 @@ def intruders(robot: Lab, folder: Path) -> int:
         for what in (*came.delivered[:3], *came.heard[:3], *came.connections[:3]):
             print(f"    {what}")
         failures += not came.failed
+    return failures
+
+
+def flipped(folder: Path) -> int:
+    """Recordings, whole and of killed runs, with a bit that flipped; gives how many audits were wrong."""
+    print(f"\nAudits of recordings in which one bit flipped, {TRIALS} each\n")
+    head = ("recording", "bytes", "damage told", "refused", "not read", "wrong")
+    print("{:<14} {:>9} {:>12} {:>8} {:>9} {:>6}".format(*head))
+    failures = 0
+    for name, killed in (
+        ("whole.mcap", False),
+        ("killed.mcap", True),
+        ("whole.jsonl", False),
+        ("killed.jsonl", True),
+    ):
+        data = record(folder / name, seconds=RECORDED_S, killed=killed)
+        came = flips(data, name, trials=TRIALS, seed=1)
+        print(
+            f"{name:<14} {len(data):>9} {came.told:>12} {came.refused:>8} {came.untouched:>9} "
+            f"{len(came.wrong):>6}",
+            *came.wrong[:3],
+            sep="\n    ",
+            flush=True,
+        )
+        failures += len(came.wrong)
+    return failures
+
+
+def bombed(folder: Path) -> int:
+    """Recordings that unpack to much; gives how many commands took too long or too much, or were content."""
+    print("\nRecordings that unpack to much: beyond what `--help` takes\n")
+    print(
+        "{:<30} {:>10} {:<6} {:>6} {:>5} {:>5}  {}".format(
+            "recording", "bytes", "", "s", "MB", "code", "said"
+        )
+    )
+    recording = record(folder / "run.mcap", seconds=RECORDED_S, killed=False)
+    failures, least = 0, cost("audit", "--help")
+    for what, name, data in bombs(recording):
+        path = folder / name
+        path.write_bytes(data)
+        for arguments in (
+            ("audit", str(path), str(BEHAVIOR)),
+            ("trace", str(BEHAVIOR), "--input", str(path)),
+        ):
+            took = cost(*arguments)
+            seconds, megabytes = took.seconds - least.seconds, took.megabytes - least.megabytes
+            said = took.said.removeprefix(str(path))[:80]
+            print(
+                f"{what:<30} {len(data):>10} {arguments[0]:<6} {seconds:>6.1f} {megabytes:>5.0f} "
+                f"{took.code:>5}  {said}",
+                flush=True,
+            )
+            failures += seconds > BOMB_S or megabytes > BOMB_MB or took.code not in (1, 2)
+        path.unlink()
     return failures
 
 

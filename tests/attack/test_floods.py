@@ -55,7 +55,7 @@ def test_a_server_that_was_killed_is_found_again(server: str, lab: Lab) -> None:
         os.kill(old, signal.SIGKILL)
         lab.restarted(server, old)
         until(lambda: server in session.servers(), "the gateway has found it again")
-        base.do(robot.position())
+        assert base.do(robot.position()) is not None
 
 
 def test_a_server_that_was_frozen_is_found_again(lab: Lab) -> None:
@@ -68,4 +68,5 @@ def test_a_server_that_was_frozen_is_found_again(lab: Lab) -> None:
         finally:
             os.kill(pid, signal.SIGCONT)
         until(lambda: "RServer" in session.servers(), "the gateway has found it again")
+        assert lab.pid("RServer") == pid
         base.do(robot.position())

@@ -71,7 +71,7 @@ def test_a_reader_that_never_came_is_no_error(behavior: Path, arguments: str) ->
     ("redirection", "code", "said"),
     [
         ("> /dev/full", 2, "colony: error: standard output: cannot write: No space left on device\n"),
-        (">&-", 0, ""),
+        (">&-", 2, "colony: error: standard output: cannot write: Bad file descriptor\n"),
         ("2>&-", 0, ""),
         ("2> /dev/full", 0, ""),
     ],

@@ -130,11 +130,11 @@ def test_times_beyond_doubles_keep_their_nanoseconds(colony: Colony, behavior: P
 def test_frames_that_cannot_be_read_to_the_end(
     colony: Colony, behavior: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    def broken(*_: object) -> Iterator[Row]:
+    def broken(_: object) -> Iterator[Row]:
         yield Row(1, "", Frame(0, {}), {})
         raise OSError(5, "Input/output error")
 
-    monkeypatch.setattr("colony.runtime.recordings.replay.read_rows", broken)
+    monkeypatch.setattr("colony.runtime.recordings.replay.Rows.__iter__", broken)
     ran = colony("trace", behavior, "--input", "-")
     assert (ran.code, ran.out) == (2, "")
     assert ran.err == "<stdin>:1:1: error[F008]: cannot read the frames: Input/output error\n"

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from colony.compile.clients import ClientList
 from colony.compile.code import Apply, Kind, Literal, OutsideActive
 from colony.compile.guards import Always, And, Guard, ModuleActive, Never, Not, Or
 from colony.compile.lower_builder import Builder
@@ -15,7 +16,7 @@ class Lowered:
     def __init__(self, *table: Guard) -> None:
         self.builder = Builder()
         self.asked: list[str] = []
-        self.guards = GuardLowering(self.builder, table, self._active)
+        self.guards = GuardLowering(self.builder, ClientList(guards=table, actuators=()), self._active)
 
     def _active(self, module: str) -> int:
         self.asked.append(module)

@@ -10,7 +10,7 @@ ROOT = Path(__file__).resolve().parents[2]
 FRAMES = ("clock", "roll", "liveness", "assembly", "client", "membership", "memory")
 """Ticks and epochs, who lives, frames put together from what arrives, what a client remembers."""
 
-ARBITRATION = ("ballot", "arbitration", "outside", "locks", "latch")
+ARBITRATION = ("ballot", "arbitration", "outside", "locks", "latch", "stop_file")
 """The rule, the protocol around it, leases, locks, the emergency stop."""
 
 RUNTIME_TESTS = (

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
+from pathlib import Path
 from typing import Any
 
 import msgspec
@@ -55,8 +56,9 @@ class Stage:
         now_ns: int = 0,
         servers: tuple[str, ...] = ("PServer", "RServer"),
         keep: int = 40,
+        stop_path: Path | None = None,
     ) -> None:
-        self.clock = Clock(servers=servers, keep=keep, deployment=deployment)
+        self.clock = Clock(servers=servers, keep=keep, deployment=deployment, stop_path=stop_path)
         self.now_ns = now_ns
         self.ticks: list[Tick] = []
         self.sent: list[Send] = []

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from typing import Any, TypeVar
 
 import msgspec
@@ -27,7 +27,7 @@ from colony.runtime.messages import (
     WakeAt,
 )
 from colony.runtime.servers.dserver import DServer
-from colony.runtime.store import MemoryStore, Store
+from colony.runtime.store import Key, MemoryStore, Store, StoreFull
 
 T = TypeVar("T")
 MS = 1_000_000
@@ -40,6 +40,25 @@ class Failed(Exception):
     def __init__(self, problem: Problem) -> None:
         super().__init__(problem.message)
         self.code = problem.code
+
+
+class Cramped(MemoryStore):
+    """A store in memory that has room, or has not. Mutable: whether it has."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.room = True
+        self.commits = 0
+
+    def make_room(self) -> None:
+        self.full = None if self.room else "no room"
+
+    def commit(self, changes: Mapping[Key, bytes | None]) -> None:
+        self.commits += 1
+        if not self.room:
+            self.full = "no room"
+            raise StoreFull(self.full)
+        super().commit(changes)
 
 
 class DataStage:

@@ -142,7 +142,7 @@ def play(program: Program, trace: Sequence[Frame], *, order_seed: int = 0, link:
     log, who = Log(), members(program, clients)
     deployed = deployment(program, clients, bindings, run="", seed=0, announced=who.announced)
     server = TraceServer(trace, commanded_by(deployed, SERVER), who.announced)
-    observer = build_observer(program, clients, bindings, (log,), "")
+    observer = build_observer(program, bindings, (log,), "")
     transport = VirtualTransport(VirtualClock(trace[0].t_ns), seed=order_seed, link=link)
     nodes: tuple[Node, ...] = (
         server,

@@ -5,13 +5,16 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any
 
+import msgspec
 import pytest
 
+from colony.runtime.calls import Nothing
 from colony.runtime.clock import Clock
 from colony.runtime.library import clock as clock_library
 from colony.runtime.library import emergency
-from colony.runtime.messages import ServerFrame, Stopped, Tick, WakeAt
+from colony.runtime.messages import Call, ServerFrame, Stopped, Tick, WakeAt
 from colony.runtime.plausibility import check_plausible
+from colony.runtime.stop_file import FILE_BYTES
 from tests.runtime.clock_stage import MS, Leader, S, Stage
 
 
@@ -74,6 +77,7 @@ def started(path: Path) -> list[Any]:
 def test_a_clock_that_is_started_again_knows_of_the_stop(tmp_path: Path) -> None:
     path = tmp_path / "stop"
     first = Clock(servers=(), keep=4, stop_path=path)
+    list(first.start(1 * S))
     first._stop("ann/1", 3 * S)
     (tick,) = (e.message for e in started(path) if not isinstance(e, WakeAt))
     assert tick.stopped == Stopped(by="ann/1", t_ns=3 * S)
@@ -97,8 +101,7 @@ def test_times_of_another_clock_are_not_believed(tmp_path: Path) -> None:
 
 
 def test_a_stop_that_cannot_be_kept_stops_and_says_so(tmp_path: Path) -> None:
-    stage = Stage()
-    stage.clock._latch._path = tmp_path / "no folder" / "stop"
+    stage = Stage(stop_path=tmp_path / "no folder" / "stop")
     ann = Leader(stage, "ann/1")
     problem = ann.ask(emergency.stop()).problem
     assert problem is not None
@@ -108,9 +111,29 @@ def test_a_stop_that_cannot_be_kept_stops_and_says_so(tmp_path: Path) -> None:
     ann.alive()
     assert "No such file" in (ann.who().trouble or "")
     (tmp_path / "no folder").mkdir()
-    last(stage)
-    ann.alive()
-    assert ann.who().trouble is None, "kept as soon as it can be"
+    for _ in range(6):
+        last(stage)
+        ann.alive()
+    assert ann.who().trouble is None, "kept within a second of when it can be"
+    assert (tmp_path / "no folder" / "stop").stat().st_size == FILE_BYTES
+
+
+def test_a_stop_that_was_not_kept_is_no_second_stop_when_it_arrives_again(tmp_path: Path) -> None:
+    stage = Stage(stop_path=tmp_path / "no folder" / "stop")
+    ann = Leader(stage, "ann/1")
+    first = ann.ask(emergency.stop())
+    ann.ask(clock_library.release())
+    assert last(stage).stopped is None
+    call = Call(
+        connection="ann/1",
+        number=first.number,
+        method="emergency_stop",
+        arguments=msgspec.Raw(msgspec.msgpack.encode(Nothing())),
+        right="stop",
+    )
+    stage.take(call)
+    assert stage.sent[-1].message == first
+    assert last(stage).stopped is None
 
 
 def test_the_clock_numbers_on_above_a_frame_that_somebody_else_invented(stage: Stage) -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 import os
 import subprocess
 import sys
@@ -12,7 +13,13 @@ import pytest
 
 from colony.runtime.live import run_directory as module
 from colony.runtime.live.errors import AlreadyRunning, RunDirectoryError
-from colony.runtime.live.run_directory import LONGEST_SOCKET, RobotDirectory, RunDirectory
+from colony.runtime.live.run_directory import (
+    CLAIM_BYTES,
+    LONGEST_SOCKET,
+    RobotDirectory,
+    RunDirectory,
+    in_run_directory,
+)
 from tests.runtime.live_stage import place, run_directory
 
 
@@ -89,6 +96,37 @@ def test_a_socket_with_too_long_a_path_is_refused(tmp_path: Path) -> None:
 def test_a_folder_that_no_endpoint_can_have_is_refused(tmp_path: Path, sign: str) -> None:
     with pytest.raises(RunDirectoryError, match=rf"for the `\{sign}` in it: set COLONY_RUN_DIR"):
         RunDirectory(tmp_path / f"a b{sign}").robot("rome").socket("RServer")
+
+
+def test_a_folder_that_is_not_utf8_is_refused(tmp_path: Path) -> None:
+    folder = Path(os.fsdecode(bytes(tmp_path) + b"/\xff"))
+    with pytest.raises(RunDirectoryError, match="is not UTF-8"):
+        RunDirectory(folder).robot("rome").socket("RServer")
+
+
+def test_a_claim_keeps_its_room(tmp_path: Path) -> None:
+    robot = _robot(tmp_path)
+    sizes = set()
+    for _ in range(2):
+        with robot.claim("RServer"):
+            sizes.add((robot.path / "RServer.claim").stat().st_size)
+            assert robot.running() == {"RServer": os.getpid()}
+        sizes.add((robot.path / "RServer.claim").stat().st_size)
+    assert sizes == {CLAIM_BYTES}
+
+
+def test_what_is_wrong_with_a_file_is_said_with_what_to_do(tmp_path: Path) -> None:
+    path = tmp_path / "RServer.claim"
+    with pytest.raises(RunDirectoryError) as failed, in_run_directory(path):
+        raise OSError(errno.ENOSPC, "No space left on device")
+    assert str(failed.value) == (
+        f"{path}: No space left on device: free some space or set COLONY_RUN_DIR to a folder of yours"
+    )
+    with pytest.raises(RunDirectoryError) as failed, in_run_directory(path):
+        raise OSError(errno.EROFS, "Read-only file system", "/other")
+    assert str(failed.value) == "/other: Read-only file system: set COLONY_RUN_DIR to a folder of yours"
+    with pytest.raises(OSError, match="Too many open files"), in_run_directory(path):
+        raise OSError(errno.EMFILE, "Too many open files")
 
 
 def test_a_server_is_claimed_by_one_process_at_a_time(tmp_path: Path) -> None:
@@ -174,3 +212,14 @@ def test_robots_are_not_looked_for_where_others_could_have_put_them(tmp_path: Pa
     (tmp_path / "open").mkdir(mode=0o755)
     with pytest.raises(RunDirectoryError, match="open to others"):
         RunDirectory(tmp_path / "open").robots()
+
+
+@pytest.mark.parametrize("name", ["RServer.claim", "base"])
+def test_what_is_no_file_in_the_folder_of_a_robot(tmp_path: Path, name: str) -> None:
+    directory = RunDirectory(tmp_path / "r").robot("rome")
+    directory.prepare()
+    os.mkfifo(directory.path / name)
+    assert directory.running() == {}
+    use = directory.base_ns if name == "base" else lambda: directory.claim("RServer")
+    with pytest.raises(RunDirectoryError, match=f"{name}: it is not a regular file"):
+        use()

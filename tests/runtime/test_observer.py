@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from colony.ir.frame import Decision, Frame, Outcome
+from colony.ir.memory import ProgramMemory
 from colony.runtime import topics
 from colony.runtime.assembly import KEPT_NS, FrameAssembler
 from colony.runtime.bindings import SensorBinding
@@ -29,6 +30,10 @@ class Counting:
 
     def __init__(self) -> None:
         self.frames = 0
+
+    @property
+    def memory(self) -> ProgramMemory:
+        return ProgramMemory(first_ns=0, cells={"state n": self.frames})
 
     def step(self, frame: Frame) -> Outcome:
         self.frames += 1

@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import os
+import signal
 import subprocess
 import sys
 import time
 from collections.abc import Callable, Iterator
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -230,3 +232,14 @@ def test_they_end_when_their_parent_is_killed(folder: Path) -> None:
     parent.stdout.close()
     until(lambda: not lives(child), "the child ends")
     assert said(folder, "obeys") == ("here", "closed: the process that started it is gone")
+
+
+def test_a_process_whose_log_cannot_be_made_runs_without(folder: Path, children: Children) -> None:
+    children.start(replace(job(folder, "obeys"), log=folder / "no" / "such.log"))
+    pid = pid_of(children, "obeys")
+    os.kill(pid, signal.SIGKILL)
+    deaths: list[Death] = []
+    until(lambda: deaths.extend(children.poll()) or deaths, "it is dead")
+    assert [(death.why, death.said) for death in deaths] == [("was killed by SIGKILL", ())]
+    until(lambda: children.poll() == () and lives(pid_of(children, "obeys")), "it is started again")
+    assert pid_of(children, "obeys") != pid

@@ -19,7 +19,7 @@ from colony.ir.types import BOOL, PLAIN, Array
 from colony.runtime.messages import Sample, Tick, Verdict
 from colony.runtime.observer import FrameLog
 from colony.runtime.recordings.lines import Recording, encoder, seconds_text
-from colony.runtime.recordings.replay import read_frames
+from colony.runtime.recordings.replay import has_right_sum, read_frames
 from colony.units import nanoseconds
 from tests.runtime.runtime_programs import roam
 from tests.runtime.scripted import FAR, Log, Script, session
@@ -116,6 +116,12 @@ def line(readings: dict[str, Reading], verdict: Verdict | None = None) -> str:
     return encoder(small())(log)
 
 
+def members(of: str) -> str:
+    """A line without its checksum, which is right."""
+    assert has_right_sum(of.encode())
+    return of[: of.rindex(', "@sum"')] + "}"
+
+
 READINGS: list[tuple[Reading, str]] = [
     (1.5, "1.5"),
     (3, "3"),
@@ -130,9 +136,9 @@ READINGS: list[tuple[Reading, str]] = [
 
 @pytest.mark.parametrize(("reading", "text"), READINGS)
 def test_readings_are_valid_json_that_means_the_same(reading: Reading, text: str) -> None:
-    assert line({"n": reading}) == f'{{"t": 0.0, "@tick": 0, "n": {text}}}'
+    assert members(line({"n": reading})) == f'{{"t": 0.0, "@tick": 0, "n": {text}}}'
     array: Reading = (reading, 0.0)  # type: ignore[assignment]
-    assert line({"a": array}) == f'{{"t": 0.0, "@tick": 0, "a": [{text}, 0.0]}}'
+    assert members(line({"a": array})) == f'{{"t": 0.0, "@tick": 0, "a": [{text}, 0.0]}}'
     (back,) = read_frames([line({"n": reading}).encode()], "x", small())
     if isinstance(reading, float) and math.isnan(reading):
         assert isinstance(back.readings["n"], str)
@@ -141,8 +147,8 @@ def test_readings_are_valid_json_that_means_the_same(reading: Reading, text: str
 
 
 def test_faulty_readings_stay_faulty() -> None:
-    assert line({"a": (1.0,)}) == '{"t": 0.0, "@tick": 0, "a": "1 elements"}'
-    assert line({"n": None, "b": False}) == '{"t": 0.0, "@tick": 0, "b": false}'
+    assert members(line({"a": (1.0,)})) == '{"t": 0.0, "@tick": 0, "a": "1 elements"}'
+    assert members(line({"n": None, "b": False})) == '{"t": 0.0, "@tick": 0, "b": false}'
 
 
 def verdict(**changes: object) -> Verdict:

@@ -2,14 +2,10 @@
 
 from __future__ import annotations
 
-from pathlib import Path
-
 import pytest
 
 from colony.runtime.calls import Refused
-from colony.runtime.latch import StopLatch
 from colony.runtime.locks import LockQueue
-from colony.runtime.messages import Stopped
 from colony.runtime.motion import STILL, Drive
 from colony.runtime.outside import LONGEST_LEASE_S, Outsiders, lease_end
 from tests.runtime.test_locks import S, asked, names
@@ -124,52 +120,3 @@ def test_somebody_outside_who_was_there_first_is_named_before_a_client_of_the_pr
     with pytest.raises(Refused, match=r"ann \(user/ann\) commands with it"):
         outsiders.enter(caller("bob", 3), PLACES)
     assert outsiders.enter(caller("ann", 3), PLACES) is outsiders.all[0]
-
-
-# --- the stop ----------------------------------------------------------------------------------------
-
-
-def test_what_is_in_the_way_is_told_with_the_file(tmp_path: Path) -> None:
-    path = tmp_path / "stop"
-    path.write_bytes(b"{")
-    latch = StopLatch(path)
-    assert latch.stopped == Stopped(by="a file that cannot be read", t_ns=0)
-    assert latch.trouble is not None
-    assert latch.trouble.startswith(f"{path}: ")
-    assert path.read_bytes() == b"{"
-    latch.save()  # nothing has changed
-    assert path.read_bytes() == b"{"
-
-
-def test_a_folder_in_the_place_of_the_file_counts_as_a_stop(tmp_path: Path) -> None:
-    latch = StopLatch(tmp_path)
-    assert latch.stopped is not None
-    assert latch.trouble is not None
-    latch.release(1)
-    assert latch.stopped is None
-    assert latch.trouble is not None
-    assert str(tmp_path) in latch.trouble
-
-
-def test_a_stop_that_is_on_is_not_written_again(tmp_path: Path) -> None:
-    path = tmp_path / "stop"
-    latch = StopLatch(path)
-    latch.engage(Stopped(by="ann/1", t_ns=5))
-    path.unlink()
-    latch.engage(Stopped(by="bob/1", t_ns=6))
-    latch.observe(Stopped(by="bob/1", t_ns=7))
-    assert not path.exists()
-    latch.release(8)
-    assert path.read_bytes() == b'{"stopped":null,"released_ns":8}'
-    assert StopLatch(None).trouble is None
-
-
-def test_what_was_not_written_once_is_written_with_the_next_stop(tmp_path: Path) -> None:
-    path = tmp_path / "later" / "stop"
-    latch = StopLatch(path)
-    latch.engage(Stopped(by="ann/1", t_ns=5))
-    assert latch.trouble == f"{path}: No such file or directory"
-    path.parent.mkdir()
-    latch.engage(Stopped(by="bob/1", t_ns=6))
-    assert StopLatch(path).stopped == Stopped(by="ann/1", t_ns=5)
-    assert [p.name for p in path.parent.iterdir()] == ["stop"]

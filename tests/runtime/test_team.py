@@ -56,7 +56,7 @@ def test_one_client_listens_to_no_more_than_it_reads() -> None:
         "RServer/frames",
         "DServer/recalled/drive/back_off",
     )
-    observer = build_observer(program, clients, bindings, (), "run")
+    observer = build_observer(program, bindings, (), "run")
     assert "RServer/requests" not in observer.listens
-    heeding = build_observer(program, clients, bindings, (), "run", requests=True)
+    heeding = build_observer(program, bindings, (), "run", requests=True)
     assert set(heeding.listens) - set(observer.listens) == {"RServer/requests"}

@@ -10,12 +10,14 @@ from colony.compile.pipeline import compile_program
 from colony.ir.frame import Frame
 from colony.ir.program import Program
 from colony.runtime.messages import Fate, Tick, Verdict
-from colony.runtime.observer import FrameLog, Sink
+from colony.runtime.monitor import Monitor
+from colony.runtime.observer import KEYFRAME_NS, FrameLog, Sink
 from colony.runtime.recordings.lines import Recording
 from colony.runtime.recordings.mcap_reader import McapReader
 from colony.runtime.recordings.mcap_writer import McapRecording
 from colony.runtime.recordings.reader import LinesReader
 from colony.runtime.recordings.recorded import RecordedFrame, RunInfo, SourceFile, places
+from colony.runtime.slices import whole_executor
 from colony.verify.interpreter import Interpreter
 
 MS = 1_000_000
@@ -41,12 +43,18 @@ def logs(program: Program, trace: Sequence[Frame], restarts: Iterable[int] = ())
     """A run in which nothing goes wrong; all memory begins anew at the frames in `restarts`."""
     restarts, start, out = frozenset(restarts), 0, []
     interpreter = Interpreter(program)
+    monitor, keyframe_ns = Monitor(whole_executor(program)), trace[0].t_ns - KEYFRAME_NS if trace else 0
     clients = {
         a.name: [m.name for m in program.modules if m.actuator == a.name] for a in program.robot.actuators
     }
     for k, frame in enumerate(trace):
         if k in restarts:
             interpreter, start = Interpreter(program), k
+            monitor.restart()
+        keyframe = None
+        if k in restarts or frame.t_ns - keyframe_ns >= KEYFRAME_NS:
+            keyframe, keyframe_ns = monitor.keyframe(), frame.t_ns
+        monitor.check(frame, {})
         outcome = interpreter.step(frame)
         verdicts = {
             d.actuator: Verdict(
@@ -69,6 +77,7 @@ def logs(program: Program, trace: Sequence[Frame], restarts: Iterable[int] = ())
                 expected=outcome,
                 disagreements=(),
                 restart=k in restarts,
+                keyframe=keyframe,
             )
         )
     return out

@@ -11,7 +11,8 @@ asked for with `publish`. A name has 1 to 255 bytes of UTF-8.
 
 What was acknowledged survives the death of the server. Each call is done once, however often it is repeated
 because no answer came. Besides the codes given below, calls are refused with "arguments"; "size", for a value
-or a call that is too large; "full", if the server has no room for more.
+or a call that is too large; "full", if the server has no room for more, or its disk has none for what must be
+kept.
 """
 
 from __future__ import annotations

@@ -13,6 +13,7 @@ import time
 from collections.abc import Callable
 
 from colony.runtime.live.meter import Meter, Rate
+from colony.runtime.topics import user_of
 
 CALLS = Rate(per_s=2000.0, burst=1000.0)
 """Calls and signs of life of one user at one server, other than under the right to stop. A program that waits
@@ -51,12 +52,12 @@ class Border:
 
     def call(self, connection: str, size: int) -> bool:
         """Count a call, or a sign of life, of `size` bytes; return whether it may come in."""
-        user = connection.partition("/")[0]
+        user = user_of(connection)
         return user == self._local or self._calls.take(user, size, self._now())
 
     def stop(self, connection: str, size: int) -> bool:
         """Count a message of `size` bytes under the right to stop; return whether it may come in."""
-        user = connection.partition("/")[0]
+        user = user_of(connection)
         return self._stops.take(connection if user == self._local else user, size, self._now())
 
     def frame(self, kind: str, user: str, size: int) -> bool:
@@ -68,4 +69,4 @@ class Border:
 
     def refusal(self, connection: str) -> bool:
         """Count a call over the rate; return whether it gets a reply, rather than being dropped."""
-        return self._refusals.take(connection.partition("/")[0], 0, self._now())
+        return self._refusals.take(user_of(connection), 0, self._now())

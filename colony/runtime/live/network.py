@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import errno
+import os
+import resource
 import time
 from collections.abc import Callable
 from contextlib import ExitStack
@@ -18,6 +21,10 @@ from colony.runtime.live.probe import why_not_reached
 
 LINKING_S = 0.1
 """After this time all sockets that are there have been tried."""
+
+DESCRIPTORS = 32
+"""Descriptors that must be free where a session is opened: it takes 12 at most, and one for each process
+that it is linked with."""
 
 Watcher = Callable[[str, bool], None]
 """Told of the address of a node, and whether it is there."""
@@ -116,12 +123,35 @@ class Network:
 
 
 def _open(place: Place, settings: Settings, holds: ExitStack) -> zenoh.Session:
+    _expect_descriptors()
     try:
         session = zenoh.open(configuration.configuration(settings))
     except zenoh.ZError as problem:
         raise NotReached(_why(place, settings, problem)) from None
+    except BaseException as problem:
+        if type(problem).__name__ != "PanicException":  # of Rust: no Exception, and nowhere to be imported
+            raise
+        raise NotReached(f"no session can be opened, for lack of memory or threads: {problem}") from None
     holds.callback(session.close)
     return session
+
+
+def _expect_descriptors() -> None:
+    """Check that a session can have the files that it needs: zenoh would not say so, but panic.
+
+    Raises:
+        NotReached: it cannot.
+    """
+    most = resource.getrlimit(resource.RLIMIT_NOFILE)[0]
+    if most == resource.RLIM_INFINITY:
+        return
+    try:
+        used = len(os.listdir("/proc/self/fd"))
+    except OSError as problem:  # this takes one, too; not every system has such a folder
+        used = most if problem.errno == errno.EMFILE else 0
+    if most - used < DESCRIPTORS:
+        text = f"this process may have {most} files open, and has {used}; a session needs {DESCRIPTORS} more"
+        raise NotReached(f"{text}: raise the limit (`ulimit -n`)")
 
 
 def _why(place: Place, settings: Settings, problem: zenoh.ZError) -> str:

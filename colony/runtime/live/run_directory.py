@@ -9,26 +9,37 @@ Whoever may open the sockets may do everything with the robot, so nobody but the
 
 from __future__ import annotations
 
+import errno
 import fcntl
 import os
 import stat
 import time
 from collections.abc import Callable, Iterator, Mapping
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from pathlib import Path
 from types import TracebackType
 
 import msgspec
 
+from colony.files import UnfitFile, open_descriptor, read_file, reason
+from colony.os_errors import NO_ROOM, naming
 from colony.runtime.live.errors import AlreadyRunning, RunDirectoryError
 from colony.runtime.live.names import check_name
+
+CHOOSE = "set COLONY_RUN_DIR to a folder of yours"
 
 LONGEST_SOCKET = 107
 """Bytes of the path of a unix socket (`sun_path` without its end)."""
 
 NOT_IN_ENDPOINTS = "#?"
 """What ends the address in an endpoint of zenoh, and so cannot be in the path of a socket."""
+
+CLAIM_BYTES = 32
+"""Size of a claim: the id of a process, filled up with blanks."""
+
+BASE_BYTES = 4096
+"""Largest file of the base of a robot's time."""
 
 CLAIM_TRIES = 10
 CLAIM_PAUSE_S = 0.01
@@ -100,6 +111,8 @@ class RobotDirectory:
             path = self.path / f"{check_name('server', server)}.sock"
         except ValueError as problem:
             raise RunDirectoryError(str(problem)) from None
+        if not _is_utf8(path):
+            raise RunDirectoryError(f"{path} is not UTF-8, as the path of a socket has to be: {CHOOSE}")
         if odd := [sign for sign in NOT_IN_ENDPOINTS if sign in str(path)]:
             raise RunDirectoryError(
                 f"{path} cannot be the path of a socket, for the `{odd[0]}` in it: "
@@ -135,16 +148,19 @@ class RobotDirectory:
         """
         self.prepare()
         path = self.socket(server).with_suffix(".claim")
-        descriptor = os.open(path, os.O_RDWR | os.O_CREAT | os.O_CLOEXEC, 0o600)
-        if not _locks(descriptor):
-            holder = os.read(descriptor, 32).decode("ascii", "replace").strip() or "unknown"
-            os.close(descriptor)
-            raise AlreadyRunning(
-                f"{server} of {self.robot} runs already, as process {holder}: "
-                "end that one first, or give another --robot"
-            )
-        os.ftruncate(descriptor, 0)
-        os.write(descriptor, f"{os.getpid()}\n".encode())
+        with in_run_directory(path):
+            descriptor = open_descriptor(path, os.O_RDWR | os.O_CREAT)
+            try:
+                if not _locks(descriptor):
+                    holder = os.read(descriptor, CLAIM_BYTES).decode("ascii", "replace").strip()
+                    raise AlreadyRunning(
+                        f"{server} of {self.robot} runs already, as process {holder or 'unknown'}: "
+                        "end that one first, or give another --robot"
+                    )
+                _note(descriptor, str(os.getpid()))
+            except BaseException:
+                os.close(descriptor)
+                raise
         return Claim(descriptor)
 
     def base_ns(self, *, monotonic: Callable[[], int] = time.monotonic_ns) -> int:
@@ -157,7 +173,7 @@ class RobotDirectory:
             RunDirectoryError: the folder cannot be used, or the base in it cannot be read.
         """
         self.prepare()
-        with _locked(self.path):
+        with in_run_directory(self.path), _locked(self.path):
             path, boot = self.path / "base", _boot_id()
             known = _read_base(path)
             if known is not None and known.boot == boot:
@@ -165,7 +181,8 @@ class RobotDirectory:
             gone = 0 if known is None else max(0, time.time_ns() - known.wall_ns)
             new = _Base(boot=boot, base_ns=monotonic() - gone, wall_ns=time.time_ns() - gone)
             temporary = path.with_suffix(".new")
-            temporary.write_bytes(msgspec.json.encode(new))
+            with naming(path):
+                temporary.write_bytes(msgspec.json.encode(new))
             temporary.replace(path)
             return new.base_ns
 
@@ -179,9 +196,10 @@ class Claim:
     def close(self) -> None:
         """Give it up; again is nothing."""
         if self._descriptor >= 0:
-            os.ftruncate(self._descriptor, 0)
-            os.close(self._descriptor)
-            self._descriptor = -1
+            descriptor, self._descriptor = self._descriptor, -1
+            with suppress(OSError):
+                _note(descriptor, "")
+            os.close(descriptor)
 
     def __enter__(self) -> Claim:
         return self
@@ -198,35 +216,48 @@ class _Base(msgspec.Struct, frozen=True, kw_only=True):
     wall_ns: int
 
 
-def _make_private(folder: Path) -> None:
+@contextmanager
+def in_run_directory(path: Path) -> Iterator[None]:
+    """Tell of an OSError with what to do about it; `path` is the file, where the error names none.
+
+    Raises:
+        RunDirectoryError: in place of any OSError but that no more files can be opened.
+    """
     try:
-        folder.mkdir(mode=0o700, parents=True, exist_ok=True)
+        yield
     except OSError as problem:
-        raise RunDirectoryError(
-            f"{folder}: {problem.strerror}: set COLONY_RUN_DIR to a folder of yours"
-        ) from None
+        if problem.errno in (errno.EMFILE, errno.ENFILE):
+            raise
+        advice = f"free some space or {CHOOSE}" if problem.errno in NO_ROOM else CHOOSE
+        raise RunDirectoryError(f"{problem.filename or path}: {problem.strerror}: {advice}") from None
+
+
+def _make_private(folder: Path) -> None:
+    with in_run_directory(folder):
+        folder.mkdir(mode=0o700, parents=True, exist_ok=True)
     _check_private(folder)
 
 
 def _check_private(folder: Path) -> None:
-    try:
+    with in_run_directory(folder):
         found = folder.lstat()
-    except OSError as problem:
-        raise RunDirectoryError(
-            f"{folder}: {problem.strerror}: set COLONY_RUN_DIR to a folder of yours"
-        ) from None
     if not stat.S_ISDIR(found.st_mode):
         raise RunDirectoryError(f"{folder} is no folder: set COLONY_RUN_DIR to one of yours")
     if found.st_uid != os.getuid():
         raise RunDirectoryError(
-            f"{folder} belongs to user {found.st_uid}, and this is user {os.getuid()}: "
-            "set COLONY_RUN_DIR to a folder of yours"
+            f"{folder} belongs to user {found.st_uid}, and this is user {os.getuid()}: {CHOOSE}"
         )
     if found.st_mode & 0o077:
         raise RunDirectoryError(
             f"{folder} is open to others (mode {stat.S_IMODE(found.st_mode):04o}), who could drive the "
             f"robot: `chmod 700 {folder}`"
         )
+
+
+def _note(descriptor: int, holder: str) -> None:
+    """Write who holds a claim over who held it before: a file that keeps its size needs no room on a full
+    disk, so that a server can be started again."""
+    os.pwrite(descriptor, f"{holder:<{CLAIM_BYTES - 1}}\n".encode(), 0)
 
 
 def _locks(descriptor: int) -> bool:
@@ -244,18 +275,26 @@ def _locks(descriptor: int) -> bool:
 def _holder(path: Path) -> int | None:
     """The process that holds the lock of a claim."""
     try:
-        descriptor = os.open(path, os.O_RDONLY | os.O_CLOEXEC)
-    except FileNotFoundError:
+        descriptor = open_descriptor(path)
+    except (FileNotFoundError, UnfitFile):
         return None
     try:
         fcntl.flock(descriptor, fcntl.LOCK_SH | fcntl.LOCK_NB)
     except BlockingIOError:
-        text = os.read(descriptor, 32).strip()
+        text = os.read(descriptor, CLAIM_BYTES).strip()
         return int(text) if text.isdigit() else None
     else:
         return None
     finally:
         os.close(descriptor)
+
+
+def _is_utf8(path: Path) -> bool:
+    try:
+        str(path).encode()
+    except UnicodeEncodeError:
+        return False
+    return True
 
 
 def _boot_id() -> str:
@@ -267,11 +306,13 @@ def _boot_id() -> str:
 
 def _read_base(path: Path) -> _Base | None:
     try:
-        return msgspec.json.decode(path.read_bytes(), type=_Base)
+        return msgspec.json.decode(read_file(path, BASE_BYTES), type=_Base)
     except FileNotFoundError:
         return None
-    except msgspec.DecodeError as problem:
-        raise RunDirectoryError(f"{path}: {problem}: remove it while nothing of the robot runs") from None
+    except (msgspec.DecodeError, UnfitFile) as problem:
+        raise RunDirectoryError(
+            f"{path}: {reason(problem)}: remove it while nothing of the robot runs"
+        ) from None
 
 
 @contextmanager

@@ -23,6 +23,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Literal, get_args
 
+from colony.files import read_file, reason
 from colony.runtime.live.errors import SecurityError
 from colony.runtime.live.names import check_user, local_user
 from colony.runtime.live.place import Credentials
@@ -40,6 +41,9 @@ IMPLIED: Mapping[Permission, tuple[Right, ...]] = {
 """The rights that come with a permission."""
 
 _FILES = ("certificate", "key", "authority")
+
+FILE_BYTES = 1024 * 1024
+"""Largest table of users, certificate or key."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -115,9 +119,11 @@ def _raise(path: Path, problems: list[str]) -> None:
 
 def _read_toml(path: Path) -> dict[str, object]:
     try:
-        return tomllib.loads(path.read_text(encoding="utf-8"))
+        return tomllib.loads(read_file(path, FILE_BYTES).decode("utf-8"))
     except OSError as problem:
-        raise SecurityError(f"{path}: {problem.strerror}") from None
+        raise SecurityError(f"{path}: {reason(problem)}") from None
+    except RecursionError:
+        raise SecurityError(f"{path}: brackets nest too deep") from None
     except (tomllib.TOMLDecodeError, UnicodeDecodeError) as problem:
         raise SecurityError(f"{path}: {problem}") from None
 
@@ -170,11 +176,21 @@ def _users(table: object, problems: list[str]) -> dict[str, tuple[Permission, ..
     return found
 
 
+def _unreadable(file: Path) -> str | None:
+    try:
+        read_file(file, FILE_BYTES)
+    except FileNotFoundError:
+        return "there is no such file"
+    except OSError as problem:
+        return reason(problem)
+    return None
+
+
 def _unusable(certificate: Path, key: Path, authority: Path) -> Iterator[str]:
     """What keeps certificates and key from being used."""
-    missing = [file for file in (certificate, key, authority) if not file.is_file()]
-    if missing:
-        yield from (f"{file}: there is no such file" for file in missing)
+    unreadable = [f"{file}: {why}" for file in (certificate, key, authority) if (why := _unreadable(file))]
+    if unreadable:
+        yield from unreadable
         return
     if key.stat().st_mode & (stat.S_IRWXG | stat.S_IRWXO):
         yield f"{key}: others may read this private key: `chmod 600 {key}`"

@@ -15,12 +15,22 @@ from pathlib import Path
 from typing import NoReturn
 
 from colony.diagnostics import Failure
+from colony.os_errors import described
 from colony.runtime.live.errors import GatewayFull, LiveError
 from colony.runtime.live.host import Host
 from colony.runtime.live.place import Local, Place
 from colony.runtime.processes.compiled import NotOurs
 from colony.runtime.processes.devices import Devices
-from colony.runtime.processes.ending import Ending, give_up, on_death_of_parent, on_signals, say
+from colony.runtime.processes.ending import (
+    EXIT_FAILED,
+    Ending,
+    drop_what_cannot_be_printed,
+    give_up,
+    give_up_without,
+    on_death_of_parent,
+    on_signals,
+    say,
+)
 from colony.runtime.processes.parts import at_once, nodes_of, serves
 from colony.runtime.processes.spec import GatewayPart, Part, Spec, place_of, read_spec
 from colony.runtime.store import StoreError
@@ -42,6 +52,7 @@ def run(
     Raises:
         LiveError: it cannot join the robot's processes; another process serves its name, for one.
         CannotBegin: what it needs is not there, or is no good.
+        StoreError: it cannot keep what it has to, and must not go on.
         Exception: whatever a node raised.
     """
     place = place_of(spec.place)
@@ -72,13 +83,16 @@ def _host(part: Part, place: Place, devices: Devices | None, holds: ExitStack) -
         return open_gateway(place, part.listen, read_security(Path(part.security)), report=say)
     try:
         nodes = nodes_of(part, place, devices, holds)
-    except (Failure, StoreError, NotOurs, OSError) as problem:
+    except OSError as problem:
+        raise CannotBegin(described(problem)) from None
+    except (Failure, StoreError, NotOurs) as problem:
         raise CannotBegin(str(problem)) from None
     return Host.open(place, nodes, serves=serves(part), direct=at_once(part, nodes), report=say)
 
 
 def main(devices: Devices | None = None) -> None:
     """The entry of a process that a supervisor starts."""
+    drop_what_cannot_be_printed()
     ending = Ending()
     with on_signals(ending):
         on_death_of_parent(ending)
@@ -86,6 +100,10 @@ def main(devices: Devices | None = None) -> None:
             run(read_spec(Path(sys.argv[1])), ending, devices=devices)
         except (LiveError, CannotBegin) as problem:
             give_up(str(problem))
+        except StoreError as problem:
+            give_up(str(problem), EXIT_FAILED)
+        except Exception as problem:
+            give_up_without(problem)
 
 
 if __name__ == "__main__":

@@ -19,6 +19,7 @@ from pathlib import Path
 from typing import IO, NamedTuple
 
 import colony
+from colony.files import open_regular
 from colony.runtime.processes.ending import EXIT_FINAL
 from colony.runtime.processes.restarts import Restarts
 
@@ -118,7 +119,7 @@ class Children:
 
     def _spawn(self, child: _Child) -> None:
         python = (sys.executable, "-P", "-u", "-X", "faulthandler")
-        with open(child.job.log, "ab", opener=_private) as log:
+        with _log(child.job.log) as log:
             child.process = subprocess.Popen(
                 [*python, "-m", child.job.module, *child.job.arguments],
                 stdin=subprocess.PIPE,
@@ -180,6 +181,15 @@ def _forget(child: _Child) -> None:
             stdin.close()
 
 
+def _log(path: Path) -> IO[bytes]:
+    """Open the file of what a process prints; where it cannot be made, because the disk is full for one,
+    what it prints is dropped."""
+    try:
+        return open(path, "ab", opener=_private)
+    except OSError:
+        return open(os.devnull, "ab")
+
+
 def _private(path: str, flags: int) -> int:
     return os.open(path, flags, 0o600)
 
@@ -224,7 +234,7 @@ def _told(code: int) -> str:
 def last_lines(path: Path) -> tuple[str, ...]:
     """The end of a file of text, a few lines at most; none where it cannot be read."""
     try:
-        with path.open("rb") as file:
+        with open_regular(path) as file:
             file.seek(max(0, file.seek(0, os.SEEK_END) - TAIL_BYTES))
             text = file.read().decode("utf-8", "replace")
     except OSError:

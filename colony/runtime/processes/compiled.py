@@ -13,7 +13,9 @@ from pathlib import Path
 from typing import NamedTuple
 
 from colony.compile.clients import ClientList
+from colony.files import open_regular
 from colony.ir.program import Program
+from colony.os_errors import naming
 from colony.runtime.bindings import Bindings, bind
 from colony.runtime.fields import SERVERS, ServerSpec
 
@@ -47,7 +49,7 @@ def write_compiled(path: Path, compiled: Compiled) -> None:
     """
     beside = path.with_suffix(f".{os.getpid()}")
     beside.unlink(missing_ok=True)
-    with open(os.open(beside, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o600), "wb") as file:
+    with naming(beside), open(os.open(beside, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o600), "wb") as file:
         pickle.dump(tuple(compiled), file, protocol=pickle.HIGHEST_PROTOCOL)
     beside.replace(path)
 
@@ -59,7 +61,7 @@ def read_compiled(path: Path) -> Compiled:
         NotOurs: it is another user's, or others may write to it.
         OSError: it cannot be read.
     """
-    with path.open("rb") as file:
+    with open_regular(path) as file:
         found = os.fstat(file.fileno())
         if found.st_uid != os.getuid() or found.st_mode & (stat.S_IWGRP | stat.S_IWOTH):
             raise NotOurs(f"{path}: it is not this user's alone, and is not read")

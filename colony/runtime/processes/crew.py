@@ -27,6 +27,7 @@ from colony.runtime.processes.spec import (
     said_of,
     write_spec,
 )
+from colony.runtime.reserve import Reserve
 
 CHILD = "colony.runtime.processes.child"
 
@@ -35,6 +36,9 @@ CLIENTS, SERVERS, HARDWARE = range(3)
 
 STORE = "DServer.sqlite"
 """The file of DServer's variables, in the folder of a robot's state."""
+
+BEGINNING_BYTES = 1 << 14
+"""Bytes of disk for the claims and the log of a process: a page of each."""
 
 STOP = "Clock.stop"
 """That of the emergency stop."""
@@ -49,6 +53,18 @@ def fresh_folder(folder: Path) -> Path:
     shutil.rmtree(folder, ignore_errors=True)
     folder.mkdir(mode=0o700)
     return folder
+
+
+def expect_room(folder: Path, processes: int) -> None:
+    """Check that the disk of the run directory has room for what so many processes write as they begin: each
+    claims its name, and may say something in its log.
+
+    Raises:
+        OSError: it has not.
+    """
+    room = Reserve(folder / "room", processes * BEGINNING_BYTES)
+    room.take()
+    room.give_up()
 
 
 def keep_logs(folder: Path) -> None:

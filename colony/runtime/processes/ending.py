@@ -6,18 +6,27 @@ closes that, and reading gives its end: so nothing is left behind of a run that 
 
 from __future__ import annotations
 
+import io
 import os
 import signal
 import sys
 import threading
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
-from typing import NoReturn
+from contextlib import contextmanager, suppress
+from typing import TYPE_CHECKING, BinaryIO, NoReturn, cast
+
+from colony.os_errors import described, is_out_of_memory
+
+if TYPE_CHECKING:
+    from _typeshed import ReadableBuffer as Buffer
 
 SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
 
 PATIENCE_S = 1.5
 """For how long a process may close what it holds before it is ended the hard way."""
+
+EXIT_FAILED = 1
+"""Exit code of a process that cannot go on: another one in its place may."""
 
 EXIT_FINAL = 2
 """Exit code of a process that was started wrongly: starting it again would not help."""
@@ -106,12 +115,40 @@ def on_death_of_parent(ending: Ending) -> None:
     threading.Thread(target=watch, name="parent", daemon=True).start()
 
 
+class _Log(io.FileIO):
+    """What a process prints into. What cannot be written, because the disk is full for one, is dropped:
+    nobody stops moving a robot over a line in a log."""
+
+    def write(self, data: Buffer, /) -> int:
+        with suppress(OSError):
+            return super().write(data)
+        return memoryview(data).nbytes
+
+
+def drop_what_cannot_be_printed() -> None:
+    """Let nothing that this process prints, modules in Python included, fail from now on."""
+    for name, descriptor in (("stdout", 1), ("stderr", 2)):
+        log = cast(BinaryIO, _Log(descriptor, "wb", closefd=False))
+        stream = io.TextIOWrapper(log, encoding="utf-8", errors="backslashreplace", write_through=True)
+        setattr(sys, name, stream)
+
+
 def say(text: str) -> None:
-    """A line for whoever started the process; it goes into its log."""
-    print(text, file=sys.stderr, flush=True)
+    """A line for whoever started the process; it goes into its log. Where that is full, it is dropped."""
+    with suppress(OSError):
+        print(text, file=sys.stderr, flush=True)
 
 
-def give_up(text: str) -> NoReturn:
-    """The process was started wrongly: say why, and end."""
+def give_up(text: str, code: int = EXIT_FINAL) -> NoReturn:
+    """Say why the process ends, and end: it was started wrongly, unless another code says otherwise."""
     say(text)
-    sys.exit(EXIT_FINAL)
+    sys.exit(code)
+
+
+def give_up_without(problem: Exception) -> NoReturn:
+    """End for lack of memory, files or room, and say so in a line; raise anything else, which is a bug."""
+    if is_out_of_memory(problem):
+        give_up("out of memory", EXIT_FAILED)
+    if isinstance(problem, OSError):
+        give_up(described(problem), EXIT_FAILED)
+    raise problem

@@ -5,12 +5,14 @@ from __future__ import annotations
 
 import sys
 from contextlib import ExitStack
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, assert_never
 
 from colony.runtime.live.place import Local, Place
 from colony.runtime.messages import Node
 from colony.runtime.processes.devices import Devices
+from colony.runtime.processes.ending import say
 from colony.runtime.processes.spec import (
     AnnouncerPart,
     ClientPart,
@@ -21,6 +23,7 @@ from colony.runtime.processes.spec import (
     PServerPart,
     RServerPart,
 )
+from colony.runtime.store import Store, StoreFull, UnmadeStore
 
 if TYPE_CHECKING:
     from colony.runtime.processes.compiled import Compiled
@@ -79,7 +82,8 @@ def _clock(servers: tuple[str, ...], stop: Path) -> tuple[Node, ...]:
     from colony.runtime.servers.runtime_server import RuntimeServer
 
     runtime = RuntimeServer(keep=KEPT)
-    return Clock(servers=servers, keep=KEPT, told=runtime.use, stop_path=stop), runtime
+    clock = Clock(servers=servers, keep=KEPT, told=runtime.use, stop_path=stop, report=say)
+    return clock, runtime
 
 
 def _driving(
@@ -106,13 +110,28 @@ def _driving(
 
 
 def _dserver(part: DServerPart, place: Place) -> Node:
+    from colony.runtime.aside import damages
     from colony.runtime.servers.dserver import DServer
-    from colony.runtime.sqlite_store import SqliteStore
 
     if not isinstance(place, Local):
         raise ValueError("DServer runs on the robot's own machine")
-    store = SqliteStore(Path(part.store), fsync=part.fsync)
-    return DServer(part.held, keep=KEPT, store=store, epoch=str(place.directory.base_ns()))
+    store, epoch = _store(part), str(place.directory.base_ns())
+    notes = partial(damages, Path(part.store))
+    return DServer(part.held, keep=KEPT, store=store, epoch=epoch, notes=notes)
+
+
+def _store(part: DServerPart) -> Store:
+    """Open DServer's store; one that cannot even be made is made when its disk has room."""
+    from colony.runtime.sqlite_store import SqliteStore
+
+    path = Path(part.store)
+    make = partial(SqliteStore, path, fsync=part.fsync, report=say)
+    try:
+        return make()
+    except StoreFull as problem:
+        if path.exists():
+            raise
+        return UnmadeStore(make, problem)
 
 
 def _client(part: ClientPart) -> Node:

@@ -11,9 +11,14 @@ from pathlib import Path
 
 import msgspec
 
+from colony.files import read_file
 from colony.ir.types import Value
+from colony.os_errors import naming
 from colony.runtime.live.place import Credentials, Local, Place, Remote
 from colony.runtime.live.run_directory import RobotDirectory
+
+SPEC_BYTES = 4 * 1024 * 1024
+"""Largest spec; it holds no more than a command line."""
 
 
 class Here(msgspec.Struct, frozen=True, kw_only=True, tag="here"):
@@ -126,7 +131,7 @@ def write_spec(path: Path, spec: msgspec.Struct) -> None:
         OSError: it cannot be written.
     """
     path.unlink(missing_ok=True)
-    with open(os.open(path, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o600), "wb") as file:
+    with naming(path), open(os.open(path, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o600), "wb") as file:
         file.write(msgspec.json.encode(spec))
 
 
@@ -137,7 +142,7 @@ def read_spec(path: Path) -> Spec:
         msgspec.DecodeError: it is none.
         OSError: it cannot be read.
     """
-    return msgspec.json.decode(path.read_bytes(), type=Spec)
+    return msgspec.json.decode(read_file(path, SPEC_BYTES), type=Spec)
 
 
 def said_of(place: Place) -> Here | There:

@@ -1,6 +1,6 @@
 """Recordings: one JSON object a frame and line, which `colony trace --input` reads back.
 
-    {"t": 0.05, "@tick": 1, "sonar": [...], "drive": {"by": "avoid", "velocity": 80.0, "turn": 30.0}}
+    {"t": 0.05, "@tick": 1, "sonar": [...], "drive": {"by": "avoid", "velocity": 80.0}, "@sum": "8a4f01c2"}
 
 `t` is in seconds and reads back to the same nanosecond; `@tick` is the number of the frame, `@restart` is
 true where all memory began anew, and `@skipped` is there where memory is not known: the number of frames
@@ -8,23 +8,23 @@ before this one that could not be observed. Sensors are in declared units as the
 and absent where missing; each actuator has its winner and what was sent. Where the network did not decide
 alone, the actuator also has `fault`, `fates` with the clients that were late, lost, refused or overruled,
 `@outside` with the client outside the network that commanded, or `@held_by`. Broken contracts are not
-written: they follow from the rest. `mcap_writer.py` writes more.
+written: they follow from the rest. `@sum` is the CRC-32 of all before it, and `@keyframe`, in a line at least
+every half second, the memory from which a reader goes on after a line that is damaged (`keyframes.py`).
+`mcap_writer.py` writes more.
 """
 
 from __future__ import annotations
 
 import json
-import sys
+import zlib
 from collections.abc import Callable
 from typing import Protocol
 
-from colony.ir.frame import Frame, Reading
-from colony.ir.program import Actuator, Program, Sensor
-from colony.ir.types import Array, ScalarValue
+from colony.ir.program import Actuator, Program
 from colony.runtime.messages import Verdict
 from colony.runtime.observer import FrameLog
-
-_LARGEST = sys.float_info.max
+from colony.runtime.recordings.json_text import seconds_text, sensor_members
+from colony.runtime.recordings.keyframes import keyframe_members
 
 
 class ByteFile(Protocol):
@@ -65,55 +65,21 @@ def encoder(program: Program) -> Callable[[FrameLog], str]:
             parts.append('"@restart": true')
         if log.astray:
             parts.append(f'"@skipped": {log.skipped}')
+        if log.keyframe is not None:
+            parts.append(f'"@keyframe": {{{", ".join(keyframe_members(log.keyframe))}}}')
         parts += sensor_members(log.frame, sensors)
         for actuator in actuators:
             verdict = log.verdicts.get(actuator.name)
             if verdict is not None:
                 parts.append(f"{json.dumps(actuator.name)}: {_actuator(actuator, verdict)}")
-        return "{" + ", ".join(parts) + "}"
+        return summed("{" + ", ".join(parts))
 
     return encode
 
 
-def seconds_text(t_ns: int) -> str:
-    """Nanoseconds as a decimal number of seconds, exactly."""
-    whole, rest = divmod(abs(t_ns), 1_000_000_000)
-    fraction = f"{rest:09d}".rstrip("0") or "0"
-    return f"{'-' if t_ns < 0 else ''}{whole}.{fraction}"
-
-
-def sensor_members(frame: Frame, sensors: tuple[Sensor, ...]) -> list[str]:
-    """The members of a JSON object that are the readings of a frame, which read back to the same doubles."""
-    out = []
-    for sensor in sensors:
-        reading = frame.readings.get(sensor.name)
-        if reading is not None:
-            size = sensor.type.size if isinstance(sensor.type, Array) else None
-            out.append(f"{json.dumps(sensor.name)}: {_reading(reading, size)}")
-    return out
-
-
-def _reading(reading: Reading, size: int | None) -> str:
-    if isinstance(reading, (list, tuple)):
-        if size is not None and len(reading) != size:
-            return json.dumps(f"{len(reading)} elements")  # a faulty reading, and stays one
-        return "[" + ", ".join(map(_number, reading)) + "]"
-    if isinstance(reading, (bool, int, float)):
-        return _number(reading)
-    return json.dumps(str(reading))
-
-
-def _number(value: ScalarValue) -> str:
-    """JSON has neither infinities nor NaN: the former are written too large for a double, and NaN as a
-    string, which is a value of the wrong type and so a faulty reading, as NaN is. An int beyond all doubles
-    is infinite, too."""
-    if isinstance(value, bool):
-        return "true" if value else "false"
-    if isinstance(value, (int, float)):
-        if abs(value) <= _LARGEST:
-            return repr(value)
-        return '"nan"' if value != value else ("1e999" if value > 0 else "-1e999")
-    return json.dumps(value)
+def summed(text: str) -> str:
+    """Return an object of JSON, whose text lacks the brace that closes it, with its checksum at its end."""
+    return f'{text}, "@sum": "{zlib.crc32(text.encode()):08x}"}}'
 
 
 def _actuator(actuator: Actuator, verdict: Verdict) -> str:

@@ -1,31 +1,46 @@
-"""Recordings as MCAP read back: what `mcap_writer.py` wrote, also where other tools rewrote the file."""
+"""Recordings as MCAP read back: what `mcap_writer.py` wrote, also where other tools rewrote the file.
+
+Damage among the frames costs the chunk that it is in. Where it is in what precedes the frames (the run, its
+program, the channels), nothing can be read.
+"""
 
 from __future__ import annotations
 
 import json
-import struct
 from collections.abc import Iterator, Mapping
 from itertools import chain
 from pathlib import PurePosixPath
 from typing import Any, BinaryIO, Literal, NoReturn
 
 import msgspec
-from mcap.exceptions import EndOfFile, InvalidMagic
-from mcap.records import Attachment, Channel, McapRecord, Message, Metadata
-from mcap.stream_reader import StreamReader
+from mcap.records import Attachment, Channel, Metadata
 
 from colony.diagnostics import Failure, error
 from colony.ir.frame import Frame
 from colony.ir.program import Actuator, Program
 from colony.runtime.messages import Tick, Verdict
-from colony.runtime.recordings.mcap_writer import CLIENTS, FORMAT, METADATA, ContractsMessage, VerdictMessage
+from colony.runtime.monitor import Keyframe
+from colony.runtime.recordings.keyframes import read_keyframe
+from colony.runtime.recordings.mcap_records import (
+    BrokenOff,
+    ChunkMessage,
+    Damage,
+    Record,
+    TooLarge,
+    read_records,
+)
+from colony.runtime.recordings.mcap_writer import (
+    CHECKSUM,
+    CLIENTS,
+    FORMAT,
+    METADATA,
+    ContractsMessage,
+    VerdictMessage,
+)
 from colony.runtime.recordings.reader import BREAKS_OFF, command
 from colony.runtime.recordings.recorded import RecordedFrame, RunInfo, SourceFile
-from colony.runtime.recordings.schemas import CONTRACTS, FRAMES, VERDICTS
+from colony.runtime.recordings.schemas import CONTRACTS, FRAMES, KEYFRAMES, VERDICTS
 from colony.source import Source, Span
-
-LARGEST_RECORD = 256 * 1024 * 1024
-"""Bytes of the largest record that is read: more is damage."""
 
 
 class FrameMessage(msgspec.Struct, frozen=True, kw_only=True):
@@ -58,17 +73,18 @@ class McapReader:
     """A recording as MCAP; what stands before its first frame is read at once. Mutable: how far it was read.
 
     Raises:
-        Failure: A002, it is no recording of a run.
+        Failure: A002, it is no recording of a run; A006, what precedes the frames is damaged.
     """
 
     def __init__(self, file: BinaryIO, name: str) -> None:
         self._name = name
         self.cut: str | None = None
+        self.damaged = False
         self._topics: dict[int, str] = {}
         self._actuators: frozenset[str] = frozenset()
         records = self._records(file)
         self.run, first = self._header(records)
-        self._messages = chain(first, (r for r in records if isinstance(r, Message)))
+        self._rest = chain(first, records)
 
     def frames(self, program: Program) -> Iterator[RecordedFrame]:
         """Its frames, as frames of `program`.
@@ -76,47 +92,64 @@ class McapReader:
         Raises:
             Failure: A004, what is recorded is none of that program's, or malformed.
         """
-        for actuator in program.robot.actuators:
+        for actuator in program.robot.actuators if self._topics else ():
             if actuator.name not in self._actuators:
                 self._fail("A004", f"it is of a robot without the actuator `{actuator.name}` of this program")
         frames = _Frames(self._topics, program)
-        for message in self._messages:
-            try:
-                frame = frames.take(message)
-            except (msgspec.DecodeError, ValueError) as problem:  # the former also where a type is wrong
-                self._fail(
-                    "A004", f"what is recorded at {message.log_time} ns is none of this program: {problem}"
-                )
-            if frame is not None:
-                yield frame
+        for record in self._rest:
+            match record:
+                case Damage():
+                    self.damaged = True
+                    frames.forget()
+                case ChunkMessage():
+                    frame = self._frame(frames, record)
+                    if frame is not None:
+                        self.damaged = False
+                        yield frame
+                case _:
+                    pass
 
-    def _records(self, file: BinaryIO) -> Iterator[McapRecord]:
-        """Every record up to the end or the first damage, with the topics of channels noted."""
+    def _frame(self, frames: _Frames, message: ChunkMessage) -> RecordedFrame | None:
         try:
-            reader = StreamReader(file, validate_crcs=True, record_size_limit=LARGEST_RECORD)
-            for record in reader.records:
+            return frames.take(message, damaged=self.damaged)
+        except (msgspec.MsgspecError, ValueError, RecursionError) as problem:
+            text = f"what is recorded at {message.log_time} ns is none of this program: {problem}"
+            self._fail("A004", text)
+
+    def _records(self, file: BinaryIO) -> Iterator[Record]:
+        """Every record up to the end, with the topics of channels noted."""
+        try:
+            for record in read_records(file):
                 if isinstance(record, Channel):
                     self._topics[record.id] = record.topic
                 yield record
-        except OSError:
-            raise
-        except (EndOfFile, InvalidMagic, struct.error):
+        except BrokenOff:
             self.cut = BREAKS_OFF
-        except Exception as problem:  # damage shows as whatever the decoders run into
-            self.cut = f"it is damaged: {problem}"
+        except TooLarge:
+            self._fail("A002", "it unpacks to far more than recordings do")
 
-    def _header(self, records: Iterator[McapRecord]) -> tuple[RunInfo, tuple[Message, ...]]:
+    def _header(self, records: Iterator[Record]) -> tuple[RunInfo, tuple[Record, ...]]:
         told: dict[str, Mapping[str, str]] = {}
         sources: list[SourceFile] = []
-        first: tuple[Message, ...] = ()
+        first: tuple[Record, ...] = ()
         for record in records:
-            if isinstance(record, Message):
-                first = (record,)
-                break
-            if isinstance(record, Metadata):
-                told[record.name] = record.metadata
-            elif isinstance(record, Attachment):
-                sources += _source(record)
+            match record:
+                case ChunkMessage():
+                    first = (record,)
+                    break
+                case Damage(reason=reason) if not self._topics:
+                    self._fail(
+                        "A006", f"it is damaged before its first frame ({reason}): nothing can be read"
+                    )
+                case Damage():
+                    first = (record,)
+                    break
+                case Metadata():
+                    told[record.name] = record.metadata
+                case Attachment():
+                    sources += _source(record)
+                case Channel():
+                    pass
         return self._run(told, tuple(sources)), first
 
     def _run(self, told: Mapping[str, Mapping[str, str]], sources: tuple[SourceFile, ...]) -> RunInfo:
@@ -131,12 +164,15 @@ class McapReader:
                 for name, of in told.items()
                 if name.startswith(CLIENTS)
                 for module, priority in of.items()
+                if module != CHECKSUM
             )
         except (msgspec.ValidationError, ValueError) as problem:
             self._fail("A002", f"what it tells of its run is malformed: {problem}")
         self._actuators = frozenset(name.removeprefix(CLIENTS) for name in told if name.startswith(CLIENTS))
         if run.format != FORMAT:
             self._fail("A002", f"its format is `{run.format}`; expected `{FORMAT}`")
+        if any(CHECKSUM not in told[name] for name in told if name.startswith(METADATA)):
+            self._fail("A006", "it is damaged before its first frame (a checksum is missing)")
         return RunInfo(
             robot=run.robot,
             frame_ns=run.frame_ns,
@@ -149,7 +185,7 @@ class McapReader:
             started=run.started,
         )
 
-    def _fail(self, code: Literal["A002", "A004"], message: str) -> NoReturn:
+    def _fail(self, code: Literal["A002", "A004", "A006"], message: str) -> NoReturn:
         raise Failure([error(code, Span(Source(self._name, ""), 0, 0), message)]) from None
 
 
@@ -175,37 +211,44 @@ class _Frames:
     def __init__(self, topics: Mapping[int, str], program: Program) -> None:
         self._topics = topics
         self._actuators = {VERDICTS + a.name: a for a in program.robot.actuators}
-        self._found: dict[str, VerdictMessage] = {}  # by topic
-        self._broken: tuple[str, ...] = ()
+        self.forget()
         self._frame = msgspec.json.Decoder(FrameMessage).decode
         self._verdict = msgspec.json.Decoder(VerdictMessage).decode
         self._contracts = msgspec.json.Decoder(ContractsMessage).decode
 
-    def take(self, message: Message) -> RecordedFrame | None:
+    def forget(self) -> None:
+        """Drop what belongs to a frame that does not come."""
+        self._found: dict[str, VerdictMessage] = {}  # by topic
+        self._broken: tuple[str, ...] = ()
+        self._keyframe: Keyframe | None = None
+
+    def take(self, message: ChunkMessage, *, damaged: bool) -> RecordedFrame | None:
         """A frame, when it is complete.
 
         Raises:
-            msgspec.DecodeError, ValueError: the message is malformed.
+            msgspec.MsgspecError, ValueError: the message is malformed.
         """
         topic = self._topics.get(message.channel_id, "")
         if topic == FRAMES:
-            return self._complete(self._frame(message.data))
+            return self._complete(self._frame(message.data), damaged)
         if topic == CONTRACTS:
             self._broken = self._contracts(message.data).broken
+        elif topic == KEYFRAMES:
+            self._keyframe = read_keyframe(json.loads(message.data))
         elif topic in self._actuators:
             self._found[topic] = self._verdict(message.data)
         elif topic.startswith(VERDICTS):
             raise ValueError(f"it has no actuator `{topic.removeprefix(VERDICTS)}`")
         return None
 
-    def _complete(self, found: FrameMessage) -> RecordedFrame:
-        t_ns, broken = found.t_ns, self._broken
+    def _complete(self, found: FrameMessage, damaged: bool) -> RecordedFrame:
+        t_ns, broken, keyframe = found.t_ns, self._broken, self._keyframe
         decided = [
             _decided(self._actuators[topic], verdict, t_ns)
             for topic, verdict in self._found.items()
             if verdict.k == found.k
         ]
-        self._found, self._broken = {}, ()
+        self.forget()
         return RecordedFrame(
             tick=Tick(k=found.k, t_ns=t_ns, start=found.start, down=found.down, lost=found.lost),
             frame=Frame(t_ns, _readings(found.sensors)),
@@ -214,6 +257,8 @@ class _Frames:
             skipped=found.skipped or 0,
             astray=found.skipped is not None,
             breaches=broken,
+            keyframe=keyframe,
+            damaged=damaged,
         )
 
 

@@ -4,35 +4,59 @@ Beside the frames such a recording has the run in its metadata and the sources o
 `behavior/...` the files of the behavior, `python/...` those of modules in Python. All else can be found again
 from these.
 
-There are no chunks: a chunk is of use only once it is whole, and a run may be killed at any moment. Instead
-each frame leaves in one write, in which the message of `/frames` is the last and so tells that all messages
-of its frame are there. `mcap compress` writes a copy with chunks and an index.
+Frames are in chunks, each of which has a checksum, is written at once, and begins with a keyframe: the
+memory from which a reader goes on where the chunk before it is damaged. A chunk spans less than half a
+second, so a run that is killed leaves all but that. The first chunk has the schemas and channels, which need
+a checksum, too; attachments have one, and metadata get one as a member. The message of `/frames` is the last
+of its frame. There is no index, which would have to be kept in memory to the end of a run: `mcap recover`
+writes a copy with one.
 """
 
 from __future__ import annotations
 
 import json
+import struct
+import zlib
+from collections.abc import Mapping
 from typing import IO, cast
 
 import msgspec
+import zstandard
+from mcap.data_stream import RecordBuilder
+from mcap.opcode import Opcode
+from mcap.records import Channel, Chunk, Schema
 from mcap.well_known import MessageEncoding, SchemaEncoding
-from mcap.writer import CompressionType, Writer
+from mcap.writer import CompressionType, IndexType, Writer
 
 from colony.ir.program import Actuator, Program
 from colony.ir.types import ScalarValue
 from colony.runtime.arbitration import declared_units
 from colony.runtime.messages import Bid, Fate, Hold, Request, Verdict
-from colony.runtime.observer import FrameLog
-from colony.runtime.recordings.lines import ByteFile, seconds_text, sensor_members
+from colony.runtime.observer import KEYFRAME_NS, FrameLog
+from colony.runtime.recordings.json_text import seconds_text, sensor_members
+from colony.runtime.recordings.keyframes import keyframe_members
+from colony.runtime.recordings.lines import ByteFile
 from colony.runtime.recordings.recorded import RunInfo
-from colony.runtime.recordings.schemas import CONTRACTS, FRAMES, REQUESTS, VERDICTS, channel_schemas
+from colony.runtime.recordings.schemas import (
+    CONTRACTS,
+    FRAMES,
+    KEYFRAMES,
+    REQUESTS,
+    VERDICTS,
+    channel_schemas,
+)
 
-FORMAT = "colony-recording/1"
+FORMAT = "colony-recording/2"
+"""Version 1 had no checksums."""
+
 METADATA = "colony"
 """The name of the metadata that tells of the run; what it must contain is in `mcap_reader`."""
 
 CLIENTS = "colony clients of "
 """Metadata of this name, and an actuator's, have the priority of each of its clients."""
+
+CHECKSUM = "checksum"
+"""The member of metadata that is a checksum of the others."""
 
 MEDIA_TYPES = {"behavior": "text/x-colony", "python": "text/x-python"}
 
@@ -74,7 +98,7 @@ class ContractsMessage(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class McapRecording:
-    """Writes each frame as it comes. A sink; mutable: what is not written yet.
+    """Writes frames, a chunk at a time. A sink; mutable: what is not written yet.
 
     Raises:
         OSError: the file cannot be written; what was written until then can be read.
@@ -84,13 +108,15 @@ class McapRecording:
         self._program = program
         self._file = file
         self._buffer = _Buffer()
+        self._chunk = _Chunk()
         self._whole = True
         self._encode = msgspec.json.Encoder().encode
         self._writer = Writer(
             cast(IO[bytes], self._buffer),
             compression=CompressionType.NONE,
             use_chunking=False,
-            enable_data_crcs=True,
+            use_statistics=False,
+            index_types=IndexType.ATTACHMENT | IndexType.METADATA,
         )
         try:
             self._begin(run)
@@ -101,6 +127,10 @@ class McapRecording:
 
     def take(self, log: FrameLog) -> None:
         k, t_ns = log.tick.k, log.tick.t_ns
+        if log.keyframe is not None:
+            self._flush()
+            members = ", ".join([f'"k": {k}', *keyframe_members(log.keyframe)])
+            self._add(KEYFRAMES, k, t_ns, f"{{{members}}}".encode())
         for actuator in self._program.robot.actuators:
             verdict = log.verdicts.get(actuator.name)
             if verdict is not None:
@@ -111,12 +141,14 @@ class McapRecording:
         if log.breaches:
             self._add(CONTRACTS, k, t_ns, self._encode(ContractsMessage(k=k, broken=log.breaches)))
         self._add(FRAMES, k, t_ns, self._frame(log))
-        self._flush()
+        if t_ns + self._program.robot.frame_ns >= self._chunk.first_ns + KEYFRAME_NS:
+            self._flush()
 
     def close(self) -> None:
         """End the file properly, unless something of it could not be written."""
         try:
             if self._whole:
+                self._flush()
                 self._writer.finish()  # type: ignore[no-untyped-call]
                 self._flush()
         finally:
@@ -125,11 +157,11 @@ class McapRecording:
     def _begin(self, run: RunInfo) -> None:
         writer = self._writer
         writer.start(library=f"colony {run.version}")
-        writer.add_metadata(METADATA, _metadata(run))
+        self._metadata(METADATA, _metadata(run))
         clients: dict[str, tuple[str, ...]] = {}
         for actuator in self._program.robot.actuators:
             found = {module: str(priority) for name, module, priority in run.clients if name == actuator.name}
-            writer.add_metadata(CLIENTS + actuator.name, found)
+            self._metadata(CLIENTS + actuator.name, found)
             clients[actuator.name] = tuple(found)
         for source in run.sources:
             name, media_type = f"{source.kind}/{source.place}", MEDIA_TYPES[source.kind]
@@ -139,14 +171,24 @@ class McapRecording:
         self._channels: dict[str, int] = {}
         for topic, name, schema in channel_schemas(self._program, clients):
             text = json.dumps(schema).encode()
-            schema_id: int = writer.register_schema(name, SchemaEncoding.JSONSchema, text)
-            self._channels[topic] = writer.register_channel(topic, MessageEncoding.JSON, schema_id)
+            at: int = writer.register_schema(name, SchemaEncoding.JSONSchema, text)
+            self._channels[topic] = writer.register_channel(topic, MessageEncoding.JSON, at)
+            self._chunk.add_channel(
+                Schema(id=at, data=text, encoding=SchemaEncoding.JSONSchema, name=name),
+                Channel(
+                    id=self._channels[topic],
+                    topic=topic,
+                    message_encoding=MessageEncoding.JSON,
+                    metadata={},
+                    schema_id=at,
+                ),
+            )
+
+    def _metadata(self, name: str, members: dict[str, str]) -> None:
+        self._writer.add_metadata(name, {**members, CHECKSUM: checksum(members)})
 
     def _add(self, topic: str, k: int, t_ns: int, data: bytes) -> None:
-        at = max(t_ns, 0)  # MCAP has no time before 0
-        self._writer.add_message(
-            self._channels[topic], log_time=at, data=data, publish_time=at, sequence=k & 0xFFFFFFFF
-        )
+        self._chunk.add(self._channels[topic], k, max(t_ns, 0), data)  # MCAP has no time before 0
 
     def _frame(self, log: FrameLog) -> bytes:
         tick = log.tick
@@ -169,12 +211,66 @@ class McapRecording:
     def _flush(self) -> None:
         """Hand over all that waits. Where that fails the rest could not be read, and is not written."""
         self._writer.flush()  # type: ignore[no-untyped-call]
+        self._buffer.write(self._chunk.take())
         self._whole = False
         data = self._buffer.take()
         while data:
             written = self._file.write(data)
             data = b"" if written is None else data[written:]
         self._whole = True
+
+
+_MESSAGE = struct.Struct("<BQHIQQ")
+"""What precedes the data of a message: opcode and length of the record, channel, sequence, two times."""
+
+
+class _Chunk:
+    """The records of the next chunk. Mutable: those so far, and their times."""
+
+    def __init__(self) -> None:
+        self._records: list[bytes] = []
+        self.first_ns = 0
+        self._last_ns = 0
+
+    def add_channel(self, schema: Schema, channel: Channel) -> None:
+        builder = RecordBuilder()
+        schema.write(builder)
+        channel.write(builder)
+        self._records.append(builder.end())  # type: ignore[no-untyped-call]
+
+    def add(self, channel: int, k: int, t_ns: int, data: bytes) -> None:
+        """Add a message."""
+        if not self._records:
+            self.first_ns = t_ns
+        self._last_ns = t_ns
+        length = _MESSAGE.size - 9 + len(data)
+        self._records += (_MESSAGE.pack(Opcode.MESSAGE, length, channel, k & 0xFFFFFFFF, t_ns, t_ns), data)
+
+    def take(self) -> bytes:
+        """Return the record of the chunk, if there is anything in it, and begin the next one."""
+        records = b"".join(self._records)
+        self._records.clear()
+        if not records:
+            return b""
+        builder = RecordBuilder()
+        Chunk(
+            compression="zstd",
+            data=_compress(records),
+            message_start_time=self.first_ns,
+            message_end_time=self._last_ns,
+            uncompressed_crc=zlib.crc32(records),
+            uncompressed_size=len(records),
+        ).write(builder)
+        return cast(bytes, builder.end())  # type: ignore[no-untyped-call]
+
+
+_compress = zstandard.ZstdCompressor(level=1).compress
+
+
+def checksum(metadata: Mapping[str, str]) -> str:
+    """Return the checksum of metadata, without the member that is one."""
+    members = sorted((name, value) for name, value in metadata.items() if name != CHECKSUM)
+    return f"{zlib.crc32(json.dumps(members).encode()):08x}"
 
 
 class _Buffer:

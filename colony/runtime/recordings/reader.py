@@ -6,20 +6,22 @@ before it, and says so.
 
 from __future__ import annotations
 
-import json
 from collections.abc import Iterator
 from typing import Any, BinaryIO
 
 import msgspec
 
-from colony.diagnostics import Failure
+from colony.diagnostics import Failure, error
+from colony.files import bounded_lines, reason
 from colony.ir.program import Actuator, Program
 from colony.runtime.messages import Fate, Hold, Tick, Verdict
+from colony.runtime.recordings.keyframes import read_keyframe
 from colony.runtime.recordings.recorded import RecordedFrame
-from colony.runtime.recordings.replay import Row, located, read_rows
+from colony.runtime.recordings.replay import LINE_BYTES, Row, Rows, located
+from colony.source import Source, Span
 
 MAGIC = b"\x89MCAP0\r\n"
-"""How a recording as MCAP begins."""
+"""How MCAP begins."""
 
 BREAKS_OFF = "it breaks off in the middle of a frame"
 
@@ -36,54 +38,56 @@ class LinesReader:
         self._file = file
         self._name = name
         self.cut: str | None = None
+        self.damaged = False
 
     def frames(self, program: Program) -> Iterator[RecordedFrame]:
         """Its frames, as frames of `program`.
 
         Raises:
-            Failure: at the first bad line. Codes: those of `read_frames`, and A004 for what it says of
-                actuators.
+            Failure: at the first bad line. Codes: those of `read_frames`, A004 for what it says of
+                actuators, and A001 where it cannot be read or a line is too long.
         """
         actuators, start = program.robot.actuators, None
-        for at, row in enumerate(read_rows(self._lines(), self._name, program)):
+        rows = Rows(self._bounded(), self._name, program)
+        for at, row in enumerate(rows):
             try:
                 told = msgspec.convert(row.values, _Row)
                 k = at if told.tick is None else told.tick
-                start = k if start is None or told.restart else start
+                if told.restart or start is None:
+                    start = _UNKNOWN if row.damaged and not told.restart else k
                 tick = Tick(k=k, t_ns=row.frame.t_ns, start=start)
                 recorded = _recorded(tick, row, actuators, told)
             except msgspec.ValidationError as problem:
                 message = f"what is recorded is no decision of this program: {problem}"
                 raise Failure([located("A004", self._name, row.number, row.text, 0, message)]) from None
             yield recorded
+        self.damaged = rows.damaged
+        self.cut = BREAKS_OFF if rows.broken_off else None
 
-    def _lines(self) -> Iterator[bytes]:
-        for line in self._file:
-            if not line.endswith(b"\n") and not _is_json(line):
-                self.cut = BREAKS_OFF
-                return
-            yield line
+    def _bounded(self) -> Iterator[bytes]:
+        try:
+            yield from bounded_lines(self._file, LINE_BYTES)
+        except OSError as problem:
+            message = f"cannot read the recording: {reason(problem)}"
+            raise Failure([error("A001", Span(Source(self._name, ""), 0, 0), message)]) from None
 
 
-def _is_json(line: bytes) -> bool:
-    try:
-        json.loads(line)
-    except (ValueError, RecursionError):
-        return False
-    return True
+_UNKNOWN = -1
+"""The frame in which memory was initial, where it is not known."""
 
 
 class _Row(
     msgspec.Struct,
     frozen=True,
     kw_only=True,
-    rename={"tick": "@tick", "restart": "@restart", "skipped": "@skipped"},
+    rename={"tick": "@tick", "restart": "@restart", "skipped": "@skipped", "keyframe": "@keyframe"},
 ):
     """What a line says of its frame."""
 
     tick: int | None = None
     restart: bool = False
     skipped: int | None = None
+    keyframe: dict[str, Any] | None = None
 
 
 class _Decision(
@@ -112,6 +116,8 @@ def _recorded(tick: Tick, row: Row, actuators: tuple[Actuator, ...], told: _Row)
         restart=told.restart,
         skipped=told.skipped or 0,
         astray=told.skipped is not None,
+        keyframe=read_keyframe(told.keyframe),
+        damaged=row.damaged,
     )
 
 

@@ -10,6 +10,7 @@ from colony.compile.clients import ClientList
 from colony.ir.frame import Frame
 from colony.ir.program import Program
 from colony.runtime.messages import Tick, Verdict
+from colony.runtime.monitor import Keyframe
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -53,7 +54,8 @@ class RecordedFrame:
     """One frame as it was recorded (see `FrameLog`); `breaches` is None where the format leaves them out.
 
     A verdict is absent where none was heard. What the format leaves out of ticks and verdicts is as if
-    nothing had been there; of `fates`, JSON lines have only those that are worth telling.
+    nothing had been there; of `fates`, JSON lines have only those that are worth telling. `damaged`: what was
+    recorded between the frame before this one and this one is damaged and left out.
     """
 
     tick: Tick
@@ -63,6 +65,8 @@ class RecordedFrame:
     skipped: int = 0
     astray: bool = False
     breaches: tuple[str, ...] | None = None
+    keyframe: Keyframe | None = None
+    damaged: bool = False
 
 
 class RecordingReader(Protocol):
@@ -73,11 +77,16 @@ class RecordingReader(Protocol):
 
     @property
     def cut(self) -> str | None:
-        """Once all frames were read: how the recording breaks off or is damaged; None where it is whole."""
+        """Once all frames were read: how the recording breaks off; None where it does not."""
+        ...
+
+    @property
+    def damaged(self) -> bool:
+        """Once all frames were read: whether what comes after the last of them is damaged."""
         ...
 
     def frames(self, program: Program) -> Iterator[RecordedFrame]:
-        """Its frames, once, in their order, as frames of `program`.
+        """Its frames that are not damaged, once, in their order, as frames of `program`.
 
         Raises:
             Failure: what is recorded is none of that program's, or malformed.

@@ -2,23 +2,33 @@
 
 A frame is one JSON object a line: `t` in seconds and readings in declared units; an absent sensor, or null,
 is missing. What a recording says of actuators is passed over, so that a recording is valid input.
+
+The lines of a recording have checksums. What is one is told by its first two lines; from there on a line
+without a right checksum is damaged, and left out. In other input a bad line is an error.
 """
 
 from __future__ import annotations
 
 import json
+import re
 import sys
+import zlib
+from codecs import BOM_UTF8
 from collections.abc import Iterable, Iterator, Mapping
 from decimal import Decimal
+from itertools import chain, islice
 from typing import Any, NamedTuple
 
 from colony.diagnostics import Diagnostic, Failure, error
 from colony.ir.frame import Decision, Frame, Outcome
 from colony.ir.program import Program
 from colony.ir.types import Array
-from colony.runtime.recordings.lines import seconds_text
+from colony.runtime.recordings.json_text import seconds_text
 from colony.source import Source, Span
 from colony.units import nanoseconds
+
+LINE_BYTES = 4 * 1024 * 1024
+"""Largest line of a recording. No message of a robot is larger, so no frame is."""
 
 _EXACT_BELOW = float(2**20)
 """Seconds below which the nearest double of a decimal time is within half a nanosecond of it."""
@@ -33,31 +43,63 @@ def read_frames(lines: Iterable[bytes], name: str, program: Program) -> Iterator
         Failure: at the first bad line. Codes: F001 not JSON, F002 not an object, F003 no proper time, F004
             time does not rise, F005 unknown sensor, F006 wrong length, F007 not text.
     """
-    return (row.frame for row in read_rows(lines, name, program))
+    return (row.frame for row in Rows(lines, name, program))
 
 
 class Row(NamedTuple):
-    """A line of a recording: where it is, the frame in it, and all that it says by name."""
+    """A line of a recording: where it is, the frame in it, all that it says by name, and whether lines before
+    it are damaged."""
 
     number: int
     text: str
     frame: Frame
     values: Mapping[str, Any]
+    damaged: bool = False
 
 
-def read_rows(lines: Iterable[bytes], name: str, program: Program) -> Iterator[Row]:
-    """The same with what lines say of actuators, as it stands there.
+class Rows:
+    """The lines of a recording as rows, with what they say of actuators as it stands there. Mutable: how the
+    file ends, once all were read.
 
     Raises:
-        Failure: as `read_frames`.
+        Failure: while it is iterated, as `read_frames`.
     """
-    reader = _Reader(name, program)
-    for number, line in enumerate(lines, 1):
-        if line.strip():
-            yield reader.row(number, line)
+
+    def __init__(self, lines: Iterable[bytes], name: str, program: Program) -> None:
+        self._lines = lines
+        self._reader = _Reader(name, program)
+        self.damaged = False
+        """Whether lines after the last row are damaged."""
+        self.broken_off = False
+        """Whether the last line breaks off."""
+
+    def __iter__(self) -> Iterator[Row]:
+        rest = enumerate(self._lines, 1)
+        first = tuple(islice(rest, 2))
+        summed = any(has_right_sum(line) for _, line in first)
+        for number, line in chain(first, rest):
+            wrong = summed and not has_right_sum(line)
+            if wrong and not line.endswith(b"\n") and _SUM_BEGINS not in line:
+                self.broken_off = True
+            elif wrong:
+                self.damaged = True
+            elif line.strip():
+                yield self._reader.row(number, line)._replace(damaged=self.damaged)
+                self.damaged = False
 
 
-RESERVED = frozenset({"t", "@tick", "@restart", "@skipped"})
+_SUM_BEGINS = b', "@sum": "'
+_SUM = re.compile(_SUM_BEGINS + rb'([0-9a-f]{8})"\}\r?\n?')
+
+
+def has_right_sum(line: bytes) -> bool:
+    """Return whether a line ends with a checksum of what precedes it."""
+    at = line.rfind(_SUM_BEGINS)
+    found = _SUM.fullmatch(line, at) if at >= 0 else None
+    return found is not None and int(found[1], 16) == zlib.crc32(line[:at].removeprefix(BOM_UTF8))
+
+
+RESERVED = frozenset({"t", "@tick", "@restart", "@skipped", "@keyframe", "@sum"})
 """What a line tells besides sensors and actuators; no name of a program has an `@`."""
 
 

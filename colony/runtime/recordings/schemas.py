@@ -12,6 +12,7 @@ from colony.ir.program import Actuator, ActuatorField, Program, Sensor
 from colony.ir.types import Array, Bool, Scalar
 
 FRAMES = "/frames"
+KEYFRAMES = "/keyframes"
 CONTRACTS = "/contracts"
 VERDICTS = "/verdicts/"
 REQUESTS = "/requests/"
@@ -30,7 +31,10 @@ class ChannelSchema(NamedTuple):
 
 def channel_schemas(program: Program, clients: dict[str, tuple[str, ...]]) -> tuple[ChannelSchema, ...]:
     """Every channel of a recording; `clients` are the modules of each actuator, highest place first."""
-    out = [ChannelSchema(FRAMES, "colony.Frame", _frame(program))]
+    out = [
+        ChannelSchema(FRAMES, "colony.Frame", _frame(program)),
+        ChannelSchema(KEYFRAMES, "colony.Keyframe", _keyframe()),
+    ]
     for actuator in program.robot.actuators:
         modules = clients.get(actuator.name, ())
         out += [
@@ -77,6 +81,22 @@ def _frame(program: Program) -> Schema:
             **{s.name: _sensor(s) for s in program.robot.sensors},
         ),
         disagreements=_texts("how verdicts differ from the client list, with nobody late or lost"),
+    )
+
+
+def _keyframe() -> Schema:
+    memory = _object(
+        "what the program remembers; absent where that is not known",
+        ("cells",),
+        first_ns=_of("integer", "time of the first frame since it was initial; absent if there was none"),
+        cells={**_object("by places in the text"), "additionalProperties": True},
+    )
+    return _object(
+        "memory before a frame, from which a reader goes on after damage",
+        ("k",),
+        k=_K,
+        memory=memory,
+        degraded=_of("boolean", "a client has been lost since memory was initial"),
     )
 
 

@@ -79,6 +79,7 @@ class DataCalls:
         lost: called for each connection that has ended.
         stop: carries out an emergency stop, given the connection and the time.
         full: returns sentences about limits that the server has reached.
+        no_room: returns the reason why nothing can be kept, None while there is room for it.
     """
 
     def __init__(
@@ -93,7 +94,9 @@ class DataCalls:
         lost: Callable[[Caller], None] = lambda caller: None,
         stop: Callable[[str, int], None] | None = None,
         full: Callable[[], Iterable[str]] = lambda: (),
+        no_room: Callable[[], str | None] = lambda: None,
     ) -> None:
+        self._no_room = no_room
         self._variables = variables
         self._semaphores = semaphores
         self._answers = answers
@@ -174,6 +177,7 @@ class DataCalls:
             if done is not None:
                 return msgspec.Raw(done)
             try:
+                self._expect_room()
                 result = handler(asked, arguments, now_ns)
             except Refused:
                 self._answers.settle(connection, number)
@@ -185,6 +189,15 @@ class DataCalls:
             return result
 
         return handle
+
+    def _expect_room(self) -> None:
+        """Check that what a call changes can be kept.
+
+        Raises:
+            Refused: "full".
+        """
+        if (why := self._no_room()) is not None:
+            raise Refused("full", f"DServer keeps nothing new: {why}")
 
     # --- variables -----------------------------------------------------------------------------------
 
@@ -288,6 +301,7 @@ class DataCalls:
     # --- changes -------------------------------------------------------------------------------------
 
     def _watch(self, asked: Asked, arguments: Watch, now_ns: int) -> None:
+        self._expect_room()
         _few(len(arguments.names) + len(arguments.prefixes))
         for one in (*arguments.names, *arguments.prefixes):
             named(one or "-")  # a prefix may be empty

@@ -4,11 +4,14 @@ What it has survives its death, SIGKILL included. Each change is put into a jour
 store in one commit, after all that waited was handled and before any effect leaves: nothing is acknowledged
 that could be lost, and many changes cost one commit. A call that comes again is not done again, even by the
 server that was started in the place of a dead one (see `once.py`).
+
+On a full disk calls that would have to be kept are refused, and all else goes on: calls that only look,
+ticks, frames, and what actuators set.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 
 import msgspec
 
@@ -58,6 +61,9 @@ _ROBOT_WITHOUT_PROGRAM = timing(50_000_000)
 WATCHDOG_DEADLINES = 3
 """Time without a tick, in deadlines of a frame, after which actuators become idle: two ticks were missed."""
 
+ROOM_NS = 1_000_000_000
+"""Nanoseconds between two looks whether a full disk has room again."""
+
 
 class DServer:
     """Publishes variables each frame, sets those that actuators are bound to, and answers calls.
@@ -78,6 +84,7 @@ class DServer:
         keep: how many frames are kept for who missed one.
         store: where the state is kept; loaded here, closed by `close`.
         epoch: names the clock that times are of. Values that the store has from another one's are old.
+        notes: returns sentences for people about the store, for `status`.
 
     Raises:
         StoreError: what the store has cannot be read.
@@ -93,10 +100,12 @@ class DServer:
         keep: int = KEPT_MOST,
         store: Store | None = None,
         epoch: str = "",
+        notes: Callable[[], Iterable[str]] = lambda: (),
     ) -> None:
         self._store = MemoryStore() if store is None else store
         self._journal = Journal(self._store)
         self._epoch, self._other_epoch = epoch, False
+        self._notes = notes
         self._variables, self._wanted = Variables(self._journal), Wanted(self._journal)
         self._semaphores, self._answers = Semaphores(self._journal), Answers(self._journal)
         self._watches, self._checkpoints = Watches(self._journal), Checkpoints(self._journal)
@@ -113,7 +122,9 @@ class DServer:
             lost=self._leadership.lost,
             stop=self._stop,
             full=self.full,
+            no_room=lambda: self._journal.full,
         )
+        self._look_for_room_at = 0
         self._emergency = StopFollower()
         self._halting = False
         self._bark_at: int | None = None
@@ -142,6 +153,9 @@ class DServer:
         return self._calls.start(now_ns)
 
     def handle(self, message: Message, now_ns: int) -> Iterable[Effect]:
+        if self._journal.full is not None and now_ns >= self._look_for_room_at:
+            self._look_for_room_at = now_ns + ROOM_NS
+            self._journal.make_room()
         match message:
             case Call() | Alive():
                 yield from self._calls.handle(message, now_ns)
@@ -184,7 +198,8 @@ class DServer:
             yield from self._calls.changed(changed, now_ns)
 
     def full(self) -> tuple[str, ...]:
-        """Return sentences for people about limits that are reached, or were since the server started."""
+        """Return sentences for people about the store, and about limits that are reached, or were since the
+        server started."""
         parts = (
             self._variables,
             self._wanted,
@@ -194,10 +209,11 @@ class DServer:
             self._checkpoints,
             self._publisher,
         )
-        return tuple(sentence for part in parts for sentence in part.reached)
+        no_room = () if self._journal.full is None else (f"nothing new is kept: {self._journal.full}",)
+        return (*no_room, *self._notes(), *(sentence for part in parts for sentence in part.reached))
 
     def settle(self) -> None:
-        """Commit what was changed.
+        """Commit what was changed; on a full disk what nobody was promised waits.
 
         Raises:
             StoreError: it cannot be kept; the server must end, and nothing that it said may leave.

@@ -87,7 +87,8 @@ class Answers:
         return None
 
     def note(self, connection: str, number: int, result: bytes) -> None:
-        """A call was done, with this result in msgpack."""
+        """A call was done, with this result in msgpack; it must be kept before the result leaves."""
+        self._journal.promise()
         ring = self._ring(connection)
         answers = ring.answers
         oldest = next(iter(answers.values()), None)

@@ -15,6 +15,7 @@ import msgspec
 from colony.runtime.calls import Refused
 from colony.runtime.servers.bounds import Bound
 from colony.runtime.store import Journal, Key
+from colony.runtime.topics import user_of
 
 MOST = 2_000
 """Names and prefixes that one connection may watch."""
@@ -85,7 +86,7 @@ class Watches:
             raise Refused("full", f"DServer: a connection watches at most {MOST} names and prefixes")
         if len(watch.prefixes) + len(prefixes) > MOST_PREFIXES_EACH:
             raise Refused("full", f"DServer: a connection watches at most {MOST_PREFIXES_EACH} prefixes")
-        mine = [w for c, w in self._watches.items() if _user(c) == _user(connection)]
+        mine = [w for c, w in self._watches.items() if user_of(c) == user_of(connection)]
         if sum(len(w.names) for w in mine) + len(names) > MOST_NAMES // SHARE:
             raise Refused("full", f"DServer: a user watches at most {MOST_NAMES // SHARE} names")
         if sum(len(w.prefixes) for w in mine) + len(prefixes) > MOST_PREFIXES // SHARE:
@@ -94,6 +95,7 @@ class Watches:
             raise Refused("full", f"DServer: connections watch {MOST_NAMES} names already")
         if not self._most_prefixes.allows(self._prefixes + len(prefixes)):
             raise Refused("full", f"DServer: connections watch {MOST_PREFIXES} prefixes already")
+        self._journal.promise()
         self._watches[connection] = watch
         watch.names |= dict.fromkeys(names)
         watch.prefixes |= dict.fromkeys(prefixes)
@@ -179,10 +181,6 @@ def _unindex(table: dict[str, dict[str, None]], one: str, connection: str) -> bo
         return False
     del table[one]
     return True
-
-
-def _user(connection: str) -> str:
-    return connection.partition("/")[0]
 
 
 _NOBODY: dict[str, None] = {}

@@ -1,0 +1,127 @@
+"""Files that come from outside, opened so that none keeps a program waiting, and read within a limit.
+
+A name can be that of a pipe nobody writes to, of a device without an end, or of a file that grows while it is
+read. So only regular files are opened, and each is read up to the limit of its kind. Devices are not even
+opened: some act when they are.
+"""
+
+from __future__ import annotations
+
+import errno
+import os
+import stat
+from collections.abc import Iterator
+from pathlib import Path
+from typing import BinaryIO
+
+StrPath = str | os.PathLike[str]
+
+_CHUNK = 1 << 20
+_SAFELY = os.O_CLOEXEC | os.O_NONBLOCK | os.O_NOCTTY
+
+
+class UnfitFile(OSError):
+    """A file that is not read: no regular file, too large, or with a line that is too long."""
+
+
+def open_descriptor(path: StrPath, flags: int = os.O_RDONLY, mode: int = 0o600) -> int:
+    """Open a regular file, or create one if `flags` say so; never wait for anything.
+
+    Raises:
+        OSError: it is not a regular file (`UnfitFile`), or cannot be opened; `strerror` tells why.
+    """
+    try:
+        _check(os.lstat(path) if flags & os.O_NOFOLLOW else os.stat(path), path)
+    except FileNotFoundError:
+        pass
+    except ValueError as problem:
+        raise UnfitFile(errno.EINVAL, str(problem), path) from None
+    descriptor = os.open(path, flags | _SAFELY, mode)
+    try:
+        _check(os.fstat(descriptor), path)
+    except BaseException:
+        os.close(descriptor)
+        raise
+    return descriptor
+
+
+def open_regular(path: StrPath) -> BinaryIO:
+    """Open a regular file to read from.
+
+    Raises:
+        OSError: as `open_descriptor`.
+    """
+    return open(open_descriptor(path), "rb")
+
+
+def read_file(path: StrPath, most: int) -> bytes:
+    """Return the content of a regular file of at most `most` bytes.
+
+    Raises:
+        OSError: as `open_descriptor`, or it is larger, also where it grows meanwhile.
+    """
+    with open_regular(path) as file:
+        return read_all(file, most, path)
+
+
+def read_all(file: BinaryIO, most: int, path: StrPath) -> bytes:
+    """Return what is left in an open file, at most `most` bytes; `path` is for messages.
+
+    Raises:
+        OSError: it cannot be read, or has more bytes.
+    """
+    if os.fstat(file.fileno()).st_size > most:
+        raise UnfitFile(errno.EFBIG, f"it is larger than {size_text(most)}", path)
+    found = bytearray()
+    while chunk := file.read(min(_CHUNK, most + 1 - len(found))):
+        found += chunk
+        if len(found) > most:
+            raise UnfitFile(errno.EFBIG, f"it is larger than {size_text(most)}", path)
+    return bytes(found)
+
+
+def bounded_lines(file: BinaryIO, most: int) -> Iterator[bytes]:
+    """Yield the lines of a file, each with its end, as they come.
+
+    Raises:
+        OSError: it cannot be read, or a line has more than `most` bytes (`UnfitFile`).
+    """
+    number = 0
+    while line := file.readline(most + 1):
+        number += 1
+        if len(line) > most:
+            raise UnfitFile(errno.EFBIG, f"line {number} is longer than {size_text(most)}")
+        yield line
+
+
+def size_text(size: int) -> str:
+    """Return a limit of bytes in words for people."""
+    for unit, text in ((1 << 20, "MiB"), (1 << 10, "KiB"), (10**6, "MB")):
+        if size % unit == 0:
+            return f"{size // unit} {text}"
+    return f"{size} bytes"
+
+
+def reason(problem: Exception) -> str:
+    """Return in words why a file cannot be used, without its name."""
+    return (problem.strerror if isinstance(problem, OSError) else None) or str(problem)
+
+
+def sync_folder(path: Path) -> None:
+    """Wait until the names in a folder are on the disk.
+
+    Raises:
+        OSError: it cannot be done.
+    """
+    descriptor = os.open(path, os.O_RDONLY | os.O_DIRECTORY | os.O_CLOEXEC)
+    try:
+        os.fsync(descriptor)
+    finally:
+        os.close(descriptor)
+
+
+def _check(found: os.stat_result, path: StrPath) -> None:
+    if stat.S_ISDIR(found.st_mode):
+        raise UnfitFile(errno.EISDIR, os.strerror(errno.EISDIR), path)
+    if not stat.S_ISREG(found.st_mode):
+        raise UnfitFile(errno.EINVAL, "it is not a regular file", path)

@@ -1,0 +1,70 @@
+"""Damaged databases, kept aside: `<name>.damaged-1` and so on, the log of each beside it.
+
+Nothing is deleted or overwritten. What is kept aside is there until somebody removes it.
+"""
+
+from __future__ import annotations
+
+import fcntl
+import itertools
+import os
+from pathlib import Path
+
+from colony.files import open_descriptor, sync_folder
+
+BESIDE = ("-wal", "-journal", "-shm")
+"""Endings of the files that SQLite has beside a database."""
+
+
+def put_aside(path: Path) -> Path:
+    """Rename a database, and what SQLite has beside it, and return its new name.
+
+    Raises:
+        BlockingIOError: another process has it open.
+        OSError: it cannot be done.
+    """
+    _expect_unused(path)
+    for number in itertools.count(1):
+        aside = path.with_name(f"{path.name}.damaged-{number}")
+        if not any(os.path.lexists(_beside(aside, ending)) for ending in ("", *BESIDE)):
+            break
+    for ending in ("", *BESIDE):  # the database first: without its log it could pass for a whole one
+        if os.path.lexists(_beside(path, ending)):
+            os.rename(_beside(path, ending), _beside(aside, ending))
+    sync_folder(path.parent)
+    return aside
+
+
+def kept_aside(path: Path) -> tuple[Path, ...]:
+    """Return the databases that were put aside as damaged, also those of which only the log was left."""
+    try:
+        names = os.listdir(path.parent)
+    except OSError:
+        return ()
+    prefix = f"{path.name}.damaged-"
+    numbers = {name.removeprefix(prefix).partition("-")[0] for name in names if name.startswith(prefix)}
+    return tuple(path.with_name(f"{prefix}{n}") for n in sorted(filter(str.isdecimal, numbers), key=int))
+
+
+def damages(path: Path) -> tuple[str, ...]:
+    """Return a sentence for people about each database that was put aside."""
+    return tuple(
+        f"its file was damaged, so it began with nothing; remove {aside} once nobody needs it"
+        for aside in kept_aside(path)
+    )
+
+
+def _expect_unused(path: Path) -> None:
+    """Refuse a database of which another process holds locks, as SQLite does while it has it open."""
+    try:
+        descriptor = open_descriptor(path, os.O_RDWR)
+    except FileNotFoundError:
+        return
+    try:
+        fcntl.lockf(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
+    finally:
+        os.close(descriptor)
+
+
+def _beside(path: Path, ending: str) -> Path:
+    return path.with_name(path.name + ending)

@@ -1,0 +1,53 @@
+"""Times, numbers and readings as JSON that reads back to the same bits."""
+
+from __future__ import annotations
+
+import json
+import sys
+
+from colony.ir.frame import Frame, Reading
+from colony.ir.program import Sensor
+from colony.ir.types import Array, ScalarValue
+
+_LARGEST = sys.float_info.max
+
+
+def seconds_text(t_ns: int) -> str:
+    """Nanoseconds as a decimal number of seconds, exactly."""
+    whole, rest = divmod(abs(t_ns), 1_000_000_000)
+    fraction = f"{rest:09d}".rstrip("0") or "0"
+    return f"{'-' if t_ns < 0 else ''}{whole}.{fraction}"
+
+
+def sensor_members(frame: Frame, sensors: tuple[Sensor, ...]) -> list[str]:
+    """The members of a JSON object that are the readings of a frame, which read back to the same doubles."""
+    out = []
+    for sensor in sensors:
+        reading = frame.readings.get(sensor.name)
+        if reading is not None:
+            size = sensor.type.size if isinstance(sensor.type, Array) else None
+            out.append(f"{json.dumps(sensor.name)}: {_reading(reading, size)}")
+    return out
+
+
+def _reading(reading: Reading, size: int | None) -> str:
+    if isinstance(reading, (list, tuple)):
+        if size is not None and len(reading) != size:
+            return json.dumps(f"{len(reading)} elements")  # a faulty reading, and stays one
+        return "[" + ", ".join(map(number_text, reading)) + "]"
+    if isinstance(reading, (bool, int, float)):
+        return number_text(reading)
+    return json.dumps(str(reading))
+
+
+def number_text(value: ScalarValue) -> str:
+    """JSON has neither infinities nor NaN: the former are written too large for a double, and NaN as a
+    string, which is a value of the wrong type and so a faulty reading, as NaN is. An int beyond all doubles
+    is infinite, too."""
+    if isinstance(value, bool):
+        return "true" if value else "false"
+    if isinstance(value, (int, float)):
+        if abs(value) <= _LARGEST:
+            return repr(value)
+        return '"nan"' if value != value else ("1e999" if value > 0 else "-1e999")
+    return json.dumps(value)

@@ -1,0 +1,58 @@
+"""The memory that a recording holds twice a second and more, from which a reader goes on after damage.
+
+    {"memory": {"first_ns": 0, "cells": {"state bumps": 3.0, "window drive.0 until": 1750000000}}}
+
+`memory` is that before the frame with which it stands, absent where it is not known; `first_ns` is absent
+where it is initial. `degraded` tells that a client has been lost since then. Numbers are written as readings
+are.
+"""
+
+from __future__ import annotations
+
+import json
+from typing import Literal
+
+import msgspec
+
+from colony.ir.memory import ProgramMemory
+from colony.runtime.monitor import Keyframe
+from colony.runtime.recordings.json_text import number_text
+
+
+class _Memory(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
+    first_ns: int | None = None
+    cells: dict[str, float | bool | int | Literal["nan"]]
+
+
+class _Keyframe(msgspec.Struct, frozen=True):
+    memory: _Memory | None = None
+    degraded: bool = False
+
+
+def keyframe_members(keyframe: Keyframe) -> list[str]:
+    """Return the members of a JSON object that holds the keyframe."""
+    out = []
+    if keyframe.memory is not None:
+        first, cells = keyframe.memory.first_ns, keyframe.memory.cells
+        texts = ", ".join([f"{json.dumps(name)}: {number_text(value)}" for name, value in cells.items()])
+        begun = "" if first is None else f'"first_ns": {first}, '
+        out.append(f'"memory": {{{begun}"cells": {{{texts}}}}}')
+    if keyframe.degraded:
+        out.append('"degraded": true')
+    return out
+
+
+def read_keyframe(found: object) -> Keyframe | None:
+    """Return the keyframe in an object that was read from JSON, None of None.
+
+    Raises:
+        msgspec.ValidationError: it is something else.
+    """
+    keyframe = msgspec.convert(found, _Keyframe | None)
+    if keyframe is None:
+        return None
+    memory = keyframe.memory
+    if memory is None:
+        return Keyframe(None, keyframe.degraded)
+    cells = {name: float(x) if isinstance(x, str) else x for name, x in memory.cells.items()}
+    return Keyframe(ProgramMemory(first_ns=memory.first_ns, cells=cells), keyframe.degraded)

@@ -1,0 +1,34 @@
+"""Recordings with a flipped bit, and some that unpack to much: a sample of `make attack`."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from tests.attack.damage import BEHAVIOR, bombs, cost, flips, record
+
+TRIALS = 15
+
+
+@pytest.mark.parametrize("name", ["run.mcap", "run.jsonl"])
+@pytest.mark.parametrize("killed", [False, True], ids=["whole", "killed"])
+def test_what_is_damaged_is_never_compared(name: str, killed: bool, tmp_path: Path) -> None:
+    came = flips(record(tmp_path / name, seconds=3.0, killed=killed), name, trials=TRIALS, seed=2)
+    assert came.wrong == ()
+    assert came.told > 0
+
+
+def test_bombs_are_refused(tmp_path: Path) -> None:
+    recording = record(tmp_path / "run.mcap", seconds=1.0, killed=False)
+    for what, name, data in bombs(recording, most=1 << 30):
+        path = tmp_path / name
+        path.write_bytes(data)
+        for arguments in (
+            ("audit", str(path), str(BEHAVIOR)),
+            ("trace", str(BEHAVIOR), "--input", str(path)),
+        ):
+            took = cost(*arguments)
+            assert took.code in (1, 2), (what, took)
+            assert took.megabytes < 400, (what, took)
+            assert "Traceback" not in took.said

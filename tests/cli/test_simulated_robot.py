@@ -1,0 +1,95 @@
+"""The true way of a simulated robot, as a run sees it: counted by the plant, whatever happens to that."""
+
+from __future__ import annotations
+
+import signal
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+from colony.cli.simulated_robot import TruthLog
+from colony.runtime.live.place import Local
+from colony.runtime.live.run_directory import RobotDirectory
+from colony.runtime.summary import Travel
+from colony.sim.plant_child import plant_socket
+from colony.sim.plant_control import PlantControl
+from colony.sim.plant_protocol import AttachBase, Attached, BaseReading, Drive, pack
+from tests.sim.plants import PlantProcess, wait_for
+from tests.sim.test_plant_process import START, Line, is_frozen
+
+FRAME_NS = 50_000_000
+
+
+@pytest.fixture
+def place(tmp_path: Path) -> Local:
+    folder = tmp_path / "rome"
+    folder.mkdir(mode=0o700)
+    return Local(RobotDirectory(folder, "rome"))
+
+
+@pytest.fixture
+def plant(place: Local) -> Iterator[PlantProcess]:
+    """A plant whose time passes by commands alone, so that the way is the same in every run."""
+    path = plant_socket(place.directory.path)
+    with PlantProcess(path, {"rome": START}, logical_ns=FRAME_NS) as running:
+        yield running
+
+
+def drive(plant: PlantProcess, frames: int) -> Travel:
+    """Drive for so many frames; gives what is true then."""
+    line = Line(plant.path, pack(AttachBase(robot="rome")))
+    assert isinstance(line.hear(), Attached)
+    for number in range(1, frames + 1):
+        line.sock.sendall(pack(Drive(velocity=500.0, turn=0.0, number=number)))
+        assert isinstance(line.hear(), BaseReading)
+    line.close()
+    with PlantControl(plant.path) as control:
+        truth = control.truth("rome")
+    return Travel(bumps=truth.bumps, distance_mm=truth.distance)
+
+
+def seen(log: TruthLog, travel: Travel) -> None:
+    """Look until the log has got this far: it looks not too often."""
+    wait_for(lambda: log.look() and log.travel == travel)
+
+
+def test_the_way_of_a_plant_that_wasis_frozen_is_counted_once(place: Local, plant: PlantProcess) -> None:
+    log = TruthLog(place)
+    seen(log, drive(plant, 40))
+    first = log.travel
+    assert first.distance_mm > 500.0
+    plant.process.send_signal(signal.SIGSTOP)
+    wait_for(lambda: is_frozen(plant.process.pid))
+    wait_for(lambda: not log.look())  # its answer does not come, and the connection is given up
+    assert log.travel == first
+    plant.process.send_signal(signal.SIGCONT)
+    second = drive(plant, 40)
+    assert second.distance_mm > first.distance_mm + 500.0
+    seen(log, second)
+    log.close()
+    assert log.travel == second
+
+
+def test_the_way_of_a_plant_that_died_is_added_to_that_of_the_next(place: Local, plant: PlantProcess) -> None:
+    log = TruthLog(place)
+    seen(log, drive(plant, 40))
+    first = log.travel
+    plant.kill()
+    wait_for(lambda: not log.look())
+    assert log.travel == first
+    plant.start_again()
+    second = drive(plant, 20)
+    assert 0.0 < second.distance_mm < first.distance_mm
+    both = Travel(bumps=first.bumps + second.bumps, distance_mm=first.distance_mm + second.distance_mm)
+    seen(log, both)
+    log.close()
+    assert log.travel == both
+
+
+def test_a_plant_that_is_asked_by_another_connection_is_the_same(place: Local, plant: PlantProcess) -> None:
+    log = TruthLog(place)
+    seen(log, drive(plant, 10))
+    log.close()
+    seen(log, drive(plant, 10))
+    log.close()

@@ -1,0 +1,116 @@
+"""Files from outside: only regular ones are opened, and no more is read than was asked for."""
+
+from __future__ import annotations
+
+import errno
+import io
+import os
+import socket
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+
+from colony.files import (
+    UnfitFile,
+    bounded_lines,
+    open_descriptor,
+    open_regular,
+    read_all,
+    read_file,
+    reason,
+    size_text,
+)
+
+
+def pipe(path: Path) -> None:
+    os.mkfifo(path)
+
+
+def a_socket(path: Path) -> None:
+    with socket.socket(socket.AF_UNIX) as listener:
+        listener.bind(str(path))
+
+
+def device(path: Path) -> None:
+    path.symlink_to("/dev/zero")
+
+
+STRANGE: list[tuple[Callable[[Path], None], str]] = [
+    (pipe, "it is not a regular file"),
+    (a_socket, "it is not a regular file"),
+    (device, "it is not a regular file"),
+    (Path.mkdir, "Is a directory"),
+]
+
+
+@pytest.mark.parametrize(("make", "why"), STRANGE, ids=[make.__name__ for make, _ in STRANGE])
+def test_what_is_no_regular_file_is_refused(tmp_path: Path, make: Callable[[Path], None], why: str) -> None:
+    path = tmp_path / "file"
+    make(path)
+    for flags in (os.O_RDONLY, os.O_RDWR, os.O_RDWR | os.O_CREAT):
+        with pytest.raises(UnfitFile) as refused:
+            open_descriptor(path, flags)
+        assert refused.value.strerror == reason(refused.value) == why
+        assert refused.value.filename == path
+
+
+@pytest.mark.parametrize("path", ["", "none", "a\0b", "a" * 5000, "\ud800"])
+def test_names_without_a_file(path: str) -> None:
+    with pytest.raises(OSError, match=r"\[Errno") as refused:
+        open_regular(path)
+    assert reason(refused.value)
+
+
+def test_a_link_to_a_file_is_followed_unless_it_is_not_to_be(tmp_path: Path) -> None:
+    (tmp_path / "file").write_bytes(b"abc")
+    (tmp_path / "link").symlink_to("file")
+    assert read_file(tmp_path / "link", 3) == b"abc"
+    with pytest.raises(UnfitFile, match="not a regular file"):
+        open_descriptor(tmp_path / "link", os.O_RDONLY | os.O_NOFOLLOW)
+
+
+def test_a_file_is_made_where_that_is_asked_for(tmp_path: Path) -> None:
+    descriptor = open_descriptor(tmp_path / "new", os.O_RDWR | os.O_CREAT)
+    assert os.fstat(descriptor).st_mode & 0o777 == 0o600
+    assert not os.get_inheritable(descriptor)
+    os.close(descriptor)
+
+
+@pytest.mark.parametrize("most", [0, 1, 9, 1 << 20, (1 << 20) + 1])
+def test_a_file_is_read_up_to_its_limit(tmp_path: Path, most: int) -> None:
+    path = tmp_path / "file"
+    path.write_bytes(b"x" * most)
+    assert read_file(path, most) == b"x" * most
+    path.write_bytes(b"x" * (most + 1))
+    with pytest.raises(UnfitFile) as refused:
+        read_file(path, most)
+    assert refused.value.errno == errno.EFBIG
+    assert refused.value.strerror == f"it is larger than {size_text(most)}"
+
+
+def test_a_file_that_grows_while_it_is_read(tmp_path: Path) -> None:
+    class Growing(io.FileIO):
+        def read(self, size: int | None = -1, /) -> bytes:
+            with path.open("ab") as other:
+                other.write(b"x" * 1000)
+            return super().read(size) or b""
+
+    path = tmp_path / "file"
+    path.write_bytes(b"x")
+    with Growing(path) as file, pytest.raises(UnfitFile, match="larger than 5000 bytes"):
+        read_all(file, 5000, path)  # type: ignore[arg-type]
+
+
+def test_lines_come_with_their_ends_and_are_bounded() -> None:
+    lines = bounded_lines(io.BytesIO(b"ab\n\nabc\n" + b"x" * 4), 4)
+    assert list(lines) == [b"ab\n", b"\n", b"abc\n", b"xxxx"]
+    lines = bounded_lines(io.BytesIO(b"ab\nabcd\nz"), 4)
+    assert next(lines) == b"ab\n"
+    with pytest.raises(UnfitFile, match="line 2 is longer than 4 bytes"):
+        next(lines)
+
+
+def test_sizes_in_words() -> None:
+    sizes = (4 << 20, 3 << 10, 4_000_000, 5)
+    assert [size_text(n) for n in sizes] == ["4 MiB", "3 KiB", "4 MB", "5 bytes"]

@@ -1,0 +1,109 @@
+"""The interpreter goes on from what the compiled clients remembered, as if it had seen every frame."""
+
+from __future__ import annotations
+
+import pytest
+from hypothesis import given
+
+from colony.compile.executor import ClientListExecutor
+from colony.compile.pipeline import traverse
+from colony.ir.frame import Frame
+from colony.ir.memory import ProgramMemory
+from colony.verify.interpreter import Interpreter
+from colony.verify.strategies import Run, network_runs, run_of_seed, runs
+from tests.verify.stepping import program
+
+
+def memories(run: Run) -> list[ProgramMemory]:
+    """What the clients remember before each frame."""
+    of, trace = run
+    clients = ClientListExecutor(of, traverse(of))
+    found = []
+    for frame in trace:
+        memory = clients.memory
+        assert memory is not None
+        found.append(memory)
+        clients.step(frame)
+    return found
+
+
+def check(run: Run) -> None:
+    of, trace = run
+    whole = Interpreter(of)
+    expected = [whole.step(frame) for frame in trace]
+    for k, memory in enumerate(memories(run)):
+        resumed = Interpreter(of)
+        resumed.resume(memory)
+        for frame, outcome in zip(trace[k:], expected[k:], strict=True):
+            found = resumed.step(frame)
+            assert repr(found) == repr(outcome), f"resumed before frame {k}: {found}, not {outcome}"
+
+
+@given(network_runs(max_frames=12))
+def test_networks_go_on(run: Run) -> None:
+    check(run)
+
+
+@given(runs(python=False, max_frames=12))
+def test_programs_go_on(run: Run) -> None:
+    check(run)
+
+
+@pytest.mark.parametrize("seed", range(40))
+def test_drawn_networks_go_on(seed: int) -> None:
+    check(run_of_seed(seed, network=True, max_frames=30))
+
+
+EVERYTHING = """
+module m {
+  when rising(a)
+  do out(v = x)
+}
+module n {
+  state count = 0
+  next count = count + 1
+  when held(b, 120 ms) or latch(a, c) or every(200 ms) or changed(y)
+  do out(v = previous(x, y) + captured(x, y) + elapsed(b) / 1 s + count)
+}
+module o { when falling(c) or changed(four[1])
+  do out(v = sum(previous(four[k], 0) for k in 0 .. 3)) }
+network { out = (m suppresses[150 ms] n) suppresses[100 ms] (m inhibits[70 ms] o) }
+"""
+
+
+def test_every_kind_of_memory_goes_on() -> None:
+    of = program(EVERYTHING)
+    trace = tuple(
+        Frame(
+            50_000_000 * k + 7,
+            {
+                "a": k % 7 == 2,
+                "b": k % 5 < 2,
+                "c": k % 11 == 4,
+                "x": float(k),
+                "y": float(k // 6),
+                "four": [float(k // n) for n in (1, 2, 3, 4)],
+            },
+        )
+        for k in range(60)
+    )
+    check((of, trace))
+    kinds = {name.split()[0] for name in memories((of, trace))[30].cells}
+    assert kinds >= {
+        "rising",
+        "held",
+        "latch",
+        "every",
+        "previous",
+        "captured",
+        "changed",
+        "elapsed",
+        "state",
+    }
+    assert "window" in kinds
+
+
+def test_the_memory_of_another_program_is_refused() -> None:
+    memory = memories((program(EVERYTHING), (Frame(0, {}), Frame(1, {}))))[1]
+    with pytest.raises(ValueError, match="the program has not"):
+        Interpreter(program("module m { when a do out(v = 1) }\nnetwork { out = m }")).resume(memory)
