@@ -37,11 +37,13 @@ def is_out_of_memory(problem: BaseException) -> bool:
     """Tell whether there was no memory for something: an object, a library, or a thread.
 
     Where a limit is set (`ulimit -v`) each library says so in its own way, so there one that cannot be loaded
-    counts.
+    counts, unless it was not even found.
     """
     if isinstance(problem, MemoryError) or (isinstance(problem, OSError) and problem.errno == errno.ENOMEM):
         return True
     if isinstance(problem, (ImportError, RuntimeError, OSError)) and any(t in str(problem) for t in _STARVED):
         return True
+    if isinstance(problem, ModuleNotFoundError):
+        return False
     loading = isinstance(problem, ImportError) or (isinstance(problem, OSError) and problem.errno is None)
     return loading and resource.getrlimit(resource.RLIMIT_AS)[0] != resource.RLIM_INFINITY
