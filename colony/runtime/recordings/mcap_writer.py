@@ -110,6 +110,9 @@ class McapRecording:
         self._buffer = _Buffer()
         self._chunk = _Chunk()
         self._whole = True
+        self._taken_ns: int | None = None
+        self.written_ns: int | None = None
+        """Time of the last frame that is in the file."""
         self._encode = msgspec.json.Encoder().encode
         self._writer = Writer(
             cast(IO[bytes], self._buffer),
@@ -141,6 +144,7 @@ class McapRecording:
         if log.breaches:
             self._add(CONTRACTS, k, t_ns, self._encode(ContractsMessage(k=k, broken=log.breaches)))
         self._add(FRAMES, k, t_ns, self._frame(log))
+        self._taken_ns = log.frame.t_ns
         if t_ns + self._program.robot.frame_ns >= self._chunk.first_ns + KEYFRAME_NS:
             self._flush()
 
@@ -218,6 +222,7 @@ class McapRecording:
             written = self._file.write(data)
             data = b"" if written is None else data[written:]
         self._whole = True
+        self.written_ns = self._taken_ns
 
 
 _MESSAGE = struct.Struct("<BQHIQQ")
