@@ -44,11 +44,11 @@ class Interpreter:
         self._silent: set[str] = set()
 
     def resume(self, memory: ProgramMemory) -> None:
-        """Go on from what another executor remembered, instead of the initial memory.
+        """Go on from what another executor remembered; before the first frame only.
 
         Raises:
-            ValueError: it is the memory of another program, or there are modules in Python, which remember
-                more.
+            ValueError: the memory has what the program has not, or there are modules in Python, which have
+                memory of their own. `Resuming` checks the rest.
         """
         if self._python:
             raise ValueError("modules in Python have memory of their own")
