@@ -342,9 +342,11 @@ def test_readings_that_never_change_are_no_bomb() -> None:
 def test_frames_without_end_are_a_bomb() -> None:
     file = as_mcap(PROGRAM, logs(PROGRAM, trace(8)))
     (chunk,) = [zstandard.decompress(chunk_in(data).data) for data in file.writes[1:2]]
-    many = rechunked(file.writes[1], "zstd", chunk * 2000)
-    with pytest.raises(Failure, match="unpacks to far more"):
-        read_mcap(PROGRAM, b"".join([file.writes[0], many, *file.writes[2:]]))
+    empty = struct.pack("<BQHIQQ", 5, 22, 999, 0, 0, 0)
+    for records, message in ((chunk * 2000, "time must rise"), (empty * 200_000, "unpacks to far more")):
+        many = rechunked(file.writes[1], "zstd", records)
+        with pytest.raises(Failure, match=message):
+            read_mcap(PROGRAM, b"".join([file.writes[0], many, *file.writes[2:]]))
 
 
 def test_a_program_without_end_is_refused() -> None:

@@ -99,7 +99,7 @@ class McapReader:
         for actuator in program.robot.actuators if self._topics else ():
             if actuator.name not in self._actuators:
                 self._fail("A004", f"it is of a robot without the actuator `{actuator.name}` of this program")
-        frames = _Frames(self._topics, program)
+        frames, last_ns = _Frames(self._topics, program), None
         for record in self._rest:
             match record:
                 case Damage():
@@ -108,7 +108,10 @@ class McapReader:
                 case ChunkMessage():
                     frame = self._frame(frames, record)
                     if frame is not None:
-                        self.damaged = False
+                        t_ns = frame.frame.t_ns
+                        if last_ns is not None and t_ns <= last_ns:
+                            self._fail("A004", f"time must rise: {t_ns} ns follow {last_ns} ns")
+                        last_ns, self.damaged = t_ns, False
                         yield frame
                 case _:
                     pass

@@ -35,8 +35,8 @@ LARGEST_CHUNK = 8 * 1024 * 1024
 LARGEST_MESSAGE = 4 * 1024 * 1024
 """Bytes of the largest message, which is that of the largest frame."""
 
-UNPACKED_FREE = 128 * 1024 * 1024
-UNPACKED_RATIO = 1024
+UNPACKED_FREE = 64 * 1024 * 1024
+UNPACKED_RATIO = 64
 """All chunks together unpack to at most that many bytes, and as many more for each byte of the file."""
 
 MESSAGES_FREE = 10_000

@@ -61,7 +61,7 @@ CHECKSUM = "checksum"
 CHUNK_BYTES = 1024 * 1024
 """A chunk of more bytes is written before its time."""
 
-REPETITIVE = 256
+REPETITIVE = 32
 """A chunk that would be so many times smaller is not compressed: readers take such ones for bombs."""
 
 MEDIA_TYPES = {"behavior": "text/x-colony", "python": "text/x-python"}
