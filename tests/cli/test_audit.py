@@ -234,6 +234,18 @@ def test_a_recording_that_is_damaged(colony: Colony, recorded: Callable[..., Ran
         assert len(traced.out.splitlines()) >= (45 if backend == "network" else 15)
 
 
+@pytest.mark.parametrize("length", [1, 4096])
+def test_a_recording_in_lines_that_is_damaged_at_its_beginning(
+    colony: Colony, recorded: Callable[..., Ran], length: int
+) -> None:
+    recorded("run.jsonl")
+    data = Path("run.jsonl").read_bytes()
+    Path("run.jsonl").write_bytes(bytes(length) + data[length:])
+    result = colony("audit", "run.jsonl", "roam.colony")
+    assert result.code == 1
+    assert "  damaged to " in result.out
+
+
 def test_a_recording_of_which_nothing_is_whole(colony: Colony, recorded: Callable[..., Ran]) -> None:
     recorded()
     data = Path("run.mcap").read_bytes()

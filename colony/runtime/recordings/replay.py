@@ -79,7 +79,7 @@ class Rows:
         first = tuple(islice(rest, LOOKAHEAD))
         summed = any(has_right_sum(line) for _, line in first)
         for number, line in chain(first, rest):
-            wrong = (summed or _SUM_BEGINS in line) and not has_right_sum(line)
+            wrong = (summed or SUM_BEGINS in line) and not has_right_sum(line)
             if wrong and not line.endswith(b"\n") and _is_begun(line):
                 self.broken_off = True
             elif wrong:
@@ -89,9 +89,11 @@ class Rows:
                 self.damaged = False
 
 
-_SUM_BEGINS = b', "@sum": "'
-_SUM = re.compile(_SUM_BEGINS + rb'([0-9a-f]{8})"\}\r?\n?')
-_SUM_BEGUN = re.compile(_SUM_BEGINS + rb'([0-9a-f]{0,7}|[0-9a-f]{8}"?)')
+SUM_BEGINS = b', "@sum": "'
+"""What the checksum of a line begins with."""
+
+_SUM = re.compile(SUM_BEGINS + rb'([0-9a-f]{8})"\}\r?\n?')
+_SUM_BEGUN = re.compile(SUM_BEGINS + rb'([0-9a-f]{0,7}|[0-9a-f]{8}"?)')
 
 LOOKAHEAD = 16
 """Lines among which a recording has one with a right checksum."""
@@ -99,13 +101,13 @@ LOOKAHEAD = 16
 
 def _is_begun(line: bytes) -> bool:
     """Whether a line that does not end lacks its checksum, or the rest of it."""
-    at = line.rfind(_SUM_BEGINS)
+    at = line.rfind(SUM_BEGINS)
     return at < 0 or _SUM_BEGUN.fullmatch(line, at) is not None
 
 
 def has_right_sum(line: bytes) -> bool:
     """Return whether a line ends with a checksum of what precedes it."""
-    at = line.rfind(_SUM_BEGINS)
+    at = line.rfind(SUM_BEGINS)
     found = _SUM.fullmatch(line, at) if at >= 0 else None
     return found is not None and int(found[1], 16) == zlib.crc32(line[:at].removeprefix(BOM_UTF8))
 
