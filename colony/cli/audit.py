@@ -115,7 +115,7 @@ def _refuse_empty(recording: str, reader: RecordingReader, result: AuditReport) 
         return
     message = "the recording holds no decision" if result.frames else "the recording holds no frame"
     if result.damaged:
-        raise Failure([error("A006", Span(Source(recording, ""), 0, 0), f"{message} that is not damaged")])
+        raise Failure([error("A006", Span(Source(recording, ""), 0, 0), f"{message} that can be compared")])
     cut = f": {reader.cut}" if reader.cut else ""
     raise Failure([error("A003", Span(Source(recording, ""), 0, 0), f"{message}{cut}")])
 

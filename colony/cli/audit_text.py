@@ -75,10 +75,12 @@ def _damage(report: AuditReport) -> Iterator[str]:
         start = "" if span.after_ns is None else f" from {_seconds(span.after_ns)}"
         end = "to its end" if span.before_ns is None else f"to {_seconds(span.before_ns)}"
         yield f"damaged{start} {end}: left out"
-    if any(span.before_ns is not None for span in report.damaged):
+    if report.resumed:
         yield "after that, audited from the memory that was recorded"
     if report.forgotten:
         yield f"{_count(report.forgotten, 'frame')} not compared: memory after the damage is not known"
+    if report.undecided:
+        yield f"{_count(report.undecided, 'decision')} not compared: what lost clients changed is not known"
 
 
 def _contracts(report: AuditReport, program: Program) -> Iterator[str]:

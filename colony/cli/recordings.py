@@ -124,6 +124,10 @@ def recording_into(
         cannot_write(path, _why(problem))
 
 
+_HEAD_BYTES = 64 * 1024
+"""Bytes in which a recording in lines has a checksum, if it is one and damaged at its beginning."""
+
+
 def open_recording(path: str) -> BinaryIO:
     """The file of a recording.
 
@@ -141,20 +145,24 @@ def _unreadable(path: str, why: str) -> NoReturn:
 
 
 def read_recording(file: BinaryIO, name: str) -> RecordingReader:
-    """The reader of a recording, by how it begins.
+    """The reader of a recording, by how it begins; one in lines may be damaged there.
 
     Raises:
-        Failure: A002, it is no recording.
+        Failure: A001, it cannot be read; A002, it is no recording.
     """
     from colony.runtime.recordings.reader import MAGIC, LinesReader
+    from colony.runtime.recordings.replay import SUM_BEGINS
 
-    head = file.read(len(MAGIC))
-    file.seek(0)
-    if head == MAGIC:
+    try:
+        head = file.read(_HEAD_BYTES)
+        file.seek(0)
+    except OSError as problem:
+        _unreadable(name, reason(problem))
+    if head.startswith(MAGIC):
         from colony.runtime.recordings.mcap_reader import McapReader
 
         return McapReader(file, name)
-    if head.removeprefix(b"\xef\xbb\xbf").lstrip()[:1] in (b"{", b""):
+    if head.removeprefix(b"\xef\xbb\xbf").lstrip()[:1] in (b"{", b"") or SUM_BEGINS in head:
         return LinesReader(file, name)
     message = "this is no recording: neither MCAP nor JSON lines"
     raise Failure([error("A002", Span(Source(name, ""), 0, 0), message)])

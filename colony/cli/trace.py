@@ -5,7 +5,8 @@ from __future__ import annotations
 import io
 import sys
 from collections.abc import Iterator
-from contextlib import redirect_stdout, suppress
+from contextlib import redirect_stdout
+from io import BufferedReader
 from pathlib import Path
 from typing import TYPE_CHECKING, BinaryIO, NamedTuple, NoReturn
 
@@ -39,10 +40,10 @@ def command(file: str, input_: str, backend: str, output: Path | None) -> None:
     """Run a behavior over recorded frames and print what it decides, one line a frame.
 
     A frame is a JSON object a line: "t" in seconds, sensors in declared units, an absent sensor is missing.
-    A recording that `colony run --record` wrote is valid input, as JSON lines or as MCAP (*.mcap). A bad line
+    A recording that `colony run --record` wrote is valid input, as JSON lines or as MCAP. A bad line
     is an error with its place, exit code 2, and nothing is printed. Where a recording is damaged its whole
-    frames are decided, it is said from when to when, and the exit code is 1. After the damage only the
-    backend network goes on, from the memory that the recording holds.
+    frames are decided, it is said from when to when, and the exit code is 1. After the damage the backend
+    network goes on from the memory that the recording holds, others where all memory begins anew.
 
     \b
     Example:
@@ -80,91 +81,96 @@ def command(file: str, input_: str, backend: str, output: Path | None) -> None:
         say(f"{name}: {decider.cut}; decided as far as it goes")
     for text in decider.damage:
         say(f"{name}: error: {text}")
+    if decider.undecided:
+        say(f"{name}: frames that are not decided, as memory is not known: {decider.undecided}")
     if decider.damage:
         raise click.exceptions.Exit(EXIT_ERRORS)
 
 
 class _Recorded(NamedTuple):
-    """A frame; whether all memory begins anew with it; the memory before it, where the recording holds that;
-    and whether something before it is damaged."""
+    """A frame; whether all memory begins anew with it; whether frames before it were not observed, so that
+    memory is not known; the memory before it, where the recording holds that; and whether something before it
+    is damaged."""
 
     frame: Frame
     restart: bool
+    astray: bool
     keyframe: Keyframe | None
     damaged: bool
 
 
 def _read(frames: BinaryIO, name: str, program: Program, decider: _Decider) -> Iterator[_Recorded]:
     """Every frame; tells `decider` how the recording ends."""
-    from colony.cli.recordings import is_mcap, read_recording
+    from colony.runtime.recordings.reader import BREAKS_OFF, MAGIC
 
-    if is_mcap(name):
+    if isinstance(frames, BufferedReader) and frames.peek(len(MAGIC)).startswith(MAGIC):
+        from colony.cli.recordings import read_recording
+
         reader = read_recording(frames, name)
         for whole in reader.frames(program):
-            yield _Recorded(whole.frame, whole.restart, whole.keyframe, whole.damaged)
+            yield _Recorded(whole.frame, whole.restart, whole.astray, whole.keyframe, whole.damaged)
         decider.ends(damaged=reader.damaged, cut=reader.cut)
         return
-    import msgspec
-
     from colony.runtime.recordings.keyframes import read_keyframe
-    from colony.runtime.recordings.reader import BREAKS_OFF
     from colony.runtime.recordings.replay import LINE_BYTES, Rows
 
     rows = Rows(bounded_lines(frames, LINE_BYTES), name, program)
     for row in rows:
-        keyframe = None
-        with suppress(msgspec.ValidationError):  # what another tool wrote there
-            keyframe = read_keyframe(row.values.get("@keyframe"))
-        yield _Recorded(row.frame, row.values.get("@restart") is True, keyframe, row.damaged)
+        restart, astray = row.values.get("@restart") is True, row.values.get("@skipped") is not None
+        yield _Recorded(row.frame, restart, astray, read_keyframe(row.values.get("@keyframe")), row.damaged)
     decider.ends(damaged=rows.damaged, cut=BREAKS_OFF if rows.broken_off else None)
 
 
 class _Decider:
     """Decides frames with the executor that was asked for, and goes on after damage where that can. Mutable:
-    the executor, and what was damaged."""
+    the executor, what was damaged, and how many frames were not decided."""
 
     def __init__(self, program: Program, backend: str) -> None:
+        from colony.verify.resuming import Resuming
+
         self._program = program
         self._backend = backend
+        self._resuming = Resuming(program)
         self._executor: Executor | None = _executor(program, backend)
         self._last_ns: int | None = None
         self.damage: list[str] = []
+        self.undecided = 0
         self.cut: str | None = None
 
     def step(self, recorded: _Recorded) -> Outcome | None:
         """Decide a frame; None where memory is not known."""
         if recorded.damaged:
             self._executor = None
-            self._tell(f" to {recorded.frame.t_ns / 1e9:.10g} s")
+            self._tell(f"to {recorded.frame.t_ns / 1e9:.10g} s")
         self._last_ns = recorded.frame.t_ns
         if recorded.restart:
             self._executor = _executor(self._program, self._backend)
+        elif recorded.astray:
+            self._executor = None
         elif self._executor is None and recorded.keyframe is not None:
             self._executor = self._resumed(recorded.keyframe)
-        return None if self._executor is None else self._executor.step(recorded.frame)
+        if self._executor is None:
+            self.undecided += 1
+            return None
+        return self._executor.step(recorded.frame)
 
     def ends(self, *, damaged: bool, cut: str | None) -> None:
         """Note whether what comes after the last frame is damaged, and how the recording breaks off."""
         self.cut = cut
         if damaged:
-            self._tell(" to its end")
+            self._tell("to its end")
 
     def _resumed(self, keyframe: Keyframe) -> Executor | None:
         if self._backend != "network" or keyframe.memory is None:
             return None
-        from colony.verify.interpreter import Interpreter
-
-        interpreter = Interpreter(self._program)
         try:
-            interpreter.resume(keyframe.memory)
+            return self._resuming.interpreter(keyframe.memory)
         except ValueError:
             return None
-        return interpreter
 
     def _tell(self, end: str) -> None:
         start = "" if self._last_ns is None else f" from {self._last_ns / 1e9:.10g} s"
-        goes_on = "" if self._backend == "network" else f"; the backend {self._backend} cannot go on after it"
-        self.damage.append(f"damaged{start}{end}{goes_on}")
+        self.damage.append(f"damaged{start} {end}")
 
 
 def _open(name: str) -> BinaryIO:

@@ -62,13 +62,28 @@ class ClientListExecutor:
 
     @property
     def memory(self) -> ProgramMemory | None:
-        """All that it remembers, for a client list with places; None with modules in Python, which remember
-        more."""
+        """The memory, of a client list in which time constants have places (`pipeline.traverse`); None with
+        modules in Python, which have memory of their own."""
         machine = self._machine
         if self.code.python:
             return None
         cells = {name: machine.cells[i] for name, i in self.code.places.items()}
         return ProgramMemory(first_ns=machine.first_ns, cells=cells)
+
+    def resume(self, memory: ProgramMemory) -> None:
+        """Go on from what another executor remembered.
+
+        Raises:
+            ValueError: it is not the memory of this program: its cells or their types differ.
+        """
+        places = self.code.places
+        if self.code.python or memory.cells.keys() != places.keys():
+            raise ValueError("the memory is of another program")
+        cells, machine = self.code.cells, Machine(self.code)
+        for name, i in places.items():
+            machine.cells[i] = _restored(name, cells[i].kind, memory.cells[name])
+        machine.first_ns = memory.first_ns
+        self._machine = machine
 
     def _decide(self, actuator: ActuatorCode) -> Decision:
         winner = self._winner(actuator)

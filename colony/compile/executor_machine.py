@@ -29,7 +29,8 @@ from colony.compile.code import (
     Winner,
 )
 from colony.compile.executor_decisions import Decided, Records
-from colony.compile.executor_sensors import take
+from colony.compile.executor_sensors import take, within
+from colony.compile.intake import of_age
 from colony.compile.operators import FUNCTIONS
 from colony.compile.python_step import PythonStep
 from colony.diagnostics import Failure, error
@@ -60,6 +61,7 @@ class Machine:
         self._lost: frozenset[str] = frozenset()
         self._decided: dict[str, Decided] = {}
         self._records: Records = ()
+        self._within_ns = within(self.code.sensors)
         self._arrays = frozenset(s.name for s in code.sensors if isinstance(s.type, Array))
         self._steps = tuple(self._step(op) for op in code.ops)
 
@@ -74,8 +76,11 @@ class Machine:
         self._records = ()
         self._answers.clear()
         self._decided.clear()
+        readings: Mapping[str, Any] = frame.readings
+        if frame.taken_ns:
+            readings = of_age(frame.t_ns, readings, frame.taken_ns, self._within_ns)
         for sensor in self.code.sensors:
-            value, fresh, self._records = take(sensor, frame.readings.get(sensor.name), self._records)
+            value, fresh, self._records = take(sensor, readings.get(sensor.name), self._records)
             self._sensors[sensor.name], self._fresh[sensor.name] = value, fresh
 
     def run(self, start: int, stop: int) -> None:

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from colony.compile.intake import take_bool, take_bools, take_number, take_numbers, within
+from colony.compile.intake import take_bool, take_bools, take_number, take_numbers
+from colony.compile.intake import within as in_range
 from colony.ir.frame import Reading
 from colony.ir.program import Sensor
 from colony.ir.types import Array, Bool, Enum, Value, element_type
@@ -23,10 +24,15 @@ def stand_in(sensor: Sensor) -> Value:
     elif isinstance(kind, Enum):
         value = kind.members[0][1] if kind.members else 0.0
     else:
-        value = within(0.0, sensor.low, sensor.high)
+        value = in_range(0.0, sensor.low, sensor.high)
     if isinstance(sensor.type, Array) and not isinstance(value, tuple):
         return (value,) * sensor.type.size
     return value
+
+
+def within(sensors: tuple[Sensor, ...]) -> dict[str, int]:
+    """How old readings may be, in ns, of the sensors of which the program says so."""
+    return {s.name: s.within_ns for s in sensors if s.within_ns is not None}
 
 
 def members(sensor: Sensor) -> tuple[float, ...] | None:

@@ -7,9 +7,26 @@ the sensor is fresh, and the records, which it may add one to.
 
 from __future__ import annotations
 
-from math import inf
+from collections.abc import Mapping
+from math import inf, nan
 
 Records = tuple[tuple[str, str], ...]
+
+
+def of_age(
+    t_ns: int, readings: Mapping[str, object], taken_ns: Mapping[str, int], within_ns: Mapping[str, int]
+) -> dict[str, object]:
+    """The readings of a frame at `t_ns`, without those that are older than `within_ns` allows.
+
+    One that was taken later than the frame becomes NaN, which of every sensor is a fault.
+    """
+    current = dict(readings)
+    for name, taken in taken_ns.items():
+        if name in current and taken > t_ns:
+            current[name] = nan
+        elif name in within_ns and t_ns - taken > within_ns[name]:
+            current[name] = None
+    return current
 
 
 def as_float(reading: object) -> float | None:

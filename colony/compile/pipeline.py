@@ -50,7 +50,8 @@ def compile_program(program: Program) -> Compiled:
 
 def traverse(program: Program) -> ClientList:
     """The clients of a typed program before simplification, in which time constants have places."""
-    return forward_traversal(eliminate_inhibition(elaborate(program)))
+    with collector_at_rest():
+        return forward_traversal(eliminate_inhibition(elaborate(program)))
 
 
 def compile_network(network: Network) -> ClientList:

@@ -14,14 +14,20 @@ from colony.ir.types import ScalarValue
 Reading = ScalarValue | int | Sequence[ScalarValue | int] | None
 
 
+_OF_NOW: Mapping[str, int] = {}
+
+
 class Frame(NamedTuple):
     """One consistent snapshot: the time, and a reading of each sensor that is there.
 
-    A sensor that is absent, or None, is missing. Times are nanoseconds and strictly rise.
+    A sensor that is absent, or None, is missing. Times are nanoseconds and strictly rise. `taken_ns` has the
+    times at which readings were taken, by the same clock; a reading without one is of this frame's time. A
+    reading older than its sensor's `within` is missing, and one from the future is a sensor fault.
     """
 
     t_ns: int
     readings: Mapping[str, Reading]
+    taken_ns: Mapping[str, int] = _OF_NOW
 
 
 RecordKind = Literal[
@@ -64,6 +70,11 @@ class Outcome(NamedTuple):
     decisions: tuple[Decision, ...]
     records: tuple[Record, ...] = ()
     breaches: tuple[str, ...] = ()
+
+    @property
+    def commands(self) -> dict[str, Decision]:
+        """The decisions, by actuator."""
+        return {decision.actuator: decision for decision in self.decisions}
 
 
 class Executor(Protocol):

@@ -79,7 +79,8 @@ class _Waiting(NamedTuple):
 
 
 KEYFRAME_NS = 400_000_000
-"""Time between two keyframes. With the frame that is being decided it stays below half a second."""
+"""The longest time from a keyframe to the end of the last frame before the next one, where frames are not
+longer. With the frame that is being decided it stays below half a second."""
 
 _UNHEARD: frozenset[Fate] = frozenset({"late", "lost", "refused"})
 
@@ -92,6 +93,7 @@ class Observer:
         actuators: by name; a frame is complete with a verdict of each.
         monitor, sinks: who checks the frames, and who takes them.
         heeded: servers whose requests are handed on too.
+        frame_ns: the period of the program's frames.
     """
 
     address = topics.OBSERVER
@@ -103,6 +105,8 @@ class Observer:
         monitor: Monitor,
         sinks: tuple[Sink, ...],
         heeded: tuple[str, ...] = (),
+        *,
+        frame_ns: int = 0,
     ) -> None:
         self._assembler = assembler
         self._actuators = frozenset(actuators)
@@ -114,6 +118,7 @@ class Observer:
         self._heeds = bool(heeded)
         self._first = True
         self._keyframe_ns: int | None = None
+        self._frame_ns = frame_ns
         self._skipped, self._astray = 0, True
         self._contradicted: int | None = None
         self.listens = (*assembler.listens, topics.VERDICTS, *(topics.requests(s) for s in heeded))
@@ -211,7 +216,8 @@ class Observer:
 
     def _keyframe(self, t_ns: int, jumped: bool) -> Keyframe | None:
         """Return the memory before a frame if it is time for it, or it `jumped`: a frame is missing."""
-        if self._keyframe_ns is not None and t_ns - self._keyframe_ns < KEYFRAME_NS and not jumped:
+        begun_ns = self._keyframe_ns
+        if begun_ns is not None and t_ns + self._frame_ns - begun_ns <= KEYFRAME_NS and not jumped:
             return None
         self._keyframe_ns = t_ns
         return self._monitor.keyframe()

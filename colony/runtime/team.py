@@ -108,6 +108,7 @@ def build_observer(
         Monitor(whole_executor(program), degrading),
         sinks,
         heeded=tuple(dict.fromkeys(b.server for b in bindings.actuators)) if requests else (),
+        frame_ns=program.robot.frame_ns,
     )
 
 

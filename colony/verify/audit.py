@@ -29,6 +29,7 @@ from colony.verify.audit_report import (
 )
 from colony.verify.audit_verdict import RecordedVerdict, is_excused, objection, same_decision
 from colony.verify.interpreter import Interpreter
+from colony.verify.resuming import Resuming
 
 
 class RecordedTick(Protocol):
@@ -127,6 +128,7 @@ class Auditor:
         self._contracts: dict[str, ContractCount] = {}
         self._first: Difference | None = None
         self._damaged: list[DamagedSpan] = []
+        self._resuming = Resuming(program)
         self._remembers = True
 
     def _begin(self) -> None:
@@ -140,15 +142,16 @@ class Auditor:
         """Go on from the memory that was recorded, if it is known and of this program."""
         if keyframe.memory is None:
             return
-        self._begin()
         try:
-            self._interpreter.resume(keyframe.memory)
-            if keyframe.degraded:
-                self._degraded = None
-            elif self._degraded is not None:
-                self._degraded.resume(keyframe.memory)
+            interpreter = self._resuming.interpreter(keyframe.memory)
         except ValueError:
-            self._remembers = False
+            return
+        self._begin()
+        self._interpreter = interpreter
+        if self._degraded is not None:
+            known = not keyframe.degraded
+            self._degraded = self._resuming.interpreter(keyframe.memory) if known else None
+        self._counts["resumed"] += 1
 
     def take(self, recorded: Recorded) -> None:
         """Compare one frame, and count it."""
@@ -212,6 +215,8 @@ class Auditor:
             ),
             damaged=tuple(self._damaged),
             forgotten=counts["forgotten"],
+            resumed=counts["resumed"],
+            undecided=counts["undecided"],
         )
 
     def _sequence(self, recorded: Recorded, begins: bool) -> Iterator[Difference]:
@@ -246,7 +251,7 @@ class Auditor:
                     due[decision.actuator] = decision, self._degraded
         for name, (decision, interpreter) in due.items():
             if self._degraded is None and self._actuators[name].on_loss == "degrade":
-                self._counts["forgotten"] += 1  # what a lost client changed in memory is damaged
+                self._counts["undecided"] += 1  # what a lost client changed in memory is damaged
                 continue
             yield from self._compare(recorded, name, decision, interpreter)
         self._count_breaches(recorded.frame.t_ns, heard)

@@ -66,7 +66,8 @@ class AuditReport:
     `violations`, `outside`, `holds` and `differing` count frames in which that occurred, `unknown` those that
     were not compared because a frame before them, and so memory, is not known. After each of `damaged` the
     interpreter went on from the memory that the recording holds; `forgotten` counts the frames until there
-    was one, which were not compared.
+    was one, which were not compared. `undecided` counts decisions of actuators with `on_loss degrade` after
+    it, of which it is not known what lost clients had changed.
     """
 
     frames: int
@@ -88,6 +89,8 @@ class AuditReport:
     contracts: tuple[ContractCount, ...]
     damaged: tuple[DamagedSpan, ...] = ()
     forgotten: int = 0
+    resumed: int = 0
+    undecided: int = 0
 
     @property
     def agrees(self) -> bool:

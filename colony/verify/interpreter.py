@@ -15,7 +15,7 @@ from colony.ir.expression import Expression
 from colony.ir.frame import Decision, Frame, Outcome, Reading, Record
 from colony.ir.memory import ProgramMemory
 from colony.ir.types import ScalarValue, Value
-from colony.verify.interpreter_boundary import ModuleFrame, PythonRunner, clamp, default_of, sense
+from colony.verify.interpreter_boundary import ModuleFrame, PythonRunner, aged, clamp, default_of, sense
 from colony.verify.interpreter_expressions import Memory, Moment, evaluate, missing, scalar
 from colony.verify.interpreter_memory import recalled
 
@@ -44,11 +44,11 @@ class Interpreter:
         self._silent: set[str] = set()
 
     def resume(self, memory: ProgramMemory) -> None:
-        """Go on from what another executor remembered, instead of the initial memory.
+        """Go on from what another executor remembered; before the first frame only.
 
         Raises:
-            ValueError: it is the memory of another program, or there are modules in Python, which remember
-                more.
+            ValueError: the memory has what the program has not, or there are modules in Python, which have
+                memory of their own. `Resuming` checks the rest.
         """
         if self._python:
             raise ValueError("modules in Python have memory of their own")
@@ -63,7 +63,9 @@ class Interpreter:
         The network does not hear the modules in `lost`: what actuators with `on_loss degrade` make of it.
         """
         self._lost = lost
-        return self._frame(frame.t_ns, frame.readings, {s.name: s.factor for s in self.program.robot.sensors})
+        sensors = self.program.robot.sensors
+        readings = {s.name: aged(s, frame.readings.get(s.name), frame) for s in sensors}
+        return self._frame(frame.t_ns, readings, {s.name: s.factor for s in sensors})
 
     def step_in_base_units(self, t_ns: int, readings: Mapping[str, Reading]) -> Outcome:
         """One frame, its readings in base units already, as tests and proofs give them."""

@@ -7,7 +7,7 @@ from collections.abc import Iterator, Mapping
 from importlib import import_module
 
 from colony.diagnostics import Failure, error
-from colony.ir.frame import Reading, RecordKind
+from colony.ir.frame import Frame, Reading, RecordKind
 from colony.ir.program import Actuator, PythonModule, Sensor
 from colony.ir.types import Array, Bool, Enum, Scalar, ScalarValue, Value
 
@@ -17,6 +17,20 @@ class Fault(Exception):
 
 
 # --- sensors -------------------------------------------------------------------------------------
+
+
+FUTURE = math.nan
+"""Stands for a reading that was taken after its frame: of every sensor it is a fault."""
+
+
+def aged(sensor: Sensor, reading: Reading, frame: Frame) -> Reading:
+    """`reading`, as old as `frame` says: missing where it is too old, faulty where it is from the future."""
+    taken_ns = frame.taken_ns.get(sensor.name, frame.t_ns)
+    if taken_ns > frame.t_ns and sensor.name in frame.readings:
+        return FUTURE
+    if sensor.within_ns is not None and frame.t_ns - taken_ns > sensor.within_ns:
+        return None
+    return reading
 
 
 def sense(sensor: Sensor, reading: Reading, factor: float) -> tuple[Value | None, RecordKind | None]:

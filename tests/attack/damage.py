@@ -6,6 +6,7 @@ import io
 import os
 import random
 import signal
+import struct
 import subprocess
 import sys
 import time
@@ -20,6 +21,7 @@ import lz4.frame
 import zstandard
 from mcap.data_stream import RecordBuilder
 from mcap.records import Chunk
+from mcap.stream_reader import StreamReader
 
 from colony.cli.recordings import read_recording
 from colony.diagnostics import Failure
@@ -132,29 +134,40 @@ def bombs(recording: bytes, *, most: int = 1 << 32) -> Iterator[tuple[str, str, 
             "bomb.mcap",
             recording[:first] + _chunk(compression, 1 << 32),
         )
-        many = _chunk(compression, 1 << 24) * 128
-        yield (
-            f"128 chunks of 16 MiB, {compression}",
-            "bomb.mcap",
-            recording[:first] + many + recording[first:],
-        )
+        many = _chunk(compression, 1 << 23) * 256
+        yield f"256 chunks of 8 MiB, {compression}", "bomb.mcap", recording[:first] + many + recording[first:]
+    frames = next(StreamReader(io.BytesIO(recording[first:]), skip_magic=True, emit_chunks=True).records)
+    assert isinstance(frames, Chunk)
+    records = zstandard.decompress(frames.data)
+    again = _record(records * ((1 << 23) // len(records)))
+    yield "the same frames without end", "bomb.mcap", recording[:first] + again + recording[first:]
+    objects = b'{"k": 0, "t_ns": 0, "sensors": {"x": [' + b'{"":0},' * 550_000 + b"0]}}"
+    message = struct.pack("<BQHIQQ", 5, 22 + len(objects), 1, 0, 0, 0) + objects
+    yield "a message of objects", "bomb.mcap", recording[:first] + _record(message) + recording[first:]
     yield "a line without end", "bomb.jsonl", b'{"t": 0, "x": "' + bytes(1 << 26)
     yield "nested brackets", "bomb.jsonl", b'{"t": 0, "x": ' + b"[" * 500_000 + b"\n"
 
 
 def _chunk(compression: str, size: int) -> bytes:
-    """The record of a chunk of zeros."""
-    block = bytes(1 << 20)
-    crc = 0
-    for _ in range(size >> 20):
+    """The record of a chunk of zeros, which are never in memory together."""
+    block, crc, blocks = bytes(1 << 20), 0, range(size >> 20)
+    for _ in blocks:
         crc = zlib.crc32(block, crc)
     if compression == "lz4":
         packing = lz4.frame.LZ4FrameCompressor()
-        parts = [packing.begin(), *(packing.compress(block) for _ in range(size >> 20)), packing.flush()]
-        packed = b"".join(parts)
+        packed = b"".join([packing.begin(), *(packing.compress(block) for _ in blocks), packing.flush()])
     else:
         zstd = zstandard.ZstdCompressor().compressobj()
-        packed = b"".join([*(zstd.compress(block) for _ in range(size >> 20)), zstd.flush()])
+        packed = b"".join([*(zstd.compress(block) for _ in blocks), zstd.flush()])
+    return _written(compression, packed, size, crc)
+
+
+def _record(records: bytes) -> bytes:
+    """The record of a chunk of these records."""
+    return _written("zstd", zstandard.compress(records), len(records), zlib.crc32(records))
+
+
+def _written(compression: str, packed: bytes, size: int, crc: int) -> bytes:
     builder = RecordBuilder()
     Chunk(
         compression=compression,

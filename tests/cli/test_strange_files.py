@@ -19,7 +19,7 @@ from colony.experiment import lists
 from colony.files import size_text
 from colony.nav import stickrep_file
 from colony.runtime.live import security
-from colony.runtime.recordings import replay
+from colony.runtime.recordings import mcap_reader, replay
 from colony.vision import image_files
 from tests.cli.conftest import Colony
 from tests.cli.machine import MAP, ROOT, WANDER
@@ -211,6 +211,7 @@ LIMITS = {
     "list of an experiment": lists.LIST_BYTES,
     "page that `colony experiment --write` changes": experiment_outputs.PAGE_BYTES,
     "clients that `colony compile --prove` reads": compile.CLIENTS_BYTES,
+    "program in a recording": mcap_reader.SOURCES_BYTES,
     "line of a recording, or of the standard input of `colony trace`": replay.LINE_BYTES,
 }
 

@@ -13,13 +13,14 @@ from hypothesis import strategies as st
 
 from colony.compile.executor import ClientListExecutor
 from colony.compile.pipeline import compile_program
+from colony.diagnostics import Failure
 from colony.ir.frame import Decision, Frame, Outcome, Reading
 from colony.ir.program import Actuator, ActuatorField, Program, Sensor
 from colony.ir.types import BOOL, PLAIN, Array
 from colony.runtime.messages import Sample, Tick, Verdict
 from colony.runtime.observer import FrameLog
-from colony.runtime.recordings.lines import Recording, encoder, seconds_text
-from colony.runtime.recordings.replay import has_right_sum, read_frames
+from colony.runtime.recordings.lines import Recording, encoder, seconds_text, summed
+from colony.runtime.recordings.replay import Rows, has_right_sum, read_frames
 from colony.units import nanoseconds
 from tests.runtime.runtime_programs import roam
 from tests.runtime.scripted import FAR, Log, Script, session
@@ -186,3 +187,59 @@ def test_a_file_that_takes_a_part_gets_the_rest() -> None:
     file, program = Slow(), roam()
     session(program, Script(), Recording(program, file)).run(100 * MS)
     assert [json.loads(row)["t"] for row in b"".join(file.writes).splitlines()] == [0.0, 0.05]
+
+
+# --- damaged lines -----------------------------------------------------------------------------------
+
+
+def rows(*lines: str) -> tuple[list[float], bool, bool]:
+    """The times of the whole lines, and how the file ends: damaged, broken off."""
+    found = Rows([text.encode() for text in lines], "x", small())
+    return [row.frame.t_ns / 1e9 for row in found], found.damaged, found.broken_off
+
+
+def at(t: float) -> str:
+    return summed(f'{{"t": {t}, "@tick": 0, "b": true') + "\n"
+
+
+def bad(t: float) -> str:
+    return at(t).replace("true", "trux")
+
+
+def test_damaged_lines_are_left_out_wherever_they_stand() -> None:
+    assert rows(at(0), at(1), at(2)) == ([0.0, 1.0, 2.0], False, False)
+    assert rows(bad(0), bad(1), at(2), bad(3)) == ([2.0], True, False)
+    assert rows(bad(0)) == ([], True, False)
+    assert rows(at(0), "\0" * 100 + "\n", at(2)) == ([0.0, 2.0], False, False)
+    assert rows("\0" * 100 + "\n", at(2)) == ([2.0], False, False)
+
+
+@pytest.mark.parametrize("length", range(1, len(at(1))))
+def test_a_last_line_that_is_cut_anywhere_breaks_off(length: int) -> None:
+    times, damaged, broken_off = rows(at(0), at(1)[:length])
+    if length == len(at(1)) - 1:
+        assert (times, damaged, broken_off) == ([0.0, 1.0], False, False)
+    else:
+        assert (times, damaged, broken_off) == ([0.0], False, True)
+
+
+def test_a_last_line_whose_end_is_another_sign_is_damaged() -> None:
+    assert rows(at(0), at(1)[:-1] + "\v") == ([0.0], True, False)
+
+
+def test_lines_without_checksums_are_plain_input() -> None:
+    plain = '{"t": 0, "b": true}\n'
+    assert rows(plain) == ([0.0], False, False)
+    with pytest.raises(Failure, match="F001"):
+        rows(plain, '{"t": 1, "b": tru')
+
+
+def test_a_time_beyond_all_clocks_is_refused() -> None:
+    with pytest.raises(Failure, match="F003"):
+        rows('{"t": 1e305}\n')
+
+
+def test_names_that_repeat_are_found_at_once() -> None:
+    many = ", ".join(f'"x{i}": 0' for i in range(100_000))
+    with pytest.raises(Failure, match="`x0` stands twice"):
+        rows(f'{{"t": 0, {many}, "x0": 1}}\n')

@@ -328,15 +328,55 @@ def test_chunks_by_other_tools_are_read_and_bombs_are_not() -> None:
         found, _ = read_mcap(PROGRAM, b"".join([*chunks[:2], bomb, *chunks[2:]]))
         assert len(found) == 20
         assert found[8].damaged
-    many = b"".join([*chunks[:2], *[bombed("zstd", 1 << 23)] * 9, *chunks[2:]])
+    many = b"".join([*chunks[:2], *[bombed("zstd", 1 << 23)] * 60, *chunks[2:]])
     with pytest.raises(Failure, match="unpacks to far more"):
         read_mcap(PROGRAM, many)
 
 
-def rechunked(data: bytes, compression: str, records: bytes | None = None) -> bytes:
-    """The first chunk in these bytes, compressed another way, or with other records in it."""
+def test_readings_that_never_change_are_no_bomb() -> None:
+    of = load_text(TEXT.replace("rays[3]", "rays[1000]"))
+    frames = tuple(Frame(k * 50 * MS, {"near": 0.0, "rays": [0.0] * 1000}) for k in range(400))
+    assert len(read_mcap(of, as_mcap(of, logs(of, frames)).content)[0]) == 400
+
+
+def test_frames_without_end_are_a_bomb() -> None:
+    file = as_mcap(PROGRAM, logs(PROGRAM, trace(8)))
+    (chunk,) = [zstandard.decompress(chunk_in(data).data) for data in file.writes[1:2]]
+    empty = struct.pack("<BQHIQQ", 5, 22, 999, 0, 0, 0)
+    for records, message in ((chunk * 2000, "time must rise"), (empty * 200_000, "unpacks to far more")):
+        many = rechunked(file.writes[1], "zstd", records)
+        with pytest.raises(Failure, match=message):
+            read_mcap(PROGRAM, b"".join([file.writes[0], many, *file.writes[2:]]))
+
+
+def test_a_program_without_end_is_refused() -> None:
+    sources = tuple(SourceFile(kind="python", place=f"m{i}.py", data=bytes(5_000_000)) for i in range(8))
+    with pytest.raises(Failure, match="more than 32 MiB"):
+        read_mcap(PROGRAM, as_mcap(PROGRAM, [], *sources).content)
+
+
+def test_a_chunk_that_another_tool_left_out_is_missed() -> None:
+    file = as_mcap(PROGRAM, logs(PROGRAM, trace(20)))
+    found, _ = read_mcap(PROGRAM, b"".join([*file.writes[:2], *file.writes[3:]]))
+    assert [f.tick.k for f in found if f.damaged] == [16]
+
+
+def test_long_frames_are_chunks_of_their_own() -> None:
+    slow = load_text(TEXT.replace("robot rome {", "robot rome {\n  frame 300 ms"))
+    frames = tuple(Frame(k * 300 * MS, {"near": 1.0}) for k in range(4))
+    assert [frames_in(data) for data in as_mcap(slow, logs(slow, frames)).writes] == [0, 1, 1, 1, 1, 0]
+
+
+def chunk_in(data: bytes) -> Chunk:
+    """The first record in these bytes."""
     chunk = next(StreamReader(io.BytesIO(data), skip_magic=True, emit_chunks=True).records)
     assert isinstance(chunk, Chunk)
+    return chunk
+
+
+def rechunked(data: bytes, compression: str, records: bytes | None = None) -> bytes:
+    """The first chunk in these bytes, compressed another way, or with other records in it."""
+    chunk = chunk_in(data)
     if records is None:
         records = zstandard.decompress(chunk.data)
     packed = lz4.frame.compress(records) if compression == "lz4" else zstandard.compress(records)

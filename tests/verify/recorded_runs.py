@@ -52,7 +52,7 @@ def logs(program: Program, trace: Sequence[Frame], restarts: Iterable[int] = ())
             interpreter, start = Interpreter(program), k
             monitor.restart()
         keyframe = None
-        if k in restarts or frame.t_ns - keyframe_ns >= KEYFRAME_NS:
+        if k in restarts or frame.t_ns + program.robot.frame_ns - keyframe_ns > KEYFRAME_NS:
             keyframe, keyframe_ns = monitor.keyframe(), frame.t_ns
         monitor.check(frame, {})
         outcome = interpreter.step(frame)

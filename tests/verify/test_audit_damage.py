@@ -134,6 +134,7 @@ def test_after_a_client_was_lost_its_actuator_is_not_compared() -> None:
     rest = len(frames) - A_CHUNK
     assert report.first is None
     assert report.compared == rest + A_CHUNK  # the lamp everywhere, the drive before the damage
+    assert (report.undecided, report.forgotten) == (rest - A_CHUNK, 0)
 
 
 def replace_time(frame: Frame, k: int) -> Frame:

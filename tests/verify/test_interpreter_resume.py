@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+
 import pytest
 from hypothesis import given
 
@@ -10,6 +12,7 @@ from colony.compile.pipeline import traverse
 from colony.ir.frame import Frame
 from colony.ir.memory import ProgramMemory
 from colony.verify.interpreter import Interpreter
+from colony.verify.resuming import Resuming
 from colony.verify.strategies import Run, network_runs, run_of_seed, runs
 from tests.verify.stepping import program
 
@@ -107,3 +110,23 @@ def test_the_memory_of_another_program_is_refused() -> None:
     memory = memories((program(EVERYTHING), (Frame(0, {}), Frame(1, {}))))[1]
     with pytest.raises(ValueError, match="the program has not"):
         Interpreter(program("module m { when a do out(v = 1) }\nnetwork { out = m }")).resume(memory)
+
+
+@pytest.mark.parametrize(
+    "changes",
+    [
+        {"state n.count": True},
+        {"held 3[0] until": 7.5},
+        {"held 3[0] until": math.inf},
+        {"held 3[9999] until": 0},
+        {"held 3[0] bogus": 0},
+        {"rising 1[0] last": 1.0},
+    ],
+    ids=str,
+)
+def test_memory_that_does_not_fit_is_refused(changes: dict[str, float]) -> None:
+    of = program(EVERYTHING)
+    memory = memories((of, (Frame(0, {}), Frame(1, {}))))[1]
+    assert Resuming(of).interpreter(memory)
+    with pytest.raises(ValueError, match="memory"):
+        Resuming(of).interpreter(ProgramMemory(first_ns=0, cells={**memory.cells, **changes}))

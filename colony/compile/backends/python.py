@@ -25,6 +25,7 @@ from colony.compile.backends.python_text import Binding, literal
 from colony.compile.clients import ClientList
 from colony.compile.code import ClientCode, FrameTime, PythonCall
 from colony.compile.executor_machine import field_types
+from colony.compile.executor_sensors import within
 from colony.compile.lower import lower
 from colony.diagnostics import Failure, error
 from colony.ir.program import Program
@@ -131,8 +132,18 @@ class _Generator:
         self.blank()
 
     def step(self) -> None:
-        self.add(1, "def step(self, t_ns, readings):")
-        self.add(2, '"""Decisions, records and broken contracts of the frame at `t_ns`."""')
+        self.add(1, "def step(self, t_ns, readings, taken_ns=None):")
+        self.add(2, '"""Decisions, records and broken contracts of the frame at `t_ns`.')
+        self.blank()
+        self.add(
+            2,
+            "`readings` are in declared units; a sensor that is absent, or None, is missing. `taken_ns`",
+            "has when readings were taken, by the clock of `t_ns`: one that is older than its sensor's",
+            "`within` is missing. Without it readings are of now.",
+            '"""',
+        )
+        ages = f"    readings = of_age(t_ns, readings, taken_ns, {within(self.code.sensors)})"
+        self.add(2, "if taken_ns:", ages)
         self.add(2, "records = ()")
         if self.timed:
             self.add(2, "if self.first_ns is None:", "    self.first_ns = t_ns", "t = t_ns - self.first_ns")

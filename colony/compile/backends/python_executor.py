@@ -18,7 +18,7 @@ class PythonExecutor:
 
     def step(self, frame: Frame) -> Outcome:
         """One frame."""
-        decisions, records, breaches = self._step(frame.t_ns, frame.readings)
+        decisions, records, breaches = self._step(frame.t_ns, frame.readings, frame.taken_ns)
         return Outcome(tuple(map(Decision._make, decisions)), tuple(map(Record._make, records)), breaches)
 
     def restart(self) -> None:

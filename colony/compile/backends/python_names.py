@@ -11,7 +11,19 @@ from colony.compile.code import Code
 
 _RESERVED = frozenset({*dir(builtins), *keyword.kwlist, *keyword.softkwlist, *dir(math)})
 _OURS = frozenset(
-    {"self", "first_ns", "step", "t", "t_ns", "readings", "records", "breaches", "reading", "settled"}
+    {
+        "self",
+        "first_ns",
+        "step",
+        "t",
+        "t_ns",
+        "readings",
+        "taken_ns",
+        "records",
+        "breaches",
+        "reading",
+        "settled",
+    }
 )
 
 

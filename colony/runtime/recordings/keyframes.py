@@ -43,14 +43,14 @@ def keyframe_members(keyframe: Keyframe) -> list[str]:
 
 
 def read_keyframe(found: object) -> Keyframe | None:
-    """Return the keyframe in an object that was read from JSON, None of None.
-
-    Raises:
-        msgspec.ValidationError: it is something else.
-    """
-    keyframe = msgspec.convert(found, _Keyframe | None)
-    if keyframe is None:
+    """Return the keyframe in an object that was read from JSON, None of None; where it is something else,
+    memory is not known."""
+    if found is None:
         return None
+    try:
+        keyframe = msgspec.convert(found, _Keyframe)
+    except msgspec.ValidationError:
+        return Keyframe(None)
     memory = keyframe.memory
     if memory is None:
         return Keyframe(None, keyframe.degraded)

@@ -16,6 +16,7 @@ import msgspec
 from mcap.records import Attachment, Channel, Metadata
 
 from colony.diagnostics import Failure, error
+from colony.files import size_text
 from colony.ir.frame import Frame
 from colony.ir.program import Actuator, Program
 from colony.runtime.messages import Tick, Verdict
@@ -41,6 +42,9 @@ from colony.runtime.recordings.reader import BREAKS_OFF, command
 from colony.runtime.recordings.recorded import RecordedFrame, RunInfo, SourceFile
 from colony.runtime.recordings.schemas import CONTRACTS, FRAMES, KEYFRAMES, VERDICTS
 from colony.source import Source, Span
+
+SOURCES_BYTES = 32 * 1024 * 1024
+"""Bytes of all the files of a program together."""
 
 
 class FrameMessage(msgspec.Struct, frozen=True, kw_only=True):
@@ -95,7 +99,7 @@ class McapReader:
         for actuator in program.robot.actuators if self._topics else ():
             if actuator.name not in self._actuators:
                 self._fail("A004", f"it is of a robot without the actuator `{actuator.name}` of this program")
-        frames = _Frames(self._topics, program)
+        frames, last_ns = _Frames(self._topics, program), None
         for record in self._rest:
             match record:
                 case Damage():
@@ -104,7 +108,10 @@ class McapReader:
                 case ChunkMessage():
                     frame = self._frame(frames, record)
                     if frame is not None:
-                        self.damaged = False
+                        t_ns = frame.frame.t_ns
+                        if last_ns is not None and t_ns <= last_ns:
+                            self._fail("A004", f"time must rise: {t_ns} ns follow {last_ns} ns")
+                        last_ns, self.damaged = t_ns, False
                         yield frame
                 case _:
                     pass
@@ -148,6 +155,8 @@ class McapReader:
                     told[record.name] = record.metadata
                 case Attachment():
                     sources += _source(record)
+                    if sum(len(source.data) for source in sources) > SOURCES_BYTES:
+                        self._fail("A002", f"its program has more than {size_text(SOURCES_BYTES)}")
                 case Channel():
                     pass
         return self._run(told, tuple(sources)), first
@@ -212,6 +221,7 @@ class _Frames:
         self._topics = topics
         self._actuators = {VERDICTS + a.name: a for a in program.robot.actuators}
         self.forget()
+        self._next_number, self._gap = 0, False
         self._frame = msgspec.json.Decoder(FrameMessage).decode
         self._verdict = msgspec.json.Decoder(VerdictMessage).decode
         self._contracts = msgspec.json.Decoder(ContractsMessage).decode
@@ -234,12 +244,19 @@ class _Frames:
         if topic == CONTRACTS:
             self._broken = self._contracts(message.data).broken
         elif topic == KEYFRAMES:
-            self._keyframe = read_keyframe(json.loads(message.data))
+            self._number(json.loads(message.data))
         elif topic in self._actuators:
             self._found[topic] = self._verdict(message.data)
         elif topic.startswith(VERDICTS):
             raise ValueError(f"it has no actuator `{topic.removeprefix(VERDICTS)}`")
         return None
+
+    def _number(self, found: Any) -> None:
+        """Take a keyframe. Where the one before it is missing another tool has left out what was damaged."""
+        self._keyframe = read_keyframe(found)
+        number = found.get("n") if isinstance(found, dict) else None
+        self._gap = self._gap or number != self._next_number
+        self._next_number = number + 1 if isinstance(number, int) else 0
 
     def _complete(self, found: FrameMessage, damaged: bool) -> RecordedFrame:
         t_ns, broken, keyframe = found.t_ns, self._broken, self._keyframe
@@ -248,6 +265,8 @@ class _Frames:
             for topic, verdict in self._found.items()
             if verdict.k == found.k
         ]
+        damaged = damaged or self._gap
+        self._gap = False
         self.forget()
         return RecordedFrame(
             tick=Tick(k=found.k, t_ns=t_ns, start=found.start, down=found.down, lost=found.lost),

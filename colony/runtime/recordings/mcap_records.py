@@ -29,12 +29,19 @@ from colony.runtime.recordings.reader import MAGIC
 LARGEST_RECORD = 32 * 1024 * 1024
 """Bytes of the largest record in a file."""
 
-LARGEST_CHUNK = 16 * 1024 * 1024
-"""Bytes of the largest chunk, unpacked. Ours have some ten thousand, those of other tools a few million."""
+LARGEST_CHUNK = 8 * 1024 * 1024
+"""Bytes of the largest chunk, unpacked. Ours have some ten thousand, those of other tools some million."""
 
-UNPACKED_FREE = 16 * 1024 * 1024
+LARGEST_MESSAGE = 4 * 1024 * 1024
+"""Bytes of the largest message, which is that of the largest frame."""
+
+UNPACKED_FREE = 64 * 1024 * 1024
 UNPACKED_RATIO = 64
 """All chunks together unpack to at most that many bytes, and as many more for each byte of the file."""
+
+MESSAGES_FREE = 10_000
+MESSAGE_BYTES = 2
+"""There are at most that many messages, and one more for so many bytes of the file."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -72,7 +79,7 @@ def read_records(file: BinaryIO) -> Iterator[Record]:
         OSError: it cannot be read.
     """
     size = file.seek(0, 2)
-    allowance = UNPACKED_FREE + UNPACKED_RATIO * size
+    allowance, messages = UNPACKED_FREE + UNPACKED_RATIO * size, MESSAGES_FREE + size // MESSAGE_BYTES
     at, chunks = len(MAGIC), False
     while True:
         file.seek(at)
@@ -88,7 +95,11 @@ def read_records(file: BinaryIO) -> Iterator[Record]:
             if allowance < 0:
                 raise TooLarge
             file.seek(end - shape.packed)
-            yield from _chunk(shape, file.read(shape.packed))
+            for record in _chunk(shape, file.read(shape.packed)):
+                messages -= isinstance(record, ChunkMessage)
+                if messages < 0:
+                    raise TooLarge
+                yield record
             at = end
             continue
         if opcode == Opcode.DATA_END and length == _DATA_END_BYTES and end <= size:
@@ -187,7 +198,7 @@ def _chunk(shape: _Shape, packed: bytes) -> Iterator[Record]:
     while at + _RECORD.size <= len(records):
         opcode, length = _RECORD.unpack_from(records, at)
         at, end = at + _RECORD.size, at + _RECORD.size + length
-        if opcode == Opcode.MESSAGE and _MESSAGE.size <= length <= len(records) - at:
+        if opcode == Opcode.MESSAGE and _MESSAGE.size <= length <= min(len(records) - at, LARGEST_MESSAGE):
             channel_id, _, log_time, _ = _MESSAGE.unpack_from(records, at)
             yield ChunkMessage(channel_id, log_time, records[at + _MESSAGE.size : end])
         elif opcode == Opcode.CHANNEL:

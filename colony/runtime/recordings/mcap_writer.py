@@ -58,6 +58,12 @@ CLIENTS = "colony clients of "
 CHECKSUM = "checksum"
 """The member of metadata that is a checksum of the others."""
 
+CHUNK_BYTES = 1024 * 1024
+"""A chunk of more bytes is written before its time."""
+
+REPETITIVE = 32
+"""A chunk that would be so many times smaller is not compressed: readers take such ones for bombs."""
+
 MEDIA_TYPES = {"behavior": "text/x-colony", "python": "text/x-python"}
 
 
@@ -109,6 +115,7 @@ class McapRecording:
         self._file = file
         self._buffer = _Buffer()
         self._chunk = _Chunk()
+        self._keyframes = 0
         self._whole = True
         self._taken_ns: int | None = None
         self.written_ns: int | None = None
@@ -132,7 +139,8 @@ class McapRecording:
         k, t_ns = log.tick.k, log.tick.t_ns
         if log.keyframe is not None:
             self._flush()
-            members = ", ".join([f'"k": {k}', *keyframe_members(log.keyframe)])
+            members = ", ".join([f'"k": {k}', f'"n": {self._keyframes}', *keyframe_members(log.keyframe)])
+            self._keyframes += 1
             self._add(KEYFRAMES, k, t_ns, f"{{{members}}}".encode())
         for actuator in self._program.robot.actuators:
             verdict = log.verdicts.get(actuator.name)
@@ -145,7 +153,8 @@ class McapRecording:
             self._add(CONTRACTS, k, t_ns, self._encode(ContractsMessage(k=k, broken=log.breaches)))
         self._add(FRAMES, k, t_ns, self._frame(log))
         self._taken_ns = log.frame.t_ns
-        if t_ns + self._program.robot.frame_ns >= self._chunk.first_ns + KEYFRAME_NS:
+        next_end_ns = t_ns + 2 * self._program.robot.frame_ns
+        if next_end_ns - self._chunk.first_ns > KEYFRAME_NS or self._chunk.size > CHUNK_BYTES:
             self._flush()
 
     def close(self) -> None:
@@ -236,6 +245,7 @@ class _Chunk:
         self._records: list[bytes] = []
         self.first_ns = 0
         self._last_ns = 0
+        self.size = 0
 
     def add_channel(self, schema: Schema, channel: Channel) -> None:
         builder = RecordBuilder()
@@ -249,18 +259,21 @@ class _Chunk:
             self.first_ns = t_ns
         self._last_ns = t_ns
         length = _MESSAGE.size - 9 + len(data)
+        self.size += len(data)
         self._records += (_MESSAGE.pack(Opcode.MESSAGE, length, channel, k & 0xFFFFFFFF, t_ns, t_ns), data)
 
     def take(self) -> bytes:
         """Return the record of the chunk, if there is anything in it, and begin the next one."""
         records = b"".join(self._records)
         self._records.clear()
+        self.size = 0
         if not records:
             return b""
-        builder = RecordBuilder()
+        builder, packed = RecordBuilder(), _compress(records)
+        compressed = len(records) < REPETITIVE * len(packed)
         Chunk(
-            compression="zstd",
-            data=_compress(records),
+            compression="zstd" if compressed else "",
+            data=packed if compressed else records,
             message_start_time=self.first_ns,
             message_end_time=self._last_ns,
             uncompressed_crc=zlib.crc32(records),

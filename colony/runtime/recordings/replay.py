@@ -3,17 +3,17 @@
 A frame is one JSON object a line: `t` in seconds and readings in declared units; an absent sensor, or null,
 is missing. What a recording says of actuators is passed over, so that a recording is valid input.
 
-The lines of a recording have checksums. What is one is told by its first two lines; from there on a line
-without a right checksum is damaged, and left out. In other input a bad line is an error.
+The lines of a recording have checksums; that it is one is told by its first lines. A line without a right
+checksum is then damaged, and left out, as is one with a wrong checksum anywhere. Other bad lines are errors.
 """
 
 from __future__ import annotations
 
 import json
 import re
-import sys
 import zlib
 from codecs import BOM_UTF8
+from collections import Counter
 from collections.abc import Iterable, Iterator, Mapping
 from decimal import Decimal
 from itertools import chain, islice
@@ -33,7 +33,8 @@ LINE_BYTES = 4 * 1024 * 1024
 _EXACT_BELOW = float(2**20)
 """Seconds below which the nearest double of a decimal time is within half a nanosecond of it."""
 
-_LARGEST = sys.float_info.max
+_LATEST_S = 9e9
+"""The largest time in seconds, almost 300 years: in ns it fits 64 bits."""
 
 
 def read_frames(lines: Iterable[bytes], name: str, program: Program) -> Iterator[Frame]:
@@ -75,11 +76,11 @@ class Rows:
 
     def __iter__(self) -> Iterator[Row]:
         rest = enumerate(self._lines, 1)
-        first = tuple(islice(rest, 2))
+        first = tuple(islice(rest, LOOKAHEAD))
         summed = any(has_right_sum(line) for _, line in first)
         for number, line in chain(first, rest):
-            wrong = summed and not has_right_sum(line)
-            if wrong and not line.endswith(b"\n") and _SUM_BEGINS not in line:
+            wrong = (summed or SUM_BEGINS in line) and not has_right_sum(line)
+            if wrong and not line.endswith(b"\n") and _is_begun(line):
                 self.broken_off = True
             elif wrong:
                 self.damaged = True
@@ -88,13 +89,25 @@ class Rows:
                 self.damaged = False
 
 
-_SUM_BEGINS = b', "@sum": "'
-_SUM = re.compile(_SUM_BEGINS + rb'([0-9a-f]{8})"\}\r?\n?')
+SUM_BEGINS = b', "@sum": "'
+"""What the checksum of a line begins with."""
+
+_SUM = re.compile(SUM_BEGINS + rb'([0-9a-f]{8})"\}\r?\n?')
+_SUM_BEGUN = re.compile(SUM_BEGINS + rb'([0-9a-f]{0,7}|[0-9a-f]{8}"?)')
+
+LOOKAHEAD = 16
+"""Lines among which a recording has one with a right checksum."""
+
+
+def _is_begun(line: bytes) -> bool:
+    """Whether a line that does not end lacks its checksum, or the rest of it."""
+    at = line.rfind(SUM_BEGINS)
+    return at < 0 or _SUM_BEGUN.fullmatch(line, at) is not None
 
 
 def has_right_sum(line: bytes) -> bool:
     """Return whether a line ends with a checksum of what precedes it."""
-    at = line.rfind(_SUM_BEGINS)
+    at = line.rfind(SUM_BEGINS)
     found = _SUM.fullmatch(line, at) if at >= 0 else None
     return found is not None and int(found[1], 16) == zlib.crc32(line[:at].removeprefix(BOM_UTF8))
 
@@ -151,7 +164,7 @@ class _Reader:
 
     def _time(self, number: int, text: str, row: dict[str, Any]) -> int:
         t = row.get("t")
-        if isinstance(t, bool) or not isinstance(t, int | float) or not abs(t) <= _LARGEST:
+        if isinstance(t, bool) or not isinstance(t, int | float) or not abs(t) <= _LATEST_S:
             found = "no time" if "t" not in row else json.dumps(t)
             found = found if len(found) <= 40 else f"{found[:37]}..."
             message = f'"t" must be the frame\'s time in seconds, found {found}'
@@ -203,8 +216,8 @@ class _Repeated(Exception):
 def _once_each(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
     row = dict(pairs)
     if len(row) < len(pairs):
-        names = [name for name, _ in pairs]
-        raise _Repeated(next(name for i, name in enumerate(names) if name in names[:i]))
+        counts = Counter(name for name, _ in pairs)
+        raise _Repeated(next(name for name, count in counts.items() if count > 1))
     return row
 
 

@@ -93,8 +93,9 @@ def _keyframe() -> Schema:
     )
     return _object(
         "memory before a frame, from which a reader goes on after damage",
-        ("k",),
+        ("k", "n"),
         k=_K,
+        n=_of("integer", "number of the keyframe"),
         memory=memory,
         degraded=_of("boolean", "a client has been lost since memory was initial"),
     )

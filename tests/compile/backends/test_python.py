@@ -62,7 +62,7 @@ def _imports(source: str) -> set[str]:
 
 
 def _step(source: str) -> str:
-    return source[source.index("    def step(self, t_ns, readings):") :]
+    return source[source.index("    def step(self, t_ns, readings, taken_ns=None):") :]
 
 
 def test_it_reads_like_the_program() -> None:
