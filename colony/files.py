@@ -24,7 +24,7 @@ class UnfitFile(OSError):
     """A file that is not read: no regular file, too large, or with a line that is too long."""
 
 
-def open_descriptor(path: StrPath, flags: int = os.O_RDONLY, mode: int = 0o600) -> int:
+def open_descriptor(path: StrPath, flags: int = os.O_RDONLY) -> int:
     """Open a regular file, or create one if `flags` say so; never wait for anything.
 
     Raises:
@@ -36,7 +36,7 @@ def open_descriptor(path: StrPath, flags: int = os.O_RDONLY, mode: int = 0o600) 
         pass
     except ValueError as problem:
         raise UnfitFile(errno.EINVAL, str(problem), path) from None
-    descriptor = os.open(path, flags | _SAFELY, mode)
+    descriptor = os.open(path, flags | _SAFELY, 0o600)
     try:
         _check(os.fstat(descriptor), path)
     except BaseException:

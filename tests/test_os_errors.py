@@ -53,7 +53,8 @@ def test_where_memory_is_limited_what_cannot_be_loaded_is_a_lack_of_it() -> None
         "import resource; from colony.os_errors import is_out_of_memory\n"
         "resource.setrlimit(resource.RLIMIT_AS, (1 << 30, 1 << 30))\n"
         "print(is_out_of_memory(ImportError('x')), is_out_of_memory(OSError('no number')), "
-        "is_out_of_memory(OSError(28, 'No space')), is_out_of_memory(RuntimeError('x')))"
+        "is_out_of_memory(OSError(28, 'No space')), is_out_of_memory(RuntimeError('x')), "
+        "is_out_of_memory(ModuleNotFoundError('x')))"
     )
     done = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=True)
-    assert done.stdout == "True True False False\n"
+    assert done.stdout == "True True False False False\n"

@@ -107,8 +107,11 @@ def colony(context: click.Context) -> None:
 
 
 def _prepare_streams() -> None:
-    """Have output that says whose fault it is when it fails, and in which letters that an encoding lacks
-    become escapes. Of streams that are closed, output fails, and messages are kept from everyone."""
+    """Replace the standard streams by ones whose output names itself when it fails.
+
+    Letters that an encoding lacks become escapes. Where a stream is closed, output fails and messages are
+    dropped.
+    """
     for descriptor in range(3):  # or the next file that is opened would be taken for it
         if not _is_open(descriptor):
             os.open(os.devnull, os.O_WRONLY if descriptor == 2 else os.O_RDONLY)
@@ -155,8 +158,11 @@ def _say(text: str) -> None:
 
 
 def _report_failure(problem: Exception) -> int:
-    """What a stage found wrong is reported as it stands, and what the system refuses in a line; anything
-    else is a bug, and raised."""
+    """Report what a stage found wrong, or in a line what the system refused; return the exit code.
+
+    Raises:
+        Exception: anything else, which is a bug.
+    """
     from colony.cli.reporting import report
     from colony.diagnostics import Failure
     from colony.os_errors import described, is_out_of_memory

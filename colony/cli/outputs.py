@@ -15,6 +15,7 @@ import click
 
 from colony.cli.exit_codes import EXIT_MISUSE
 from colony.cli.reporting import say
+from colony.files import reason
 
 SOURCES = (".colony", ".stickrep")
 """Endings of files that people write, which no command overwrites."""
@@ -31,7 +32,7 @@ def check_output(path: str | Path, inputs: Iterable[str | Path] = ()) -> None:
     try:
         why = _objection(Path(path), inputs)
     except (OSError, RuntimeError, ValueError) as problem:
-        why = _reason(problem)
+        why = reason(problem)
     if why is not None:
         cannot_write(path, why)
 
@@ -66,10 +67,6 @@ def _in_place(path: Path) -> bool:
     return path.absolute().is_relative_to("/dev") or (path.exists() and not path.is_file())
 
 
-def _reason(problem: Exception) -> str:
-    return (problem.strerror if isinstance(problem, OSError) else None) or str(problem)
-
-
 def write_whole(path: Path, content: str | bytes) -> None:
     """Write a file so that it is either whole or as it was; exits with 2 where it cannot be written.
 
@@ -84,7 +81,7 @@ def write_whole(path: Path, content: str | bytes) -> None:
     except BrokenPipeError:
         raise
     except (OSError, RuntimeError, ValueError) as problem:
-        cannot_write(path, _reason(problem))
+        cannot_write(path, reason(problem))
 
 
 def _replace(target: Path, data: bytes) -> None:

@@ -11,7 +11,8 @@ from collections.abc import Iterable, Iterator
 from importlib.machinery import ModuleSpec, PathFinder
 from pathlib import Path
 
-from colony.files import read_file
+from colony.cli.reporting import say
+from colony.files import read_file, reason
 from colony.runtime.recordings.recorded import SourceFile
 
 SOURCE_BYTES = 4 * 1024 * 1024
@@ -57,7 +58,7 @@ def _find(name: str) -> ModuleSpec | None:
 
 
 def _own(spec: ModuleSpec) -> SourceFile | None:
-    """The source of a module that is a file of the user's."""
+    """Return the source of a module that is a file of the user's; say so where it cannot be recorded."""
     origin = Path(spec.origin) if spec.origin else None
     if origin is None or origin.suffix != ".py" or any(map(origin.resolve().is_relative_to, _INSTALLED)):
         return None
@@ -65,7 +66,8 @@ def _own(spec: ModuleSpec) -> SourceFile | None:
     place += ".py" if spec.submodule_search_locations is None else "/__init__.py"
     try:
         return SourceFile(kind="python", place=place, data=read_file(origin, SOURCE_BYTES))
-    except OSError:
+    except OSError as problem:
+        say(f"{origin}: warning: not in the recording: {reason(problem)}")
         return None
 
 

@@ -9,12 +9,15 @@ from colony import __version__
 from colony.cli.outputs import cannot_write, open_alone
 from colony.diagnostics import Failure, error
 from colony.files import open_regular, reason
+from colony.os_errors import limit_advice
 from colony.source import Source, Span
 
 if TYPE_CHECKING:
     from colony.compile.clients import ClientList
     from colony.ir.program import Program
-    from colony.runtime.observer import FrameLog, Sink
+    from colony.runtime.observer import FrameLog
+    from colony.runtime.recordings.lines import Recording
+    from colony.runtime.recordings.mcap_writer import McapRecording
     from colony.runtime.recordings.recorded import RecordingReader
 
 SUFFIX = ".mcap"
@@ -27,20 +30,19 @@ def is_mcap(path: str | None) -> bool:
 
 
 class RunRecording:
-    """The recording of a run, which may break off: the disk is full, for one. A sink; mutable: how far it
-    goes.
+    """The recording of a run, which may break off: the disk is full, for one. A sink; mutable: when it began,
+    and why it broke off.
 
     Args:
         sink: what is written.
         path: of the file.
     """
 
-    def __init__(self, sink: Sink, path: str) -> None:
+    def __init__(self, sink: Recording | McapRecording, path: str) -> None:
         self._sink = sink
         self._path = path
         self._problem: OSError | None = None
         self._first_ns: int | None = None
-        self._last_ns = 0
 
     def take(self, log: FrameLog) -> None:
         if self._problem is not None:
@@ -50,9 +52,8 @@ class RunRecording:
         except OSError as problem:
             self._problem = problem
             return
-        self._last_ns = log.frame.t_ns
         if self._first_ns is None:
-            self._first_ns = self._last_ns
+            self._first_ns = log.frame.t_ns
 
     def close(self) -> None:
         try:
@@ -65,17 +66,19 @@ class RunRecording:
         """How far the recording goes and why no farther, in words; None if it has all so far."""
         if self._problem is None:
             return None
-        seconds = (self._last_ns - (self._first_ns or 0)) / 1e9
-        return f"the recording {self._path} has only the first {seconds:.2f} s: {_reason(self._problem)}"
+        first_ns, last_ns = self._first_ns, self._sink.written_ns
+        seconds = 0.0 if first_ns is None or last_ns is None else (last_ns - first_ns) / 1e9
+        return f"the recording {self._path} has only the first {seconds:.2f} s: {_why(self._problem)}"
 
     def expect_frames(self) -> None:
-        """Exit with 2, and say why, if it broke off before its first frame."""
-        if self._problem is not None and self._first_ns is None:
-            cannot_write(self._path, _reason(self._problem))
+        """Exit with 2, and say why, if it broke off before its first frame was written."""
+        if self._problem is not None and self._sink.written_ns is None:
+            cannot_write(self._path, _why(self._problem))
 
 
-def _reason(problem: OSError) -> str:
-    return problem.strerror or str(problem)
+def _why(problem: OSError) -> str:
+    advice = limit_advice(problem)
+    return reason(problem) if advice is None else f"{reason(problem)}: {advice}"
 
 
 def recording_into(
@@ -118,7 +121,7 @@ def recording_into(
     except BlockingIOError:
         cannot_write(path, "another run is recording into it")
     except OSError as problem:
-        cannot_write(path, _reason(problem))
+        cannot_write(path, _why(problem))
 
 
 _HEAD_BYTES = 64 * 1024

@@ -108,11 +108,12 @@ def command(
     that is there has to stand before the room --from, and its map is --map (docs/missions.md).
 
     In the end it tells who drove how long, how far the robot came, what it bumped into, which contracts
-    broke, and draws its way. Ctrl-C stops the robot, closes the recording and still tells what was run; so
-    does a recording that cannot be written any more, on a full disk for one.
+    broke, and draws its way. Ctrl-C stops the robot, closes the recording and still tells what was run, with
+    exit code 130. A recording that cannot be written any more, on a full disk for one, ends the run in the
+    same way, with exit code 1.
 
     Exit code 0 where all contracts held, 1 where one was broken, the program has errors or the run broke
-    off, 2 for misuse or where the picture cannot be written, 130 after Ctrl-C.
+    off, 2 for misuse or where the picture cannot be written.
 
     \b
     Example:

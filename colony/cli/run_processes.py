@@ -300,7 +300,7 @@ class _Run:
 
 
 def _in_folder(place: Place, folder: Path) -> AbstractContextManager[None]:
-    """While it lasts, tell of an OSError what to do about the folder of a run."""
+    """Return a context that adds to an OSError what to do about the folder of a run."""
     return in_run_directory(folder) if isinstance(place, Local) else naming(folder)
 
 

@@ -181,7 +181,9 @@ def _open(name: str) -> BinaryIO:
     try:
         return open_regular(name)
     except OSError as problem:
-        _unreadable(name, reason(problem))
+        streams = Path(name).is_fifo() or Path(name).is_char_device()
+        hint = "; use `--input -` for a pipe or a device" if streams else ""
+        _unreadable(name, f"{reason(problem)}{hint}")
 
 
 def _unreadable(name: str, why: str) -> NoReturn:

@@ -174,7 +174,7 @@ class _Loader:
         try:
             return read_source(path, shown)
         except Unreadable as problem:
-            if problem.code == "E001":
+            if problem.code in ("E001", "E003"):
                 problem.code = "E103"
             self.diagnostics.append(problem.diagnostic(span))
             return None

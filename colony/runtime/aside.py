@@ -47,11 +47,15 @@ def kept_aside(path: Path) -> tuple[Path, ...]:
 
 
 def damages(path: Path) -> tuple[str, ...]:
-    """Return a sentence for people about each database that was put aside."""
+    """Return a sentence for people about each database that was put aside, or its log if that was all."""
     return tuple(
-        f"its file was damaged, so it began with nothing; remove {aside} once nobody needs it"
+        f"its file was damaged, so it began with nothing; remove {_first_left(aside)} once nobody needs it"
         for aside in kept_aside(path)
     )
+
+
+def _first_left(aside: Path) -> Path:
+    return next((file for e in ("", *BESIDE) if os.path.lexists(file := _beside(aside, e))), aside)
 
 
 def _expect_unused(path: Path) -> None:

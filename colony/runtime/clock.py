@@ -183,7 +183,7 @@ class Clock:
     def _stop(self, by: str, now_ns: int) -> None:
         self._latch.engage(Stopped(by=by, t_ns=now_ns))
         if self._latch.trouble is not None:
-            text = f"stopped, but a Clock that is started again will not know it: {self._latch.trouble}"
+            text = f"stopped, but a Clock that is started again may not be: {self._latch.trouble}"
             raise Refused("not kept", f"{self.address}: {text}")
 
     def _release(self, asked: Asked, arguments: Nothing, now_ns: int) -> None:

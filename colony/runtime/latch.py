@@ -31,7 +31,7 @@ LONGEST_BY = 255
 """Characters kept of the connection that stopped the robot; each takes at most six bytes in the file."""
 
 CHECK_NS = 1_000_000_000
-"""Nanoseconds between two checks that the file is still in its place."""
+"""Nanoseconds between two checks that the file is in its place, and has what was written."""
 
 FIRST_RETRY_NS, LAST_RETRY_NS = 50_000_000, 1_000_000_000
 """Nanoseconds until a file that could not be written is tried again: at first, and at most."""
@@ -71,10 +71,13 @@ class StopLatch:
             self._keep()
 
     def engage(self, stopped: Stopped) -> None:
-        """Stop; of several stops the first is remembered. Then the file has it, or there is `trouble`."""
+        """Stop; of several stops the first is remembered. Then the file has it, or there is `trouble`.
+
+        The file is written for each stop, also where it should be up to date: each is acknowledged.
+        """
         if self.stopped is None:
             self.stopped = Stopped(by=stopped.by[:LONGEST_BY], t_ns=stopped.t_ns)
-            self._saved = False
+        self._saved = False
         self._keep()
 
     def observe(self, stopped: Stopped | None) -> None:
@@ -107,9 +110,9 @@ class StopLatch:
             self._file.close()
 
     def _keep(self) -> None:
-        """Write the file unless it is up to date and in its place; set or clear `trouble`."""
+        """Write the file unless it is up to date and nobody changed it; set or clear `trouble`."""
         self._unreadable = False
-        if self._file is None or (self._saved and self._file.in_place):
+        if self._file is None or (self._saved and self._file.is_intact):
             return
         try:
             self._file.write(Kept(stopped=self.stopped, released_ns=self.released_ns))

@@ -34,6 +34,7 @@ from contextlib import closing, suppress
 from pathlib import Path
 
 from colony.files import open_regular, reason, sync_folder
+from colony.os_errors import limit_advice
 from colony.runtime.aside import BESIDE, put_aside
 from colony.runtime.reserve import RESERVE_BYTES, Reserve
 from colony.runtime.store import Key, StoreError, StoreFull
@@ -116,7 +117,7 @@ class SqliteStore:
             _expect_growth(self._path)
             self._reserve.take()
         except OSError as problem:
-            self.full = str(self._no_room(problem.strerror))
+            self.full = str(self._no_room(problem))
         else:
             self.full = None
 
@@ -236,14 +237,18 @@ class SqliteStore:
         primary = None if code is None else code & 0xFF
         if primary in (sqlite3.SQLITE_BUSY, sqlite3.SQLITE_LOCKED):
             return StoreError(f"{self._path} is in use by another server")
+        if code == sqlite3.SQLITE_IOERR_WRITE and _most_bytes() is not None:
+            return self._no_room(_too_large(self._path))
         if primary == sqlite3.SQLITE_FULL or code == sqlite3.SQLITE_IOERR_WRITE:
             return self._no_room(problem)
         if primary in _DAMAGE or isinstance(problem, UnicodeDecodeError):
             return _Damaged(self._path, str(problem))
         return StoreError(f"{self._path}: {problem}")
 
-    def _no_room(self, problem: object) -> StoreFull:
-        return StoreFull(f"{self._path}: {problem}: free some space in {self._path.parent}")
+    def _no_room(self, problem: Exception) -> StoreFull:
+        advice = limit_advice(problem) if isinstance(problem, OSError) else None
+        room = f"free some space in {self._path.parent}"
+        return StoreFull(f"{self._path}: {reason(problem)}: {advice or room}")
 
 
 class _Damaged(StoreError):
@@ -320,9 +325,19 @@ def _expect_growth(path: Path) -> None:
     Raises:
         OSError: it may not.
     """
+    most = _most_bytes()
+    if most is not None and path.stat().st_size + RESERVE_BYTES > most:
+        raise _too_large(path)
+
+
+def _most_bytes() -> int | None:
+    """Return the limit of the size of files, None if there is none."""
     most = resource.getrlimit(resource.RLIMIT_FSIZE)[0]
-    if most != resource.RLIM_INFINITY and path.stat().st_size + RESERVE_BYTES > most:
-        raise OSError(errno.EFBIG, os.strerror(errno.EFBIG), str(path))
+    return None if most == resource.RLIM_INFINITY else most
+
+
+def _too_large(path: Path) -> OSError:
+    return OSError(errno.EFBIG, os.strerror(errno.EFBIG), str(path))
 
 
 def _checksum(key: Key, data: bytes) -> int:

@@ -5,8 +5,8 @@ the disk, be it full to the last byte. (A file system that writes each change to
 may want room all the same; then the stop is not kept, and that is told.) A checksum covers the whole content.
 What was torn by a loss of power, or is no such file at all, cannot be read: to the Clock that is a stop.
 
-The file stays open. A path that leads to another file in the meantime, or nowhere, is noticed by `in_place`:
-what was written would not be found again.
+The file stays open. A path that leads to another file in the meantime, or nowhere, is noticed by `is_intact`,
+and so is another content: what was written would not be found again.
 """
 
 from __future__ import annotations
@@ -42,19 +42,23 @@ class BadStopFile(Exception):
 
 
 class StopFile:
-    """The file at `path`. Mutable: the descriptor under which it is open to be written, if it is."""
+    """The file at `path`.
+
+    Mutable: the descriptor under which it is open to be written, if it is, and what was written last.
+    """
 
     def __init__(self, path: Path) -> None:
         self.path = path
         self._descriptor: int | None = None
+        self._written = b""
         self._left_over = path.with_name(f"{path.name}.new")
 
     def read(self) -> Kept | None:
         """Return what is kept, None if there is no file yet.
 
         Raises:
-            BadStopFile: the content is damaged, or a file was left over by a Clock that died while it
-                replaced this one, as Clocks once did.
+            BadStopFile: the content is damaged, or a `.new` file was left over by an earlier version, whose
+                Clock died while it replaced this one.
             OSError: it cannot be read.
         """
         if os.path.lexists(self._left_over):
@@ -72,29 +76,30 @@ class StopFile:
         Raises:
             OSError: it is not kept.
         """
-        data, opens = _encoded(kept), not self.in_place
+        data, opens = _encoded(kept), not self._in_place
         try:
             if opens:
                 self.close()
                 self._descriptor = self._reserved()
             assert self._descriptor is not None
             _write(self._descriptor, data)
+            self._written = data
             if opens:
                 self._left_over.unlink(missing_ok=True)
                 sync_folder(self.path.parent)
-            if not self.in_place:
+            if not self._in_place:
                 raise OSError(errno.ESTALE, "it was moved away while it was written")
         except OSError:
             self.close()
             raise
 
     @property
-    def in_place(self) -> bool:
-        """Whether the open file is the one that the path leads to."""
+    def is_intact(self) -> bool:
+        """True if the path leads to the open file, and that has what was written last."""
         if self._descriptor is None:
             return False
         try:
-            return os.path.samestat(os.lstat(self.path), os.fstat(self._descriptor))
+            return self._in_place and os.pread(self._descriptor, FILE_BYTES + 1, 0) == self._written
         except OSError:
             return False
 
@@ -103,6 +108,15 @@ class StopFile:
         descriptor, self._descriptor = self._descriptor, None
         if descriptor is not None:
             os.close(descriptor)
+
+    @property
+    def _in_place(self) -> bool:
+        if self._descriptor is None:
+            return False
+        try:
+            return os.path.samestat(os.lstat(self.path), os.fstat(self._descriptor))
+        except OSError:
+            return False
 
     def _reserved(self) -> int:
         """Open the file to be written; where there is none, make one with all of its room."""

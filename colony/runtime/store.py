@@ -98,8 +98,9 @@ class MemoryStore:
 
 
 class UnmadeStore:
-    """A store that cannot be made yet, because its disk is full. It has nothing and keeps nothing until it
-    can be made. Mutable: the store, once there is one.
+    """A store that cannot be made yet, because its disk is full.
+
+    It has nothing and keeps nothing until it can be made. Mutable: the store, once there is one.
 
     Args:
         make: makes the store, or raises `StoreFull`.
@@ -164,7 +165,7 @@ class Journal:
         self._changes[key] = None
 
     def promise(self) -> None:
-        """Somebody is about to hear that the changes so far are kept."""
+        """Note that a caller is about to be answered that the changes so far are kept."""
         self._promised = True
 
     def settle(self) -> None:

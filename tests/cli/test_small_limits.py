@@ -135,5 +135,5 @@ def test_another_file_is_not_taken_for_standard_output(run: Callable[..., Ran], 
     done = run(*RUN, "--record", "run.jsonl", limits={resource.RLIMIT_FSIZE: 4096})
     assert done.code == 1
     assert "the recording run.jsonl has only the first " in done.out
-    assert "File too large" in done.out
+    assert "File too large: raise the limit of file sizes (`ulimit -f`)" in done.out
     assert "standard output" not in done.err

@@ -13,13 +13,13 @@ from typing import Any
 
 import pytest
 
-from colony.cli import compile, experiment_outputs
+from colony.cli import compile, experiment_outputs, python_sources
 from colony.dsl import files as dsl_files
 from colony.experiment import lists
 from colony.files import size_text
 from colony.nav import stickrep_file
 from colony.runtime.live import security
-from colony.runtime.recordings import replay
+from colony.runtime.recordings import mcap_reader, replay
 from colony.vision import image_files
 from tests.cli.conftest import Colony
 from tests.cli.machine import MAP, ROOT, WANDER
@@ -175,6 +175,35 @@ def test_an_import_that_is_no_file(tmp_path: Path, colony: Colony) -> None:
     assert "error[E103]: cannot read `pipe.colony`: it is not a regular file" in said
 
 
+def test_an_import_that_is_too_large(tmp_path: Path, colony: Colony) -> None:
+    (tmp_path / "big.colony").write_text("#" * (dsl_files.MAX_BYTES + 1))
+    (tmp_path / "b.colony").write_text('import "big.colony"\n')
+    code, _, said = colony("check", "b.colony")
+    assert code == 1
+    assert "b.colony:1:1: error[E103]: `big.colony` is larger than 4 MiB" in said
+
+
+def test_a_module_that_is_too_large_is_left_out_of_recordings(tmp_path: Path, colony: Colony) -> None:
+    (tmp_path / "large_plan.py").write_text(
+        "class Plan:\n    def step(self, frame):\n        return None\n" + "#" * python_sources.SOURCE_BYTES
+    )
+    (tmp_path / "b.colony").write_text(
+        """
+        robot rome {
+          sensor   bumper : bool  from RServer.bumper
+          actuator drive { velocity : mm/s, turn : deg/s } to RServer.drive idle drive(velocity = 0, turn = 0)
+        }
+        module plan from python "large_plan:Plan" { reads bumper  commands drive }
+        network { drive = plan }
+        """
+    )
+    run = ("run", "b.colony", "--map", MAP, "--duration", "0.2", "--no-picture", "--record", "run.mcap")
+    code, _, said = colony(*run)
+    assert code == 0, said
+    module = tmp_path / "large_plan.py"
+    assert f"{module}: warning: not in the recording: it is larger than 4 MiB\n" in said
+
+
 LIMITS = {
     "program, and each file that it imports": dsl_files.MAX_BYTES,
     "map": stickrep_file.MAX_BYTES,
@@ -182,6 +211,7 @@ LIMITS = {
     "list of an experiment": lists.LIST_BYTES,
     "page that `colony experiment --write` changes": experiment_outputs.PAGE_BYTES,
     "clients that `colony compile --prove` reads": compile.CLIENTS_BYTES,
+    "program in a recording": mcap_reader.SOURCES_BYTES,
     "line of a recording, or of the standard input of `colony trace`": replay.LINE_BYTES,
 }
 
@@ -190,5 +220,7 @@ def test_the_limits_on_the_page_are_those_of_the_code() -> None:
     page = (ROOT / "docs" / "security.md").read_text(encoding="utf-8")
     for file, limit in LIMITS.items():
         assert f"| {file} | {size_text(limit)} |" in page, file
+    module = size_text(python_sources.SOURCE_BYTES)
+    assert f"| module in Python, in a recording | {module}; a larger one is left out |" in page
     pixels = image_files.MOST_PIXELS // 10**6
     assert f"| picture | {size_text(image_files.MOST_BYTES)}, and {pixels} million pixels |" in page

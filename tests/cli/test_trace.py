@@ -1,6 +1,7 @@
 from __future__ import annotations
 
 import json
+import os
 import subprocess
 import sys
 from collections.abc import Iterator
@@ -109,6 +110,15 @@ def test_missing_input(colony: Colony, behavior: Path, tmp_path: Path) -> None:
         assert ran.code == 2
         assert ran.err.startswith(f"{name}:1:1: error[F008]: cannot read the frames")
         assert ran.err.count("\n") == 1
+
+
+def test_a_pipe_is_read_as_standard_input_only(colony: Colony, behavior: Path, tmp_path: Path) -> None:
+    os.mkfifo(tmp_path / "pipe")
+    for name in (tmp_path / "pipe", "/dev/null"):
+        ran = colony("trace", behavior, "--input", name)
+        assert ran.code == 2
+        why = "it is not a regular file; use `--input -` for a pipe or a device"
+        assert ran.err == f"{name}:1:1: error[F008]: cannot read the frames: {why}\n"
 
 
 @pytest.mark.parametrize("backend", BACKENDS)

@@ -141,7 +141,7 @@ class Trial:
                     killer.join()
         if pressed.kept:
             return "acknowledged"
-        return "refused" if "will not know it" in pressed.problems.get(CLOCK, "") else "unanswered"
+        return "refused" if "is started again may not be" in pressed.problems.get(CLOCK, "") else "unanswered"
 
     def _until_served(self, session: Session) -> None:
         until(lambda: {CLOCK, "RServer"} <= set(session.servers()), "both servers are there")
@@ -154,7 +154,7 @@ class Trial:
             killer.join()
         if code == 0:
             return "acknowledged"
-        return "refused" if "will not know it" in command.err else "unanswered"
+        return "refused" if "is started again may not be" in command.err else "unanswered"
 
     def _killers(self, servers: list[Started], first_s: float, last_s: float) -> list[threading.Timer]:
         """Begin to kill each server at a random moment from `first_s` to `last_s`, which is counted from

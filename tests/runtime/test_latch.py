@@ -306,9 +306,32 @@ def test_a_file_that_is_up_to_date_is_not_written_again(path: Path) -> None:
     latch = begun(path)
     latch.engage(ANN)
     os.utime(path, ns=(0, 0))
-    latch.engage(BOB)
     latch.save(10**12)
     assert path.stat().st_mtime_ns == 0
+
+
+def test_each_stop_that_is_acknowledged_is_written(path: Path) -> None:
+    latch = begun(path)
+    latch.engage(ANN)
+    os.utime(path, ns=(0, 0))
+    latch.engage(BOB)
+    assert path.stat().st_mtime_ns != 0
+    assert found(path) == ANN
+
+
+@pytest.mark.parametrize("other", ["a backup", "a part of it", "more", "nothing"])
+def test_a_file_that_was_written_over_in_place_has_the_stop_again(path: Path, other: str) -> None:
+    latch = begun(path)
+    backup = path.read_bytes()
+    latch.engage(ANN)
+    good, place = path.read_bytes(), path.stat().st_ino
+    content = {"a backup": backup, "a part of it": good[:-1], "more": good + b"\n", "nothing": b""}[other]
+    for keep in (lambda: latch.engage(BOB), lambda: latch.save(10**12)):
+        path.write_bytes(content)
+        keep()
+        assert latch.trouble is None
+        assert path.read_bytes() == good
+        assert path.stat().st_ino == place
 
 
 def test_times_of_a_clock_from_before_the_machine_was_started_are_not_believed(path: Path) -> None:

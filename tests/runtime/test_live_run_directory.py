@@ -125,6 +125,9 @@ def test_what_is_wrong_with_a_file_is_said_with_what_to_do(tmp_path: Path) -> No
     with pytest.raises(RunDirectoryError) as failed, in_run_directory(path):
         raise OSError(errno.EROFS, "Read-only file system", "/other")
     assert str(failed.value) == "/other: Read-only file system: set COLONY_RUN_DIR to a folder of yours"
+    with pytest.raises(RunDirectoryError) as failed, in_run_directory(path):
+        raise OSError(errno.EFBIG, "File too large")
+    assert str(failed.value) == f"{path}: File too large: raise the limit of file sizes (`ulimit -f`)"
     with pytest.raises(OSError, match="Too many open files"), in_run_directory(path):
         raise OSError(errno.EMFILE, "Too many open files")
 

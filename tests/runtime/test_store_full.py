@@ -178,7 +178,7 @@ def test_a_limit_of_the_size_of_files_is_like_a_full_disk(disk: SmallDisk, start
     while (found := store.ask("put", f"N{len(kept):05}", 50_000))["problem"] is None:
         kept.append(f"N{len(kept):05}")
     assert found["problem"].startswith("StoreFull: ")
-    assert found["full"] is not None
+    assert found["full"].endswith(": File too large: raise the limit of file sizes (`ulimit -f`)")
     assert store.ask("names")["answer"] == kept
     store.kill()
     store = start()

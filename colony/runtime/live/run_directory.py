@@ -23,7 +23,7 @@ from types import TracebackType
 import msgspec
 
 from colony.files import UnfitFile, open_descriptor, read_file, reason
-from colony.os_errors import NO_ROOM, naming
+from colony.os_errors import NO_ROOM, limit_advice, naming
 from colony.runtime.live.errors import AlreadyRunning, RunDirectoryError
 from colony.runtime.live.names import check_name
 
@@ -228,7 +228,8 @@ def in_run_directory(path: Path) -> Iterator[None]:
     except OSError as problem:
         if problem.errno in (errno.EMFILE, errno.ENFILE):
             raise
-        advice = f"free some space or {CHOOSE}" if problem.errno in NO_ROOM else CHOOSE
+        room = f"free some space or {CHOOSE}" if problem.errno in NO_ROOM else CHOOSE
+        advice = limit_advice(problem) or room
         raise RunDirectoryError(f"{problem.filename or path}: {problem.strerror}: {advice}") from None
 
 

@@ -49,7 +49,7 @@ class Ending:
         self.why: str | None = None
 
     def note(self, why: str) -> None:
-        """It is time to end."""
+        """Begin to end, for this reason."""
         if self.why is not None:
             return
         self.why = why

@@ -42,6 +42,8 @@ class Recording:
     def __init__(self, program: Program, file: ByteFile) -> None:
         self._encode = encoder(program)
         self._file = file
+        self.written_ns: int | None = None
+        """Time of the last frame that is in the file."""
 
     def take(self, log: FrameLog) -> None:
         data = self._encode(log).encode() + b"\n"
@@ -49,6 +51,7 @@ class Recording:
         while written is not None and written < len(data):  # a full disk or a pipe took a part
             data = data[written:]
             written = self._file.write(data)
+        self.written_ns = log.frame.t_ns
 
     def close(self) -> None:
         self._file.close()

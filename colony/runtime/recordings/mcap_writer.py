@@ -117,6 +117,9 @@ class McapRecording:
         self._chunk = _Chunk()
         self._keyframes = 0
         self._whole = True
+        self._taken_ns: int | None = None
+        self.written_ns: int | None = None
+        """Time of the last frame that is in the file."""
         self._encode = msgspec.json.Encoder().encode
         self._writer = Writer(
             cast(IO[bytes], self._buffer),
@@ -149,6 +152,7 @@ class McapRecording:
         if log.breaches:
             self._add(CONTRACTS, k, t_ns, self._encode(ContractsMessage(k=k, broken=log.breaches)))
         self._add(FRAMES, k, t_ns, self._frame(log))
+        self._taken_ns = log.frame.t_ns
         next_end_ns = t_ns + 2 * self._program.robot.frame_ns
         if next_end_ns - self._chunk.first_ns > KEYFRAME_NS or self._chunk.size > CHUNK_BYTES:
             self._flush()
@@ -227,6 +231,7 @@ class McapRecording:
             written = self._file.write(data)
             data = b"" if written is None else data[written:]
         self._whole = True
+        self.written_ns = self._taken_ns
 
 
 _MESSAGE = struct.Struct("<BQHIQQ")

@@ -87,7 +87,7 @@ class Answers:
         return None
 
     def note(self, connection: str, number: int, result: bytes) -> None:
-        """A call was done, with this result in msgpack; it must be kept before the result leaves."""
+        """Remember that a call was done, with its result in msgpack, which may leave once this is kept."""
         self._journal.promise()
         ring = self._ring(connection)
         answers = ring.answers

@@ -1,0 +1,85 @@
+"""The recording of a run that breaks off: what is said of it is what is in its file."""
+
+from __future__ import annotations
+
+import resource
+from collections.abc import Callable
+from pathlib import Path
+
+import click
+import pytest
+
+from colony.cli.outputs import open_alone
+from colony.cli.recordings import RunRecording
+from colony.dsl.load import load_text
+from colony.ir.frame import Frame
+from colony.ir.program import Program
+from colony.runtime.recordings.lines import ByteFile, Recording
+from colony.runtime.recordings.mcap_writer import McapRecording
+from tests.verify.recorded_runs import MS, logs, read_lines, read_mcap, run_info
+
+PROGRAM = load_text(
+    """
+    robot rome {
+      sensor near : mm from PServer.near
+      actuator lamp { on : bool } to DServer.Lamp idle hold
+    }
+    module shine { when near < 300 mm do lamp(on = true) }
+    network { lamp = shine }
+    """
+)
+FRAMES = tuple(Frame(k * 50 * MS, {"near": float(k * 7919 % 997)}) for k in range(200))
+
+
+def mcap(program: Program, file: ByteFile) -> McapRecording:
+    return McapRecording(program, run_info(program), file)
+
+
+def broken_off(
+    path: Path, sink: Callable[[Program, ByteFile], Recording | McapRecording], most: int
+) -> RunRecording:
+    """A recording whose file may not get larger than `most` bytes."""
+    before = resource.getrlimit(resource.RLIMIT_FSIZE)
+    recording = RunRecording(sink(PROGRAM, open_alone(str(path))), str(path))
+    resource.setrlimit(resource.RLIMIT_FSIZE, (most, before[1]))
+    try:
+        for log in logs(PROGRAM, FRAMES):
+            recording.take(log)
+        recording.close()
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, before)
+    return recording
+
+
+@pytest.mark.parametrize("most", [8_000, 8_500, 9_000, 9_500])
+def test_it_goes_as_far_as_is_said(tmp_path: Path, most: int) -> None:
+    advice = "File too large: raise the limit of file sizes (`ulimit -f`)"
+    for sink, read in ((mcap, read_mcap), (Recording, read_lines)):
+        path = tmp_path / "run"
+        recording = broken_off(path, sink, most)
+        frames, _ = read(PROGRAM, path.read_bytes())
+        assert 0 < len(frames) < len(FRAMES)
+        seconds = frames[-1].frame.t_ns / 1e9
+        assert recording.broken_off == f"the recording {path} has only the first {seconds:.2f} s: {advice}"
+        recording.expect_frames()
+
+
+@pytest.mark.parametrize("sink", [mcap, Recording])
+def test_one_without_frames_is_none(
+    tmp_path: Path,
+    sink: Callable[[Program, ByteFile], Recording | McapRecording],
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    path = tmp_path / "run"
+    size = 0 if sink is Recording else written_before_frames(path)
+    recording = broken_off(path, sink, size + 10)
+    with pytest.raises(click.exceptions.Exit) as left:
+        recording.expect_frames()
+    assert left.value.exit_code == 2
+    assert f"{path}: error: cannot write: File too large: raise the limit" in capsys.readouterr().err
+
+
+def written_before_frames(path: Path) -> int:
+    with open_alone(str(path)) as file:
+        mcap(PROGRAM, file)
+    return path.stat().st_size
