@@ -84,7 +84,7 @@ class StopFile:
             assert self._descriptor is not None
             _write(self._descriptor, data)
             self._written = data
-            if opens:
+            if opens or os.path.lexists(self._left_over):
                 self._left_over.unlink(missing_ok=True)
                 sync_folder(self.path.parent)
             if not self._in_place:

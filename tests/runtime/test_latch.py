@@ -211,6 +211,15 @@ def test_a_file_that_was_being_replaced_counts_as_a_stop(path: Path) -> None:
 # --- files that cannot be written, or go away ------------------------------------------------------
 
 
+def test_what_is_left_beside_a_file_in_use_is_gone_with_the_next_release(path: Path) -> None:
+    latch = begun(path)
+    path.with_name("stop.new").touch()
+    latch.engage(Stopped(by="ann", t_ns=200))
+    latch.release(300)
+    latch.close()
+    assert found(path) is None
+
+
 def test_what_could_not_be_written_holds_and_is_written_when_it_can_be(tmp_path: Path) -> None:
     path = tmp_path / "not there yet" / "stop"
     said: list[str] = []

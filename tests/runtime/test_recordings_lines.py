@@ -227,6 +227,10 @@ def test_a_last_line_whose_end_is_another_sign_is_damaged() -> None:
     assert rows(at(0), at(1)[:-1] + "\v") == ([0.0], True, False)
 
 
+def test_zeros_at_the_end_are_damage() -> None:
+    assert rows(at(0), "\0" * 100) == ([0.0], True, False)
+
+
 def test_lines_without_checksums_are_plain_input() -> None:
     plain = '{"t": 0, "b": true}\n'
     assert rows(plain) == ([0.0], False, False)

@@ -100,9 +100,9 @@ LOOKAHEAD = 16
 
 
 def _is_begun(line: bytes) -> bool:
-    """Whether a line that does not end lacks its checksum, or the rest of it."""
+    """Whether a line that does not end is the beginning of one, up to somewhere in its checksum."""
     at = line.rfind(SUM_BEGINS)
-    return at < 0 or _SUM_BEGUN.fullmatch(line, at) is not None
+    return b"\0" not in line if at < 0 else _SUM_BEGUN.fullmatch(line, at) is not None
 
 
 def has_right_sum(line: bytes) -> bool:
