@@ -1,3 +1,61 @@
-"""Reactive robot behavior: modules wired through suppressors and inhibitors, as prioritized clients."""
+"""Reactive robot behavior: modules wired through suppressors and inhibitors, as prioritized clients.
+
+    >>> import colony
+    >>> program = colony.loads('''
+    ... robot toy {
+    ...   sensor   bumper : bool from Base.bumper
+    ...   actuator drive { velocity : mm/s range -600 .. 600 } to Base.drive idle drive(velocity = 0)
+    ... }
+    ... module cruise   { when true   do drive(velocity = 400 mm/s) }
+    ... module back_off { when bumper do drive(velocity = -100 mm/s) }
+    ... network { drive = back_off suppresses cruise }
+    ... ''')
+    >>> robot = colony.build(program).executor()
+    >>> robot.step(colony.Frame(t_ns=0, readings={"bumper": True})).commands["drive"].by
+    'back_off'
+
+What is here is loaded when it is first used; `colony.testing` has what property tests need. Everything else
+is internal, and may change. docs/library.md tells more.
+"""
+
+from __future__ import annotations
+
+from importlib import import_module
+from typing import TYPE_CHECKING
 
 __version__ = "0.1.0"
+
+if TYPE_CHECKING:
+    from colony.diagnostics import Failure as Failure
+    from colony.ir.frame import Decision as Decision
+    from colony.ir.frame import Frame as Frame
+    from colony.ir.frame import Outcome as Outcome
+    from colony.library import Build as Build
+    from colony.library import audit as audit
+    from colony.library import build as build
+    from colony.library import compare as compare
+    from colony.library import load as load
+    from colony.library import loads as loads
+    from colony.library import prove as prove
+    from colony.library import recorded as recorded
+
+_HOMES = {
+    "colony.diagnostics": ("Failure",),
+    "colony.ir.frame": ("Decision", "Frame", "Outcome"),
+    "colony.library": ("Build", "audit", "build", "compare", "load", "loads", "prove", "recorded"),
+}
+_HOME = {name: home for home, names in _HOMES.items() for name in names}
+
+__all__ = [*_HOME, "__version__"]
+
+
+def __getattr__(name: str) -> object:
+    if name not in _HOME:
+        raise AttributeError(f"module 'colony' has no attribute {name!r}")
+    found: object = getattr(import_module(_HOME[name]), name)
+    globals()[name] = found
+    return found
+
+
+def __dir__() -> list[str]:
+    return sorted({*globals(), *_HOME})

@@ -48,8 +48,8 @@ def command(recording: str, file: str | None, trust: bool, format_: str) -> None
       colony audit run.mcap
       colony audit run.mcap behaviors/changed.colony
     """
-    from colony.cli.recordings import open_recording, read_recording
     from colony.diagnostics import Failure
+    from colony.runtime.recordings.opening import open_recording, read_recording
 
     try:
         with open_recording(recording) as stream, TemporaryDirectory(prefix="colony-audit-") as folder:

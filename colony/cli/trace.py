@@ -104,7 +104,7 @@ def _read(frames: BinaryIO, name: str, program: Program, decider: _Decider) -> I
     from colony.runtime.recordings.reader import BREAKS_OFF, MAGIC
 
     if isinstance(frames, BufferedReader) and frames.peek(len(MAGIC)).startswith(MAGIC):
-        from colony.cli.recordings import read_recording
+        from colony.runtime.recordings.opening import read_recording
 
         reader = read_recording(frames, name)
         for whole in reader.frames(program):

@@ -23,10 +23,10 @@ from mcap.data_stream import RecordBuilder
 from mcap.records import Chunk
 from mcap.stream_reader import StreamReader
 
-from colony.cli.recordings import read_recording
 from colony.diagnostics import Failure
 from colony.dsl.load import load_file
 from colony.ir.program import Program
+from colony.runtime.recordings.opening import read_recording
 from colony.verify.audit import Auditor
 
 ROOT = Path(__file__).parents[2]

@@ -1,0 +1,52 @@
+"""Recordings of either format, opened by what they hold."""
+
+from __future__ import annotations
+
+from typing import BinaryIO, NoReturn
+
+from colony.diagnostics import Failure, error
+from colony.files import open_regular, reason
+from colony.runtime.recordings.reader import MAGIC, LinesReader
+from colony.runtime.recordings.recorded import RecordingReader
+from colony.runtime.recordings.replay import SUM_BEGINS
+from colony.source import Source, Span
+
+_HEAD_BYTES = 64 * 1024
+"""Bytes in which a recording in lines has a checksum, if it is one and damaged at its beginning."""
+
+
+def open_recording(path: str) -> BinaryIO:
+    """Open the file of a recording.
+
+    Raises:
+        Failure: A001, it cannot be read.
+    """
+    try:
+        return open_regular(path)
+    except OSError as problem:
+        _unreadable(path, reason(problem))
+
+
+def _unreadable(path: str, why: str) -> NoReturn:
+    raise Failure([error("A001", Span(Source(path, ""), 0, 0), f"cannot read the recording: {why}")])
+
+
+def read_recording(file: BinaryIO, name: str) -> RecordingReader:
+    """Return the reader of a recording, by how it begins; one in lines may be damaged there.
+
+    Raises:
+        Failure: A001, it cannot be read; A002, it is no recording.
+    """
+    try:
+        head = file.read(_HEAD_BYTES)
+        file.seek(0)
+    except OSError as problem:
+        _unreadable(name, reason(problem))
+    if head.startswith(MAGIC):
+        from colony.runtime.recordings.mcap_reader import McapReader
+
+        return McapReader(file, name)
+    if head.removeprefix(b"\xef\xbb\xbf").lstrip()[:1] in (b"{", b"") or SUM_BEGINS in head:
+        return LinesReader(file, name)
+    message = "this is no recording: neither MCAP nor JSON lines"
+    raise Failure([error("A002", Span(Source(name, ""), 0, 0), message)])
