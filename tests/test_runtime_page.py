@@ -185,7 +185,7 @@ def test_links_lead_somewhere() -> None:
 def rome(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Machine]:
     """A machine with the servers of the page, in a folder with its files."""
     folder = tmp_path_factory.mktemp("page")
-    for name, text in {**FILES, "readme.py": README[0]}.items():
+    for name, text in {**FILES, "readme.py": README[1]}.items():
         (folder / name).write_text(text, encoding="utf-8")
     for name in ("behaviors", "maps", "examples"):
         (folder / name).symlink_to(ROOT / name)

@@ -60,7 +60,8 @@ with tempfile.NamedTemporaryFile() as file:
     stream = ctypes.c_void_p(libc.fopen(file.name.encode(), b"w"))
     libc.malloc_info(0, stream)
     libc.fclose(stream)
-    print("heaps:", file.read().decode().count("<heap nr="), flush=True)
+    count = file.read().decode().count("<heap nr=")
+    print(f"heaps: {count}", flush=True)  # in one write: it is read as it comes
 time.sleep(60)
 """
 
