@@ -173,15 +173,10 @@ def audit(path: str | PathLike[str], program: Program) -> AuditReport:
         Failure: codes A and F, it is no recording, or of another program; P001, a module in Python cannot be
             imported or built.
     """
-    from colony.verify.audit import Auditor
+    from colony.verify.audit import audit_recording
 
-    auditor = Auditor(program)
     with _opened(path) as reader:
-        for frame in reader.frames(program):
-            auditor.take(frame)
-        if reader.damaged:
-            auditor.end_damaged()
-    return auditor.report()
+        return audit_recording(program, reader)
 
 
 @contextmanager

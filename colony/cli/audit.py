@@ -5,7 +5,6 @@ from __future__ import annotations
 import os
 import sys
 import time
-from collections.abc import Callable
 from contextlib import redirect_stdout
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -50,13 +49,14 @@ def command(recording: str, file: str | None, trust: bool, format_: str) -> None
     """
     from colony.diagnostics import Failure
     from colony.runtime.recordings.opening import open_recording, read_recording
+    from colony.verify.audit import audit_recording
 
     try:
         with open_recording(recording) as stream, TemporaryDirectory(prefix="colony-audit-") as folder:
             reader = read_recording(stream, recording)
             program = _program(reader, recording, file, Path(folder), trust)
             with redirect_stdout(sys.stderr):  # for what modules in Python print
-                result = _audit(program, reader, _Progress(stream))
+                result = audit_recording(program, reader, _Progress(stream))
             _refuse_empty(recording, reader, result)
     except Failure as failure:
         code = failure.diagnostics[0].code
@@ -92,18 +92,6 @@ def _program(reader: RecordingReader, recording: str, file: str | None, folder: 
     if modules:
         sys.path.insert(0, str(folder / "python"))
     return program
-
-
-def _audit(program: Program, reader: RecordingReader, progress: Callable[[], None]) -> AuditReport:
-    from colony.verify.audit import Auditor
-
-    auditor = Auditor(program)
-    for recorded in reader.frames(program):
-        auditor.take(recorded)
-        progress()
-    if reader.damaged:
-        auditor.end_damaged()
-    return auditor.report()
 
 
 def _refuse_empty(recording: str, reader: RecordingReader, result: AuditReport) -> None:

@@ -14,7 +14,7 @@ recording holds at the next of its keyframes.
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from typing import Protocol
 
 from colony.ir.frame import Decision, Frame, Outcome
@@ -91,6 +91,32 @@ class Recorded(Protocol):
 
     @property
     def damaged(self) -> bool: ...
+
+
+class Recording(Protocol):
+    """A recording to be read; once it was, `damaged` tells whether what follows its last frame is damaged."""
+
+    def frames(self, program: Program) -> Iterator[Recorded]: ...
+
+    @property
+    def damaged(self) -> bool: ...
+
+
+def audit_recording(
+    program: Program, recording: Recording, progress: Callable[[], None] = lambda: None
+) -> AuditReport:
+    """Hold a recording against the reference interpreter; `progress` is called after each frame.
+
+    Raises:
+        Failure: as `audit`; or what is recorded is none of the program's.
+    """
+    auditor = Auditor(program)
+    for recorded in recording.frames(program):
+        auditor.take(recorded)
+        progress()
+    if recording.damaged:
+        auditor.end_damaged()
+    return auditor.report()
 
 
 def audit(program: Program, frames: Iterable[Recorded]) -> AuditReport:

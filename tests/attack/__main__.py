@@ -18,7 +18,7 @@ from colony.runtime.library.clock import release
 from colony.runtime.live.errors import NotReached
 from colony.runtime.live.network import local_user
 from tests.attack.after import after
-from tests.attack.damage import BEHAVIOR, bombs, cost, flips, record
+from tests.attack.damage import cost, costs, flips, record
 from tests.attack.flood import KINDS, Kind, flood
 from tests.attack.handshakes import HalfOpen
 from tests.attack.intruder import CERTIFICATES, MODES, Intruder, scouted
@@ -120,23 +120,14 @@ def bombed(folder: Path) -> int:
     )
     recording = record(folder / "run.mcap", seconds=RECORDED_S, killed=False)
     failures, least = 0, cost("audit", "--help")
-    for what, name, data in bombs(recording):
-        path = folder / name
-        path.write_bytes(data)
-        for arguments in (
-            ("audit", str(path), str(BEHAVIOR)),
-            ("trace", str(BEHAVIOR), "--input", str(path)),
-        ):
-            took = cost(*arguments)
-            seconds, megabytes = took.seconds - least.seconds, took.megabytes - least.megabytes
-            said = took.said.removeprefix(str(path))[:80]
-            print(
-                f"{what:<30} {len(data):>10} {arguments[0]:<6} {seconds:>6.1f} {megabytes:>5.0f} "
-                f"{took.code:>5}  {said}",
-                flush=True,
-            )
-            failures += seconds > BOMB_S or megabytes > BOMB_MB or took.code not in (1, 2)
-        path.unlink()
+    for what, command, size, took in costs(folder, recording):
+        seconds, megabytes = took.seconds - least.seconds, took.megabytes - least.megabytes
+        said = took.said.removeprefix(str(folder))[:80]
+        print(
+            f"{what:<30} {size:>10} {command:<6} {seconds:>6.1f} {megabytes:>5.0f} {took.code:>5}  {said}",
+            flush=True,
+        )
+        failures += seconds > BOMB_S or megabytes > BOMB_MB or took.code not in (1, 2)
     return failures
 
 

@@ -27,7 +27,7 @@ from colony.diagnostics import Failure
 from colony.dsl.load import load_file
 from colony.ir.program import Program
 from colony.runtime.recordings.opening import read_recording
-from colony.verify.audit import Auditor
+from colony.verify.audit import audit_recording
 
 ROOT = Path(__file__).parents[2]
 BEHAVIOR = ROOT / "behaviors" / "wander.colony"
@@ -72,14 +72,9 @@ class Audited(NamedTuple):
 def audited(data: bytes, name: str, program: Program) -> Audited:
     """Audit a recording."""
     try:
-        reader, auditor = read_recording(io.BytesIO(data), name), Auditor(program)
-        for recorded in reader.frames(program):
-            auditor.take(recorded)
-        if reader.damaged:
-            auditor.end_damaged()
+        report = audit_recording(program, read_recording(io.BytesIO(data), name))
     except Failure as failure:
         return Audited(refused=failure.diagnostics[0].code)
-    report = auditor.report()
     return Audited(
         frames=report.frames,
         compared=report.compared,
@@ -213,3 +208,13 @@ def cost(*arguments: str, patience_s: float = 120.0) -> Cost:
     )
     seconds, megabytes, code, said = done.stdout.decode().split(" ", 3)
     return Cost(float(seconds), float(megabytes), int(code), said.strip())
+
+
+def costs(folder: Path, recording: bytes, *, most: int = 1 << 32) -> Iterator[tuple[str, str, int, Cost]]:
+    """Yield of each bomb and command that reads it: what it is, the command, its bytes, and what it took."""
+    for what, name, data in bombs(recording, most=most):
+        path = folder / name
+        path.write_bytes(data)
+        yield what, "audit", len(data), cost("audit", str(path), str(BEHAVIOR))
+        yield what, "trace", len(data), cost("trace", str(BEHAVIOR), "--input", str(path))
+        path.unlink()

@@ -91,5 +91,7 @@ def test_a_plant_that_is_asked_by_another_connection_is_the_same(place: Local, p
     log = TruthLog(place)
     seen(log, drive(plant, 10))
     log.close()
-    seen(log, drive(plant, 10))
+    whole = drive(plant, 10)
+    seen(log, whole)
     log.close()
+    assert log.travel == whole

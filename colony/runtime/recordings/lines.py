@@ -35,6 +35,17 @@ class ByteFile(Protocol):
     def close(self) -> None: ...
 
 
+def write_all(file: ByteFile, data: bytes) -> None:
+    """Write all of `data`, also where a full disk or a pipe takes a part at a time.
+
+    Raises:
+        OSError: it cannot be written.
+    """
+    while data:
+        written = file.write(data)
+        data = b"" if written is None else data[written:]
+
+
 class Recording:
     """Writes each frame as it comes, a whole line in one write, so that a run that is killed at any moment
     leaves whole lines. A sink."""
@@ -46,11 +57,7 @@ class Recording:
         """Time of the last frame that is in the file."""
 
     def take(self, log: FrameLog) -> None:
-        data = self._encode(log).encode() + b"\n"
-        written = self._file.write(data)
-        while written is not None and written < len(data):  # a full disk or a pipe took a part
-            data = data[written:]
-            written = self._file.write(data)
+        write_all(self._file, self._encode(log).encode() + b"\n")
         self.written_ns = log.frame.t_ns
 
     def close(self) -> None:

@@ -35,7 +35,7 @@ from colony.runtime.messages import Bid, Fate, Hold, Request, Verdict
 from colony.runtime.observer import KEYFRAME_NS, FrameLog
 from colony.runtime.recordings.json_text import seconds_text, sensor_members
 from colony.runtime.recordings.keyframes import keyframe_members
-from colony.runtime.recordings.lines import ByteFile
+from colony.runtime.recordings.lines import ByteFile, write_all
 from colony.runtime.recordings.recorded import RunInfo
 from colony.runtime.recordings.schemas import (
     CONTRACTS,
@@ -226,10 +226,7 @@ class McapRecording:
         self._writer.flush()  # type: ignore[no-untyped-call]
         self._buffer.write(self._chunk.take())
         self._whole = False
-        data = self._buffer.take()
-        while data:
-            written = self._file.write(data)
-            data = b"" if written is None else data[written:]
+        write_all(self._file, self._buffer.take())
         self._whole = True
         self.written_ns = self._taken_ns
 
