@@ -19,7 +19,8 @@ MAY_DRIVE = ("driver", "runner")
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Outcome:
     """The outcome of an attack. `delivered`, `heard` and `connections` are beyond the attacker's right;
-    `within` counts the messages that got through within it."""
+    `within` counts the messages that got through within it. `linked` is True if the link stood in most looks:
+    a peer's stands until the gateway has read in which mode it comes, and is then closed."""
 
     attack: str
     linked: bool
@@ -50,7 +51,8 @@ def attempt(intruder: Intruder, lab: Lab, folder: Path, *, watch_s: float) -> Ou
     witness = Witness(lab.machine)
     connections: set[str] = set()
     heard: list[tuple[str, str]] = []
-    linked = moved = False
+    looks: list[bool] = []
+    moved = False
     drives = intruder.certificate not in MAY_DRIVE
     try:
         with attacks(intruder, lab, folder) as attack:
@@ -63,7 +65,7 @@ def attempt(intruder: Intruder, lab: Lab, folder: Path, *, watch_s: float) -> Ou
                 while True:
                     connections |= _connections(lab, attack, witness)
                     moved |= drives and lab.machine.moves()
-                    linked |= bool(_links(attack, witness))
+                    looks.append(bool(_links(attack, witness)))
                     if time.monotonic() > end:
                         break
                     time.sleep(0.05)
@@ -75,7 +77,7 @@ def attempt(intruder: Intruder, lab: Lab, folder: Path, *, watch_s: float) -> Ou
         witness.close()
     return Outcome(
         attack=f"{intruder.mode}, {intruder.certificate}{' as a process' if intruder.process else ''}",
-        linked=linked,
+        linked=2 * sum(looks) > len(looks),
         delivered=_sorted(f"{kind} {key}" for kind, key in got if not _may(intruder.user, kind, key)),
         heard=_sorted(
             f"{kind} {key}"
