@@ -13,7 +13,7 @@ from typing import Any
 
 import numpy as np
 
-from colony.vision.letters_network import WEIGHTS_FILE, Network, packed, unpacked
+from colony.vision.letters.network import WEIGHTS_FILE, Network, packed, unpacked
 from colony.vision.training.fonts import learned_fonts, unseen_fonts
 from colony.vision.training.learning import BATCH, Learner, learning
 from colony.vision.training.trial import Score, calibrated, junk_score, plate_score
@@ -32,7 +32,7 @@ def main() -> None:
     parser.add_argument("--seed", type=int, default=1, help="of all that is random (default: 1)")
     parser.add_argument("--steps", type=int, default=STEPS, help=f"of {BATCH} samples (default: {STEPS})")
     parser.add_argument("--looks", type=int, default=60, help="to try a font at a height (default: 60)")
-    weights = Path(__file__).parents[1] / WEIGHTS_FILE
+    weights = Path(__file__).parents[1] / "letters" / WEIGHTS_FILE
     parser.add_argument("--out", type=Path, default=weights, help="an .npz file (default: colony's own)")
     told = parser.parse_args()
     if told.seed < 0 or told.steps < 1 or told.looks < 1:
