@@ -5,7 +5,7 @@ The plant itself is `colony.sim.plant_child`.
 
 from __future__ import annotations
 
-from contextlib import ExitStack
+from contextlib import ExitStack, closing
 from pathlib import Path
 
 from colony.runtime.processes.child import main
@@ -17,19 +17,13 @@ class PlantDevices:
     """Drivers of what is in the plant."""
 
     def base(self, device: Device, robot: str, base_ns: int, holds: ExitStack) -> RemoteBase:
-        made = RemoteBase(Path(device.plant), robot, base_ns=base_ns)
-        holds.callback(made.close)
-        return made
+        return holds.enter_context(closing(RemoteBase(Path(device.plant), robot, base_ns=base_ns)))
 
     def proximity(self, device: Device, robot: str, base_ns: int, holds: ExitStack) -> RemoteProximity:
-        made = RemoteProximity(Path(device.plant), robot, base_ns=base_ns)
-        holds.callback(made.close)
-        return made
+        return holds.enter_context(closing(RemoteProximity(Path(device.plant), robot, base_ns=base_ns)))
 
     def camera(self, device: Device, robot: str, camera: str, base_ns: int, holds: ExitStack) -> RemoteCamera:
-        made = RemoteCamera(Path(device.plant), robot, camera, base_ns=base_ns)
-        holds.callback(made.close)
-        return made
+        return holds.enter_context(closing(RemoteCamera(Path(device.plant), robot, camera, base_ns=base_ns)))
 
 
 if __name__ == "__main__":

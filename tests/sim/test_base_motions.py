@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 from typing import Any
 
 import pytest
@@ -13,35 +14,41 @@ from colony.runtime.library.ask import Ask
 from colony.runtime.messages import Reply
 from colony.runtime.virtual import VirtualClock
 from colony.sim.config import IDEAL, RobotConfig
-from colony.sim.drivers import Plant, RegisterBase, SimulatedBase
+from colony.sim.drivers import Plant, SimulatedBase
 from colony.sim.world import World
 from tests.runtime.base_stage import Stage
 
 WALLS = [[-60_000.0, 4000.0, 5000.0, 4000.0]]
 
 
-class Rolling:
-    """A base of a world as the stage wants it."""
+class Rolling(SimulatedBase):
+    """A base whose clock the stage turns.
 
-    def __init__(self, config: RobotConfig, bits: int | None) -> None:
+    Its controller may keep x and y in signed registers of so many bits, in whole mm, which overflow as the
+    Labmate's do (thesis section 4.6.3, "Virtual X-Y Coordinate").
+    """
+
+    def __init__(
+        self,
+        config: RobotConfig = IDEAL,
+        bits: int | None = None,
+        pose: tuple[float, float, float] = (0.0, 0.0, 0.0),
+    ) -> None:
         self.clock = VirtualClock()
-        self.world = World(walls=WALLS, poses=[(0.0, 0.0, 0.0)], config=config, seed=3)
-        base = SimulatedBase(Plant(self.world, self.clock), 0)
-        self.base = base if bits is None else RegisterBase(base, bits)
-        self.limits = self.base.limits
-        self.register_bits = self.base.register_bits
+        self.world = World(walls=WALLS, poses=[pose], config=config, seed=3)
+        super().__init__(Plant(self.world, self.clock), 0)
+        self.register_bits = bits
 
     def roll(self, now_ns: int) -> None:
         self.clock.now_ns = now_ns
 
-    def drive(self, velocity: float, turn: float) -> None:
-        self.base.drive(velocity, turn)
-
-    def stop(self) -> None:
-        self.base.stop()
-
-    def state(self) -> BaseState | None:
-        return self.base.state()
+    def state(self) -> BaseState:
+        state = super().state()
+        if self.register_bits is None:
+            return state
+        half = 1 << (self.register_bits - 1)
+        x, y = (float((round(value) + half) % (2 * half) - half) for value in (state.x, state.y))
+        return replace(state, x=x, y=y)
 
 
 def stage(config: RobotConfig = IDEAL, bits: int | None = None) -> tuple[Stage, World]:
@@ -102,3 +109,8 @@ def test_it_goes_on_beyond_its_registers() -> None:
     assert state.x_mm < -33_400.0
     where = one.do("ann/1", robot.position())
     assert (where.x, where.y) == pytest.approx((state.x_mm, state.y_mm), abs=2.0)
+
+
+def test_registers_overflow_in_both_directions() -> None:
+    state = Rolling(bits=16, pose=(-32_800.0, 32_900.4, 0.0)).state()
+    assert (state.x, state.y) == (65_536.0 - 32_800.0, 32_900.0 - 65_536.0)

@@ -12,6 +12,8 @@ from colony.sim.camera import Camera, CameraConfig
 from colony.sim.ceiling import CeilingCamera
 from colony.sim.config import IDEAL
 from colony.sim.devices import MOST_BEHIND_NS, WATCHDOG_NS, Devices
+from colony.sim.plant_ports import reading
+from colony.sim.plant_protocol import AttachBase, AttachCamera, AttachProximity
 from colony.sim.scenery import CeilingLight, bare
 from colony.sim.surfaces import scene
 from colony.sim.world import World
@@ -102,9 +104,16 @@ def test_readings_are_of_the_present_step() -> None:
     one = devices()
     one.drive(0, 200.0, 0.0)
     one.advance(7 + 500 * MS)
-    base, rings, image, truth = one.base(0, 3), one.proximity(0, 4), one.image(0, "ahead", 5), one.truth(0)
+    base, rings, image, truth = one.base(0), one.proximity(0), one.image(0, "ahead"), one.truth(0)
     assert {r.t_ns for r in (base, rings, image, truth)} == {7 + 500 * MS}
-    assert (base.number, rings.number, image.number) == (3, 4, 5)
+    ports = (
+        AttachBase(robot="robot0"),
+        AttachProximity(robot="robot0"),
+        AttachCamera(robot="robot0", camera="ahead"),
+    )
+    readings = [reading(port, one, number) for number, port in enumerate(ports, 3)]
+    assert [r.number for r in readings] == [3, 4, 5]
+    assert [r.taken for r in readings] == [base, rings, image]
     assert (base.x, base.y, base.heading) == pytest.approx((truth.x, truth.y, truth.heading))
     assert (base.speed, base.turn_rate, base.wheel_speed) == (200.0, 0.0, 200.0)
     assert rings.sonar[12] == pytest.approx(9000.0 - truth.y - IDEAL.sonar_ring_mm)

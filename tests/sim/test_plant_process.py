@@ -17,6 +17,7 @@ from colony.sim.plant_process import PlantInUse, PlantOptions, serve_plant
 from colony.sim.plant_protocol import (
     LARGEST_FROM_PLANT,
     LARGEST_TO_PLANT,
+    VERSION,
     Attach,
     AttachBase,
     AttachCamera,
@@ -117,7 +118,7 @@ def test_devices_report_by_themselves_in_time(
     for _ in range(4):
         reading = line.hear()
         assert isinstance(reading, kind)
-        times.append(reading.t_ns)
+        times.append(reading.taken.t_ns)
     assert times == sorted(set(times))
     line.close()
 
@@ -183,7 +184,7 @@ def test_who_drives_keeps_the_base(plant: PlantProcess, control: PlantControl) -
         (bytes(4), "a message of 0 bytes"),
         ((LARGEST_TO_PLANT + 1).to_bytes(4, "big"), "expected 1 to 4096"),
         (b"\x00\x00\x00\x01\x63", "found version 99"),
-        (b"\x00\x00\x00\x03\x01\xc1\xc1", "malformed"),
+        (b"\x00\x00\x00\x03" + bytes([VERSION]) + b"\xc1\xc1", "malformed"),
         (pack(Drive(velocity=1.0, turn=0.0)), "Drive does not belong here"),
         (pack(AttachBase(robot="bob")), "there is no robot `bob` here; there is rome, remus"),
         (pack(AttachCamera(robot="rome", camera="up")), "no camera `up`; they have ahead, left"),

@@ -7,6 +7,7 @@ import random
 
 import pytest
 
+from colony.runtime.images import Image
 from colony.sim.plant_protocol import (
     LARGEST_TO_PLANT,
     AttachBase,
@@ -16,6 +17,7 @@ from colony.sim.plant_protocol import (
     FromPlant,
     Halt,
     ProximityReading,
+    Rings,
     ToPlant,
     Unpacker,
     pack,
@@ -25,8 +27,8 @@ from colony.sim.plant_protocol import (
 
 SAID: tuple[ToPlant, ...] = (AttachBase(robot="rome"), Drive(velocity=1.5, turn=-2.0, number=7), Halt())
 HEARD: tuple[FromPlant, ...] = (
-    ProximityReading(t_ns=5, sonar=(1.0,) * 24, infrared=(True,) * 24),
-    CameraReading(t_ns=6, height=1, width=2, channels=1, pixels=b"\x00\xff"),
+    ProximityReading(taken=Rings(t_ns=5, sonar=(1.0,) * 24, infrared=(True,) * 24)),
+    CameraReading(taken=Image(t_ns=6, height=1, width=2, channels=1, pixels=b"\x00\xff")),
 )
 
 

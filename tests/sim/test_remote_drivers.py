@@ -13,6 +13,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from colony.runtime.drivers import BaseState
 from colony.runtime.images import Image
 from colony.runtime.library.camera import array
 from colony.sim.camera import Camera, CameraConfig
@@ -190,7 +191,7 @@ def test_what_a_plant_says_may_be_nonsense(tmp_path: Path) -> None:
             connection.sendall(said)
             connection.close()
         connection, _ = listener.accept()  # it comes again and again
-        reading = BaseReading(
+        state = BaseState(
             t_ns=time.monotonic_ns() + 3600 * 1_000_000_000,
             x=1.0,
             y=2.0,
@@ -201,9 +202,8 @@ def test_what_a_plant_says_may_be_nonsense(tmp_path: Path) -> None:
             turn_rate=5.0,
             wheel_speed=6.0,
         )
-        connection.sendall(pack(Attached(logical=False)) + pack(reading))
-        state = wait_for(base.state)
-        assert (state.x, state.front_bumper, state.t_ns) == (1.0, True, reading.t_ns)
+        connection.sendall(pack(Attached(logical=False)) + pack(BaseReading(taken=state)))
+        assert wait_for(base.state) == state
         base.close()
         connection.close()
 
