@@ -5,7 +5,7 @@ from pathlib import Path
 import pytest
 
 from colony.diagnostics import Failure, headline
-from colony.nav.building import MAX_MAPS, Building, Landing, Ride, load_building
+from colony.nav.building import MAX_MAPS, Landing, Ride, load_building
 
 MAPS = Path(__file__).resolve().parents[2] / "maps"
 
@@ -86,9 +86,6 @@ def test_looking_up(tower: Path) -> None:
     assert building.map_named("two").floor == "2"
     with pytest.raises(KeyError, match="no map `four`; it has one, two, three"):
         building.map_named("four")
-    assert building.maps_with("b.L") == building.maps
-    assert building.maps_with("c.L") == ()
-    assert Building(maps=building.maps[:1]).maps_with("A") == building.maps[:1]
 
 
 def test_a_map_that_is_not_there(tower: Path) -> None:

@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import math
+from fractions import Fraction
 
 import numpy as np
 import pytest
 
-from colony.nav.confidence import PUBLISHED, Event
+from colony.nav.confidence import PUBLISHED_ARCS, Event
 from colony.nav.confidence_estimate import (
+    PUBLISHED,
     PUBLISHED_COUNTS,
     Count,
     RunModes,
@@ -47,10 +49,10 @@ def test_more_modes_than_there_are_cannot_be_completed() -> None:
 
 
 def test_the_published_counts_make_the_published_automaton() -> None:
-    automaton = estimated(PUBLISHED_COUNTS)
-    assert automaton.events == PUBLISHED.events
-    for symbol in "cl":
-        assert automaton.matrix(symbol) == PUBLISHED.matrix(symbol)
+    assert estimated(PUBLISHED_COUNTS).events == PUBLISHED.events
+    assert PUBLISHED.arcs == PUBLISHED_ARCS
+    fractions = (Fraction(1), Fraction(99, 101), Fraction(76, 79), Fraction(56, 57), Fraction(1))
+    assert tuple(PUBLISHED.events[event] for event in Event) == fractions
 
 
 def test_what_was_never_tried_counts_as_sure() -> None:
