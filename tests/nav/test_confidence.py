@@ -9,9 +9,9 @@ from typing import TypeVar
 
 import pytest
 
-from colony.nav.confidence import ALL_ARCS, TABLE_6_5, Automaton, Event, powers_of
-from colony.nav.confidence_estimate import PUBLISHED
-from colony.nav.published_runs import PUBLISHED_RUNS
+from colony.nav.confidence.automaton import ALL_ARCS, TABLE_6_5, Automaton, Event, powers_of
+from colony.nav.confidence.estimate import PUBLISHED
+from colony.nav.confidence.published_runs import PUBLISHED_RUNS
 
 T = TypeVar("T", float, Fraction)
 

@@ -8,8 +8,8 @@ from fractions import Fraction
 import numpy as np
 import pytest
 
-from colony.nav.confidence import PUBLISHED_ARCS, Event
-from colony.nav.confidence_estimate import (
+from colony.nav.confidence.automaton import PUBLISHED_ARCS, Event
+from colony.nav.confidence.estimate import (
     PUBLISHED,
     PUBLISHED_COUNTS,
     Count,

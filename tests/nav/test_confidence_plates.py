@@ -7,8 +7,8 @@ from itertools import product
 
 import pytest
 
-from colony.nav.confidence_estimate import Count
-from colony.nav.confidence_plates import (
+from colony.nav.confidence.estimate import Count
+from colony.nav.confidence.plates import (
     EVENT_NAMES,
     TABLE_6_6,
     TABLE_6_6_COUNTS,

@@ -7,8 +7,8 @@ import random
 
 import pytest
 
-from colony.runtime.images import Image
-from colony.sim.plant_protocol import (
+from colony.runtime.servers.images import Image
+from colony.sim.plant.protocol import (
     LARGEST_TO_PLANT,
     AttachBase,
     BadBytes,

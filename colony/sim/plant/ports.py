@@ -1,0 +1,109 @@
+"""What a connection of the plant is attached to, and what it may say there. No I/O.
+
+A message that its connection must not send raises `ValueError`; its text goes back to the sender.
+"""
+
+from __future__ import annotations
+
+from colony.sim.plant.devices import Devices
+from colony.sim.plant.protocol import (
+    Advance,
+    AskTruth,
+    Attach,
+    AttachBase,
+    AttachCamera,
+    AttachControl,
+    AttachProximity,
+    BaseReading,
+    CameraReading,
+    Device,
+    Done,
+    Drive,
+    FromPlant,
+    Halt,
+    Place,
+    ProximityReading,
+    Reading,
+    Refusal,
+    Sense,
+    ToPlant,
+)
+
+
+def attached(message: ToPlant, devices: Devices) -> Attach:
+    """Check the first message of a connection: it attaches the connection to a device or to the control.
+
+    Raises:
+        ValueError: it does not, or the plant has no such robot or camera.
+    """
+    match message:
+        case AttachCamera(robot=robot, camera=camera):
+            devices.check_camera(camera)
+            devices.number(robot)
+        case AttachBase(robot=robot) | AttachProximity(robot=robot):
+            devices.number(robot)
+        case AttachControl():
+            pass
+        case _:
+            raise _misplaced(message)
+    return message
+
+
+def reading(port: Device, devices: Devices, number: int = 0) -> Reading:
+    """Return what the device at this port reads, with the number of the message that asked for it."""
+    match port:
+        case AttachBase():
+            return BaseReading(taken=devices.base(devices.number(port.robot)), number=number)
+        case AttachProximity():
+            return ProximityReading(taken=devices.proximity(devices.number(port.robot)), number=number)
+        case AttachCamera():
+            image = devices.image(devices.number(port.robot), port.camera)
+            return CameraReading(taken=image, number=number)
+
+
+def answer(port: Attach, message: ToPlant, devices: Devices, logical_ns: int | None) -> FromPlant | None:
+    """Do what a message asks for, and return the answer if it has one.
+
+    What goes wrong at the control is said, and the connection stands.
+
+    Args:
+        logical_ns: the logical time that passes with each command; None in real time.
+    """
+    if isinstance(port, AttachControl):
+        try:
+            return _control(message, devices, logical_ns)
+        except ValueError as problem:
+            return Refusal(message=str(problem))
+    if isinstance(message, Sense):
+        return reading(port, devices, message.number)
+    if not isinstance(port, AttachBase):
+        raise _misplaced(message)
+    robot = devices.number(port.robot)
+    match message:
+        case Halt():
+            devices.halt(robot)
+        case Drive():
+            devices.drive(robot, message.velocity, message.turn)
+            if logical_ns is not None:
+                devices.pass_time(logical_ns)
+                return reading(port, devices, message.number)
+        case _:
+            raise _misplaced(message)
+    return None
+
+
+def _control(message: ToPlant, devices: Devices, logical_ns: int | None) -> FromPlant:
+    match message:
+        case AskTruth():
+            return devices.truth(devices.number(message.robot))
+        case Place():
+            devices.place(devices.number(message.robot), message.x, message.y, message.heading)
+        case Advance() if logical_ns is not None:
+            devices.pass_time(message.dt_ns)
+        case _:
+            raise _misplaced(message)
+    return Done()
+
+
+def _misplaced(message: ToPlant) -> ValueError:
+    return ValueError(f"{type(message).__name__} does not belong here")
