@@ -1,4 +1,4 @@
-"""Processes of a simulated robot: `python -m colony.sim.plant.servers SPEC` is a server whose hardware is the plant.
+"""Servers of a simulated robot: `python -m colony.sim.plant.servers SPEC` is one whose hardware is the plant.
 
 The plant itself is `colony.sim.plant.child`.
 """
