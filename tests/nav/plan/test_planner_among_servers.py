@@ -8,8 +8,6 @@ from typing import Any
 
 import pytest
 
-from colony.compile.pipeline import compile_program
-from colony.dsl.load import load_text
 from colony.nav.missions.clerk import clerk
 from colony.nav.plan.plan import Place, Plan, Segment
 from colony.nav.plan.planner import Positions, planner
@@ -21,13 +19,10 @@ from colony.nav.shared import (
     TRACK_DATA,
     GoalKind,
 )
-from colony.runtime.assembly.virtual import Session
 from colony.runtime.kit.script import Script, Step, do, sleep
-from colony.runtime.kit.script_node import ScriptNode
 from colony.runtime.library import data, robot
-from colony.runtime.transport.virtual import VirtualClock
-from colony.sim.drivers import Plant, simulated_drivers
 from colony.sim.world.world import World
+from tests.among_servers import run_among_servers
 
 # Turns to the goal's direction, and drives on until the distance is covered, or the lights are counted.
 NAVIGATOR = """
@@ -58,8 +53,6 @@ network {
   report = reached
 }
 """
-
-FRAME_NS = 50_000_000
 
 
 def tracker() -> Script:
@@ -112,26 +105,13 @@ PLAN = Plan(
 @pytest.mark.parametrize(("positions", "order"), [("pose", 1), ("reckoning", 2)])
 def test_a_plan_is_driven_to_its_end(positions: Positions, order: int) -> None:
     begun: list[int] = []
-    program = load_text(NAVIGATOR)
-    clock = VirtualClock()
     world = World(walls=[], poses=[(0.0, 0.0, 0.0)], seed=order)
     scripts = {
         "clerk": clerk(),
         "tracker": tracker(),
         "planner": planner(PLAN, positions=positions, on_segment=lambda number, _: begun.append(number)),
     }
-    nodes = [ScriptNode(name, script, ("DServer", "RServer"), delay_ns=1) for name, script in scripts.items()]
-    session = Session(
-        program,
-        compile_program(program).clients,
-        simulated_drivers(Plant(world, lambda: clock() // FRAME_NS * FRAME_NS)),
-        clock=clock,
-        seed=1,
-        order_seed=order,
-        nodes=tuple(nodes),
-    )
-    session.run(45_000_000_000)
-    assert [node.problem for node in nodes] == [None, None, None]
+    nodes = run_among_servers(NAVIGATOR, world, scripts, run_ns=45_000_000_000, order=order)
     assert [node.ended for node in nodes] == [False, False, True]
     assert begun == [0, 1, 2, 3, 4]
     pose = world.true_pose(0)

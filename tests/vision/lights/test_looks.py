@@ -1,7 +1,6 @@
 from __future__ import annotations
 
 from collections.abc import Generator
-from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -12,8 +11,8 @@ from colony.runtime.kit.script import Do, Step
 from colony.runtime.library import camera
 from colony.runtime.servers.images import Image
 from colony.vision.lights.ceiling_camera import UPWARD
-from colony.vision.lights.looks import LIGHT_SEEN, LIGHT_TOKEN, Look, camera_child, cameras_looker
-from colony.vision.lights.tracker import light_tracker, parent
+from colony.vision.lights.looks import Look, cameras_looker
+from colony.vision.lights.tracker import light_tracker
 from tests.vision.lights.corridors import Ceiling, Robot, Stage, rendered
 
 LIGHTS = (2000.0, 7500.0)
@@ -94,35 +93,3 @@ def test_cameras_are_hurried_only_where_they_are_too_slow() -> None:
     stage = Stage(LIT, Robot(), {"tracker": light_tracker(period_s=1.0)}, seed=1, goals=[LIGHTS])
     stage.run(1.0)
     assert stage.camera_period_s("CServerUp") == 0.5
-
-
-def children(left_mm: float, *, seed: int) -> Stage:
-    cameras = {"CServerLeft": replace(UPWARD, left_mm=400.0), "CServerRight": replace(UPWARD, left_mm=-400.0)}
-    scripts = {name: camera_child(name, geometry) for name, geometry in cameras.items()}
-    stage = Stage(
-        LIT, Robot(left_mm=left_mm), {**scripts, "parent": parent()},
-        seed=seed, goals=[LIGHTS], cameras=cameras,
-    )  # fmt: skip
-    stage.run(40.0)
-    return stage
-
-
-@pytest.mark.parametrize("left", [0.0, 900.0, -900.0])
-def test_children_with_a_token_count_a_light_once_wherever_the_robot_is(left: float) -> None:
-    stage = children(left, seed=4)
-    assert [number for _, number in stage.log.counts] == [0, 1, 2]
-    for (at, _), place in zip(stage.log.counts[1:], LIGHTS, strict=True):
-        assert place - 20.0 <= at <= place + 120.0
-
-
-def test_the_token_is_taken_at_a_light_and_given_back_after_it() -> None:
-    cameras = {"CServerUp": UPWARD}
-    scripts = {"child": camera_child("CServerUp")}
-    stage = Stage(LIT, Robot(), scripts, seed=5, goals=[LIGHTS], cameras=cameras)
-    free = {}
-    for place in (500.0, 2000.0, 4500.0, 7500.0, 9500.0):
-        while stage.base.along_mm < place:
-            stage.run(0.05, all_of_it=True)
-        free[place] = stage.semaphore(LIGHT_TOKEN).value
-    assert free == {500.0: 1, 2000.0: 0, 4500.0: 1, 7500.0: 0, 9500.0: 1}
-    assert stage.data.variables.has(LIGHT_SEEN)

@@ -7,8 +7,6 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from colony.compile.pipeline import compile_program
-from colony.dsl.load import load_text
 from colony.nav.maps.stickrep.model import EdgeKind
 from colony.nav.maps.walls import Walls
 from colony.nav.pose.estimate import pose_estimator
@@ -23,19 +21,14 @@ from colony.nav.shared import (
     OVERSHOOT,
     TRACK_DATA,
 )
-from colony.runtime.assembly.virtual import Session
 from colony.runtime.kit.script import Script, do, sleep
-from colony.runtime.kit.script_node import ScriptNode
 from colony.runtime.library import data, robot
-from colony.runtime.servers.cserver import CServer
-from colony.runtime.servers.images import Image
-from colony.runtime.transport.virtual import VirtualClock
 from colony.sim.cameras.ceiling import CeilingCamera
-from colony.sim.drivers import Plant, simulated_drivers
+from colony.sim.drivers import image_of
 from colony.sim.hazards.scenery import CeilingLight, bare
 from colony.sim.world.world import World
-from colony.vision.lights.looks import camera_child
-from colony.vision.lights.tracker import light_tracker, parent
+from colony.vision.lights.tracker import light_tracker
+from tests.among_servers import run_among_servers
 
 PROGRAM = """
 robot tester {
@@ -53,21 +46,7 @@ PLACES = (1800.0, 7000.0)
 WALLS = np.array(
     [(-3e3, -2e3, 3e4, -2e3), (3e4, -2e3, 3e4, 2e3), (3e4, 2e3, -3e3, 2e3), (-3e3, 2e3, -3e3, -2e3)]
 )
-FRAME_NS = 50_000_000
 BELIEVED_MM = 150.0
-
-
-class Camera:
-    """The driver of a camera that looks up. Mutable: how many images it gave."""
-
-    def __init__(self, plant: Plant, ceiling: CeilingCamera) -> None:
-        self._plant, self._ceiling = plant, ceiling
-
-    def grab(self) -> Image:
-        now = self._plant.catch_up()
-        image = self._ceiling.image(self._plant.world.true_pose(0), now)
-        height, width = image.shape
-        return Image(t_ns=now, height=height, width=width, channels=1, pixels=image.tobytes())
 
 
 def lead(world: World, log: list[tuple[float, int, float]]) -> Script:
@@ -99,34 +78,22 @@ def estimator() -> Script:
     return pose_estimator({"": walls}, sources=frozenset({Source.LIGHTS}))
 
 
-@pytest.mark.parametrize("children", [False, True], ids=["one script", "child and parent"])
 @pytest.mark.parametrize("order", [1, 2])
-def test_it_counts_and_corrects_among_real_servers(order: int, children: bool) -> None:
+def test_it_counts_and_corrects_among_real_servers(order: int) -> None:
     scenery = replace(
         bare(WALLS, seed=7), lights=tuple(CeilingLight(x_mm=x, y_mm=0.0, heading_deg=EAST) for x in PLACES)
     )
-    world, clock = World(walls=scenery, poses=[(0.0, 0.0, EAST)], seed=7), VirtualClock()
-    plant = Plant(world, lambda: clock() // FRAME_NS * FRAME_NS)
+    world, ceiling = World(walls=scenery, poses=[(0.0, 0.0, EAST)], seed=7), CeilingCamera(scenery)
     log: list[tuple[float, int, float]] = []
-    trackers = (
-        {"child": camera_child("CServerUp"), "parent": parent()} if children else {"t": light_tracker()}
-    )
-    scripts = [
-        ScriptNode(name, script, ("DServer", "RServer", "CServerUp"), delay_ns=1)
-        for name, script in {**trackers, "estimator": estimator(), "planner": lead(world, log)}.items()
-    ]
-    program = load_text(PROGRAM)
-    session = Session(
-        program,
-        compile_program(program).clients,
-        simulated_drivers(plant),
-        clock=clock,
+    run_among_servers(
+        PROGRAM,
+        world,
+        {"tracker": light_tracker(), "estimator": estimator(), "planner": lead(world, log)},
+        run_ns=22 * 1_000_000_000,
         seed=7,
-        order_seed=order,
-        nodes=(CServer(Camera(plant, CeilingCamera(scenery)), keep=40, address="CServerUp"), *scripts),
+        order=order,
+        cameras={"CServerUp": lambda now: image_of(ceiling.image(world.true_pose(0), now), now)},
     )
-    session.run(22 * 1_000_000_000)
-    assert [script.problem for script in scripts] == [None] * len(scripts)
     assert [passed for _, passed, _ in log] == [1, 2, -1]
     for (at, _, off), place in zip(log, PLACES, strict=False):
         assert place - 25.0 <= at <= place + 60.0
