@@ -13,7 +13,6 @@ import sqlite3
 from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
-from types import TracebackType
 from typing import Generic, Protocol, TypeVar
 
 from colony.experiment.record import MODES, LightCount, ModeCount, RunKey, RunResult
@@ -155,9 +154,7 @@ class Results(Generic[R]):
     def __enter__(self) -> Results[R]:
         return self
 
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
+    def __exit__(self, *raised: object) -> None:
         self.close()
 
 

@@ -97,15 +97,6 @@ def test_what_is_outside_of_the_map_is_left_out() -> None:
     assert local.grid.max() == 0
 
 
-def test_growth_raises_the_neighbors_of_occupied_cells_faster() -> None:
-    plain, growing = HimmMap(SMALL), HimmMap(HimmSetting(half_side_mm=4_000.0, growth=True))
-    for local in (plain, growing):
-        local.mark(ORIGIN, one(12, 1_500.0))
-        local.mark(ORIGIN, one(12, 1_600.0))
-    assert plain.grid.max() == 3
-    assert growing.grid.max() == 4  # 3, and half of the 2 that its neighbor has left
-
-
 def test_clear() -> None:
     local = HimmMap(SMALL)
     local.mark(ORIGIN, one(12, 1_500.0))

@@ -175,12 +175,11 @@ def test_hours_at_one_place_leave_it_able_to_learn() -> None:
         min_size=1,
         max_size=12,
     ),
-    growth=st.booleans(),
 )
 def test_certainties_stay_within_their_bounds(
-    scans: list[tuple[tuple[float, ...], float, float, float]], growth: bool
+    scans: list[tuple[tuple[float, ...], float, float, float]],
 ) -> None:
-    local = HimmMap(HimmSetting(half_side_mm=3_000.0, growth=growth))
+    local = HimmMap(HimmSetting(half_side_mm=3_000.0))
     for ranges, ahead, left, heading in scans:
         local.mark(LocalPose(ahead, left, heading), np.array(ranges))
         assert local.grid.max() <= MOST  # unsigned: what is below 0 would be above
