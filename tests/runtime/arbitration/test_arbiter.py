@@ -14,40 +14,12 @@ from colony.runtime.arbitration.arbiter import (
     MOST_NOTES,
     Arbiter,
     Dispatch,
-    Timing,
     timing,
 )
 from colony.runtime.arbitration.ballot import Ballot, Others, Outside, Places, malformed
 from colony.runtime.protocol.fields import SPEED
 from colony.runtime.protocol.messages import Request, Tick, Verdict
-
-MS = 1_000_000
-TIMES = Timing(deadline_ns=40 * MS, grace_ns=5 * MS)
-PLACES = ("back_off", "avoid", "cruise")
-DRIVE = Actuator(
-    name="drive",
-    fields=(
-        ActuatorField(name="velocity", type=SPEED, low=-600.0, high=600.0),
-        ActuatorField(name="turn", type=SPEED),
-    ),
-    server="RServer",
-    command="drive",
-    idle=(0.0, 0.0),
-)
-COMMANDS = {"back_off": (-200.0, 15.0), "avoid": (80.0, 30.0), "cruise": (300.0, 0.0)}
-
-
-def request(client: str, bid: str = "silent", k: int = 0) -> Request:
-    values = COMMANDS.get(client, (1.0, 1.0)) if bid == "command" else None
-    return Request(k=k, actuator="drive", client=client, bid=bid, values=values)  # type: ignore[arg-type]
-
-
-def arbiter() -> Arbiter:
-    return Arbiter(DRIVE, PLACES, TIMES)
-
-
-def tick(k: int = 0) -> Tick:
-    return Tick(k=k, t_ns=k * 50 * MS)
+from tests.runtime.arbitration.drive import COMMANDS, DRIVE, MS, PLACES, TIMES, arbiter, request, tick
 
 
 def run(*bids: tuple[str, str], lost: tuple[str, ...] = ()) -> tuple[list[Dispatch], list[Verdict]]:
@@ -119,8 +91,7 @@ def test_of_two_commands_one_goes_out_and_it_is_the_higher_in_any_order(order: t
     assert dict(verdict.fates) == {"back_off": "silent", "avoid": "won", "cruise": "overruled"}
 
 
-def test_the_command_goes_out_as_soon_as_nobody_higher_is_missing() -> None:
-    one = arbiter()
+def test_the_command_goes_out_as_soon_as_nobody_higher_is_missing(one: Arbiter) -> None:
     one.open(tick(), frozenset(), 0)
     assert one.receive(request("back_off"), MS) == ()
     assert one.receive(request("avoid", "command"), MS) == (Dispatch(0, "avoid", (80.0, 30.0), None),)
@@ -129,8 +100,7 @@ def test_the_command_goes_out_as_soon_as_nobody_higher_is_missing() -> None:
     assert one.wake_at is None
 
 
-def test_a_silent_higher_client_delays_a_command_by_the_grace_at_most() -> None:
-    one = arbiter()
+def test_a_silent_higher_client_delays_a_command_by_the_grace_at_most(one: Arbiter) -> None:
     one.open(tick(), frozenset(), 0)
     assert one.wake_at == 40 * MS
     assert one.receive(request("cruise", "command"), 2 * MS) == ()
@@ -141,8 +111,7 @@ def test_a_silent_higher_client_delays_a_command_by_the_grace_at_most() -> None:
     assert dispatch.by == "cruise"
 
 
-def test_idle_at_the_deadline_and_what_comes_later_is_late() -> None:
-    one = arbiter()
+def test_idle_at_the_deadline_and_what_comes_later_is_late(one: Arbiter) -> None:
     one.open(tick(), frozenset(), 0)
     one.receive(request("avoid"), MS)
     one.receive(request("cruise"), MS)
@@ -154,8 +123,7 @@ def test_idle_at_the_deadline_and_what_comes_later_is_late() -> None:
     assert verdict.notes == ("`back_off` commanded after the deadline",)
 
 
-def test_requests_may_come_before_their_tick_and_twice() -> None:
-    one = arbiter()
+def test_requests_may_come_before_their_tick_and_twice(one: Arbiter) -> None:
     for client in PLACES:
         assert one.receive(request(client, "command" if client == "cruise" else "silent"), 0) == ()
     dispatch, verdict = one.open(tick(), frozenset(), MS)
@@ -165,8 +133,7 @@ def test_requests_may_come_before_their_tick_and_twice() -> None:
     assert one.receive(request("back_off", "command"), 2 * MS) == ()
 
 
-def test_requests_of_other_frames_change_nothing() -> None:
-    one = arbiter()
+def test_requests_of_other_frames_change_nothing(one: Arbiter) -> None:
     one.open(tick(5), frozenset(), 250 * MS)
     assert one.receive(request("back_off", "command", k=4), 251 * MS) == ()
     assert one.receive(request("back_off", "command", k=6 + AHEAD), 251 * MS) == ()
@@ -174,8 +141,7 @@ def test_requests_of_other_frames_change_nothing() -> None:
     assert one.open(tick(4), frozenset(), 251 * MS) == ()
 
 
-def test_a_frame_without_a_wake_ends_with_the_next_tick() -> None:
-    one = arbiter()
+def test_a_frame_without_a_wake_ends_with_the_next_tick(one: Arbiter) -> None:
     one.open(tick(0), frozenset(), 0)
     dispatch, verdict = one.open(tick(1), frozenset(), 50 * MS)
     assert dispatch == Dispatch(0, None, (0.0, 0.0), None)
@@ -360,8 +326,7 @@ def test_the_rule_is_the_same_however_it_is_computed() -> None:
             assert (who, settled) == naive(came, lost, priority), (bids, priority)
 
 
-def test_a_command_from_outside_that_comes_within_a_frame_acts_in_it_unless_it_is_decided() -> None:
-    one = arbiter()
+def test_a_command_from_outside_within_a_frame_acts_in_it_unless_it_is_decided(one: Arbiter) -> None:
     one.open(tick(), frozenset(), 0)
     (dispatch,) = one.intervene(Others((outside(9),)), 2 * MS)
     assert dispatch == Dispatch(0, None, (10.0, 0.0), None, "ann/1")
@@ -374,8 +339,7 @@ def test_a_command_from_outside_that_comes_within_a_frame_acts_in_it_unless_it_i
     assert dict(verdict.fates)["cruise"] == "overridden"
 
 
-def test_verdicts_name_everyone_outside_who_did_not_get_through() -> None:
-    one = arbiter()
+def test_verdicts_name_everyone_outside_who_did_not_get_through(one: Arbiter) -> None:
     both = (outside(9), outside(0, connection="bob/1"))
     one.open(tick(), frozenset(), 0, Others(both))
     (verdict,) = [e for e in one.finish() if isinstance(e, Verdict)]
@@ -395,8 +359,7 @@ def test_verdicts_name_everyone_outside_who_did_not_get_through() -> None:
         }
 
 
-def test_notes_are_few_and_short_whatever_comes() -> None:
-    one = arbiter()
+def test_notes_are_few_and_short_whatever_comes(one: Arbiter) -> None:
     one.open(tick(), frozenset(), 0)
     for i in range(1000):
         one.receive(request(f"stranger {i} {'x' * 1000}", "command"), MS)
@@ -416,8 +379,7 @@ def test_a_remark_after_the_frame_is_in_the_next_verdict() -> None:
     assert (first.notes, second.notes) == (("before",), ("after",))
 
 
-def test_requests_for_the_first_frame_may_come_before_its_tick_whatever_its_number() -> None:
-    one = arbiter()
+def test_requests_for_the_first_frame_may_come_before_its_tick_whatever_its_number(one: Arbiter) -> None:
     for client in PLACES:
         one.receive(request(client, "command" if client == "cruise" else "silent", k=10**12), 0)
     dispatch, _ = one.open(tick(10**12), frozenset(), 10**12 * 50 * MS)

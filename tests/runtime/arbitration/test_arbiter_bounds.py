@@ -21,7 +21,7 @@ from colony.runtime.arbitration.arbiter import (
 from colony.runtime.arbitration.ballot import Ballot, Choice, Others, Outside, Places, malformed
 from colony.runtime.protocol.fields import SPEED
 from colony.runtime.protocol.messages import Request, Tick, Verdict
-from tests.runtime.arbitration.test_arbiter import DRIVE, MS, PLACES, TIMES, arbiter, request, tick
+from tests.runtime.arbitration.drive import DRIVE, MS, PLACES, TIMES, arbiter, request, tick
 
 
 def outside(priority: int) -> Outside:
@@ -43,8 +43,7 @@ def test_priorities_are_those_given_or_count_down_to_one() -> None:
     assert (dispatch.by, dispatch.outside) == ("a", None)
 
 
-def test_a_stranger_among_the_lost_is_nobody() -> None:
-    one = arbiter()
+def test_a_stranger_among_the_lost_is_nobody(one: Arbiter) -> None:
     assert one.open(tick(), frozenset({"stranger", "cruise"}), 0) == ()
     one.receive(request("back_off"), MS)
     *_, verdict = one.receive(request("avoid"), MS)
@@ -52,8 +51,7 @@ def test_a_stranger_among_the_lost_is_nobody() -> None:
     assert verdict.fates == (("back_off", "silent"), ("avoid", "silent"), ("cruise", "lost"))
 
 
-def test_whose_request_was_refused_is_noted_once() -> None:
-    one = arbiter()
+def test_whose_request_was_refused_is_noted_once(one: Arbiter) -> None:
     one.open(tick(), frozenset(), 0)
     for _ in range(3):
         one.receive(Request(k=0, actuator="drive", client="avoid", bid="command", values=(1.0,)), MS)
@@ -63,8 +61,7 @@ def test_whose_request_was_refused_is_noted_once() -> None:
     assert (len(verdict.notes), dict(verdict.fates)["avoid"]) == (1, "refused")
 
 
-def test_who_is_late_is_noted_once() -> None:
-    one = arbiter()
+def test_who_is_late_is_noted_once(one: Arbiter) -> None:
     one.open(tick(), frozenset(), 0)
     assert [type(e) for e in one.wake(40 * MS)] == [Dispatch]
     for _ in range(3):
@@ -75,8 +72,7 @@ def test_who_is_late_is_noted_once() -> None:
     assert not verdict.violation
 
 
-def test_who_is_heard_within_the_deadline_after_the_dispatch_is_not_late() -> None:
-    one = arbiter()
+def test_who_is_heard_within_the_deadline_after_the_dispatch_is_not_late(one: Arbiter) -> None:
     one.open(tick(), frozenset(), 0)
     one.receive(request("cruise", "command"), MS)
     (dispatch,) = one.wake(6 * MS)
@@ -91,8 +87,7 @@ def test_who_is_heard_within_the_deadline_after_the_dispatch_is_not_late() -> No
 # --- when --------------------------------------------------------------------------------------------
 
 
-def test_the_deadline_counts_from_the_time_of_the_tick() -> None:
-    one = arbiter()
+def test_the_deadline_counts_from_the_time_of_the_tick(one: Arbiter) -> None:
     assert one.wake_at is None
     one.open(Tick(k=0, t_ns=100 * MS), frozenset(), 130 * MS)
     assert one.wake_at == 140 * MS
@@ -101,8 +96,7 @@ def test_the_deadline_counts_from_the_time_of_the_tick() -> None:
     assert one.wake_at is None
 
 
-def test_the_grace_ends_no_later_than_the_deadline() -> None:
-    one = arbiter()
+def test_the_grace_ends_no_later_than_the_deadline(one: Arbiter) -> None:
     one.open(tick(), frozenset(), 0)
     one.receive(request("cruise", "command"), 38 * MS)
     assert one.wake_at == 40 * MS
@@ -117,8 +111,7 @@ def test_timing_of_very_short_frames() -> None:
     assert timing(5, lockstep=True) == Timing(deadline_ns=4, grace_ns=0, from_arrival=True)
 
 
-def test_a_frame_is_opened_once_and_closed_once() -> None:
-    one = arbiter()
+def test_a_frame_is_opened_once_and_closed_once(one: Arbiter) -> None:
     assert one.finish() == ()
     assert one.intervene(Others(hold="stopped"), 0) == ()
     assert one.wake(10**12) == ()
@@ -131,8 +124,7 @@ def test_a_frame_is_opened_once_and_closed_once() -> None:
     assert one.receive(request("cruise", "command", k=4), 0) == ()
 
 
-def test_what_comes_after_the_verdict_changes_nothing() -> None:
-    one = arbiter()
+def test_what_comes_after_the_verdict_changes_nothing(one: Arbiter) -> None:
     one.open(tick(), frozenset(PLACES), 0)
     assert one.receive(Request(k=0, actuator="drive", client="x", bid="silent", values=None), 0) == ()
     assert one.receive(Request(k=-1, actuator="drive", client="x", bid="silent", values=None), 0) == ()
@@ -141,8 +133,7 @@ def test_what_comes_after_the_verdict_changes_nothing() -> None:
     assert verdict.notes == ()
 
 
-def test_before_the_first_frame_nothing_is_noted() -> None:
-    one = arbiter()
+def test_before_the_first_frame_nothing_is_noted(one: Arbiter) -> None:
     for client in ("stranger", "cruise"):
         one.receive(Request(k=-1, actuator="drive", client=client, bid="command", values=(1.0,)), 0)
     *_, verdict = one.open(tick(), frozenset(PLACES), 0)
@@ -153,8 +144,7 @@ def test_before_the_first_frame_nothing_is_noted() -> None:
 # --- what is sent and told ---------------------------------------------------------------------------
 
 
-def test_a_command_with_a_fault_is_not_sent_whatever_its_values() -> None:
-    one = arbiter()
+def test_a_command_with_a_fault_is_not_sent_whatever_its_values(one: Arbiter) -> None:
     one.open(Tick(k=0, t_ns=77), frozenset(), 0)
     faulty = Request(k=0, actuator="drive", client="back_off", bid="command", values=(1.0, 2.0), fault="odd")
     (dispatch,) = one.receive(faulty, MS)
@@ -189,8 +179,7 @@ def test_both_ends_of_a_range_are_in_it(velocity: float, taken: bool) -> None:
 
 @pytest.mark.parametrize(("ahead", "kept"), [(1, True), (AHEAD, True), (AHEAD + 1, False)])
 @pytest.mark.parametrize("now", [0, 1, 7])
-def test_a_request_comes_at_most_so_many_frames_ahead(now: int, ahead: int, kept: bool) -> None:
-    one = arbiter()
+def test_a_request_comes_at_most_so_many_frames_ahead(one: Arbiter, now: int, ahead: int, kept: bool) -> None:
     one.open(tick(now), frozenset(), now * 50 * MS)
     one.receive(request("back_off", "command", k=now + ahead), 0)
     events = one.open(tick(now + ahead), frozenset(), (now + ahead) * 50 * MS)
@@ -214,8 +203,7 @@ def test_before_the_first_frame_requests_of_so_many_frames_are_kept() -> None:
 
 
 @pytest.mark.parametrize(("doubles", "heard"), [(5, True), (6, False)])
-def test_of_one_frame_no_more_is_kept_than_two_of_each(doubles: int, heard: bool) -> None:
-    one = arbiter()
+def test_of_one_frame_no_more_is_kept_than_two_of_each(one: Arbiter, doubles: int, heard: bool) -> None:
     one.open(tick(0), frozenset(), 0)
     for _ in range(doubles):
         one.receive(request("cruise", k=5), 0)
@@ -226,8 +214,7 @@ def test_of_one_frame_no_more_is_kept_than_two_of_each(doubles: int, heard: bool
     ) is heard
 
 
-def test_what_was_kept_for_frames_that_did_not_come_is_forgotten() -> None:
-    one = arbiter()
+def test_what_was_kept_for_frames_that_did_not_come_is_forgotten(one: Arbiter) -> None:
     for k in (1, 2, 3):
         one.receive(request("back_off", "command", k=k), 0)
     one.open(tick(2), frozenset(), 0)
@@ -237,8 +224,7 @@ def test_what_was_kept_for_frames_that_did_not_come_is_forgotten() -> None:
 # --- notes -------------------------------------------------------------------------------------------
 
 
-def test_a_note_of_the_longest_length_is_whole() -> None:
-    one = arbiter()
+def test_a_note_of_the_longest_length_is_whole(one: Arbiter) -> None:
     one.open(tick(), frozenset(), 0)
     one.remark("x" * LONGEST_NOTE)
     one.remark("y" * (LONGEST_NOTE + 1))
@@ -251,8 +237,7 @@ def test_a_note_of_the_longest_length_is_whole() -> None:
     assert len(verdict.notes) == MOST_NOTES
 
 
-def test_a_remark_while_dispatched_is_of_this_frame_and_one_after_it_of_the_next() -> None:
-    one = arbiter()
+def test_a_remark_while_dispatched_is_of_this_frame_and_one_after_it_of_the_next(one: Arbiter) -> None:
     one.open(tick(), frozenset(), 0)
     one.wake(40 * MS)
     one.remark("now")

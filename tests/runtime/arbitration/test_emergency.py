@@ -13,10 +13,12 @@ from colony.runtime.kit.emergency import StopButton
 from colony.runtime.kit.errors import CallRefused
 from colony.runtime.library import clock as clock_library
 from colony.runtime.library import data, emergency
+from colony.runtime.library.ask import Ask
 from colony.runtime.protocol import topics
-from colony.runtime.protocol.calls import Nothing, Open
+from colony.runtime.protocol.calls import Nothing
 from colony.runtime.protocol.messages import Call
 from tests.cli.machine import MAP, ROBOT, WANDER, Machine, release, until
+from tests.runtime.calling import call_of, opening
 from tests.runtime.programs import roam
 from tests.runtime.scripted import Log, Script, session
 from tests.runtime.servers.data_stage import MS, DataStage
@@ -28,12 +30,9 @@ S = 1000 * MS
 
 
 def call(server: str, method: str, number: int = 1) -> tuple[str, Call]:
-    arguments = msgspec.msgpack.encode(Open(name="ann") if method == "open" else Nothing())
-    right = "stop" if method == emergency.stop().method else "command"
-    made = Call(
-        connection="ann/1", number=number, method=method, arguments=msgspec.Raw(arguments), right=right
-    )  # type: ignore[arg-type]
-    return topics.calls(server), made
+    ask = opening("ann") if method == "open" else Ask(method, Nothing(), None, "command")
+    ask = emergency.stop() if method == emergency.stop().method else ask
+    return topics.calls(server), call_of(ask, "ann/1", number)
 
 
 def at(whole: Session, t_ns: int, server: str, method: str, number: int = 1) -> None:

@@ -18,8 +18,7 @@ def names(calls: tuple[Asked, ...]) -> list[str]:
     return [call.caller.name for call in calls]
 
 
-def test_the_first_who_asks_gets_it_and_may_ask_again() -> None:
-    lock = LockQueue()
+def test_the_first_who_asks_gets_it_and_may_ask_again(lock: LockQueue) -> None:
     assert lock.ask(asked("ann"), 0, wait_ns=0)
     assert lock.ask(asked("ann", 2), 0, wait_ns=0)
     assert lock.holder == asked("ann").caller
@@ -27,16 +26,14 @@ def test_the_first_who_asks_gets_it_and_may_ask_again() -> None:
     assert lock.holder is None
 
 
-def test_who_does_not_wait_is_refused_by_name() -> None:
-    lock = LockQueue()
+def test_who_does_not_wait_is_refused_by_name(lock: LockQueue) -> None:
     lock.ask(asked("ann"), 0, wait_ns=0)
     with pytest.raises(Refused, match="ann holds the lock"):
         lock.ask(asked("bob"), 0, wait_ns=0)
     assert lock.waiting == ()
 
 
-def test_those_who_wait_are_served_by_priority_and_then_in_turn() -> None:
-    lock = LockQueue()
+def test_those_who_wait_are_served_by_priority_and_then_in_turn(lock: LockQueue) -> None:
     lock.ask(asked("ann"), 0, wait_ns=0)
     for name, priority in (("low", 1), ("high", 5), ("later", 5), ("lowest", -1)):
         assert not lock.ask(asked(name, priority=priority), 0, wait_ns=S)
@@ -50,8 +47,7 @@ def test_those_who_wait_are_served_by_priority_and_then_in_turn() -> None:
     assert order == ["high", "later", "low", "lowest"]
 
 
-def test_all_calls_of_a_connection_that_wait_are_granted_together() -> None:
-    lock = LockQueue()
+def test_all_calls_of_a_connection_that_wait_are_granted_together(lock: LockQueue) -> None:
     lock.ask(asked("ann"), 0, wait_ns=0)
     for name, number in (("bob", 1), ("cy", 1), ("bob", 2)):
         lock.ask(asked(name, number), 0, wait_ns=S)
@@ -59,8 +55,7 @@ def test_all_calls_of_a_connection_that_wait_are_granted_together() -> None:
     assert lock.release(asked("bob").caller) == (asked("cy"),)
 
 
-def test_only_the_holder_gives_it_back() -> None:
-    lock = LockQueue()
+def test_only_the_holder_gives_it_back(lock: LockQueue) -> None:
     with pytest.raises(Refused) as refused:
         lock.release(asked("ann").caller)
     assert refused.value.problem.code == "unlocked"
@@ -70,8 +65,7 @@ def test_only_the_holder_gives_it_back() -> None:
     assert lock.holder == asked("ann").caller
 
 
-def test_the_dead_neither_hold_nor_wait() -> None:
-    lock = LockQueue()
+def test_the_dead_neither_hold_nor_wait(lock: LockQueue) -> None:
     lock.ask(asked("ann"), 0, wait_ns=0)
     lock.ask(asked("bob"), 0, wait_ns=S)
     lock.ask(asked("cy"), 0, wait_ns=S)
@@ -81,8 +75,7 @@ def test_the_dead_neither_hold_nor_wait() -> None:
     assert lock.holder is None
 
 
-def test_nobody_waits_for_longer_than_asked() -> None:
-    lock = LockQueue()
+def test_nobody_waits_for_longer_than_asked(lock: LockQueue) -> None:
     assert lock.wake_at is None
     lock.ask(asked("ann"), 0, wait_ns=0)
     lock.ask(asked("bob"), 0, wait_ns=2 * S)

@@ -68,10 +68,16 @@ class Ground:
             self.y += math.cos(math.radians(self.heading)) * velocity * dt
 
 
+@pytest.fixture
+def ground() -> Ground:
+    return Ground()
+
+
 @pytest.mark.parametrize("distance", [1500.0, -1500.0, 120.0, -7.0, 0.5, 0.0])
 @pytest.mark.parametrize("velocity", [600.0, 40.0])
-def test_a_move_goes_as_far_as_it_was_told_and_no_further(distance: float, velocity: float) -> None:
-    ground = Ground()
+def test_a_move_goes_as_far_as_it_was_told_and_no_further(
+    ground: Ground, distance: float, velocity: float
+) -> None:
     assert ground.run(Move(distance=distance, velocity=velocity, acceleration=400.0)) == "done"
     assert ground.y == pytest.approx(distance, abs=motion.NEAR_MM)
     assert abs(ground.y) <= abs(distance)
@@ -80,8 +86,7 @@ def test_a_move_goes_as_far_as_it_was_told_and_no_further(distance: float, veloc
     assert ground.sent == STILL
 
 
-def test_a_move_speeds_up_goes_along_and_slows_down() -> None:
-    ground = Ground()
+def test_a_move_speeds_up_goes_along_and_slows_down(ground: Ground) -> None:
     ground.run(Move(distance=1000.0, velocity=200.0, acceleration=400.0))
     speeds = [s.velocity for s in ground.log]
     assert speeds[:10] == pytest.approx([20.0 * k for k in range(1, 11)])
@@ -101,16 +106,16 @@ def test_motions_are_as_exact_on_a_base_that_follows_slowly() -> None:
 
 
 @pytest.mark.parametrize("degrees", [90.0, -90.0, 720.0, 0.1, 0.0])
-def test_a_turn_is_clockwise_where_it_is_positive_and_so_lowers_the_heading(degrees: float) -> None:
-    ground = Ground()
+def test_a_turn_is_clockwise_where_it_is_positive_and_so_lowers_the_heading(
+    ground: Ground, degrees: float
+) -> None:
     assert ground.run(Turn(degrees=degrees, velocity=45.0, acceleration=90.0, braking=400.0)) == "done"
     assert ground.heading == pytest.approx(-degrees, abs=motion.NEAR_DEG)
     assert (ground.x, ground.y) == (0.0, 0.0)
 
 
 @pytest.mark.parametrize(("degrees", "side"), [(90.0, 1.0), (-90.0, -1.0)])
-def test_an_arc_ends_where_its_circle_says(degrees: float, side: float) -> None:
-    ground = Ground()
+def test_an_arc_ends_where_its_circle_says(ground: Ground, degrees: float, side: float) -> None:
     assert ground.run(Arc(degrees=degrees, radius=500.0, velocity=200.0, acceleration=400.0)) == "done"
     assert ground.heading == pytest.approx(-degrees, abs=motion.NEAR_DEG)
     assert (ground.x, ground.y) == pytest.approx((side * 500.0, 500.0), abs=5.0)
@@ -126,8 +131,7 @@ def test_a_held_heading_forgets_a_push_only_with_integration() -> None:
     assert off[False] == pytest.approx(3.0 / motion.HEADING_GAIN, rel=0.1)
 
 
-def test_go_speeds_up_with_the_acceleration_and_goes_backward_too() -> None:
-    ground = Ground()
+def test_go_speeds_up_with_the_acceleration_and_goes_backward_too(ground: Ground) -> None:
     assert ground.run(Go(velocity=-100.0, acceleration=400.0), 20) is None
     assert [s.velocity for s in ground.log[:6]] == [-20.0, -40.0, -60.0, -80.0, -100.0, -100.0]
     assert ground.heading == 0.0
@@ -143,8 +147,7 @@ def test_a_base_that_was_held_fast_does_not_swing_by_what_it_integrated() -> Non
     assert speeds.turn == -motion.MOST_CORRECTION
 
 
-def test_jog_turns_clockwise_on_top_of_forward_motion() -> None:
-    ground = Ground()
+def test_jog_turns_clockwise_on_top_of_forward_motion(ground: Ground) -> None:
     ground.run(Jog(velocity=100.0, rate=10.0, acceleration=4000.0, turn_acceleration=4000.0), 100)
     assert ground.heading == pytest.approx(-50.0)
     assert ground.log[-1] == (100.0, -10.0)
@@ -170,8 +173,7 @@ def test_what_cannot_be_measured_is_not_begun() -> None:
     assert step(Go(velocity=10.0, acceleration=1000.0), Seen(None, STILL, DT)).speeds == (10.0, 0.0)
 
 
-def test_a_base_that_does_not_move_is_given_up_in_time() -> None:
-    ground = Ground()
+def test_a_base_that_does_not_move_is_given_up_in_time(ground: Ground) -> None:
     assert ground.run(Move(distance=100.0, velocity=50.0, acceleration=400.0), held=True) == "stalled"
     assert len(ground.log) == pytest.approx(motion.STALLED_S / DT, abs=3)
 

@@ -16,13 +16,9 @@ from colony.runtime.library.ask import Ask
 from colony.runtime.protocol import topics
 from colony.runtime.protocol.calls import Nothing
 from colony.runtime.protocol.messages import Call, Malformed, Send, Tick, Verdict
-from tests.runtime.servers.base_stage import CLIENTS, FRAME, MS, Stage, bid, deployed, silent
+from tests.runtime.servers.base_stage import CLIENTS, FRAME, MS, Stage, bid, deployed, silent, stage_in_run
 
 IDLE = (0.0, 0.0)
-
-
-def running(**options: object) -> Stage:
-    return Stage(run="r1", deployment=deployed(), **options)
 
 
 def sent_by_frame(stage: Stage) -> dict[int, list[tuple[float, float]]]:
@@ -32,9 +28,13 @@ def sent_by_frame(stage: Stage) -> dict[int, list[tuple[float, float]]]:
     return found
 
 
-def test_one_command_a_frame_however_many_want_to() -> None:
+@pytest.fixture
+def stage() -> Stage:
+    return stage_in_run()
+
+
+def test_one_command_a_frame_however_many_want_to(stage: Stage) -> None:
     """Two sources at 20 Hz interleave; two sources never work together."""
-    stage = running()
     for i, priority in enumerate((9, 8, 7, 0)):
         stage.open(f"op/{i}", priority)
     for k in range(10):
@@ -51,16 +51,14 @@ def test_one_command_a_frame_however_many_want_to() -> None:
     assert [v.outside for v in stage.verdicts[1:]] == ["op/0"] * (len(stage.verdicts) - 1)
 
 
-def test_silence_sends_the_safe_command_in_every_frame() -> None:
+def test_silence_sends_the_safe_command_in_every_frame(stage: Stage) -> None:
     """Lock or expiry publishes nothing, and the base goes on with what it heard last."""
-    stage = running()
     stage.frame(*silent(), count=5)
     assert sent_by_frame(stage) == {k: [IDLE] for k in range(5)}
 
 
-def test_a_lock_sends_the_safe_command_in_every_frame() -> None:
+def test_a_lock_sends_the_safe_command_in_every_frame(stage: Stage) -> None:
     """A lock stops publishing instead of sending zero."""
-    stage = running()
     stage.open("op/1", priority=9)
     stage.frame(bid("cruise", 300.0, 0.0), *silent("cruise"))
     stage.do("op/1", robot.lock())
@@ -69,9 +67,8 @@ def test_a_lock_sends_the_safe_command_in_every_frame() -> None:
     assert dict(stage.verdicts[-1].fates)["cruise"] == "locked out"
 
 
-def test_an_expired_command_is_followed_by_the_safe_one() -> None:
+def test_an_expired_command_is_followed_by_the_safe_one(stage: Stage) -> None:
     """Intermittent fallback to zero with nothing logged."""
-    stage = running()
     stage.open("op/1", priority=9)
     stage.do("op/1", robot.drive(100.0, 0.0, lease=0.12))
     stage.frame(*silent(), count=5)
@@ -80,9 +77,8 @@ def test_an_expired_command_is_followed_by_the_safe_one() -> None:
     assert [v.outside for v in stage.verdicts] == ["op/1"] * 3 + [None] * 2
 
 
-def test_an_expired_lease_of_the_network_is_the_next_frame() -> None:
+def test_an_expired_lease_of_the_network_is_the_next_frame(stage: Stage) -> None:
     """A command is valid for the frame that it was made for, and for no other."""
-    stage = running()
     stage.frame(bid("cruise", 300.0, 0.0), *silent("cruise"))
     stage.tick()
     for request in silent("cruise"):
@@ -93,9 +89,8 @@ def test_an_expired_lease_of_the_network_is_the_next_frame() -> None:
 
 
 @pytest.mark.parametrize("lease", [0.0, -1.0, math.inf, math.nan])
-def test_freshness_is_finite(lease: float) -> None:
+def test_freshness_is_finite(stage: Stage, lease: float) -> None:
     """`timeout: 0` never expires."""
-    stage = running()
     stage.open("op/1", priority=9)
     problem = stage.problem("op/1", robot.drive(100.0, 0.0, lease))
     assert problem.code == "arguments"
@@ -111,9 +106,8 @@ def test_freshness_has_a_default() -> None:
     assert len([v for v in stage.verdicts if v.outside]) == 10
 
 
-def test_a_source_that_was_never_heard_takes_no_part() -> None:
+def test_a_source_that_was_never_heard_takes_no_part(stage: Stage) -> None:
     """A source never heard, with the highest priority, starves all below it."""
-    stage = running()
     stage.open("op/1", priority=99)
     stage.frame(bid("cruise", 300.0, 0.0), *silent("cruise"))
     assert (stage.verdicts[-1].by, stage.verdicts[-1].outside) == ("cruise", None)
@@ -146,9 +140,8 @@ def test_ties_among_connections_are_refused_by_name() -> None:
     stage.do("op/2", robot.drive(50.0, 0.0))
 
 
-def test_ties_with_clients_of_the_program_are_refused_by_name() -> None:
+def test_ties_with_clients_of_the_program_are_refused_by_name(stage: Stage) -> None:
     """The same, where one of both is compiled in."""
-    stage = running()
     stage.open("op/1", priority=2)
     problem = stage.problem("op/1", robot.drive(50.0, 0.0))
     assert (problem.code, "`avoid`" in problem.message) == ("tie", True)
@@ -166,9 +159,8 @@ def test_ties_are_refused_when_a_program_comes_to_somebody_who_commands() -> Non
     assert "joystick (op/1)" in problem.message
 
 
-def test_any_number_may_read_and_stop_with_one_priority() -> None:
+def test_any_number_may_read_and_stop_with_one_priority(stage: Stage) -> None:
     """A tie is one only among those who command."""
-    stage = running()
     for i in range(50):
         stage.open(f"op/{i}", priority=2)
         stage.do(f"op/{i}", robot.position())
@@ -194,9 +186,8 @@ def test_every_priority_is_as_it_was_given() -> None:
     ]
 
 
-def test_idle_is_not_a_command_of_zero() -> None:
+def test_idle_is_not_a_command_of_zero(stage: Stage) -> None:
     """Zero from a source and nobody commanding look the same."""
-    stage = running()
     stage.frame(bid("cruise", 0.0, 0.0), *silent("cruise"))
     stage.frame(*silent())
     assert [(v.by, v.values) for v in stage.verdicts] == [("cruise", IDLE), (None, IDLE)]
@@ -206,9 +197,8 @@ def test_idle_is_not_a_command_of_zero() -> None:
     assert (stage.verdicts[-1].outside, stage.verdicts[-1].values) == ("op/1", IDLE)
 
 
-def test_every_frame_names_the_winner_and_why_each_other_lost() -> None:
+def test_every_frame_names_the_winner_and_why_each_other_lost(stage: Stage) -> None:
     """No word of who won or why."""
-    stage = running()
     stage.open("op/1", priority=9)
     stage.open("op/2", priority=0)
     stage.do("op/2", robot.drive(5.0, 0.0, lease=10.0))
@@ -235,7 +225,7 @@ def test_every_frame_names_the_winner_and_why_each_other_lost() -> None:
 def test_a_lesser_command_does_not_act_where_a_higher_one_is_unknown() -> None:
     """The source below takes over when the one above dies."""
     for lost in ((), ("drive/back_off",)):
-        stage = running()
+        stage = stage_in_run()
         stage.open("op/1", priority=0)
         stage.do("op/1", robot.drive(100.0, 0.0, lease=5.0))
         stage.frame(*silent("back_off"), lost=lost)
@@ -269,9 +259,8 @@ def test_what_is_wrong_is_said_to_whom_it_concerns() -> None:
     assert problem.message == "RServer: found version 9"
 
 
-def test_malformed_requests_move_nothing_and_are_told() -> None:
+def test_malformed_requests_move_nothing_and_are_told(stage: Stage) -> None:
     """What cannot be read is dropped without a word."""
-    stage = running()
     stage.frame(bid("cruise", 9999.0, 0.0), bid("stranger", 1.0, 1.0), *silent("cruise"))
     assert sent_by_frame(stage) == {0: [IDLE]}
     (verdict,) = stage.verdicts
@@ -293,9 +282,8 @@ def urgent(connection: str, **changes: object) -> Call:
     return Call(**(fields | changes))  # type: ignore[arg-type]
 
 
-def test_an_emergency_stop_acts_at_once_and_on_everybody() -> None:
+def test_an_emergency_stop_acts_at_once_and_on_everybody(stage: Stage) -> None:
     """There is none; or it is one more source with a priority."""
-    stage = running()
     stage.open("op/1", priority=9)
     stage.open("op/2", priority=-5)
     stage.do("op/1", robot.drive(100.0, 0.0, lease=5.0))
@@ -315,9 +303,8 @@ def test_an_emergency_stop_acts_at_once_and_on_everybody() -> None:
         assert stage.problem("op/1", ask).code == "stopped"
 
 
-def test_after_the_release_the_network_goes_on_and_nobody_else_does() -> None:
+def test_after_the_release_the_network_goes_on_and_nobody_else_does(stage: Stage) -> None:
     """A command from before the stop comes back to life."""
-    stage = running()
     stage.open("op/1", priority=9)
     stage.do("op/1", robot.drive(100.0, 0.0, lease=60.0))
     stage.frame(*silent())
@@ -341,9 +328,8 @@ def test_after_the_release_the_network_goes_on_and_nobody_else_does() -> None:
     ],
     ids=["right", "more right", "priority", "arguments", "not open", "nothing right but the name"],
 )
-def test_an_emergency_stop_gets_through_whatever_else_is_wrong(call: Call) -> None:
+def test_an_emergency_stop_gets_through_whatever_else_is_wrong(stage: Stage, call: Call) -> None:
     """The stop needs a connection, a priority, a format."""
-    stage = running()
     stage.open("op/2", priority=9)
     stage.do("op/2", robot.lock())
     stage.give(urgent("op/1", method="open", arguments=msgspec.Raw(msgspec.msgpack.encode({"name": "n"}))))
@@ -354,9 +340,8 @@ def test_an_emergency_stop_gets_through_whatever_else_is_wrong(call: Call) -> No
     assert stopped.by == call.connection
 
 
-def test_only_who_may_stop_stops() -> None:
+def test_only_who_may_stop_stops(stage: Stage) -> None:
     """Anyone on the network may publish to the stop topic."""
-    stage = running()
     for connection in ("op/1", "nobody/9"):
         stage.give(urgent(connection, right="read"))
         problem = stage.replies[connection, 1].problem
@@ -365,9 +350,8 @@ def test_only_who_may_stop_stops() -> None:
     assert stage.do("op/2", robot.arbitration()).stopped is None
 
 
-def test_nobody_releases_at_the_server() -> None:
+def test_nobody_releases_at_the_server(stage: Stage) -> None:
     """Any server lifts the stop for itself."""
-    stage = running()
     stage.open("op/1")
     stage.do("op/1", emergency.stop())
     assert stage.problem("op/1", clock_library.release()).code == "method"
@@ -377,11 +361,11 @@ def test_nobody_releases_at_the_server() -> None:
 
 def test_a_stop_that_one_server_heard_survives_a_restart_of_that_server() -> None:
     """After a restart everything is as if nothing had happened."""
-    first = running()
+    first = stage_in_run()
     first.open("op/1")
     first.do("op/1", emergency.stop())
     first.tick()
-    stage = running()
+    stage = stage_in_run()
     stage.latch = first.latch
     stage.frame(bid("cruise", 300.0, 0.0), *silent("cruise"), count=3)
     assert stage.base.told == []
@@ -420,17 +404,15 @@ def test_a_dead_connection_loses_its_motion_within_a_second() -> None:
     assert stage.lost == ["op/1"]
 
 
-def test_one_dead_client_of_the_network_does_not_stop_the_others_for_good() -> None:
+def test_one_dead_client_of_the_network_does_not_stop_the_others_for_good(stage: Stage) -> None:
     """One client's death stops the robot and the data of the others."""
-    stage = running()
     stage.frame(bid("avoid", 60.0, 0.0), *silent("avoid", "cruise"), count=3, lost=("drive/cruise",))
     assert stage.base.velocity == 60.0
     assert [v.by for v in stage.verdicts] == ["avoid"] * 3
 
 
-def test_verdicts_go_to_everybody_who_listens() -> None:
+def test_verdicts_go_to_everybody_who_listens(stage: Stage) -> None:
     """Commands are not logged."""
-    stage = running()
     stage.tick()
     effects = [e for client, _ in CLIENTS for e in stage.server.handle(bid(client, bid="silent"), MS)]
     (sent,) = [e for e in effects if isinstance(e, Send)]

@@ -15,8 +15,7 @@ from tests.runtime.arbitration.test_outside import PLACES, caller
 
 
 @pytest.mark.parametrize(("wait_ns", "waits"), [(-1, False), (0, False), (1, True)])
-def test_who_waits_for_a_moment_waits(wait_ns: int, waits: bool) -> None:
-    lock = LockQueue()
+def test_who_waits_for_a_moment_waits(lock: LockQueue, wait_ns: int, waits: bool) -> None:
     lock.ask(asked("ann"), 0, wait_ns=0)
     if waits:
         assert not lock.ask(asked("bob"), 7, wait_ns=wait_ns)
@@ -27,16 +26,14 @@ def test_who_waits_for_a_moment_waits(wait_ns: int, waits: bool) -> None:
         assert (refused.value.problem.code, refused.value.problem.message) == ("locked", "ann holds the lock")
 
 
-def test_who_asked_first_is_served_first_however_long_anybody_waits() -> None:
-    lock = LockQueue()
+def test_who_asked_first_is_served_first_however_long_anybody_waits(lock: LockQueue) -> None:
     lock.ask(asked("ann"), 0, wait_ns=0)
     for name, wait in (("patient", 9 * S), ("hasty", S), ("other", 5 * S)):
         lock.ask(asked(name), 0, wait_ns=wait)
     assert [c.name for c in lock.waiting] == ["patient", "hasty", "other"]
 
 
-def test_a_lock_that_nobody_holds() -> None:
-    lock = LockQueue()
+def test_a_lock_that_nobody_holds(lock: LockQueue) -> None:
     assert lock.refusal().problem.message == "nobody holds the lock"
     with pytest.raises(Refused) as refused:
         lock.release(asked("ann").caller)
@@ -45,8 +42,7 @@ def test_a_lock_that_nobody_holds() -> None:
     assert lock.drop(asked("ann").caller) == ()
 
 
-def test_who_gives_up_several_calls_is_out_of_all() -> None:
-    lock = LockQueue()
+def test_who_gives_up_several_calls_is_out_of_all(lock: LockQueue) -> None:
     lock.ask(asked("ann"), 0, wait_ns=0)
     for name, number, wait in (("bob", 1, S), ("cy", 1, 3 * S), ("bob", 2, 2 * S)):
         lock.ask(asked(name, number), 0, wait_ns=wait)
@@ -57,8 +53,7 @@ def test_who_gives_up_several_calls_is_out_of_all() -> None:
     assert lock.waiting == ()
 
 
-def test_those_who_are_late_are_told_in_the_order_in_which_they_were_to_be_served() -> None:
-    lock = LockQueue()
+def test_those_who_are_late_are_told_in_the_order_in_which_they_were_to_be_served(lock: LockQueue) -> None:
     lock.ask(asked("ann"), 0, wait_ns=0)
     for name, priority in (("low", 1), ("high", 5), ("patient", 9)):
         lock.ask(asked(name, priority=priority), 0, wait_ns=9 * S if name == "patient" else S)

@@ -32,6 +32,11 @@ def begun(path: Path | None, now_ns: int = 100) -> StopLatch:
     return latch
 
 
+@pytest.fixture
+def latch(path: Path) -> StopLatch:
+    return begun(path)
+
+
 def found(path: Path) -> Stopped | None:
     """The stop that a Clock which is started again knows of."""
     latch = begun(path)
@@ -50,8 +55,7 @@ def test_a_stop_is_there_after_a_restart_until_it_is_released(path: Path) -> Non
     assert os.listdir(path.parent) == ["stop"]
 
 
-def test_the_first_stop_is_the_one_that_is_remembered(path: Path) -> None:
-    latch = begun(path)
+def test_the_first_stop_is_the_one_that_is_remembered(latch: StopLatch, path: Path) -> None:
     latch.engage(ANN)
     latch.engage(BOB)
     assert latch.stopped == found(path) == ANN
@@ -67,8 +71,9 @@ def test_without_a_file_it_holds_in_memory() -> None:
     assert (latch.stopped, latch.trouble) == (None, None)
 
 
-def test_a_stop_that_only_a_server_heard_is_latched_and_one_that_is_over_is_not(path: Path) -> None:
-    latch = begun(path)
+def test_a_stop_that_only_a_server_heard_is_latched_and_one_that_is_over_is_not(
+    latch: StopLatch, path: Path
+) -> None:
     latch.release(4)
     latch.observe(Stopped(by="old/1", t_ns=4))
     assert latch.stopped is None
@@ -76,8 +81,7 @@ def test_a_stop_that_only_a_server_heard_is_latched_and_one_that_is_over_is_not(
     assert found(path) == ANN
 
 
-def test_the_room_is_taken_when_the_clock_starts_and_stays_the_same(path: Path) -> None:
-    latch = begun(path)
+def test_the_room_is_taken_when_the_clock_starts_and_stays_the_same(latch: StopLatch, path: Path) -> None:
     room = (path.stat().st_size, path.stat().st_blocks * 512, path.stat().st_ino)
     assert room[0] == FILE_BYTES
     assert room[1] >= FILE_BYTES
@@ -211,8 +215,9 @@ def test_a_file_that_was_being_replaced_counts_as_a_stop(path: Path) -> None:
 # --- files that cannot be written, or go away ------------------------------------------------------
 
 
-def test_what_is_left_beside_a_file_in_use_is_gone_with_the_next_release(path: Path) -> None:
-    latch = begun(path)
+def test_what_is_left_beside_a_file_in_use_is_gone_with_the_next_release(
+    latch: StopLatch, path: Path
+) -> None:
     path.with_name("stop.new").touch()
     latch.engage(Stopped(by="ann", t_ns=200))
     latch.release(300)
@@ -251,8 +256,7 @@ def test_a_file_that_cannot_be_written_is_tried_again_after_longer_and_longer_pa
 
 
 @pytest.mark.parametrize("by", [None, b"something else"], ids=["nothing", "another file"])
-def test_a_file_that_went_away_is_made_again(path: Path, by: bytes | None) -> None:
-    latch = begun(path)
+def test_a_file_that_went_away_is_made_again(latch: StopLatch, path: Path, by: bytes | None) -> None:
     latch.engage(ANN)
     for keep in (lambda: latch.engage(BOB), lambda: latch.save(10**12)):
         path.rename(path.with_name("away"))
@@ -280,9 +284,8 @@ def test_a_folder_that_went_away_is_told(tmp_path: Path) -> None:
 
 
 def test_a_file_that_is_moved_away_while_it_is_written_keeps_nothing(
-    path: Path, monkeypatch: pytest.MonkeyPatch
+    latch: StopLatch, path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    latch = begun(path)
     written = os.fdatasync
 
     def moved(descriptor: int) -> None:
@@ -311,16 +314,14 @@ def test_a_file_that_cannot_be_made_whole_is_not_left_behind(path: Path) -> None
     assert latch.trouble is None
 
 
-def test_a_file_that_is_up_to_date_is_not_written_again(path: Path) -> None:
-    latch = begun(path)
+def test_a_file_that_is_up_to_date_is_not_written_again(latch: StopLatch, path: Path) -> None:
     latch.engage(ANN)
     os.utime(path, ns=(0, 0))
     latch.save(10**12)
     assert path.stat().st_mtime_ns == 0
 
 
-def test_each_stop_that_is_acknowledged_is_written(path: Path) -> None:
-    latch = begun(path)
+def test_each_stop_that_is_acknowledged_is_written(latch: StopLatch, path: Path) -> None:
     latch.engage(ANN)
     os.utime(path, ns=(0, 0))
     latch.engage(BOB)
@@ -329,8 +330,9 @@ def test_each_stop_that_is_acknowledged_is_written(path: Path) -> None:
 
 
 @pytest.mark.parametrize("other", ["a backup", "a part of it", "more", "nothing"])
-def test_a_file_that_was_written_over_in_place_has_the_stop_again(path: Path, other: str) -> None:
-    latch = begun(path)
+def test_a_file_that_was_written_over_in_place_has_the_stop_again(
+    latch: StopLatch, path: Path, other: str
+) -> None:
     backup = path.read_bytes()
     latch.engage(ANN)
     good, place = path.read_bytes(), path.stat().st_ino

@@ -18,6 +18,11 @@ from tests.runtime.programs import drive, go, less, nearest, roam
 from tests.runtime.scripted import FAR, Log, Script, session
 
 
+@pytest.fixture
+def log() -> Log:
+    return Log()
+
+
 def cut_off(address: str, from_ns: int) -> Link:
     """Nothing that this node sends arrives from then on."""
 
@@ -141,8 +146,7 @@ def latching() -> Program:
     )
 
 
-def test_a_client_that_is_started_anew_remembers() -> None:
-    log = Log()
+def test_a_client_that_is_started_anew_remembers(log: Log) -> None:
     whole = session(latching(), remembering(), log)
     whole.transport.at(6 * S, lambda: whole.transport.kill("drive/seen"))
     whole.transport.at(7 * S, lambda: whole.restart("drive/seen"))
@@ -155,8 +159,7 @@ def test_a_client_that_is_started_anew_remembers() -> None:
     assert not any(f.restart or f.disagreements for f in log.frames)
 
 
-def test_without_dserver_it_cannot_remember_and_everyone_begins_anew() -> None:
-    log = Log()
+def test_without_dserver_it_cannot_remember_and_everyone_begins_anew(log: Log) -> None:
     whole = session(latching(), remembering(), log)
     whole.transport.at(6 * S, lambda: whole.transport.kill("DServer"))
     whole.transport.at(7 * S, lambda: whole.restart("drive/seen"))
@@ -170,8 +173,7 @@ def test_without_dserver_it_cannot_remember_and_everyone_begins_anew() -> None:
 
 @pytest.mark.parametrize("server", ["PServer", "DServer", "Runtime", "RServer"])
 @pytest.mark.parametrize("away_ms", [0, 60, 1000])
-def test_a_server_that_is_started_anew_costs_nobody_its_memory(server: str, away_ms: int) -> None:
-    log = Log()
+def test_a_server_that_is_started_anew_costs_nobody_its_memory(log: Log, server: str, away_ms: int) -> None:
     whole = session(roam(), script(), log)
     whole.transport.at(1 * S + 10 * MS, lambda: whole.transport.kill(server))
     whole.transport.at(1 * S + (10 + away_ms) * MS, lambda: whole.restart(server))
@@ -183,8 +185,7 @@ def test_a_server_that_is_started_anew_costs_nobody_its_memory(server: str, away
     assert len(decided) >= 100 - away_ms // 50 - 2
 
 
-def test_the_clock_that_is_started_anew_begins_an_epoch() -> None:
-    log = Log()
+def test_the_clock_that_is_started_anew_begins_an_epoch(log: Log) -> None:
     whole = session(latching(), remembering(), log)
     whole.transport.at(4 * S + 10 * MS, lambda: whole.restart("Clock"))
     assert whole.run(6 * S)
@@ -255,8 +256,7 @@ def test_requests_come_with_the_frames_if_that_is_asked_for() -> None:
 
 
 @pytest.mark.parametrize("address", ["drive/pulse", "DServer/activity/pulse"])
-def test_an_object_in_python_that_is_gone_makes_everyone_begin_anew(address: str) -> None:
-    log = Log()
+def test_an_object_in_python_that_is_gone_makes_everyone_begin_anew(log: Log, address: str) -> None:
     whole = session(pulsing(), Script(), log)
     whole.transport.at(3 * S + 10 * MS, lambda: whole.restart(address))
     assert whole.run(5 * S)
@@ -266,8 +266,7 @@ def test_an_object_in_python_that_is_gone_makes_everyone_begin_anew(address: str
     assert not any(f.disagreements for f in log.frames)
 
 
-def test_dserver_that_is_started_anew_is_told_the_activity_again() -> None:
-    log = Log()
+def test_dserver_that_is_started_anew_is_told_the_activity_again(log: Log) -> None:
     whole = session(pulsing(), Script(), log)
     whole.transport.at(3 * S, lambda: whole.restart("DServer"))
     assert whole.run(5 * S)

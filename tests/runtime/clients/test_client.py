@@ -78,15 +78,13 @@ def bids(messages: Iterable[Sent]) -> dict[int, str]:
 # --- requests --------------------------------------------------------------------------------------
 
 
-def test_one_request_a_frame() -> None:
-    node = back_off()
+def test_one_request_a_frame(node: ClientNode) -> None:
     assert list(node.start(0)) == [Send("Clock/ready", Ready(client=ADDRESS, run="run"))]
     got = bids(run(node, range(30)))
     assert got == {k: "command" if 3 <= k < 23 else "silent" for k in range(30)}
 
 
-def test_behind_it_steps_through_what_it_missed_and_asks_for_the_present_only() -> None:
-    node = back_off()
+def test_behind_it_steps_through_what_it_missed_and_asks_for_the_present_only(node: ClientNode) -> None:
     run(node, range(3))
     got = take(node, tick(3), tick(4), tick(5), base(5), base(4))
     assert [(m.server, m.k) for m in got if isinstance(m, Fetch)] == [
@@ -98,16 +96,14 @@ def test_behind_it_steps_through_what_it_missed_and_asks_for_the_present_only() 
     assert bids(run(node, range(6, 9))) == dict.fromkeys((6, 7, 8), "command")
 
 
-def test_doubled_and_late_messages_change_nothing() -> None:
-    node = back_off()
+def test_doubled_and_late_messages_change_nothing(node: ClientNode) -> None:
     for k in range(30):
         message = (tick(k), base(k, k == 3))
         assert len(bids(take(node, *message, *message, *(tick(max(0, k - 5)), base(max(0, k - 5)))))) == 1
     assert node.frontier == (0, 29)
 
 
-def test_a_tick_of_another_run_makes_it_say_that_it_is_ready() -> None:
-    node = back_off()
+def test_a_tick_of_another_run_makes_it_say_that_it_is_ready(node: ClientNode) -> None:
     list(node.start(0))
     assert take(node, tick(0, run=""), now_ns=READY_AGAIN_NS - 1) == []
     assert take(node, tick(1, run=""), now_ns=READY_AGAIN_NS) == [Ready(client=ADDRESS, run="run")]
@@ -115,8 +111,9 @@ def test_a_tick_of_another_run_makes_it_say_that_it_is_ready() -> None:
     assert not only(Ready, take(node, tick(3, start=3), now_ns=10 * READY_AGAIN_NS))
 
 
-def test_with_its_requests_it_tells_the_clock_that_it_lives_but_not_more_often_than_needed() -> None:
-    node = back_off()
+def test_with_its_requests_it_tells_the_clock_that_it_lives_but_not_more_often_than_needed(
+    node: ClientNode,
+) -> None:
     list(node.start(0))
     told = [m for m in run(node, range(10)) if isinstance(m, Ready)]
     assert told == [Ready(client=ADDRESS, run="run", k=k) for k in range(10)]
@@ -129,8 +126,7 @@ def test_with_its_requests_it_tells_the_clock_that_it_lives_but_not_more_often_t
 # --- epochs ----------------------------------------------------------------------------------------
 
 
-def test_with_an_epoch_memory_begins_anew() -> None:
-    node = back_off()
+def test_with_an_epoch_memory_begins_anew(node: ClientNode) -> None:
     assert bids(run(node, range(5)))[4] == "command"
     assert bids(take(node, tick(5, start=5), base(5))) == {5: "silent"}
     assert node.frontier == (5, 5)
@@ -151,8 +147,7 @@ def test_memory_goes_to_dserver_every_half_second() -> None:
     assert [m.memory for m in found] == [encode_memory(ClientMemory(0, {HELD: 23 * FRAME}))] * 3
 
 
-def test_one_that_comes_late_into_a_young_epoch_steps_through_all_of_it() -> None:
-    node = back_off()
+def test_one_that_comes_late_into_a_young_epoch_steps_through_all_of_it(node: ClientNode) -> None:
     got = take(node, tick(10))
     assert not only(Recall, got)
     assert len(only(Fetch, got)) == 20
@@ -189,8 +184,9 @@ def none() -> Checkpoint:
         Checkpoint(client=ADDRESS, k=60 - KEPT - 2, start=0, memory=saved().memory),
     ],
 )
-def test_where_there_is_no_memory_to_be_had_it_asks_for_a_new_epoch_once_a_frame(answer: Checkpoint) -> None:
-    node = back_off()
+def test_where_there_is_no_memory_to_be_had_it_asks_for_a_new_epoch_once_a_frame(
+    node: ClientNode, answer: Checkpoint
+) -> None:
     assert take(node, tick(60)) == [Recall(client=ADDRESS)]
     assert not only(Restart, take(node, answer))
     for k in (61, 62):
@@ -199,16 +195,14 @@ def test_where_there_is_no_memory_to_be_had_it_asks_for_a_new_epoch_once_a_frame
     assert bids(take(node, tick(63, start=63), base(63))) == {63: "silent"}
 
 
-def test_dserver_is_not_waited_for_forever() -> None:
-    node = back_off()
+def test_dserver_is_not_waited_for_forever(node: ClientNode) -> None:
     ks = range(60, 63 + RECALL_NS // FRAME)
     got = [m for k in ks for m in take(node, tick(k), now_ns=k * FRAME)]
     assert got[0] == got[-3] == Recall(client=ADDRESS)
     assert got[-2:] == [Restart(client=ADDRESS, start=0)] * 2
 
 
-def test_one_that_fell_behind_too_far_asks_for_a_new_epoch_at_once() -> None:
-    node = back_off()
+def test_one_that_fell_behind_too_far_asks_for_a_new_epoch_at_once(node: ClientNode) -> None:
     run(node, range(5))
     got = [m for k in range(6, 6 + KEPT) for m in take(node, tick(k), base(k))]
     assert only(Restart, got) == [Restart(client=ADDRESS, start=0)]

@@ -15,11 +15,9 @@ from colony.runtime.library import clock as library
 from colony.runtime.library.ask import Ask
 from colony.runtime.library.clock import Who
 from colony.runtime.protocol.bindings import bind
-from colony.runtime.protocol.calls import Nothing, Open
 from colony.runtime.protocol.deployment import Deployment, deployment
 from colony.runtime.protocol.messages import (
     Alive,
-    Call,
     Effect,
     Fate,
     Fetch,
@@ -33,6 +31,7 @@ from colony.runtime.protocol.messages import (
     Wake,
     WakeAt,
 )
+from tests.runtime.calling import CLOSE, call_of, opening
 from tests.runtime.programs import roam
 
 MS = 1_000_000
@@ -108,19 +107,11 @@ class Leader:
         self._stage = stage
         self._connection = connection
         self._number = 0
-        self.ask(Ask("open", Open(name=connection), None, "read"))
+        self.ask(opening(connection))
 
     def ask(self, ask: Ask[Any]) -> Reply:
         self._number += 1
-        arguments = msgspec.Raw(msgspec.msgpack.encode(ask.arguments))
-        call = Call(
-            connection=self._connection,
-            number=self._number,
-            method=ask.method,
-            arguments=arguments,
-            right=ask.right,
-        )
-        self._stage.take(call)
+        self._stage.take(call_of(ask, self._connection, self._number))
         (reply,) = (s.message for s in self._stage.sent if isinstance(s.message, Reply))
         self._stage.sent = [s for s in self._stage.sent if not isinstance(s.message, Reply)]
         return reply
@@ -136,7 +127,7 @@ class Leader:
         self._stage.take(Alive(connection=self._connection))
 
     def close(self) -> None:
-        self.ask(Ask("close", Nothing(), None, "read"))
+        self.ask(CLOSE)
 
 
 def verdict(k: int, *fates: tuple[str, Fate]) -> Verdict:

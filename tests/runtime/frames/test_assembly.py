@@ -5,6 +5,8 @@ from __future__ import annotations
 import itertools
 from typing import Any
 
+import pytest
+
 from colony.ir.frame import Frame
 from colony.runtime.frames.assembly import FrameAssembler
 from colony.runtime.protocol.bindings import SensorBinding
@@ -14,6 +16,11 @@ MS = 1_000_000
 SONAR = SensorBinding(sensor="sonar", server="P", field="sonar", within_ns=300 * MS, factor=1.0)
 BUMPER = SensorBinding(sensor="bumper", server="R", field="bumper", within_ns=None, factor=1.0)
 METERS = SensorBinding(sensor="m", server="P", field="sonar", within_ns=None, factor=1000.0)
+
+
+@pytest.fixture
+def assembler() -> FrameAssembler:
+    return FrameAssembler((BUMPER,), keep=4)
 
 
 def tick(k: int, **more: Any) -> Tick:
@@ -156,8 +163,7 @@ def test_an_epoch_that_begins_after_its_frame_is_none() -> None:
 # --- what cannot be had ----------------------------------------------------------------------------
 
 
-def test_who_comes_late_steps_through_the_epoch_if_it_is_still_to_be_had() -> None:
-    assembler = FrameAssembler((BUMPER,), keep=4)
+def test_who_comes_late_steps_through_the_epoch_if_it_is_still_to_be_had(assembler: FrameAssembler) -> None:
     asked = assembler.take(tick(3))
     assert [e.message.k for e in asked if isinstance(e, Send) and isinstance(e.message, Fetch)] == [
         *(0, 0, 1, 1, 2, 2)
@@ -168,8 +174,7 @@ def test_who_comes_late_steps_through_the_epoch_if_it_is_still_to_be_had() -> No
     assert late.lost
 
 
-def test_who_falls_behind_for_longer_than_frames_are_kept_is_lost() -> None:
-    assembler = FrameAssembler((BUMPER,), keep=4)
+def test_who_falls_behind_for_longer_than_frames_are_kept_is_lost(assembler: FrameAssembler) -> None:
     assert len(frames(assembler, tick(0), base(0))) == 1
     for k in range(2, 5):
         assert frames(assembler, tick(k), base(k)) == []
@@ -178,8 +183,7 @@ def test_who_falls_behind_for_longer_than_frames_are_kept_is_lost() -> None:
     assert assembler.lost
 
 
-def test_with_memory_from_elsewhere_it_goes_on() -> None:
-    assembler = FrameAssembler((BUMPER,), keep=4)
+def test_with_memory_from_elsewhere_it_goes_on(assembler: FrameAssembler) -> None:
     assembler.take(tick(20))
     assert assembler.lost
     assert assembler.resume(19) == (
@@ -198,8 +202,7 @@ def test_memory_that_saw_what_is_void_now_is_of_no_use() -> None:
     assert assembler.lost
 
 
-def test_who_commands_nothing_can_do_without() -> None:
-    assembler = FrameAssembler((BUMPER,), keep=4)
+def test_who_commands_nothing_can_do_without(assembler: FrameAssembler) -> None:
     assembler.take(tick(0))
     assembler.take(tick(9))
     assert assembler.lost
@@ -207,8 +210,7 @@ def test_who_commands_nothing_can_do_without() -> None:
     assert [f.t_ns for f in frames(assembler, base(9))] == [9 * 50 * MS]
 
 
-def test_what_waits_is_bounded() -> None:
-    assembler = FrameAssembler((BUMPER,), keep=4)
+def test_what_waits_is_bounded(assembler: FrameAssembler) -> None:
     for k in range(1000):
         assembler.take(base(k))
         assembler.take(tick(k + 1))

@@ -54,8 +54,7 @@ def test_ticks_are_at_whole_periods_even_when_woken_late() -> None:
     assert [t.t_ns for t in stage.ticks] == [1000, 1000 + 50 * MS]
 
 
-def test_a_clock_that_was_stopped_leaves_out_what_it_missed_and_blames_nobody() -> None:
-    stage = Stage()
+def test_a_clock_that_was_stopped_leaves_out_what_it_missed_and_blames_nobody(stage: Stage) -> None:
     stage.until(100 * MS)
     stage.now_ns = 5 * S + 10 * MS
     stage.take(Wake())
@@ -74,8 +73,7 @@ def test_it_keeps_the_last_ticks() -> None:
 # --- who lives ---------------------------------------------------------------------------------------
 
 
-def test_a_server_that_is_not_heard_of_is_down_its_frames_are_void_and_it_may_come_back() -> None:
-    stage = Stage()
+def test_a_server_that_is_not_heard_of_is_down_its_frames_are_void_and_it_may_come_back(stage: Stage) -> None:
     stage.until(100 * MS)
     stage.until(600 * MS, answering=("RServer",))
     down = [t.k for t in stage.ticks if t.down == ("PServer",)]
@@ -87,8 +85,7 @@ def test_a_server_that_is_not_heard_of_is_down_its_frames_are_void_and_it_may_co
     assert stage.ticks[14].down == ()
 
 
-def test_a_frame_that_was_not_heard_of_is_asked_for_again() -> None:
-    stage = Stage()
+def test_a_frame_that_was_not_heard_of_is_asked_for_again(stage: Stage) -> None:
     stage.until(50 * MS)
     stage.until(100 * MS, answering=("RServer",))
     stage.until(200 * MS)
@@ -99,8 +96,7 @@ def test_a_frame_that_was_not_heard_of_is_asked_for_again() -> None:
     assert not any(("PServer", 2) in t.void for t in stage.ticks)
 
 
-def test_what_a_server_did_not_answer_before_it_was_started_anew_is_void_at_once() -> None:
-    stage = Stage()
+def test_what_a_server_did_not_answer_before_it_was_started_anew_is_void_at_once(stage: Stage) -> None:
     stage.until(100 * MS)
     stage.until(150 * MS, answering=("RServer",))
     stage.until(200 * MS, answering=("RServer",))
@@ -129,8 +125,7 @@ def test_clients_live_as_long_as_they_say_that_they_send_requests() -> None:
 # --- runs --------------------------------------------------------------------------------------------
 
 
-def test_a_run_begins_when_all_are_ready() -> None:
-    stage = Stage()
+def test_a_run_begins_when_all_are_ready(stage: Stage) -> None:
     stage.until(70 * MS)
     leader = Leader(stage, "me/1")
     assert leader.deploy(deployed()) is None
@@ -158,8 +153,7 @@ def test_who_is_not_ready_in_time_is_lost() -> None:
     assert stage.ticks[0].t_ns == IDLE_FRAME_NS
 
 
-def test_one_run_at_a_time() -> None:
-    stage = Stage()
+def test_one_run_at_a_time(stage: Stage) -> None:
     one, other = Leader(stage, "me/1"), Leader(stage, "you/1")
     assert one.deploy(deployed("a")) is None
     assert one.deploy(deployed("a")) is None
@@ -195,8 +189,7 @@ def test_a_run_ends_with_its_leader() -> None:
         assert a.start == b.start > next(t for t in stage.ticks if t.run == "run").k
 
 
-def test_who_leads_the_same_run_again_changes_nothing() -> None:
-    stage = Stage()
+def test_who_leads_the_same_run_again_changes_nothing(stage: Stage) -> None:
     one = Leader(stage, "me/1")
     one.deploy(deployed())
     stage.ready()
@@ -209,8 +202,7 @@ def test_who_leads_the_same_run_again_changes_nothing() -> None:
     assert stage.ticks[-1].run == "run"
 
 
-def test_a_leader_that_was_away_leads_the_same_run_in_a_new_epoch() -> None:
-    stage = Stage()
+def test_a_leader_that_was_away_leads_the_same_run_in_a_new_epoch(stage: Stage) -> None:
     leader = Leader(stage, "me/1")
     leader.deploy(deployed())
     stage.ready()
@@ -294,8 +286,7 @@ def test_in_lockstep_nobody_is_waited_for_longer_than_a_period() -> None:
 # --- who ---------------------------------------------------------------------------------------------
 
 
-def test_who_takes_part() -> None:
-    stage = Stage()
+def test_who_takes_part(stage: Stage) -> None:
     leader = Leader(stage, "me/1")
     leader.deploy(deployed())
     stage.ready(clients=CLIENTS[:1])
@@ -380,9 +371,8 @@ def test_no_more_is_waited_for_than_is_kept() -> None:
     assert answers.void(("a",)) == (("a", 7), ("a", 8), ("a", 9))
 
 
-def test_a_tick_is_given_once_more_to_all_who_ask_between_two_ticks() -> None:
+def test_a_tick_is_given_once_more_to_all_who_ask_between_two_ticks(stage: Stage) -> None:
     """Each goes to everybody: a flood of fetches must not breed."""
-    stage = Stage()
     stage.until(500 * MS)
     k = stage.ticks[-3].k
     assert [tick.k for tick in stage.fetched(k)] == [k]

@@ -38,8 +38,7 @@ def times(stage: Stage, run: str | None = None) -> list[float]:
 # --- who lives ---------------------------------------------------------------------------------------
 
 
-def test_who_was_never_heard_of_is_down_only_when_the_lease_is_over() -> None:
-    stage = Stage()
+def test_who_was_never_heard_of_is_down_only_when_the_lease_is_over(stage: Stage) -> None:
     stage.until(300 * MS, answering=())
     assert [t.down for t in stage.ticks] == [()] * 6 + [("PServer", "RServer")]
 
@@ -94,8 +93,7 @@ def test_what_is_announced_is_not_asked_for_and_what_is_not_is() -> None:
     assert {t.void for t in stage.ticks} == {()}
 
 
-def test_after_a_run_the_servers_are_not_down() -> None:
-    stage = Stage()
+def test_after_a_run_the_servers_are_not_down(stage: Stage) -> None:
     leader = Leader(stage, "me/1")
     leader.deploy(deployed())
     stage.ready()
@@ -128,8 +126,7 @@ def test_a_clock_that_was_stopped_blames_no_client() -> None:
 # --- when --------------------------------------------------------------------------------------------
 
 
-def test_a_tick_that_is_kept_is_sent_to_all_frames_of_the_clock() -> None:
-    stage = Stage()
+def test_a_tick_that_is_kept_is_sent_to_all_frames_of_the_clock(stage: Stage) -> None:
     stage.until(100 * MS)
     stage.fetched(1)
     assert stage.sent == [Send("Clock/frames", stage.ticks[1])]
@@ -153,8 +150,7 @@ def test_a_run_that_is_there_from_the_beginning_begins_at_once() -> None:
     assert [(t.run, t.t_ns) for t in stage.ticks] == [("run", 70 * MS)]
 
 
-def test_waiting_ends_between_two_frames_too() -> None:
-    stage = Stage()
+def test_waiting_ends_between_two_frames_too(stage: Stage) -> None:
     stage.until(70 * MS)
     leader = Leader(stage, "me/1")
     leader.deploy(deployed())
@@ -164,16 +160,14 @@ def test_waiting_ends_between_two_frames_too() -> None:
     assert times(stage, "run") == [(70 * MS + GATHER_NS) / MS]
 
 
-def test_deploying_does_not_delay_the_frames_that_there_are() -> None:
-    stage = Stage()
+def test_deploying_does_not_delay_the_frames_that_there_are(stage: Stage) -> None:
     stage.now_ns = 10 * MS
     Leader(stage, "me/1").deploy(deployed())
     stage.until(100 * MS)
     assert times(stage) == [0, 50, 100]
 
 
-def test_when_the_leader_goes_the_next_frame_comes_when_it_was_due() -> None:
-    stage = Stage()
+def test_when_the_leader_goes_the_next_frame_comes_when_it_was_due(stage: Stage) -> None:
     leader = Leader(stage, "me/1")
     leader.deploy(deployed())
     stage.until(10 * MS)
@@ -185,8 +179,7 @@ def test_when_the_leader_goes_the_next_frame_comes_when_it_was_due() -> None:
     assert times(stage)[-2:] == [160, 210]
 
 
-def test_when_the_leader_of_slow_frames_goes_nobody_waits_for_one_of_those() -> None:
-    stage = Stage()
+def test_when_the_leader_of_slow_frames_goes_nobody_waits_for_one_of_those(stage: Stage) -> None:
     leader = Leader(stage, "me/1")
     leader.deploy(deployed(program=roam(robot=robot(frame_ms=400))))
     stage.until(10 * MS)
@@ -199,8 +192,7 @@ def test_when_the_leader_of_slow_frames_goes_nobody_waits_for_one_of_those() -> 
     assert (stage.ticks[-1].run, stage.ticks[-1].t_ns) == ("", 100 * MS + IDLE_FRAME_NS)
 
 
-def test_a_wake_is_asked_for_once() -> None:
-    stage = Stage()
+def test_a_wake_is_asked_for_once(stage: Stage) -> None:
     known = len(stage.wakes)
     for _ in range(3):
         stage.take(ServerFrame(server="PServer", k=0, fields={}), verdict(9))
@@ -222,8 +214,7 @@ def test_in_lockstep_all_actuators_have_to_decide() -> None:
     assert times(stage) == [0, 50]
 
 
-def test_before_a_run_in_lockstep_frames_are_at_whole_periods() -> None:
-    stage = Stage()
+def test_before_a_run_in_lockstep_frames_are_at_whole_periods(stage: Stage) -> None:
     Leader(stage, "me/1").deploy(deployed(lockstep=True))
     for at in (57, 103):
         stage.now_ns = at * MS
@@ -234,8 +225,7 @@ def test_before_a_run_in_lockstep_frames_are_at_whole_periods() -> None:
 # --- runs and who leads them -------------------------------------------------------------------------
 
 
-def test_who_without_a_program() -> None:
-    stage = Stage()
+def test_who_without_a_program(stage: Stage) -> None:
     found = Leader(stage, "me/1").who()
     assert (found.run, found.program, found.leader, found.begun) == ("", "", None, False)
     assert (found.clients, found.restarts, found.frame_ns) == ((), 0, IDLE_FRAME_NS)
@@ -256,16 +246,14 @@ def test_it_listens_to_all_that_it_understands() -> None:
     assert not [topic for topic in clock.listens if "None" in topic]
 
 
-def test_a_refusal_names_the_clock_and_the_leader() -> None:
-    stage = Stage()
+def test_a_refusal_names_the_clock_and_the_leader(stage: Stage) -> None:
     Leader(stage, "me/1").deploy(deployed("a"))
     problem = Leader(stage, "you/1").ask(library.deploy(deployed("b"))).problem
     assert problem is not None
     assert problem.message == "Clock is in the run `a`, which me/1 leads"
 
 
-def test_restarts_are_those_in_the_middle_of_a_run() -> None:
-    stage = Stage()
+def test_restarts_are_those_in_the_middle_of_a_run(stage: Stage) -> None:
     leader = Leader(stage, "me/1")
     leader.deploy(deployed())
     stage.ready()

@@ -5,16 +5,15 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any
 
-import msgspec
 import pytest
 
 from colony.runtime.arbitration.stop_file import FILE_BYTES
 from colony.runtime.frames.clock import Clock
 from colony.runtime.library import clock as clock_library
 from colony.runtime.library import emergency
-from colony.runtime.protocol.calls import Nothing
-from colony.runtime.protocol.messages import Call, ServerFrame, Stopped, Tick, WakeAt
+from colony.runtime.protocol.messages import ServerFrame, Stopped, Tick, WakeAt
 from colony.runtime.protocol.plausibility import check_plausible
+from tests.runtime.calling import call_of
 from tests.runtime.frames.clock_stage import MS, Leader, S, Stage
 
 
@@ -124,14 +123,7 @@ def test_a_stop_that_was_not_kept_is_no_second_stop_when_it_arrives_again(tmp_pa
     first = ann.ask(emergency.stop())
     ann.ask(clock_library.release())
     assert last(stage).stopped is None
-    call = Call(
-        connection="ann/1",
-        number=first.number,
-        method="emergency_stop",
-        arguments=msgspec.Raw(msgspec.msgpack.encode(Nothing())),
-        right="stop",
-    )
-    stage.take(call)
+    stage.take(call_of(emergency.stop(), "ann/1", first.number))
     assert stage.sent[-1].message == first
     assert last(stage).stopped is None
 

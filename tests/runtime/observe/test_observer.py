@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import pytest
+
 from colony.ir.frame import Decision, Frame, Outcome
 from colony.ir.memory import ProgramMemory
 from colony.runtime.frames.assembly import KEPT_NS, FrameAssembler
@@ -62,6 +64,11 @@ class Stage:
         self.take(tick(k, start), verdict(k, n))
 
 
+@pytest.fixture
+def stage() -> Stage:
+    return Stage()
+
+
 def tick(k: int, start: int = 0, run: str = "run") -> Tick:
     return Tick(k=k, t_ns=k, start=start, run=run)
 
@@ -70,8 +77,7 @@ def verdict(k: int, n: float) -> Verdict:
     return Verdict(k=k, t_ns=k, actuator="drive", by="go", values=(n,), fates=(("go", "won"),))
 
 
-def test_frames_wait_for_their_verdicts_in_order() -> None:
-    stage = Stage()
+def test_frames_wait_for_their_verdicts_in_order(stage: Stage) -> None:
     stage.take(verdict(1, 2.0), tick(0), tick(1))
     assert stage.log.frames == []
     stage.take(verdict(0, 1.0))
@@ -81,8 +87,7 @@ def test_frames_wait_for_their_verdicts_in_order() -> None:
     ]
 
 
-def test_a_frame_without_verdict_is_handed_on_in_the_end() -> None:
-    stage = Stage()
+def test_a_frame_without_verdict_is_handed_on_in_the_end(stage: Stage) -> None:
     stage.take(tick(0), now_ns=5)
     stage.take(tick(1), now_ns=5 + KEPT_NS)
     assert stage.log.frames == []
@@ -90,16 +95,14 @@ def test_a_frame_without_verdict_is_handed_on_in_the_end() -> None:
     assert [(f.tick.k, len(f.verdicts)) for f in stage.log.frames] == [(0, 0), (1, 1)]
 
 
-def test_with_an_epoch_the_monitor_begins_anew() -> None:
-    stage = Stage()
+def test_with_an_epoch_the_monitor_begins_anew(stage: Stage) -> None:
     for k, n, start in ((0, 1.0, 0), (1, 2.0, 0), (2, 1.0, 2), (3, 2.0, 2)):
         stage.frame(k, n, start)
     assert [f.restart for f in stage.log.frames] == [False, False, True, False]
     assert not any(f.disagreements for f in stage.log.frames)
 
 
-def test_what_was_missed_for_good_is_said_and_nothing_is_expected_until_the_next_epoch() -> None:
-    stage = Stage()
+def test_what_was_missed_for_good_is_said_and_nothing_is_expected_until_the_next_epoch(stage: Stage) -> None:
     stage.frame(0, 1.0)
     stage.frame(9, 99.0)
     stage.frame(10, 99.0)
@@ -113,8 +116,7 @@ def test_what_was_missed_for_good_is_said_and_nothing_is_expected_until_the_next
     assert not any(f.disagreements for f in stage.log.frames)
 
 
-def test_one_that_comes_in_the_middle_expects_nothing() -> None:
-    stage = Stage()
+def test_one_that_comes_in_the_middle_expects_nothing(stage: Stage) -> None:
     stage.frame(9, 99.0)
     assert [(f.skipped, f.restart, f.expected.decisions) for f in stage.log.frames] == [(9, False, ())]
 
@@ -131,8 +133,7 @@ def test_requests_come_with_their_frame() -> None:
     assert "RServer/requests" in stage.observer.listens
 
 
-def test_what_is_of_other_runs_is_no_frame_and_does_not_pile_up() -> None:
-    stage = Stage()
+def test_what_is_of_other_runs_is_no_frame_and_does_not_pile_up(stage: Stage) -> None:
     for k in range(50_000):
         stage.take(verdict(k, 1.0))
     stage.take(tick(50_000, start=50_000, run="another"))
@@ -166,8 +167,7 @@ def test_who_stepped_over_a_frame_that_nobody_else_got_asks_for_a_new_epoch() ->
     ]
 
 
-def test_who_missed_frames_does_not_make_everybody_begin_anew() -> None:
-    stage = Stage()
+def test_who_missed_frames_does_not_make_everybody_begin_anew(stage: Stage) -> None:
     stage.frame(0, 1.0)
     stage.frame(9, 99.0)
     stage.frame(10, 99.0)

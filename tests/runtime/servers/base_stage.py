@@ -12,11 +12,9 @@ import msgspec
 from colony.runtime.arbitration.stop_latch import StopLatch
 from colony.runtime.library.ask import Ask
 from colony.runtime.protocol import topics
-from colony.runtime.protocol.calls import Nothing, Open
 from colony.runtime.protocol.deployment import ActuatorTable, Deployment, FieldTable
 from colony.runtime.protocol.messages import (
     Alive,
-    Call,
     Effect,
     Message,
     Problem,
@@ -31,6 +29,7 @@ from colony.runtime.protocol.messages import (
 )
 from colony.runtime.servers.drivers import BaseLimits, BaseState
 from colony.runtime.servers.rserver import RServer
+from tests.runtime.calling import CLOSE, call_of, opening
 
 MS = 1_000_000
 S = 1000 * MS
@@ -86,6 +85,11 @@ class RollingBase:
             turn_rate=self.turn,
             wheel_speed=abs(self.velocity),
         )
+
+
+def stage_in_run(**options: Any) -> Stage:
+    """Return a stage on which a program runs."""
+    return Stage(run="r1", deployment=deployed(), **options)
 
 
 class Stage:
@@ -186,7 +190,7 @@ class Stage:
         """A connection, which stays alive until `die`."""
         self._priorities[connection] = priority
         self._alive.add(connection)
-        self.send(connection, Ask("open", Open(name=name or connection), type(None), "read"))
+        self.send(connection, opening(name or connection))
         return connection
 
     def die(self, connection: str) -> None:
@@ -197,15 +201,7 @@ class Stage:
         """Make a call; gives its number."""
         self._numbers[connection] += 1
         number = self._numbers[connection]
-        call = Call(
-            connection=connection,
-            number=number,
-            method=ask.method,
-            arguments=msgspec.Raw(msgspec.msgpack.encode(ask.arguments)),
-            priority=self._priorities.get(connection, 0),
-            right=ask.right,
-        )
-        self.give(call)
+        self.give(call_of(ask, connection, number, self._priorities.get(connection, 0)))
         return number
 
     def do(self, connection: str, ask: Ask[Any]) -> Any:
@@ -226,7 +222,7 @@ class Stage:
 
     def close(self, connection: str) -> None:
         self._alive.discard(connection)
-        self.send(connection, Ask("close", Nothing(), type(None), "read"))
+        self.send(connection, CLOSE)
 
 
 CLIENTS = (("back_off", 3), ("avoid", 2), ("cruise", 1))

@@ -6,11 +6,11 @@ from collections.abc import Iterable, Mapping, Sequence
 from typing import Any, TypeVar
 
 import msgspec
+import pytest
 
 from colony.runtime.library.ask import Ask
 from colony.runtime.library.data import Change
 from colony.runtime.protocol import topics
-from colony.runtime.protocol.calls import Nothing, Open
 from colony.runtime.protocol.fields import DSERVER
 from colony.runtime.protocol.messages import (
     Alive,
@@ -28,6 +28,7 @@ from colony.runtime.protocol.messages import (
 )
 from colony.runtime.servers.dserver import DServer
 from colony.runtime.store.store import Key, MemoryStore, Store, StoreFull
+from tests.runtime.calling import CLOSE, call_of, opening
 
 T = TypeVar("T")
 MS = 1_000_000
@@ -132,27 +133,25 @@ class Connection:
         if number is None:
             self.number += 1
             number = self.number
-        raw = msgspec.Raw(msgspec.msgpack.encode(ask.arguments))
-        return Call(
-            connection=self.name,
-            number=number,
-            method=ask.method,
-            arguments=raw,
-            right=ask.right,
-            priority=self.priority,
-        )
+        return call_of(ask, self.name, number, self.priority)
 
     def open(self) -> list[Effect]:
-        effects = self.stage.handle(self.call(Ask("open", Open(name=self.name), None, "read")))
+        effects = self.stage.handle(self.call(opening(self.name)))
         assert self.reply(effects).problem is None
         return effects
 
     def close(self) -> None:
-        self.stage.handle(self.call(Ask("close", Nothing(), None, "read")))
+        self.stage.handle(self.call(CLOSE))
 
     def do(self, ask: Ask[T], number: int | None = None) -> T:
         """The result of a call that is answered at once."""
         return self.result(ask, self.stage.handle(self.call(ask, number)))
+
+    def refusal(self, ask: Ask[Any]) -> str:
+        """The code with which a call is refused at once."""
+        with pytest.raises(Failed) as failed:
+            self.do(ask)
+        return failed.value.code
 
     def begin(self, ask: Ask[Any], number: int | None = None) -> list[Effect]:
         """Make a call that may not be answered at once."""

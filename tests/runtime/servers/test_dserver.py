@@ -32,11 +32,6 @@ from colony.runtime.store.store import Key, MemoryStore, StoreError
 from tests.runtime.servers.data_stage import MS, Connection, DataStage, Failed, S
 
 
-@pytest.fixture
-def stage() -> DataStage:
-    return DataStage()
-
-
 def field(name: str, kind: Any = "number") -> FieldTable:
     return FieldTable(name=name, kind=kind, factor=1.0, low=None, high=None)
 

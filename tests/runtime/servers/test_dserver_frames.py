@@ -2,25 +2,11 @@
 
 from __future__ import annotations
 
-from typing import Any
-
-import pytest
-
 from colony.runtime.library import data
 from colony.runtime.library.ask import Ask
 from colony.runtime.protocol.deployment import Deployment
 from colony.runtime.servers.showing import LONGEST_LIST, MOST_ASKED, MOST_EACH
-from tests.runtime.servers.data_stage import MS, Connection, DataStage, Failed, S
-
-
-@pytest.fixture
-def stage() -> DataStage:
-    return DataStage()
-
-
-@pytest.fixture
-def ada(stage: DataStage) -> Connection:
-    return stage.connect()
+from tests.runtime.servers.data_stage import MS, Connection, DataStage, S
 
 
 def program(run: str, *reads: str) -> Deployment:
@@ -29,12 +15,6 @@ def program(run: str, *reads: str) -> Deployment:
 
 def deploy(deployed: Deployment) -> Ask[None]:
     return Ask("deploy", deployed, type(None), "command")
-
-
-def refused(connection: Connection, ask: Ask[Any]) -> str:
-    with pytest.raises(Failed) as failed:
-        connection.do(ask)
-    return failed.value.code
 
 
 def test_frames_are_empty_unless_somebody_asked(stage: DataStage, ada: Connection) -> None:
@@ -79,13 +59,13 @@ def test_a_deleted_variable_is_missing_from_the_next_frame_on(stage: DataStage, 
     assert ada.changes(effects) == [("X", ...)]
     assert stage.fields(2, "run") == {}
     for _ in range(2):
-        assert refused(ada, data.history("X")) == "unknown"
+        assert ada.refusal(data.history("X")) == "unknown"
         assert ada.do(data.names()) == ()
         stage.kill_and_restart()
         ada.open()
     ada.do(data.set("X", 2))
     assert stage.fields(3, "run") == {"X": 2.0}
-    assert refused(ada, data.get("X", -1)) == "range", "its history is gone, too"
+    assert ada.refusal(data.get("X", -1)) == "range", "its history is gone, too"
 
 
 def test_publish_lasts_as_long_as_the_connection(stage: DataStage, ada: Connection) -> None:
@@ -116,20 +96,20 @@ def test_what_a_program_and_a_connection_ask_for_stays_while_one_of_them_does(
 def test_publishing_has_an_end(stage: DataStage, ada: Connection) -> None:
     ada.do(data.publish([f"V{i}" for i in range(MOST_EACH)]))
     ada.do(data.publish(["V1"]))
-    assert refused(ada, data.publish(["one more"])) == "full"
-    assert refused(ada, data.publish(["x"] * (MOST_EACH + 1))) == "size"
-    assert refused(ada, data.publish([""])) == "arguments"
+    assert ada.refusal(data.publish(["one more"])) == "full"
+    assert ada.refusal(data.publish(["x"] * (MOST_EACH + 1))) == "size"
+    assert ada.refusal(data.publish([""])) == "arguments"
     others = [stage.connect(f"bob/{i}") for i in range(MOST_ASKED // MOST_EACH)]
     for number, other in enumerate(others[:-1]):
         other.do(data.publish([f"W{number}.{i}" for i in range(MOST_EACH)]))
-    assert refused(others[-1], data.publish(["one more"])) == "full"
+    assert others[-1].refusal(data.publish(["one more"])) == "full"
     assert "names asked for in frames: 10000 of 10000 are used, and there was no room for more" in (
         stage.server.full()
     )
     ada.close()
     others[-1].do(data.publish(["one more"]))
     assert (
-        refused(others[-1], deploy(program("run", *(f"R{i}" for i in range(MOST_ASKED + 1))))) == "arguments"
+        others[-1].refusal(deploy(program("run", *(f"R{i}" for i in range(MOST_ASKED + 1))))) == "arguments"
     )
 
 
@@ -139,7 +119,7 @@ def test_what_no_program_reads_has_room_of_its_own_and_refuses_no_set(
     quarter = [0.5] * (LONGEST_LIST // 4 - 10)
     ada.do(data.set_many({"A": quarter, "B": quarter, "C": quarter}))
     ada.do(data.publish(["A", "B"]))
-    assert refused(ada, data.publish(["C"])) == "full"
+    assert ada.refusal(data.publish(["C"])) == "full"
     assert set(stage.fields(1)) == {"A", "B"}
     ada.do(data.set("A", [0.5] * LONGEST_LIST))
     assert set(stage.fields(2)) == {"B"}, "it is left out"
@@ -148,7 +128,7 @@ def test_what_no_program_reads_has_room_of_its_own_and_refuses_no_set(
     ada.do(deploy(program("run", "P", "B")))
     ada.do(data.set("P", [0.5] * (3 * LONGEST_LIST // 4 - 20)))
     assert set(stage.fields(4, "run")) == {"B", "C", "P"}, "nobody takes the program's room"
-    assert refused(ada, data.set("P", [0.5] * LONGEST_LIST)) == "full"
+    assert ada.refusal(data.set("P", [0.5] * LONGEST_LIST)) == "full"
     assert set(stage.fields(5)) == {"B", "C"}, "of another run"
     said = {sentence.partition(":")[0] for sentence in stage.server.full()}
     assert said == {"numbers in frames", "numbers in frames that no program reads"}
@@ -158,7 +138,7 @@ def test_what_the_program_reads_without_room_is_missing(stage: DataStage, ada: C
     ada.do(data.set_many({"Long": [0.5] * (LONGEST_LIST - 20), "Second": [0.5] * 100, "Short": 1}))
     ada.do(deploy(program("run", "Long", "Second", "Short")))
     assert set(stage.fields(1, "run")) == {"Long", "Short"}
-    assert refused(ada, data.set("Second", [0.5] * 99)) == "full"
+    assert ada.refusal(data.set("Second", [0.5] * 99)) == "full"
     ada.do(data.set("Long", 1))
     ada.do(data.set("Second", [0.5] * 99))
     assert set(stage.fields(2, "run")) == {"Long", "Second", "Short"}
@@ -167,7 +147,7 @@ def test_what_the_program_reads_without_room_is_missing(stage: DataStage, ada: C
 def test_a_full_server_still_answers(stage: DataStage, ada: Connection) -> None:
     for i in range(67):
         ada.do(data.set(f"Big{i:02}", b"a" * 1_000_000))
-    assert refused(ada, data.set("Big", b"a" * 1_000_000)) == "full"
+    assert ada.refusal(data.set("Big", b"a" * 1_000_000)) == "full"
     kept = ada.do(data.names())
     assert len(ada.do(data.get(kept[0], type=bytes))) == 1_000_000
     assert any(said.startswith("values of variables: 63.9 MiB of 64.0 MiB") for said in stage.server.full())

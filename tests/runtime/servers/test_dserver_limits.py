@@ -15,24 +15,7 @@ from colony.runtime.servers.naming import Names
 from colony.runtime.servers.once import Answers
 from colony.runtime.servers.telling import PAUSE_NS, SLICE, SLICE_BYTES
 from colony.runtime.store.store import Journal, MemoryStore
-from tests.runtime.servers.data_stage import Connection, DataStage, Failed
-
-
-@pytest.fixture
-def stage() -> DataStage:
-    return DataStage()
-
-
-@pytest.fixture
-def ada(stage: DataStage) -> Connection:
-    return stage.connect()
-
-
-def refused(connection: Connection, ask: Ask[Any]) -> str:
-    with pytest.raises(Failed) as failed:
-        connection.do(ask)
-    return failed.value.code
-
+from tests.runtime.servers.data_stage import Connection, DataStage
 
 # --- one call ------------------------------------------------------------------------------------
 
@@ -42,7 +25,7 @@ def test_a_call_is_of_a_thousand_names_at_most(ada: Connection) -> None:
     ada.do(data.set_many(dict.fromkeys(names, 1)))
     assert len(ada.do(data.get_many(names))) == 1000
     ada.do(data.watch(*names[:950], prefixes=names[950:]))
-    assert refused(ada, data.watch(prefixes=["one more"])) == "full"
+    assert ada.refusal(data.watch(prefixes=["one more"])) == "full"
     ada.do(data.unwatch(*names))
     more = [*names, "one more"]
     for ask in (
@@ -52,7 +35,7 @@ def test_a_call_is_of_a_thousand_names_at_most(ada: Connection) -> None:
         data.watch(*names, prefixes=["one more"]),
         data.unwatch(*more),
     ):
-        assert refused(ada, ask) == "size"
+        assert ada.refusal(ask) == "size"
     assert ada.do(data.names("one")) == ()
 
 
@@ -62,7 +45,7 @@ def test_a_call_is_of_a_thousand_names_at_most(ada: Connection) -> None:
 def test_values_are_counted_not_only_measured(ada: Connection, values: bytes) -> None:
     """Of one name each, again and again: decoded they would be one value."""
     assert (
-        refused(ada, Ask("set_many", data.SetMany(values=msgspec.Raw(values)), type(None), "command"))
+        ada.refusal(Ask("set_many", data.SetMany(values=msgspec.Raw(values)), type(None), "command"))
         == "size"
     )
 
@@ -70,12 +53,12 @@ def test_values_are_counted_not_only_measured(ada: Connection, values: bytes) ->
 @pytest.mark.parametrize("values", [b"\x90", b"\xc0", b"\x81\x01\x02", b"\x81\xa1\xff\x02"])
 def test_what_is_no_mapping_of_names_is_refused(ada: Connection, values: bytes) -> None:
     ask = Ask("set_many", data.SetMany(values=msgspec.Raw(values)), type(None), "command")
-    assert refused(ada, ask) == "arguments"
+    assert ada.refusal(ask) == "arguments"
 
 
 def test_values_of_more_than_a_megabyte_are_refused_together(ada: Connection) -> None:
     ada.do(data.set_many({"A": b"a" * 500_000, "B": b"b" * 500_000}))
-    assert refused(ada, data.set_many({"A": b"c" * 600_000, "B": b"c" * 600_000})) == "size"
+    assert ada.refusal(data.set_many({"A": b"c" * 600_000, "B": b"c" * 600_000})) == "size"
     assert ada.do(data.get("A", type=bytes))[:1] == b"a"
 
 
@@ -90,7 +73,7 @@ def test_a_long_history_comes_in_parts(ada: Connection) -> None:
     assert [d.read() for d in ada.do(data.history("X", -1, 2))] == [2498, 2497]
     assert ada.do(data.history("X", -2500)) == ()
     for ask in (data.history("X", 1), data.history("X", 0, 0), data.history("X", 0, 2001)):
-        assert refused(ada, ask) == "arguments"
+        assert ada.refusal(ask) == "arguments"
 
 
 # --- all of them ---------------------------------------------------------------------------------
@@ -101,12 +84,12 @@ def test_there_are_so_many_variables(monkeypatch: pytest.MonkeyPatch) -> None:
     stage = DataStage()
     ada = stage.connect()
     ada.do(data.set_many({"A": 1, "B": 2}))
-    assert refused(ada, data.set_many({"B": 3, "C": 3, "D": 4})) == "full"
+    assert ada.refusal(data.set_many({"B": 3, "C": 3, "D": 4})) == "full"
     assert ada.do(data.get("B")) == 2
     ada.do(data.set_history("C", 5))
     assert stage.server.full() == ("variables: 3 of 3 are used, and there was no room for more",)
     for ask in (data.set("D", 1), data.set_history("D", 2)):
-        assert refused(ada, ask) == "full"
+        assert ada.refusal(ask) == "full"
     ada.do(data.set("A", 5))
     ada.do(data.delete("A"))
     ada.do(data.set("D", 1))
@@ -119,12 +102,12 @@ def test_there_are_so_many_semaphores_holds_and_waiting_calls(monkeypatch: pytes
     ada, bob = stage.connect(), stage.connect("bob/1")
     ada.do(data.create_semaphore("S", 5))
     ada.do(data.create_semaphore("T", 0))
-    assert refused(ada, data.create_semaphore("U", 1)) == "full"
+    assert ada.refusal(data.create_semaphore("U", 1)) == "full"
     for _ in range(2):
         ada.do(data.wait("S", hold=True))
         bob.begin(data.wait("T"))
-    assert refused(ada, data.wait("S", hold=True)) == "full"
-    assert refused(ada, data.wait("T")) == "full"
+    assert ada.refusal(data.wait("S", hold=True)) == "full"
+    assert ada.refusal(data.wait("T")) == "full"
     assert [said.split(":")[0] for said in stage.server.full()] == [
         "semaphores",
         "holds of semaphores",
@@ -147,8 +130,8 @@ def test_there_are_so_many_names_and_prefixes_watched(monkeypatch: pytest.Monkey
     ada, bob = stage.connect(), stage.connect("bob/1")
     ada.do(data.watch("A", "B", prefixes=["P"]))
     bob.do(data.watch("A", prefixes=["P"]))
-    assert refused(bob, data.watch("C")) == "full"
-    assert refused(bob, data.watch(prefixes=["Q"])) == "full"
+    assert bob.refusal(data.watch("C")) == "full"
+    assert bob.refusal(data.watch(prefixes=["Q"])) == "full"
     bob.do(data.watch("A", prefixes=["P"]))
     assert len(stage.server.full()) == 2
     ada.do(data.unwatch("B", prefixes=["P"]))
@@ -163,8 +146,8 @@ def test_no_user_watches_all_there_is_to_watch(monkeypatch: pytest.MonkeyPatch) 
     first, second, bob = stage.connect("ada/1"), stage.connect("ada/2"), stage.connect("bob/1")
     first.do(data.watch("A", prefixes=["P"]))
     second.do(data.watch("B", prefixes=["Q"]))
-    assert refused(second, data.watch("C")) == "full"
-    assert refused(first, data.watch(prefixes=["R"])) == "full"
+    assert second.refusal(data.watch("C")) == "full"
+    assert first.refusal(data.watch(prefixes=["R"])) == "full"
     bob.do(data.watch("C", "D", prefixes=["R", "S"]))
 
 

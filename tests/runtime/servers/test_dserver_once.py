@@ -10,12 +10,7 @@ from colony.runtime.library import data
 from colony.runtime.library.ask import Ask
 from colony.runtime.servers.once import CONNECTIONS, KEPT, Answers
 from colony.runtime.store.store import Journal, MemoryStore
-from tests.runtime.servers.data_stage import Connection, DataStage, Failed, S
-
-
-@pytest.fixture
-def ada() -> Connection:
-    return DataStage().connect()
+from tests.runtime.servers.data_stage import Connection, Failed, S
 
 
 def again(connection: Connection) -> None:

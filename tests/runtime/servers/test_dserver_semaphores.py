@@ -15,21 +15,10 @@ from tests.runtime.servers.data_stage import MS, Connection, DataStage, Failed, 
 
 
 @pytest.fixture
-def stage() -> DataStage:
-    return DataStage()
-
-
-@pytest.fixture
 def ada(stage: DataStage) -> Connection:
     found = stage.connect()
     assert found.do(data.create_semaphore("$XYZ", 1))
     return found
-
-
-def refused(connection: Connection, ask: Ask[Any]) -> str:
-    with pytest.raises(Failed) as failed:
-        connection.do(ask)
-    return failed.value.code
 
 
 def answered(connection: Connection, effects: list[Effect]) -> list[tuple[int, str | None]]:
@@ -45,15 +34,15 @@ def test_a_semaphore_is_made_once(ada: Connection) -> None:
     assert not ada.do(data.create_semaphore("$XYZ", 5))
     assert state(ada) == SemaphoreState(value=1, waiting=(), holding=())
     assert ada.do(data.semaphores()) == ("$XYZ",)
-    assert refused(ada, data.create_semaphore("$A", -1)) == "arguments"
-    assert refused(ada, data.create_semaphore("$A", 1 << 31)) == "arguments"
-    assert refused(ada, data.create_semaphore("")) == "arguments"
+    assert ada.refusal(data.create_semaphore("$A", -1)) == "arguments"
+    assert ada.refusal(data.create_semaphore("$A", 1 << 31)) == "arguments"
+    assert ada.refusal(data.create_semaphore("")) == "arguments"
 
 
 def test_wait_takes_and_signal_puts_back(ada: Connection) -> None:
     ada.do(data.wait("$XYZ"))
     assert state(ada).value == 0
-    assert refused(ada, data.wait("$XYZ", 0)) == "timeout"
+    assert ada.refusal(data.wait("$XYZ", 0)) == "timeout"
     ada.do(data.signal("$XYZ"))
     ada.do(data.signal("$XYZ"))
     assert state(ada).value == 2
@@ -63,7 +52,7 @@ def test_wait_takes_and_signal_puts_back(ada: Connection) -> None:
     "ask", [data.wait("no"), data.signal("no"), data.release("no"), data.semaphore("no")], ids=str
 )
 def test_unknown_semaphores_are_refused(ada: Connection, ask: Ask[Any]) -> None:
-    assert refused(ada, ask) == "unknown"
+    assert ada.refusal(ask) == "unknown"
 
 
 def test_a_semaphore_is_no_variable(ada: Connection) -> None:
@@ -149,7 +138,7 @@ def test_what_was_released_is_not_given_back_again(stage: DataStage, ada: Connec
         bob.do(give_back("$XYZ"))
     bob.close()
     assert state(ada) == SemaphoreState(value=1, waiting=(), holding=())
-    assert refused(ada, data.release("$XYZ")) == "not held"
+    assert ada.refusal(data.release("$XYZ")) == "not held"
 
 
 def test_the_signal_of_another_does_not_end_a_hold(stage: DataStage, ada: Connection) -> None:
@@ -166,7 +155,7 @@ def test_a_client_that_was_gone_for_too_long_is_told_that_it_holds_no_more(
     bob.do(data.wait("$XYZ", hold=True))
     stage.pass_time(S, alive=(ada,))
     bob.open()
-    assert refused(bob, data.release("$XYZ")) == "not held"
+    assert bob.refusal(data.release("$XYZ")) == "not held"
     assert state(ada).value == 1
 
 

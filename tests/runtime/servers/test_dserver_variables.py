@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from typing import Any
 
 import msgspec
 import pytest
@@ -16,22 +15,6 @@ from colony.runtime.servers.variables import VALUE_BYTES, Variables, prepared
 from colony.runtime.servers.watching import KEPT_NS
 from colony.runtime.store.store import Journal, MemoryStore
 from tests.runtime.servers.data_stage import MS, Connection, DataStage, Failed, S
-
-
-@pytest.fixture
-def stage() -> DataStage:
-    return DataStage()
-
-
-@pytest.fixture
-def ada(stage: DataStage) -> Connection:
-    return stage.connect()
-
-
-def refused(connection: Connection, ask: Ask[Any]) -> str:
-    with pytest.raises(Failed) as failed:
-        connection.do(ask)
-    return failed.value.code
 
 
 def show(stage: DataStage, *names: str) -> None:
@@ -82,12 +65,12 @@ def test_a_value_that_msgpack_cannot_hold_is_told_before_it_is_sent() -> None:
 
 def test_history_goes_back_as_far_as_it_is_long(ada: Connection) -> None:
     ada.do(data.set_history("PosX", 3))
-    assert refused(ada, data.get("PosX")) == "unset"
+    assert ada.refusal(data.get("PosX")) == "unset"
     for x in range(5):
         ada.do(data.set("PosX", x))
     assert [ada.do(data.get("PosX", back)) for back in (0, -1, -2)] == [4, 3, 2]
-    assert refused(ada, data.get("PosX", -3)) == "range"
-    assert refused(ada, data.get("PosX", 1)) == "range"
+    assert ada.refusal(data.get("PosX", -3)) == "range"
+    assert ada.refusal(data.get("PosX", 1)) == "range"
     assert [d.read(int) for d in ada.do(data.history("PosX"))] == [4, 3, 2]
 
 
@@ -95,15 +78,15 @@ def test_a_history_is_one_long_unless_told(ada: Connection) -> None:
     ada.do(data.set("PosX", 1))
     ada.do(data.set("PosX", 2))
     assert ada.do(data.get("PosX")) == 2
-    assert refused(ada, data.get("PosX", -1)) == "range"
+    assert ada.refusal(data.get("PosX", -1)) == "range"
 
 
 def test_a_value_not_set_yet_is_told_apart_from_one_outside_the_history(ada: Connection) -> None:
     ada.do(data.set_history("PosX", 3))
     ada.do(data.set("PosX", 1))
-    assert refused(ada, data.get("PosX", -1)) == "unset"
-    assert refused(ada, data.get("PosY")) == "unknown"
-    assert refused(ada, data.history("PosY")) == "unknown"
+    assert ada.refusal(data.get("PosX", -1)) == "unset"
+    assert ada.refusal(data.get("PosY")) == "unknown"
+    assert ada.refusal(data.history("PosY")) == "unknown"
 
 
 def test_shrinking_drops_the_oldest_and_growing_keeps_all(ada: Connection) -> None:
@@ -125,7 +108,7 @@ def test_shrinking_drops_the_oldest_and_growing_keeps_all(ada: Connection) -> No
 
 @pytest.mark.parametrize("length", [0, -1, 10_001])
 def test_impossible_histories_are_refused(ada: Connection, length: int) -> None:
-    assert refused(ada, data.set_history("PosX", length)) == "arguments"
+    assert ada.refusal(data.set_history("PosX", length)) == "arguments"
 
 
 def test_several_are_set_and_got_at_one_moment(stage: DataStage, ada: Connection) -> None:
@@ -133,7 +116,7 @@ def test_several_are_set_and_got_at_one_moment(stage: DataStage, ada: Connection
     assert ada.do(data.get_many(["X", "Y"])) == {"X": 1, "Y": 2.5}
     times = {d.t_ns for name in "XY" for d in ada.do(data.history(name))}
     assert times == {stage.now}
-    assert refused(ada, data.get_many(["X", "Z"])) == "unknown"
+    assert ada.refusal(data.get_many(["X", "Z"])) == "unknown"
 
 
 def test_where_one_of_several_cannot_be_set_none_is(ada: Connection) -> None:
@@ -151,21 +134,21 @@ def test_names_have_1_to_255_bytes(ada: Connection, name: str, ok: bool) -> None
         ada.do(data.set(name, 1))
         assert ada.do(data.get(name)) == 1
     else:
-        assert refused(ada, data.set(name, 1)) == "arguments"
-    assert refused(ada, data.set(name + "é" * 128, 1)) == "arguments"
-    assert refused(ada, data.create_semaphore(name + "é" * 128)) == "arguments"
+        assert ada.refusal(data.set(name, 1)) == "arguments"
+    assert ada.refusal(data.set(name + "é" * 128, 1)) == "arguments"
+    assert ada.refusal(data.create_semaphore(name + "é" * 128)) == "arguments"
 
 
 def test_a_value_that_is_too_large_is_refused(ada: Connection) -> None:
     ada.do(data.set("Big", b"a" * (VALUE_BYTES - 5)))
-    assert refused(ada, data.set("Big", b"a" * VALUE_BYTES)) == "size"
+    assert ada.refusal(data.set("Big", b"a" * VALUE_BYTES)) == "size"
     assert len(ada.do(data.get("Big", type=bytes))) == VALUE_BYTES - 5
 
 
 def test_a_reply_that_would_be_too_large_is_refused(ada: Connection) -> None:
     for i in range(4):
         ada.do(data.set(f"Big{i}", b"a" * (VALUE_BYTES - 5)))
-    assert refused(ada, data.get_many([f"Big{i}" for i in range(4)])) == "size"
+    assert ada.refusal(data.get_many([f"Big{i}" for i in range(4)])) == "size"
 
 
 @pytest.mark.parametrize(
@@ -174,7 +157,7 @@ def test_a_reply_that_would_be_too_large_is_refused(ada: Connection) -> None:
 def test_what_nobody_could_read_is_refused(ada: Connection, raw: bytes) -> None:
     """Text that is no UTF-8, a mapping with a mapping as key, and what is nested too deep."""
     ask = Ask("set", data.Set(name="X", value=msgspec.Raw(raw)), type(None), "command")
-    assert refused(ada, ask) == "arguments"
+    assert ada.refusal(ask) == "arguments"
     assert ada.do(data.names()) == ()
 
 
@@ -209,10 +192,10 @@ def test_delete_and_names(ada: Connection) -> None:
     assert ada.do(data.names()) == ("a1", "a2", "b", "c")
     assert ada.do(data.names("a", limit=1)) == ("a1",)
     assert ada.do(data.names(after="a2")) == ("b", "c")
-    assert refused(ada, data.names(limit=0)) == "arguments"
+    assert ada.refusal(data.names(limit=0)) == "arguments"
     assert ada.do(data.delete("b"))
     assert not ada.do(data.delete("b"))
-    assert refused(ada, data.get("b")) == "unknown"
+    assert ada.refusal(data.get("b")) == "unknown"
     ada.stage.kill_and_restart()
     ada.open()
     assert ada.do(data.names()) == ("a1", "a2", "c")
@@ -360,6 +343,6 @@ def test_what_is_watched_is_forgotten_in_the_end(stage: DataStage, ada: Connecti
 def test_one_connection_cannot_watch_without_end(ada: Connection) -> None:
     for begin in (0, 1000):
         ada.do(data.watch(*(f"V{i}" for i in range(begin, begin + 1000))))
-    assert refused(ada, data.watch("one more")) == "full"
+    assert ada.refusal(data.watch("one more")) == "full"
     ada.do(data.watch("V1"))
-    assert refused(ada, data.watch("a" * 256)) == "arguments"
+    assert ada.refusal(data.watch("a" * 256)) == "arguments"

@@ -8,11 +8,12 @@ import pytest
 from colony.runtime.library import robot
 from colony.runtime.protocol.fields import RSERVER
 from colony.runtime.protocol.messages import Malformed, Tick
-from tests.runtime.servers.base_stage import FRAME, MS, Stage, bid, deployed, silent
+from tests.runtime.servers.base_stage import FRAME, MS, Stage, bid, deployed, silent, stage_in_run
 
 
-def running(**options: object) -> Stage:
-    return Stage(run="r1", deployment=deployed(), **options)
+@pytest.fixture
+def stage() -> Stage:
+    return stage_in_run()
 
 
 def test_it_has_exactly_the_documented_fields() -> None:
@@ -30,8 +31,7 @@ def test_a_base_that_gave_nothing_yet_has_no_values() -> None:
     assert stage.problem("ann/1", robot.position()).code == "no value"
 
 
-def test_the_settings_are_the_command_sent_last() -> None:
-    stage = running()
+def test_the_settings_are_the_command_sent_last(stage: Stage) -> None:
     stage.frame(bid("cruise", 300.0, -10.0), *silent("cruise"))
     assert stage.base.told == [(0, 300.0, -10.0)]
     stage.tick()
@@ -67,8 +67,7 @@ def test_it_stops_the_base_when_it_starts_and_when_it_ends() -> None:
     assert stage.base.stops == [0, 0]
 
 
-def test_a_base_without_ticks_is_stopped_within_two_frames() -> None:
-    stage = running()
+def test_a_base_without_ticks_is_stopped_within_two_frames(stage: Stage) -> None:
     stage.frame(bid("cruise", 300.0, 0.0), *silent("cruise"), count=3)
     assert stage.base.velocity == 300.0
     stage.wait(stage.now_ns + 10 * FRAME)
@@ -78,8 +77,7 @@ def test_a_base_without_ticks_is_stopped_within_two_frames() -> None:
     assert len(stage.base.stops) == 2
 
 
-def test_a_network_that_falls_silent_is_idle_in_that_frame() -> None:
-    stage = running()
+def test_a_network_that_falls_silent_is_idle_in_that_frame(stage: Stage) -> None:
     stage.frame(bid("cruise", 300.0, 0.0), *silent("cruise"))
     stage.frame(*silent("cruise"))
     stage.tick()
@@ -95,8 +93,7 @@ def test_an_idle_command_that_holds_lets_the_base_go_on_for_two_frames() -> None
     assert stage.base.stops == [0, 2 * FRAME]
 
 
-def test_a_tick_that_comes_twice_or_late_changes_nothing() -> None:
-    stage = running()
+def test_a_tick_that_comes_twice_or_late_changes_nothing(stage: Stage) -> None:
     stage.frame(bid("cruise", 300.0, 0.0), *silent("cruise"), count=2)
     verdicts, told = len(stage.verdicts), len(stage.base.told)
     stage.give(Tick(k=0, t_ns=0, run="r1"))
@@ -104,8 +101,7 @@ def test_a_tick_that_comes_twice_or_late_changes_nothing() -> None:
     assert (len(stage.verdicts), len(stage.base.told), stage.base.velocity) == (verdicts, told, 300.0)
 
 
-def test_in_frames_of_another_run_the_base_stands_and_nobody_is_told_anything() -> None:
-    stage = running()
+def test_in_frames_of_another_run_the_base_stands_and_nobody_is_told_anything(stage: Stage) -> None:
     stage.frame(bid("cruise", 300.0, 0.0), *silent("cruise"))
     stage.run = "r2"
     assert stage.frame(bid("cruise", 300.0, 0.0), *silent("cruise"), count=3) is None
@@ -133,8 +129,7 @@ def test_a_program_that_has_no_base_hears_nothing_of_it_and_scripts_drive_it() -
     assert stage.base.velocity == 100.0
 
 
-def test_requests_that_cannot_be_read_are_noted() -> None:
-    stage = running()
+def test_requests_that_cannot_be_read_are_noted(stage: Stage) -> None:
     stage.tick()
     stage.give(Malformed(topic="RServer/requests", connection=None, reason="found version 7"))
     verdict = stage.frame(*silent())
@@ -142,8 +137,7 @@ def test_requests_that_cannot_be_read_are_noted() -> None:
     assert stage.verdicts[0].notes == ("a request could not be read: found version 7",)
 
 
-def test_a_pressed_bumper_lets_nothing_go_into_it_whoever_commands() -> None:
-    stage = running()
+def test_a_pressed_bumper_lets_nothing_go_into_it_whoever_commands(stage: Stage) -> None:
     stage.base.front = True
     stage.frame(bid("cruise", 300.0, 20.0), *silent("cruise"))
     assert stage.base.told[-1] == (0, 0.0, 20.0)
@@ -156,8 +150,7 @@ def test_a_pressed_bumper_lets_nothing_go_into_it_whoever_commands() -> None:
     assert stage.base.told[-1][1:] == (0.0, 0.0)
 
 
-def test_bumpers_can_be_ignored() -> None:
-    stage = running()
+def test_bumpers_can_be_ignored(stage: Stage) -> None:
     stage.open("ann/1")
     stage.base.front = True
     stage.do("ann/1", robot.set_bumper(0))
@@ -242,9 +235,8 @@ BAD = [
 
 @pytest.mark.parametrize(("changes", "text"), BAD)
 def test_what_cannot_be_deployed_is_refused_and_changes_nothing(
-    changes: dict[str, object], text: str
+    stage: Stage, changes: dict[str, object], text: str
 ) -> None:
-    stage = running()
     stage.open("lead/1")
     wrong = deployed(**({"run": "r2"} | changes))  # type: ignore[arg-type]
     problem = stage.problem("lead/1", robot.deploy(wrong))
@@ -266,8 +258,7 @@ def test_two_actuators_of_one_base_are_refused() -> None:
 # --- what it knows ---------------------------------------------------------------------------------
 
 
-def test_arbitration_tells_how_every_client_did() -> None:
-    stage = running()
+def test_arbitration_tells_how_every_client_did(stage: Stage) -> None:
     stage.open("ann/1")
     stage.frame(bid("cruise", 300.0, 0.0), *silent("cruise"), count=3)
     stage.frame(*silent("cruise"))
@@ -287,7 +278,7 @@ def test_arbitration_tells_how_every_client_did() -> None:
 
 
 def test_the_watchdog_can_be_given_more_time() -> None:
-    stage = running(watchdog_ns=250 * MS)
+    stage = stage_in_run(watchdog_ns=250 * MS)
     stage.frame(bid("cruise", 300.0, 0.0), *silent("cruise"))
     stage.wait(300 * MS)
     assert stage.base.stops == [0, 250 * MS]

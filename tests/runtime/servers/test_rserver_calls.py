@@ -20,14 +20,18 @@ def stage_for(connection: str = "ann/1", priority: int = 0, **options: Any) -> S
     return stage
 
 
+@pytest.fixture
+def stage() -> Stage:
+    return stage_for()
+
+
 def done(stage: Stage, ask: Ask[Any], connection: str = "ann/1") -> Any:
     number = stage.send(connection, ask)
     stage.frames_until(connection, number)
     return stage.result(connection, number, ask)
 
 
-def test_go_goes_straight_on_for_its_lease_and_longer_where_it_is_told_again() -> None:
-    stage = stage_for()
+def test_go_goes_straight_on_for_its_lease_and_longer_where_it_is_told_again(stage: Stage) -> None:
     stage.do("ann/1", robot.go(200.0))
     stage.frame(count=5)
     stage.do("ann/1", robot.go(200.0, lease=0.3))
@@ -40,8 +44,7 @@ def test_go_goes_straight_on_for_its_lease_and_longer_where_it_is_told_again() -
     assert (stage.base.x, stage.base.heading) == (0.0, 0.0)
 
 
-def test_go_told_again_goes_on_holding_the_same_heading() -> None:
-    stage = stage_for()
+def test_go_told_again_goes_on_holding_the_same_heading(stage: Stage) -> None:
     stage.base.pushed = 2.0
     for _ in range(200):
         stage.do("ann/1", robot.go(200.0, lease=0.2))
@@ -53,8 +56,7 @@ def test_go_told_again_goes_on_holding_the_same_heading() -> None:
     assert stage.do("ann/1", robot.mode()) == "proportional go"
 
 
-def test_jog_turns_clockwise_on_top_of_what_this_connection_does() -> None:
-    stage = stage_for()
+def test_jog_turns_clockwise_on_top_of_what_this_connection_does(stage: Stage) -> None:
     stage.do("ann/1", robot.go(100.0))
     stage.frame(count=8)
     stage.do("ann/1", robot.jog(20.0))
@@ -68,8 +70,7 @@ def test_jog_turns_clockwise_on_top_of_what_this_connection_does() -> None:
     assert stage.base.told[-1][1:] == (0.0, 20.0)
 
 
-def test_drive_sends_exactly_what_it_says_counterclockwise() -> None:
-    stage = stage_for()
+def test_drive_sends_exactly_what_it_says_counterclockwise(stage: Stage) -> None:
     stage.do("ann/1", robot.drive(123.0, 45.0))
     stage.frame()
     assert stage.base.told[-1][1:] == (123.0, 45.0)
@@ -77,8 +78,7 @@ def test_drive_sends_exactly_what_it_says_counterclockwise() -> None:
     assert stage.do("ann/1", robot.wheel_speed()) == 123.0
 
 
-def test_a_move_is_answered_when_it_is_done_and_then_stands() -> None:
-    stage = stage_for()
+def test_a_move_is_answered_when_it_is_done_and_then_stands(stage: Stage) -> None:
     assert done(stage, robot.move(700.0, 300.0, 400.0)) == pytest.approx(700.0, abs=1.5)
     assert stage.base.y == pytest.approx(700.0, abs=1.5)
     stage.frame(count=5)
@@ -88,8 +88,7 @@ def test_a_move_is_answered_when_it_is_done_and_then_stands() -> None:
     assert stage.base.y == pytest.approx(500.0, abs=3.0)
 
 
-def test_a_turn_is_clockwise_and_an_arc_too() -> None:
-    stage = stage_for()
+def test_a_turn_is_clockwise_and_an_arc_too(stage: Stage) -> None:
     done(stage, robot.turn(90.0))
     assert stage.base.heading == pytest.approx(270.0, abs=0.3)
     done(stage, robot.continuous_turn(-90.0, 400.0))
@@ -97,8 +96,7 @@ def test_a_turn_is_clockwise_and_an_arc_too() -> None:
     assert (stage.base.x, stage.base.y) == pytest.approx((400.0, 400.0), abs=6.0)
 
 
-def test_negative_velocities_and_accelerations_keep_the_present_settings() -> None:
-    stage = stage_for()
+def test_negative_velocities_and_accelerations_keep_the_present_settings(stage: Stage) -> None:
     done(stage, robot.move(300.0, 120.0, 600.0))
     stage.base.told.clear()
     done(stage, robot.move(300.0))
@@ -110,8 +108,7 @@ def test_negative_velocities_and_accelerations_keep_the_present_settings() -> No
     assert min(w for _, _, w in stage.base.told) == -15.0
 
 
-def test_without_waiting_a_motion_is_answered_at_once() -> None:
-    stage = stage_for()
+def test_without_waiting_a_motion_is_answered_at_once(stage: Stage) -> None:
     assert stage.do("ann/1", robot.move(100.0, 200.0, wait=False)) is None
     stage.frame()
     assert stage.do("ann/1", robot.mode()) == "point-to-point go"
@@ -125,8 +122,7 @@ def problem_of(stage: Stage, number: int) -> str:
     return found.code
 
 
-def test_a_motion_that_ends_early_says_why() -> None:
-    stage = stage_for()
+def test_a_motion_that_ends_early_says_why(stage: Stage) -> None:
     first = stage.send("ann/1", robot.move(1000.0))
     stage.frame(count=3)
     second = stage.send("ann/1", robot.move(1000.0))
@@ -147,8 +143,7 @@ def test_a_motion_that_ends_early_says_why() -> None:
     assert problem_of(stage, fourth) == "stopped"
 
 
-def test_a_turn_on_the_spot_does_not_mind_a_bumper() -> None:
-    stage = stage_for()
+def test_a_turn_on_the_spot_does_not_mind_a_bumper(stage: Stage) -> None:
     stage.do("ann/1", robot.drive(300.0, 0.0))
     stage.frame(count=2)
     stage.base.front = True
@@ -175,8 +170,7 @@ def test_a_stop_stands_in_the_networks_place_for_its_lease() -> None:
     assert [v.outside for v in stage.verdicts] == ["ann/1"] * 4 + [None]
 
 
-def test_positions_are_reported_as_they_are_set() -> None:
-    stage = stage_for()
+def test_positions_are_reported_as_they_are_set(stage: Stage) -> None:
     stage.do("ann/1", robot.set_position(1000.0, 2000.0, 90.0))
     done(stage, robot.move(100.0))
     where = stage.do("ann/1", robot.position())
@@ -192,8 +186,7 @@ def test_positions_are_reported_as_they_are_set() -> None:
     )
 
 
-def test_a_position_set_during_a_motion_does_not_disturb_it() -> None:
-    stage = stage_for()
+def test_a_position_set_during_a_motion_does_not_disturb_it(stage: Stage) -> None:
     number = stage.send("ann/1", robot.move(500.0))
     stage.frame(count=10)
     stage.do("ann/1", robot.set_position(-30000.0, 7.0, 123.0))
@@ -226,15 +219,13 @@ def test_positions_go_on_beyond_16_bits_without_anybody_asking() -> None:
     assert (where.x, where.y) == (-40_000.0, 160_000.0)
 
 
-def test_bumpers_are_told_by_code() -> None:
-    stage = stage_for()
+def test_bumpers_are_told_by_code(stage: Stage) -> None:
     for front, rear, code in ((False, False, 0), (True, False, 1), (False, True, 2), (True, True, 3)):
         stage.base.front, stage.base.rear = front, rear
         assert stage.do("ann/1", robot.bumper()).code == code
 
 
-def test_the_first_mode_is_the_joysticks_and_again_after_an_emergency_stop() -> None:
-    stage = stage_for()
+def test_the_first_mode_is_the_joysticks_and_again_after_an_emergency_stop(stage: Stage) -> None:
     assert stage.do("ann/1", robot.mode()) == "joystick"
     stage.do("ann/1", robot.go(100.0))
     stage.frame()
@@ -265,8 +256,7 @@ WRONG = [
 
 
 @pytest.mark.parametrize(("ask", "text"), WRONG, ids=[text for _, text in WRONG])
-def test_what_cannot_be_is_refused_with_what_was_expected(ask: Ask[Any], text: str) -> None:
-    stage = stage_for()
+def test_what_cannot_be_is_refused_with_what_was_expected(stage: Stage, ask: Ask[Any], text: str) -> None:
     problem = stage.problem("ann/1", ask)
     assert problem.code == "arguments"
     assert text in problem.message
@@ -293,8 +283,7 @@ def test_a_standing_command_is_clamped_by_a_program_that_comes_later() -> None:
     assert stage.base.told[-1][1:] == (500.0, 60.0)
 
 
-def test_a_call_that_comes_twice_is_done_once() -> None:
-    stage = stage_for()
+def test_a_call_that_comes_twice_is_done_once(stage: Stage) -> None:
     number = stage.send("ann/1", robot.adjust_position(10.0, 0.0, 0.0))
     stage._numbers["ann/1"] = number - 1
     stage.send("ann/1", robot.adjust_position(10.0, 0.0, 0.0))
@@ -323,8 +312,7 @@ def test_under_a_lock_nobody_else_commands() -> None:
     assert stage.problem("ann/1", robot.unlock()).code == "unlocked"
 
 
-def test_who_waits_for_the_lock_gets_it_when_its_holder_dies() -> None:
-    stage = stage_for()
+def test_who_waits_for_the_lock_gets_it_when_its_holder_dies(stage: Stage) -> None:
     stage.open("bob/1", priority=1)
     stage.open("cy/1", priority=2)
     stage.do("ann/1", robot.lock())
@@ -341,8 +329,7 @@ def test_who_waits_for_the_lock_gets_it_when_its_holder_dies() -> None:
     assert stage.replies["bob/1", waiting[0][1]].problem is None
 
 
-def test_nobody_waits_longer_for_the_lock_than_they_would() -> None:
-    stage = stage_for()
+def test_nobody_waits_longer_for_the_lock_than_they_would(stage: Stage) -> None:
     stage.open("bob/1", priority=1)
     stage.do("ann/1", robot.lock())
     number = stage.send("bob/1", robot.lock(wait_s=0.4))

@@ -28,14 +28,16 @@ from colony.runtime.assembly.processes.spec import (
     write_spec,
 )
 from colony.runtime.assembly.processes.window import Window
+from colony.runtime.library.ask import Ask
 from colony.runtime.library.leader import LEADER, RunStatus
 from colony.runtime.observe.observer import FrameLog
 from colony.runtime.protocol.bindings import bind
-from colony.runtime.protocol.calls import Nothing, Open
+from colony.runtime.protocol.calls import Nothing
 from colony.runtime.protocol.deployment import Deployment, deployment
-from colony.runtime.protocol.messages import Call, Fate, Reply, Send, Tick, Verdict
+from colony.runtime.protocol.messages import Fate, Reply, Send, Tick, Verdict
 from colony.runtime.transport.live.place import Credentials, Local, Remote
 from colony.runtime.transport.live.run_directory import RobotDirectory
+from tests.runtime.calling import call_of, opening
 from tests.runtime.programs import roam
 from tests.runtime.scripted import Log
 
@@ -206,16 +208,9 @@ def test_the_leader_counts_who_was_on_time(roaming: Program) -> None:
 
 def test_the_leader_answers(roaming: Program) -> None:
     server = LeaderServer(Standings(deployed(roaming), file="f.colony"))
-    calls = [("open", Open(name="test")), ("run", Nothing())]
     replies = []
-    for number, (method, arguments) in enumerate(calls, 1):
-        call = Call(
-            connection="ada/1",
-            number=number,
-            method=method,
-            arguments=msgspec.Raw(msgspec.msgpack.encode(arguments)),
-            right="read",
-        )
+    for number, ask in enumerate((opening("test"), Ask("run", Nothing(), None, "read")), 1):
+        call = call_of(ask, "ada/1", number)
         replies += [e.message for e in server.handle(call, number) if isinstance(e, Send)]
     assert all(isinstance(r, Reply) and r.problem is None for r in replies)
     status = msgspec.msgpack.decode(replies[-1].result, type=RunStatus)  # type: ignore[union-attr]

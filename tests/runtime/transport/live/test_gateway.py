@@ -16,7 +16,6 @@ from colony.runtime.assembly.processes import child
 from colony.runtime.kit.connection import Session, connect
 from colony.runtime.kit.errors import CallRefused, ServerNotFound
 from colony.runtime.protocol import codec, topics
-from colony.runtime.protocol.calls import Open
 from colony.runtime.protocol.messages import (
     Alive,
     Call,
@@ -25,7 +24,6 @@ from colony.runtime.protocol.messages import (
     Message,
     Reply,
     Request,
-    Right,
     Send,
     Tick,
     Wake,
@@ -41,6 +39,7 @@ from colony.runtime.transport.live.outbox import Haste, publish
 from colony.runtime.transport.live.place import Credentials, Remote
 from colony.runtime.transport.live.robot_time import learned_time
 from colony.runtime.transport.live.security import Permission, read_security
+from tests.runtime.calling import plain_call
 from tests.runtime.kit.stage import BATTERY, battery_thread, charge, halt, level
 from tests.runtime.transport.live.certificates import Authority, free_port
 from tests.runtime.transport.live.stage import ROBOT, Recorder, hosted, place, run_directory, running, until
@@ -117,9 +116,9 @@ def test_who_does_not_ask_the_kit_does_not_get_past_the_gateway_either(lab: _Lab
     with hosted(lab.environment, [node]), Network.open(lab.remote("bob")) as network:
         until(lambda: "RServer" in network.alive(), "the gateway found the server")
         forged = (
-            ("command", "bob/1", _call("bob/1", "command")),
-            ("stop", "bob/1", _call("bob/1", "stop")),
-            ("read", "ada/1", _call("ada/1", "read")),
+            ("command", "bob/1", plain_call("bob/1", right="command")),
+            ("stop", "bob/1", plain_call("bob/1", right="stop")),
+            ("read", "ada/1", plain_call("ada/1", right="read")),
         )
         for right, connection, message in forged:
             key = f"colony/{ROBOT}/RServer/call/{right}/{connection}"
@@ -135,7 +134,7 @@ def test_who_does_not_ask_the_kit_does_not_get_past_the_gateway_either(lab: _Lab
 def test_who_claims_another_name_in_the_message_is_refused(lab: _Lab) -> None:
     node = Recorder("RServer", topics.calls("RServer"))
     with hosted(lab.environment, [node]), Network.open(lab.remote("bob")) as network:
-        data = codec.encode(_call("ada/1", "read"))
+        data = codec.encode(plain_call("ada/1", right="read"))
         _put(network, f"colony/{ROBOT}/RServer/call/read/bob/1", data)
         until(lambda: bool(node.got), "it is told of")
     malformed = node.got[0]
@@ -160,10 +159,10 @@ def test_nobody_hears_the_answers_to_others(lab: _Lab) -> None:
         for network, user in ((ada, "ada"), (bob, "bob")):
             for key in (keys.listening(ROBOT, "RServer/reply/ada/1"), "**", f"colony/{ROBOT}/**"):
                 _listen(network, key, heard[user])
-        _put(ada, f"colony/{ROBOT}/RServer/call/read/ada/1", codec.encode(_call("ada/1", "read")))
+        _put(ada, f"colony/{ROBOT}/RServer/call/read/ada/1", codec.encode(plain_call("ada/1", right="read")))
         until(lambda: any(isinstance(m, Reply) for m in heard["ada"]), "the answer")
         _listen(bob, keys.listening(ROBOT, "RServer/reply/bob/1"), heard["bob"])
-        _put(bob, f"colony/{ROBOT}/RServer/call/read/bob/1", codec.encode(_call("bob/1", "read")))
+        _put(bob, f"colony/{ROBOT}/RServer/call/read/bob/1", codec.encode(plain_call("bob/1", right="read")))
         until(lambda: any(isinstance(m, Reply) for m in heard["bob"]), "one's own")
     answers = {user: {m.connection for m in heard[user] if isinstance(m, Reply)} for user in heard}
     assert answers == {"ada": {"ada/1"}, "bob": {"bob/1"}}
@@ -310,11 +309,6 @@ def test_a_server_stays_on_the_robots_machine(lab: _Lab) -> None:
         Host.open(lab.remote("eva"), [Recorder("RServer")], serves=True)
 
 
-def _call(connection: str, right: Right) -> Call:
-    arguments = msgspec.Raw(msgspec.msgpack.encode(Open(name="x")))
-    return Call(connection=connection, number=1, method="open", arguments=arguments, right=right)
-
-
 def _put(network: Network, key: str, data: bytes) -> None:
     with publish(network.session, key) as publisher:
         until(lambda: publisher.matching_status.matching, f"nobody listens to {key}")  # type: ignore[attr-defined]
@@ -344,7 +338,7 @@ def test_a_gateway_that_is_started_anew_is_found_again(tmp_path: Path) -> None:
 
 def test_nothing_comes_twice_and_servers_that_come_later_are_found(lab: _Lab) -> None:
     """All are linked to each other and to the gateway; with gossip for some, and without for the gateway."""
-    call = _call("bob/1", "read")
+    call = plain_call("bob/1", right="read")
     with (
         Network.open(place(lab.environment)) as at_home,
         lab.session("bob") as session,
@@ -436,7 +430,11 @@ def test_the_largest_answer_gets_through(lab: _Lab) -> None:
         _listen(ada, keys.listening(ROBOT, "CServer/reply/ada/1"), heard)
 
         def asked() -> bool:
-            _put(ada, f"colony/{ROBOT}/CServer/call/read/ada/1", codec.encode(_call("ada/1", "read")))
+            _put(
+                ada,
+                f"colony/{ROBOT}/CServer/call/read/ada/1",
+                codec.encode(plain_call("ada/1", right="read")),
+            )
             return bool(heard)
 
         until(asked, "the answer, perhaps to the second call")

@@ -25,7 +25,6 @@ from colony.runtime.protocol.messages import (
     Message,
     Notice,
     Reply,
-    Right,
     Sample,
     Send,
     Sent,
@@ -41,6 +40,7 @@ from colony.runtime.transport.live.host import Host
 from colony.runtime.transport.live.network import Network
 from colony.runtime.transport.live.outbox import publish
 from colony.runtime.transport.live.waiting import CALLS_EACH
+from tests.runtime.calling import plain_call
 from tests.runtime.transport.live.stage import ROBOT, Recorder, hosted, place, run_directory, running, until
 
 SERVER = "RServer"
@@ -51,17 +51,6 @@ CALLS = topics.calls(SERVER)
 def environment() -> Iterator[Mapping[str, str]]:
     with run_directory() as made:
         yield made
-
-
-def _call(connection: str, number: int, *, priority: int = 0, right: Right = "command") -> Call:
-    return Call(
-        connection=connection,
-        number=number,
-        method="m",
-        arguments=msgspec.Raw(b"\xc0"),
-        priority=priority,
-        right=right,
-    )
 
 
 class _Outside:
@@ -119,11 +108,11 @@ def test_waiting_messages_are_taken_in_their_order(environment: Mapping[str, str
         outside.put(topics.TICKS, codec.encode(Tick(k=0, t_ns=0)))
         assert node.busy.wait(20)
         low, high, next_high = (
-            _call("u/a", 1, priority=1),
-            _call("u/b", 1, priority=5),
-            _call("u/c", 1, priority=5),
+            plain_call("u/a", 1, priority=1),
+            plain_call("u/b", 1, priority=5),
+            plain_call("u/c", 1, priority=5),
         )
-        stop, tick = _call("u/a", 2, priority=1, right="stop"), Tick(k=1, t_ns=0)
+        stop, tick = plain_call("u/a", 2, priority=1, right="stop"), Tick(k=1, t_ns=0)
         for call in (low, high, next_high):
             outside.call(call)
         outside.put(topics.TICKS, codec.encode(tick))
@@ -143,15 +132,15 @@ def test_a_flood_is_answered_and_harms_nobody_else(environment: Mapping[str, str
     with hosted(environment, [node]) as host:
         outside.put(topics.TICKS, codec.encode(Tick(k=0, t_ns=0)))
         assert node.busy.wait(20)
-        outside.call(_call("u/other", 1))
+        outside.call(plain_call("u/other", 1))
         for number in range(1, CALLS_EACH + 11):
-            outside.call(_call("u/flood", number))
+            outside.call(plain_call("u/flood", number))
         room = host._inbox._room
         until(lambda: (len(room._calls), len(room._given_up)) == (CALLS_EACH + 1, 10), "they wait")
         node.go.set()
         until(lambda: len(node.got) == CALLS_EACH + 2, "all are handled")
         until(lambda: len(outside.heard) == 10, "ten are told")
-    assert node.got[1] == _call("u/other", 1)
+    assert node.got[1] == plain_call("u/other", 1)
     replies = [reply for reply in outside.heard if isinstance(reply, Reply)]
     assert [reply.number for reply in replies] == list(range(CALLS_EACH + 1, CALLS_EACH + 11))
     assert {reply.problem.code for reply in replies if reply.problem is not None} == {"flood"}
@@ -160,8 +149,8 @@ def test_a_flood_is_answered_and_harms_nobody_else(environment: Mapping[str, str
 @pytest.mark.parametrize(
     ("key", "message", "says"),
     [
-        ("read/ada/7", _call("ada/7", 1), "claims the right to command"),
-        ("command/ada/7", _call("bob/7", 1), "claims to be of bob/7"),
+        ("read/ada/7", plain_call("ada/7", 1), "claims the right to command"),
+        ("command/ada/7", plain_call("bob/7", 1), "claims to be of bob/7"),
         ("command/ada/7", Tick(k=1, t_ns=1), "found Tick"),
         ("read/ada/7", Alive(connection="bob/7"), "claims to be of bob/7"),
     ],
@@ -185,8 +174,8 @@ def test_what_is_far_too_large_is_dropped_by_the_network_and_the_link_lives_on(
     node = Recorder(SERVER, CALLS)
     with hosted(environment, [node]):
         outside.put(f"{CALLS}/read/ada/7", bytes(3 * LARGEST))
-        outside.call(_call("ada/7", 1))
-        until(lambda: _call("ada/7", 1) in node.got, "the next call arrives")
+        outside.call(plain_call("ada/7", 1))
+        until(lambda: plain_call("ada/7", 1) in node.got, "the next call arrives")
     assert len(node.got) <= 2
 
 
@@ -204,7 +193,7 @@ def test_a_reply_that_is_too_large_becomes_an_error_and_other_messages_are_repor
     reports: list[str] = []
     outside.hear(topics.replies(SERVER, "ada/7"))
     with hosted(environment, [Recorder(SERVER, CALLS, on=answer)], report=reports.append):
-        outside.call(_call("ada/7", 3))
+        outside.call(plain_call("ada/7", 3))
         until(lambda: bool(outside.heard), "an answer")
     reply = outside.heard[0]
     assert isinstance(reply, Reply)
@@ -299,7 +288,7 @@ def test_a_direct_host_handles_frames_where_they_come_in_and_calls_and_wakes_in_
         until(lambda: SERVER in outside.network.alive(), "it is there")
         outside.put(topics.TICKS, codec.encode(Tick(k=0, t_ns=0)))
         until(lambda: len(node.got) == 2, "the tick and the wake")
-        outside.call(_call("u/a", 1))
+        outside.call(plain_call("u/a", 1))
         until(lambda: len(node.got) == 3, "the call")
         own = run.thread.ident
     assert [type(message) for message in node.got] == [Tick, Wake, Call]
@@ -317,7 +306,7 @@ def test_a_direct_host_loses_nothing_and_keeps_the_order_while_calls_come_betwee
         for k in range(many):
             outside.put(topics.TICKS, codec.encode(Tick(k=k, t_ns=0)))
             if k % 3 == 0:
-                outside.call(_call("u/a", 1 + k))
+                outside.call(plain_call("u/a", 1 + k))
         until(lambda: len(node.got) == many + many // 3, "all are handled")
     assert [message.k for message in second.got if isinstance(message, Tick)] == [*range(many)]
     assert [message.k for message in node.got if isinstance(message, Tick)] == [*range(many)]
@@ -346,6 +335,7 @@ from colony.runtime.protocol import topics
 from colony.runtime.transport.live.host import Host
 from colony.runtime.transport.live.place import local
 from colony.runtime.protocol.messages import Checkpoint, Send
+from tests.runtime.calling import plain_call
 from tests.runtime.transport.live.stage import Recorder
 
 def save(message, now_ns):
@@ -389,6 +379,7 @@ import os, signal, sys
 from colony.runtime.protocol import topics
 from colony.runtime.transport.live.host import Host
 from colony.runtime.transport.live.place import local
+from tests.runtime.calling import plain_call
 from tests.runtime.transport.live.stage import Recorder
 
 with Host.open(local("rome", os.environ), [Recorder("drive/frozen", topics.frames("PServer"))]) as host:
@@ -433,6 +424,7 @@ PROCESS = """
 import os, signal, sys
 from colony.runtime.transport.live.host import Host
 from colony.runtime.transport.live.place import local
+from tests.runtime.calling import plain_call
 from tests.runtime.transport.live.stage import Recorder
 
 class Node(Recorder):
@@ -470,7 +462,7 @@ def test_a_process_ends_by_a_signal_and_another_takes_its_place(
 
 
 def _stop(connection: str, number: int) -> Call:
-    return msgspec.structs.replace(_call(connection, number, right="stop"), method=EMERGENCY_STOP)
+    return msgspec.structs.replace(plain_call(connection, number, right="stop"), method=EMERGENCY_STOP)
 
 
 def test_an_emergency_stop_has_a_thread_of_its_own_and_goes_before_all_that_waits(
@@ -483,7 +475,7 @@ def test_an_emergency_stop_has_a_thread_of_its_own_and_goes_before_all_that_wait
         outside.put(topics.TICKS, codec.encode(Tick(k=0, t_ns=0)))
         assert node.busy.wait(20)
         for number in range(1, CALLS_EACH + 1):
-            outside.call(_call("u/flood", number, priority=1 << 40))
+            outside.call(plain_call("u/flood", number, priority=1 << 40))
         until(lambda: len(host._inbox._room._calls) == CALLS_EACH, "they wait")
         stop = _stop("u/stop", 1)
         outside.call(stop)
@@ -508,7 +500,7 @@ def test_an_answer_that_nobody_takes_does_not_hold_up_a_stop(environment: Mappin
             send(topic, message, now_ns)
 
         host._outbox.send = blocked  # type: ignore[method-assign]
-        for number, call in enumerate((_call("u/a", 1), _stop("u/a", 2))):
+        for number, call in enumerate((plain_call("u/a", 1), _stop("u/a", 2))):
             key = keys.sending(ROBOT, CALLS, call, user="u")
             with publish(network.session, key) as publisher:
                 until(lambda p=publisher: p.matching_status.matching, "the server listens")  # type: ignore[misc]
@@ -529,7 +521,7 @@ def test_what_comes_under_the_right_to_stop_and_is_no_stop_waits_as_other_calls_
 ) -> None:
     node = Recorder(SERVER, CALLS)
     with hosted(environment, [node]):
-        call = _call("u/a", 1, right="stop")
+        call = plain_call("u/a", 1, right="stop")
         outside.call(call)
         outside.put(f"{CALLS}/stop/u/a", b"nonsense")
         until(lambda: len(node.got) == 2, "both are handled")

@@ -27,6 +27,11 @@ def _robot(folder: Path) -> RobotDirectory:
     return RunDirectory(folder / "run").robot("rome")
 
 
+@pytest.fixture
+def robot(tmp_path: Path) -> RobotDirectory:
+    return _robot(tmp_path)
+
+
 @pytest.mark.parametrize(
     ("environment", "expected"),
     [
@@ -39,8 +44,7 @@ def test_where_it_is(environment: dict[str, str], expected: str) -> None:
     assert RunDirectory.find(environment).path == Path(expected)
 
 
-def test_it_is_made_for_the_owner_alone(tmp_path: Path) -> None:
-    robot = _robot(tmp_path)
+def test_it_is_made_for_the_owner_alone(robot: RobotDirectory, tmp_path: Path) -> None:
     assert robot.servers() == ()
     robot.prepare()
     robot.prepare()
@@ -49,8 +53,7 @@ def test_it_is_made_for_the_owner_alone(tmp_path: Path) -> None:
     assert RunDirectory(tmp_path / "nothing").robots() == ()
 
 
-def test_one_that_is_open_to_others_is_refused(tmp_path: Path) -> None:
-    robot = _robot(tmp_path)
+def test_one_that_is_open_to_others_is_refused(robot: RobotDirectory, tmp_path: Path) -> None:
     robot.prepare()
     robot.path.parent.chmod(0o750)
     with pytest.raises(RunDirectoryError, match=r"open to others \(mode 0750\).*chmod 700"):
@@ -68,8 +71,7 @@ def test_a_link_or_a_file_in_its_place_is_refused(tmp_path: Path) -> None:
 
 
 @pytest.mark.skipif(os.getuid() != 0, reason="only root can give a folder away")
-def test_somebody_elses_is_refused(tmp_path: Path) -> None:
-    robot = _robot(tmp_path)
+def test_somebody_elses_is_refused(robot: RobotDirectory, tmp_path: Path) -> None:
     robot.prepare()
     os.chown(robot.path, 12345, 12345)
     with pytest.raises(RunDirectoryError, match="belongs to user 12345, and this is user 0"):
@@ -104,8 +106,7 @@ def test_a_folder_that_is_not_utf8_is_refused(tmp_path: Path) -> None:
         RunDirectory(folder).robot("rome").socket("RServer")
 
 
-def test_a_claim_keeps_its_room(tmp_path: Path) -> None:
-    robot = _robot(tmp_path)
+def test_a_claim_keeps_its_room(robot: RobotDirectory, tmp_path: Path) -> None:
     sizes = set()
     for _ in range(2):
         with robot.claim("RServer"):
@@ -132,8 +133,7 @@ def test_what_is_wrong_with_a_file_is_said_with_what_to_do(tmp_path: Path) -> No
         raise OSError(errno.EMFILE, "Too many open files")
 
 
-def test_a_server_is_claimed_by_one_process_at_a_time(tmp_path: Path) -> None:
-    robot = _robot(tmp_path)
+def test_a_server_is_claimed_by_one_process_at_a_time(robot: RobotDirectory, tmp_path: Path) -> None:
     with robot.claim("RServer") as claim, robot.claim("DServer"):
         assert robot.running() == {"DServer": os.getpid(), "RServer": os.getpid()}
         with pytest.raises(AlreadyRunning, match=f"RServer of rome runs already, as process {os.getpid()}"):
@@ -144,8 +144,7 @@ def test_a_server_is_claimed_by_one_process_at_a_time(tmp_path: Path) -> None:
     assert robot.running() == {}
 
 
-def test_the_claim_of_a_process_that_was_killed_is_free(tmp_path: Path) -> None:
-    robot = _robot(tmp_path)
+def test_the_claim_of_a_process_that_was_killed_is_free(robot: RobotDirectory, tmp_path: Path) -> None:
     script = (
         "import os, signal, sys; from pathlib import Path\n"
         "from colony.runtime.transport.live.run_directory import RunDirectory\n"
@@ -159,8 +158,7 @@ def test_the_claim_of_a_process_that_was_killed_is_free(tmp_path: Path) -> None:
     robot.claim("RServer").close()
 
 
-def test_time_begins_once_for_all_processes(tmp_path: Path) -> None:
-    robot = _robot(tmp_path)
+def test_time_begins_once_for_all_processes(robot: RobotDirectory, tmp_path: Path) -> None:
     assert robot.base_ns(monotonic=lambda: 1000) == 1000
     assert robot.base_ns(monotonic=lambda: 2000) == 1000
     script = (
@@ -192,8 +190,7 @@ def test_time_goes_on_after_the_machine_was_started_anew(
     assert robot.base_ns(monotonic=lambda: 300) == base
 
 
-def test_a_base_that_cannot_be_read_is_told_of(tmp_path: Path) -> None:
-    robot = _robot(tmp_path)
+def test_a_base_that_cannot_be_read_is_told_of(robot: RobotDirectory, tmp_path: Path) -> None:
     robot.prepare()
     (robot.path / "base").write_bytes(msgspec.json.encode({"boot": 3}))
     with pytest.raises(RunDirectoryError, match=r"base: .*remove it"):

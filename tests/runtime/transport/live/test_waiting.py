@@ -2,25 +2,14 @@
 
 from __future__ import annotations
 
-import msgspec
 from hypothesis import given
 from hypothesis import strategies as st
 
 from colony.runtime.protocol.messages import Alive, Call, Malformed, Right
 from colony.runtime.transport.live.waiting import STOPS_EACH, GivenUp, Waiting, WaitingRoom
+from tests.runtime.calling import plain_call
 
 CALLS = "RServer/call"
-
-
-def _call(connection: str, number: int, *, priority: int = 0, right: Right = "command") -> Call:
-    return Call(
-        connection=connection,
-        number=number,
-        method="m",
-        arguments=msgspec.Raw(b"\xc0"),
-        priority=priority,
-        right=right,
-    )
 
 
 def _put(room: WaitingRoom, call: Call, size: int = 10) -> None:
@@ -34,11 +23,11 @@ def _all(room: WaitingRoom) -> list[object]:
 def test_stops_then_frames_then_calls_by_priority_first_come_first_served() -> None:
     room = WaitingRoom()
     low, high_1, high_2 = (
-        _call("u/low", 1, priority=1),
-        _call("u/a", 1, priority=5),
-        _call("u/b", 1, priority=5),
+        plain_call("u/low", 1, priority=1),
+        plain_call("u/a", 1, priority=5),
+        plain_call("u/b", 1, priority=5),
     )
-    stop = _call("u/low", 2, priority=1, right="stop")
+    stop = plain_call("u/low", 2, priority=1, right="stop")
     _put(room, low)
     _put(room, high_1)
     room.frame("Clock/ticks", b"1")
@@ -50,7 +39,7 @@ def test_stops_then_frames_then_calls_by_priority_first_come_first_served() -> N
 
 def test_signs_of_life_do_not_wait_behind_calls_and_do_not_pile_up() -> None:
     room, alive = WaitingRoom(), Alive(connection="u/a")
-    call = _call("u/b", 1, priority=100)
+    call = plain_call("u/b", 1, priority=100)
     _put(room, call)
     for _ in range(5):
         room.call(CALLS, "u/a", alive, 3)
@@ -61,9 +50,9 @@ def test_signs_of_life_do_not_wait_behind_calls_and_do_not_pile_up() -> None:
 
 def test_who_calls_too_fast_is_refused_further_calls_and_nobody_else_is() -> None:
     room = WaitingRoom(calls_each=3)
-    other = _call("u/other", 1)
+    other = plain_call("u/other", 1)
     _put(room, other)
-    flood = [_call("u/flood", n) for n in range(1, 6)]
+    flood = [plain_call("u/flood", n) for n in range(1, 6)]
     for call in flood:
         _put(room, call)
     assert list(room.given_up()) == [GivenUp(CALLS, "u/flood", 4), GivenUp(CALLS, "u/flood", 5)]
@@ -76,7 +65,7 @@ def test_who_calls_too_fast_is_refused_further_calls_and_nobody_else_is() -> Non
 
 def test_too_many_bytes_of_one_are_given_up_but_never_the_only_call() -> None:
     room = WaitingRoom(bytes_each=100, overhead=0)
-    first, second = _call("u/a", 1), _call("u/a", 2)
+    first, second = plain_call("u/a", 1), plain_call("u/a", 2)
     _put(room, first, 90)
     _put(room, second, 200)
     assert _all(room) == [second]
@@ -84,7 +73,7 @@ def test_too_many_bytes_of_one_are_given_up_but_never_the_only_call() -> None:
 
 def test_when_all_hold_too_much_the_greatest_gives_way() -> None:
     room = WaitingRoom(bytes_calls=100, overhead=0)
-    small, large, more = _call("u/small", 1), _call("u/large", 1), _call("u/more", 1)
+    small, large, more = plain_call("u/small", 1), plain_call("u/large", 1), plain_call("u/more", 1)
     _put(room, small, 30)
     _put(room, large, 60)
     _put(room, more, 20)
@@ -94,7 +83,7 @@ def test_when_all_hold_too_much_the_greatest_gives_way() -> None:
 
 def test_of_too_many_connections_the_newest_are_given_up() -> None:
     room = WaitingRoom(lines=2)
-    calls = [_call(f"u/{n}", n) for n in range(1, 4)]
+    calls = [plain_call(f"u/{n}", n) for n in range(1, 4)]
     for call in calls:
         _put(room, call)
     assert list(room.given_up()) == [GivenUp(CALLS, "u/3", 3)]
@@ -105,11 +94,11 @@ def test_of_too_many_connections_the_newest_are_given_up() -> None:
 
 def test_emergency_stops_are_kept_apart_from_floods() -> None:
     room = WaitingRoom(calls_each=2)
-    stops = [_call("u/a", n, right="stop") for n in range(1, STOPS_EACH + 3)]
+    stops = [plain_call("u/a", n, right="stop") for n in range(1, STOPS_EACH + 3)]
     for stop in stops:
         _put(room, stop)
     for n in range(100, 110):
-        _put(room, _call("u/a", n))
+        _put(room, plain_call("u/a", n))
     taken = _all(room)
     assert taken[:STOPS_EACH] == stops[:STOPS_EACH]
     assert [g.number for g in room.given_up()][:2] == [STOPS_EACH + 1, STOPS_EACH + 2]
@@ -157,7 +146,7 @@ def test_every_message_comes_out_once_or_is_told_of_and_in_order(
             room.frame("t", data)
         else:
             who, priority, right = step
-            call = _call(f"u/{who}", number, priority=priority, right=right)
+            call = plain_call(f"u/{who}", number, priority=priority, right=right)
             put.append(call)
             _put(room, call)
     rest = _all(room)
