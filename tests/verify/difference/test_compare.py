@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -266,6 +267,6 @@ def test_a_behavior_with_one_constant_changed(name: str, old: str, new: str) -> 
     text = path.read_text()
     assert old in text
     changed = load_text(text.replace(old, new, 1), directory=path.parent)
-    result = difference(load_file(path), changed, options=QUICK)
+    result = difference(load_file(path), changed, options=replace(QUICK, resources=5 * QUICK.resources))
     assert isinstance(result, Different)
     assert len(result.snapshots) <= 3
