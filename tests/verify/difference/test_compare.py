@@ -10,10 +10,10 @@ import pytest
 from colony.dsl.load import load_file, load_text
 from colony.text.diagnostics import Failure
 from colony.verify.difference import Different, Same, Undecided, difference
+from tests.paths import ROOT
 from tests.verify.difference.programs import QUICK, compare, program, verdict
 from tests.verify.small_robot import go
 
-ROOT = Path(__file__).parent.parent.parent.parent
 CRUISE = go("cruise", "true")
 AVOID = go("avoid", "sonar < 1 m", "80 mm/s", "30 deg/s")
 ROAM = CRUISE + AVOID + "network { drive = avoid suppresses cruise }"
