@@ -34,7 +34,7 @@ from colony.runtime.recordings.mcap_reader import McapReader
 from colony.runtime.recordings.mcap_writer import McapRecording, checksum
 from colony.runtime.recordings.recorded import RecordedFrame, SourceFile
 from colony.text.diagnostics import Failure
-from tests.verify.recorded_runs import MS, Kept, as_mcap, logs, read_mcap, run_info, written
+from tests.verify.audit.recorded_runs import MS, Kept, as_mcap, logs, read_mcap, run_info, written
 
 ROOT = Path(__file__).parents[3]
 TEXT = """
@@ -476,7 +476,7 @@ import msgspec
 from colony.cli.outputs import open_alone
 from colony.runtime.recordings.mcap_writer import McapRecording
 from tests.runtime.recordings.test_mcap import PROGRAM, SOURCES, trace
-from tests.verify.recorded_runs import logs, run_info
+from tests.verify.audit.recorded_runs import logs, run_info
 
 recording = McapRecording(PROGRAM, run_info(PROGRAM, *SOURCES), open_alone(sys.argv[1]))
 [log] = logs(PROGRAM, trace(1))
