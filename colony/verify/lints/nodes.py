@@ -6,18 +6,19 @@ from collections.abc import Iterator, Set
 
 from colony.diagnostics import Diagnostic, warning
 from colony.ir.expression import Expression
+from colony.ir.wiring import Joint
 from colony.verify.lints.case import Case
 from colony.verify.lints.claims import active, all_of, implies, named, negation
-from colony.verify.lints.network import Node
+from colony.verify.lints.network import span_of, text_of
 from colony.verify.lints.predicates import never
 from colony.verify.lints.shadows import shadowed
 
 
-def _idle(node: Node) -> str:
+def _idle(node: Joint) -> str:
     return f"inhibits nothing {node.name}"
 
 
-def _timeless(node: Node) -> str:
+def _timeless(node: Joint) -> str:
     return f"no time {node.name}"
 
 
@@ -36,9 +37,9 @@ def claims(case: Case) -> Iterator[tuple[str, Expression]]:
             yield _timeless(node), implies(waiting, passes)
 
 
-def _own(case: Case) -> Iterator[Node]:
-    for node in case.network.nodes.values():
-        if case.is_own(node.span):
+def _own(case: Case) -> Iterator[Joint]:
+    for node in case.network.joints.values():
+        if case.is_own(span_of(node)):
             yield node
 
 
@@ -52,15 +53,16 @@ def told(case: Case, proved: Set[str]) -> Iterator[Diagnostic]:
         if _idle(node) in proved:
             yield warning(
                 "V023",
-                node.span,
-                f"`{node.text}` changes nothing: where {dominant} would inhibit, {inferior} {are} not active",
+                span_of(node),
+                f"`{text_of(node)}` changes nothing: where {dominant} would inhibit, "
+                f"{inferior} {are} not active",
                 "leave the inhibitor out, or correct a predicate",
             )
         elif _timeless(node) in proved:
             yield warning(
                 "V024",
-                node.span,
-                f"the time constant of `{node.text}` changes nothing: within {node.window_ns / 1e9:g} s "
+                span_of(node),
+                f"the time constant of `{text_of(node)}` changes nothing: within {node.window_ns / 1e9:g} s "
                 f"after {dominant}, {inferior} {are} not active",
                 "leave the time constant out, or correct a predicate",
             )
