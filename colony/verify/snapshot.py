@@ -8,7 +8,7 @@ from typing import Any, NamedTuple
 from colony.ir.frame import Frame
 from colony.ir.program import Program
 from colony.ir.types import ScalarValue, Value
-from colony.verify.interpreter_boundary import sense
+from colony.verify.reference.boundary import sense
 
 _NONE: Mapping[str, Any] = {}
 

@@ -7,8 +7,8 @@ from random import Random
 from colony.ir.program import Program
 from colony.verify.contracts.replay import Replay
 from colony.verify.snapshot import Snapshot, snapshot_of
-from colony.verify.strategies_drawing import Choices
-from colony.verify.strategies_guided import Guide
+from colony.verify.testing.drawing import Choices
+from colony.verify.testing.guided import Guide
 
 _TRACES = 150
 _FRAMES = 8

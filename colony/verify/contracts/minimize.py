@@ -14,8 +14,8 @@ from colony.ir.types import Array, Bool, Enum, ScalarValue, Value, element_type
 from colony.verify.contracts.decimals import rounded, write
 from colony.verify.contracts.replay import Replay, is_stand_in
 from colony.verify.contracts.results import Trace
-from colony.verify.shrinking import Shrinker, with_reading
 from colony.verify.snapshot import Snapshot
+from colony.verify.testing.shrinking import Shrinker, with_reading
 
 _PATIENCE = 1500
 """How many frames the interpreter may compute for one trace of a small program."""

@@ -22,9 +22,9 @@ from colony.ir.program import (
     Sensor,
 )
 from colony.ir.types import BOOL, Value, any_value
-from colony.verify.examples import facts_of_breach
-from colony.verify.interpreter import Interpreter
+from colony.verify.reference.interpreter import Interpreter
 from colony.verify.snapshot import Snapshot
+from colony.verify.testing.examples import facts_of_breach
 
 _SMALL = 60
 """How many things a program declares that is not large."""

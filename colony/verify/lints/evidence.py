@@ -11,11 +11,11 @@ from colony.ir.expression import Expression
 from colony.ir.frame import Outcome
 from colony.ir.program import Contract, Module, Program
 from colony.verify.contracts.replay import Replay
-from colony.verify.example_frames import snapshots_of
-from colony.verify.interpreter import Interpreter
+from colony.verify.reference.interpreter import Interpreter
 from colony.verify.snapshot import Snapshot, snapshot_of
-from colony.verify.strategies_drawing import Choices
-from colony.verify.strategies_frames import draw_trace
+from colony.verify.testing.drawing import Choices
+from colony.verify.testing.example_frames import snapshots_of
+from colony.verify.testing.frames import draw_trace
 
 _RUNS = 12
 _FRAMES = 30

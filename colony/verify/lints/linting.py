@@ -7,9 +7,9 @@ its claim broken, and the run that breaks it is the evidence.
 
 from __future__ import annotations
 
-from colony.diagnostics import Diagnostic, in_order
 from colony.ir.expression import Expression
 from colony.ir.program import Program
+from colony.text.diagnostics import Diagnostic, in_order
 from colony.verify.lints import (
     contracts,
     fail_open,

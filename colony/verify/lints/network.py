@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 from colony.ir import expression as ir
 from colony.ir.program import Program, Use, Wire, Wiring
 from colony.ir.wiring import Joint, joints_of
-from colony.source import Span
+from colony.text.source import Span
 from colony.verify.lints.claims import FALSE, active, all_of, any_of, negation
 
 

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
-from colony.diagnostics import Diagnostic, warning
+from colony.text.diagnostics import Diagnostic, warning
 from colony.verify.lints.case import Case
-from colony.verify.strategies_frames import sensors_read
+from colony.verify.testing.frames import sensors_read
 
 
 def told(case: Case) -> Iterator[Diagnostic]:

@@ -20,7 +20,7 @@ from typing import TypeAlias
 import z3
 
 from colony.ir.program import Program
-from colony.source import NOWHERE, Span
+from colony.text.source import NOWHERE, Span
 from colony.verify.symbolic.graph import Graph
 
 

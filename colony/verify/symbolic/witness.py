@@ -10,7 +10,7 @@ import z3
 from colony.ir.program import Sensor
 from colony.ir.types import Array, Bool, Enum, ScalarValue, Value, element_type
 from colony.ir.types import Scalar as ScalarType
-from colony.verify.interpreter_boundary import clamp
+from colony.verify.reference.boundary import clamp
 from colony.verify.snapshot import Snapshot
 from colony.verify.symbolic.system import Number, Scalar, SensorInput
 from colony.verify.symbolic.unrolling import Unrolling
