@@ -11,6 +11,7 @@ from colony.ir.frame import Frame
 from colony.ir.program import Program
 from colony.text.diagnostics import Diagnostic, error
 from colony.text.source import Span
+from colony.text.wording import counted
 from colony.verify.snapshot import snapshot_of
 from colony.verify.testing.agreement import reference
 from colony.verify.testing.differential import Breach, Report, Unsteady, examples
@@ -52,7 +53,7 @@ def lines(program: Program, report: Report, known: Collection[str] = ()) -> tupl
         told += ["this is a bug of colony; please report it with the file and the trace:"]
         told += str(report.disagreement).splitlines()
     for breach in report.breaches:
-        told.append(f"REFUTED  {breach.contract.name}  (in {_count(breach.met, 'frame')})")
+        told.append(f"REFUTED  {breach.contract.name}  (in {counted(breach.met, 'frame')})")
         if breach.contract.name not in known:
             told += [f"  {line}" for line in _table(program, breach)]
     return (*told, *_coverage(report)) if report.unsteady is None else tuple(told)
@@ -64,8 +65,8 @@ def bug(report: Report) -> str | None:
 
 
 def _tried(report: Report) -> str:
-    drawn = f"{_count(report.drawn, 'trace')} of {report.asked}" if report.drawn < report.asked else ""
-    what = f"{drawn or _count(report.drawn, 'trace')} with {_count(report.frames, 'frame')}"
+    drawn = f"{counted(report.drawn, 'trace')} of {report.asked}" if report.drawn < report.asked else ""
+    what = f"{drawn or counted(report.drawn, 'trace')} with {counted(report.frames, 'frame')}"
     what += f" from seed {report.seed}"
     if report.disagreement is not None:
         return f"{what}: executors DISAGREE"
@@ -94,10 +95,6 @@ def _coverage(report: Report) -> Iterator[str]:
         yield f"  {name.ljust(widths[0])}  {'  '.join(columns)}"
     if report.never_won:
         yield f"in no trace did these command: {', '.join(report.never_won)}"
-
-
-def _count(number: int, what: str) -> str:
-    return f"{number} {what}{'' if number == 1 else 's'}"
 
 
 # --- findings --------------------------------------------------------------------------------------

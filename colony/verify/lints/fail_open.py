@@ -15,6 +15,7 @@ from colony.ir.program import Actuator, Module
 from colony.ir.types import Quantity
 from colony.text.diagnostics import Diagnostic, warning
 from colony.text.units import LENGTH, TIME
+from colony.text.wording import quoted
 from colony.verify.lints.case import Case, command_of
 from colony.verify.lints.claims import (
     active,
@@ -24,7 +25,6 @@ from colony.verify.lints.claims import (
     constant,
     fresh,
     implies,
-    named,
     negation,
     won,
 )
@@ -190,6 +190,6 @@ def _warnings(case: Case, found: Mapping[tuple[str, str], list[str]]) -> Iterato
         yield warning(
             "V030",
             case.modules[module].span,
-            f"with {named(sensors)} missing, `{module}` can drive: {named(who, 'and')}, {silent}",
+            f"with {quoted(sensors, 'or')} missing, `{module}` can drive: {quoted(who)}, {silent}",
             f"wire a module `when {condition}` that inhibits `{module}`",
         )

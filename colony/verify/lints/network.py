@@ -9,6 +9,7 @@ from colony.ir import expression as ir
 from colony.ir.program import Program, Use, Wire, Wiring
 from colony.ir.wiring import Joint, joints_of
 from colony.text.source import Span
+from colony.text.wording import duration_text
 from colony.verify.lints.claims import FALSE, active, all_of, any_of, negation
 
 
@@ -94,12 +95,9 @@ def span_of(joint: Joint) -> Span:
 def text_of(joint: Joint) -> str:
     """Return a joint as it is written, with what stands in parentheses left out."""
     dominant, inferior, *more = joint.chain.operands[joint.index :]
-    text = f"{_short(dominant)} {joint.relation}{_constant(joint.window_ns)} {_short(inferior)}"
+    window = f"[{duration_text(joint.window_ns)}]" if joint.window_ns else ""
+    text = f"{_short(dominant)} {joint.relation}{window} {_short(inferior)}"
     return f"{text} ..." if more else text
-
-
-def _constant(window_ns: int) -> str:
-    return f"[{window_ns / 1e9:g} s]" if window_ns else ""
 
 
 def _short(wiring: Wiring) -> str:

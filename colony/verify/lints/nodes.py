@@ -7,8 +7,9 @@ from collections.abc import Iterator, Set
 from colony.ir.expression import Expression
 from colony.ir.wiring import Joint
 from colony.text.diagnostics import Diagnostic, warning
+from colony.text.wording import duration_text, quoted
 from colony.verify.lints.case import Case
-from colony.verify.lints.claims import active, all_of, implies, named, negation
+from colony.verify.lints.claims import active, all_of, implies, negation
 from colony.verify.lints.network import span_of, text_of
 from colony.verify.lints.predicates import never
 from colony.verify.lints.shadows import shadowed
@@ -48,7 +49,7 @@ def told(case: Case, proved: Set[str]) -> Iterator[Diagnostic]:
         sides = [case.network.under(node.dominant), case.network.under(node.inferior)]
         if any(all(never(m) in proved or shadowed(m) in proved for m in side) for side in sides):
             continue  # said of the modules
-        dominant, inferior = (named(side, "and") for side in sides)
+        dominant, inferior = (quoted(side) for side in sides)
         are = "is" if len(sides[1]) == 1 else "are"
         if _idle(node) in proved:
             yield warning(
@@ -62,7 +63,7 @@ def told(case: Case, proved: Set[str]) -> Iterator[Diagnostic]:
             yield warning(
                 "V024",
                 span_of(node),
-                f"the time constant of `{text_of(node)}` changes nothing: within {node.window_ns / 1e9:g} s "
-                f"after {dominant}, {inferior} {are} not active",
+                f"the time constant of `{text_of(node)}` changes nothing: within "
+                f"{duration_text(node.window_ns)} after {dominant}, {inferior} {are} not active",
                 "leave the time constant out, or correct a predicate",
             )

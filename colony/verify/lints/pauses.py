@@ -7,8 +7,9 @@ from collections.abc import Iterator
 from colony.ir.expression import Expression
 from colony.ir.wiring import Joint
 from colony.text.diagnostics import Diagnostic, warning
+from colony.text.wording import duration_text, quoted
 from colony.verify.lints.case import Case
-from colony.verify.lints.claims import active, all_of, any_of, named, negation, won
+from colony.verify.lints.claims import active, all_of, any_of, negation, won
 from colony.verify.lints.network import span_of
 from colony.verify.lints.proof import Prover
 
@@ -45,11 +46,11 @@ def told(case: Case, prover: Prover) -> Iterator[Diagnostic]:
         if prover.refuted(_name(inner, outer)) is None:
             continue
         first, held, lesser = (
-            named(case.network.under(ref), "and") for ref in (inner.dominant, inner.inferior, outer.inferior)
+            quoted(case.network.under(ref)) for ref in (inner.dominant, inner.inferior, outer.inferior)
         )
         many = len(case.network.under(inner.inferior)) > 1
         is_, dominates = ("are", "they dominate") if many else ("is", "it dominates")
-        time = f"{inner.window_ns / 1e9:g} s"
+        time = duration_text(inner.window_ns)
         yield warning(
             "V031",
             span_of(outer),

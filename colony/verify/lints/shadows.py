@@ -6,8 +6,9 @@ from collections.abc import Iterator, Mapping, Sequence, Set
 
 from colony.ir.expression import Expression
 from colony.text.diagnostics import Diagnostic, warning
+from colony.text.wording import quoted
 from colony.verify.lints.case import Case
-from colony.verify.lints.claims import active, all_of, any_of, implies, named, negation, won
+from colony.verify.lints.claims import active, all_of, any_of, implies, negation, won
 from colony.verify.lints.predicates import never
 
 
@@ -94,14 +95,15 @@ def told(case: Case, proved: Set[str], by: Mapping[str, tuple[str, ...]]) -> Ite
         if shadowed(name) not in proved or never(name) in proved:
             continue
         who = by.get(name, ())
-        verb = "dominates" if len(who) == 1 else "dominate"
         if who:
-            why = f"wherever it is active, {named(who)} {'dominates' if len(who) > 1 else verb} it"
+            why = f"{quoted(who, 'or')} dominates it"
         else:
-            why = f"wherever it is active, something above it dominates: {named(candidates(case, name))}"
+            why = (
+                f"wherever it is active, something above it dominates: {quoted(candidates(case, name), 'or')}"
+            )
         yield warning(
             "V020",
             module.span,
-            f"`{name}` can never get through: {why}",
+            f"`{name}` can never get through: wherever it is active, {why}",
             "put it above what dominates it, or narrow the predicates there; a module of no use can go",
         )

@@ -57,7 +57,7 @@ def recalled(program: ir.Program, memory: ProgramMemory, initial: dict[str, Scal
 
 
 def _remembered(call: e.MemoryCall, parts: Parts, first_ns: int) -> Any:
-    """What `interpreter_expressions.remember` remembers of a call: None at first, and where nothing depends
+    """What `expressions.remember` remembers of a call: None at first, and where nothing depends
     on it, so that cells are left out."""
     match call.function, parts:
         case _, {"started": False}:

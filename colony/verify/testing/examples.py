@@ -16,6 +16,7 @@ from colony.ir.program import Actuator, Contract, Example, Given, Program, Step
 from colony.ir.types import Array, Bool, Enum, Quantity, Scalar, ScalarValue, Type, Value, element_type
 from colony.text.diagnostics import Diagnostic, error
 from colony.text.source import Span
+from colony.text.wording import counted
 from colony.verify.reference.boundary import default_of
 from colony.verify.reference.interpreter import Interpreter
 from colony.verify.snapshot import Snapshot
@@ -100,7 +101,7 @@ def failures_as_diagnostics(results: Iterable[ExampleResult]) -> tuple[Diagnosti
 
 def _diagnostic(result: ExampleResult, failure: ExampleFailure) -> Diagnostic:
     when = f'in "{result.name}" at {_number(failure.t_ns / 1e9)} s'
-    more = f", and in {_frames(failure.frames - 1, 'more ')}" if failure.frames > 1 else ""
+    more = f", and in {counted(failure.frames - 1, 'more frame')}" if failure.frames > 1 else ""
     match failure.kind:
         case "false":
             message = f"{when}{more}: expected `{failure.expected}`"
@@ -116,10 +117,6 @@ def _diagnostic(result: ExampleResult, failure: ExampleFailure) -> Diagnostic:
     if failure.kind == "no array to set an element in":
         return error(_CODES[failure.kind], failure.span, message, found)
     return error(_CODES[failure.kind], failure.span, f"{message}; found: {found}" if found else message)
-
-
-def _frames(count: int, kind: str = "") -> str:
-    return f"{count} {kind}frame{'' if count == 1 else 's'}"
 
 
 class _Run:
