@@ -2,26 +2,12 @@ from __future__ import annotations
 
 import pytest
 
-from colony.compile.backends.guard_text import INLINE, GuardText, duration_text
+from colony.compile.backends.guard_text import INLINE, GuardText
 from colony.compile.guards import Always, And, Guard, ModuleActive, Never, Not, Or, Recently
 
 MS = 1_000_000
 A, B, C = 0, 1, 2
 MODULES = (ModuleActive("a"), ModuleActive("b"), ModuleActive("c"))
-
-
-@pytest.mark.parametrize(
-    ("ns", "text"),
-    [
-        (1_500 * MS, "1.5 s"),
-        (60_000 * MS, "60 s"),
-        (250 * MS, "250 ms"),
-        (1, "0.000001 ms"),
-        (1_000_000_001, "1.000000001 s"),
-    ],
-)
-def test_durations(ns: int, text: str) -> None:
-    assert duration_text(ns) == text
 
 
 @pytest.mark.parametrize(

@@ -9,7 +9,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from colony.compile.backends.guard_text import INLINE, OWN, GuardText, duration_text
+from colony.compile.backends.guard_text import INLINE, OWN, GuardText
 from colony.compile.guards import Always, And, Guard, ModuleActive, Never, Not, Or, Recently
 
 NAMES = ("a", "b", "c", "d")
@@ -128,20 +128,3 @@ def test_negations_and_windows_count_as_terms_unless_of_a_module() -> None:
     text = GuardText(table)
     text.text(INLINE + 2)
     assert text.take_definitions() == []
-
-
-@pytest.mark.parametrize(
-    ("ns", "text"),
-    [
-        (0, "0 ms"),
-        (1_000_000, "1 ms"),
-        (10_000_000, "10 ms"),
-        (999_999_999, "999.999999 ms"),
-        (1_000_000_000, "1 s"),
-        (10_000_000_000, "10 s"),
-        (10_050_000_000, "10.05 s"),
-        (100_500_000, "100.5 ms"),
-    ],
-)
-def test_durations(ns: int, text: str) -> None:
-    assert duration_text(ns) == text
