@@ -22,8 +22,8 @@ from colony.ir.frame import Frame
 from colony.ir.program import Program
 from colony.text.diagnostics import Failure
 from colony.verify.testing.strategies import programs, traces
-from tests.runtime.programs import roam
 from tests.networks import chain
+from tests.runtime.programs import roam
 
 WANDER = """
 robot rome {
