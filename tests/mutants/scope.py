@@ -51,7 +51,12 @@ def modules() -> list[str]:
     packages = (ROOT / "colony/compile", ROOT / "colony/execute")
     compiler = sorted(str(path.relative_to(ROOT)) for package in packages for path in package.rglob("*.py"))
     runtime = [f"colony/runtime/{name}.py" for name in FRAMES + ARBITRATION]
-    return [*(path for path in compiler if (ROOT / path).stat().st_size), "colony/ir/frame.py", *runtime]
+    return [
+        *(path for path in compiler if (ROOT / path).stat().st_size),
+        "colony/ir/frame.py",
+        "colony/text/wording.py",
+        *runtime,
+    ]
 
 
 def tests() -> list[str]:

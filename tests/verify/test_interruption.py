@@ -14,7 +14,7 @@ from functools import partial
 import pytest
 import z3
 
-from colony.cli.verify.prover_interruption import interruptions
+from colony.verify.interruption import interruptions
 
 
 class Interrupted:
