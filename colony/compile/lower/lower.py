@@ -1,4 +1,4 @@
-"""From the typed program and its clients to `Code`.
+"""From the typed program and its clients to the compiled program, with all of its code.
 
 Everything is lowered when it is first asked for, beginning with what is decided; so the code of one client
 holds only what that client needs. Nothing recurses over chains of lets, wires or guards.
@@ -6,71 +6,69 @@ holds only what that client needs. Nothing recurses over chains of lets, wires o
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import assert_never
 
 from colony.compile.clients import Client, ClientList
-from colony.compile.lower.builder import trimmed
 from colony.compile.lower.declarations import Declarations
 from colony.compile.lower.expressions import Scope, kind_of
+from colony.compile.lower.guards import GuardLowering
 from colony.execute.code import (
     ActuatorCode,
     ClientCode,
     Code,
     ContractCode,
     LimitCode,
+    OutsideActive,
     PythonCall,
     PythonField,
     PythonRead,
 )
+from colony.execute.compiled import Compiled
 from colony.execute.operators import Operator
+from colony.execute.views import of_client, trimmed
 from colony.ir import program as ir
 from colony.ir.types import Array
 
 
-def lower(program: ir.Program, clients: ClientList, *, contracts: bool = True) -> Code:
-    """All of a program: every actuator with all of its clients, every Python module, the contracts.
+def lower(program: ir.Program, clients: ClientList, traversal: ClientList | None = None) -> Compiled:
+    """Lower all of a program: every actuator with all of its clients, every Python module, the contracts.
 
-    `clients` are those of `program`. Near-linear in the size of both.
+    Near-linear in the size of the program and its clients.
+
+    Args:
+        program: the program.
+        clients: its clients.
+        traversal: its clients before simplification; None where there are no others.
     """
-    lowering = _Lowering(program, clients)
+    lowering = _Lowering(program, clients, traversal)
     lowering.python_modules()
     by_actuator = {a.actuator: a.clients for a in clients.actuators}
+    unsimplified = {a.actuator: a.clients for a in (traversal or clients).actuators}
     for actuator in program.robot.actuators:
-        lowering.actuator(actuator, by_actuator.get(actuator.name, ()))
+        lowering.actuator(actuator, by_actuator.get(actuator.name, ()), unsimplified.get(actuator.name, ()))
     lowering.states()
     lowering.decided = len(lowering.builder.ops)
-    if contracts:
-        lowering.contracts()
-        lowering.states()
-    return trimmed(lowering.code(), every_sensor=True)
-
-
-def lower_client(program: ir.Program, clients: ClientList, actuator: str, module: str) -> Code:
-    """What one client has to compute: its guards, its command, and the limits of its actuator.
-
-    Python modules that its guard mentions run elsewhere: their activity is an `OutsideActive`. Under
-    `on_loss degrade` the other modules count as not active where their clients are `Lost`.
-
-    Raises:
-        KeyError: there is no such actuator, or `module` is not among its clients.
-    """
-    found = {a.name: a for a in program.robot.actuators}[actuator]
-    own = {c.module: c for a in clients.actuators if a.actuator == actuator for c in a.clients}[module]
-    lowering = _Lowering(program, clients, client=module, degrade=found.on_loss == "degrade")
-    lowering.python_modules()
-    lowering.actuator(found, (own,))
+    lowering.contracts()
     lowering.states()
-    lowering.decided = len(lowering.builder.ops)
-    return trimmed(lowering.code(), every_sensor=False)
+    code, robot = trimmed(lowering.code(), every_sensor=True), program.robot
+    return Compiled(name=robot.name, frame_ns=robot.frame_ns, code=code, announced=_announced(code))
+
+
+def _announced(code: Code) -> tuple[str, ...]:
+    """The modules in Python whose activity the client of another module needs, in the order written."""
+    if not code.python:
+        return ()
+    views = (of_client(code, a.actuator.name, c.module) for a in code.actuators for c in a.clients)
+    outside = {op.module for view in views for op in view.ops if isinstance(op, OutsideActive)}
+    return tuple(call.module for call in code.python if call.module in outside)
 
 
 class _Lowering(Declarations):
     """A program being lowered to one Code. Mutable."""
 
-    def __init__(
-        self, program: ir.Program, clients: ClientList, client: str | None = None, degrade: bool = False
-    ) -> None:
-        super().__init__(program, clients, client, degrade)
+    def __init__(self, program: ir.Program, clients: ClientList, traversal: ClientList | None) -> None:
+        super().__init__(program, clients, traversal)
         self.decided = 0
         self._python: list[PythonCall] = []
         self._actuator_codes: list[ActuatorCode] = []
@@ -95,7 +93,7 @@ class _Lowering(Declarations):
     def python_modules(self) -> None:
         """Every Python module that this code has to call, as declared."""
         for module in self.program.modules:
-            if isinstance(module, ir.PythonModule) and self.client in (None, module.name):
+            if isinstance(module, ir.PythonModule):
                 reads = [r.expression for r in module.reads]
                 self.prepare(*reads)
                 fields = self.actuators[module.actuator].fields if module.actuator else ()
@@ -119,11 +117,16 @@ class _Lowering(Declarations):
 
     # --- actuators and contracts -----------------------------------------------------------------
 
-    def actuator(self, actuator: ir.Actuator, clients: tuple[Client, ...]) -> None:
+    def actuator(
+        self, actuator: ir.Actuator, clients: tuple[Client, ...], unsimplified: tuple[Client, ...]
+    ) -> None:
+        heard = self._heard if actuator.on_loss == "degrade" else self._guards
         self._actuator_codes.append(
             ActuatorCode(
                 actuator=actuator,
-                clients=tuple(self._client(c) for c in clients),
+                clients=tuple(
+                    self._client(c, of, heard) for c, of in zip(clients, unsimplified, strict=True)
+                ),
                 limits=tuple(
                     self._limit(i, limit)
                     for i, limit in enumerate(self.program.limits)
@@ -149,7 +152,7 @@ class _Lowering(Declarations):
             case _:
                 assert_never(module)
 
-    def _client(self, client: Client) -> ClientCode:
+    def _client(self, client: Client, unsimplified: Client, heard: GuardLowering) -> ClientCode:
         guard, exclusive = self._guards.guard(client.guard), self._guards.guard(client.exclusive)
         module = self.modules[client.module]
         match module:
@@ -167,6 +170,10 @@ class _Lowering(Declarations):
             guard=guard,
             exclusive=exclusive,
             fields=self._command(client.module),
+            heard_guard=heard.guard(client.guard),
+            heard_exclusive=heard.guard(client.exclusive),
+            traversed=self._traversed.guard(unsimplified.guard),
+            several_ways=client.several_ways,
             span=module.span,
         )
 
@@ -195,5 +202,12 @@ class _Lowering(Declarations):
         for contract in self.program.contracts:
             self.prepare(contract.expression)
             scope = self.file_scope(f"contract {contract.name}", (contract.expression,))
-            value = self.expressions.scalar(contract.expression, scope)
-            self._contracts.append(ContractCode(name=contract.name, present=scope.ready, value=value))
+            value = traversed = self.expressions.scalar(contract.expression, scope)
+            if self._traversed is not self._guards and self.observes(contract.expression):
+                self._observing = self._traversed
+                of_traversal = replace(scope, place=f"traversed {scope.place}")
+                traversed = self.expressions.scalar(contract.expression, of_traversal)
+                self._observing = self._guards
+            self._contracts.append(
+                ContractCode(name=contract.name, present=scope.ready, value=value, traversed=traversed)
+            )
