@@ -22,12 +22,13 @@ from pathlib import Path
 from threading import Thread
 from typing import NamedTuple
 
+from colony.runtime.assembly.processes.compiled import Compiled
+
 from colony.compile.pipeline import compile_program
 from colony.dsl.load import check_file
 from colony.ir.program import Program
 from colony.runtime.assembly.nodes import build_observer
 from colony.runtime.assembly.processes.children import Job
-from colony.runtime.assembly.processes.compiled import Compiled
 from colony.runtime.assembly.processes.crew import CLIENTS as CLIENTS_FIRST
 from colony.runtime.assembly.processes.crew import client_jobs, fresh_folder, server_jobs, server_parts
 from colony.runtime.assembly.processes.leader import Standings

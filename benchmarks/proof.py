@@ -16,6 +16,7 @@ from benchmarks.networks import chain, ladder, random_program
 from colony.compile.lower.lower import lower
 from colony.compile.pipeline import compile_program
 from colony.dsl.load import load_file
+from colony.execute.views import whole
 from colony.ir.program import Program
 from colony.verify.contracts.prove import prove_contracts
 from colony.verify.contracts.results import Proved
@@ -46,7 +47,7 @@ def _compilation(name: str, make: Callable[[int], Program], unit: str) -> list[R
         gc.collect()
         start = perf_counter()
         compiled = compile_program(program)
-        code = lower(program, compiled.clients)
+        code = whole(lower(program, compiled.clients).code)
         compiling = perf_counter() - start
         start = perf_counter()
         result = prove.prove(program, compiled, code=code)

@@ -12,6 +12,7 @@ from colony.compile.pipeline import compile_program
 from colony.dsl.load import load_text
 from colony.execute.executor import ClientExecutor, ClientListExecutor, ClientMemory, NotExclusive
 from colony.execute.machine import build
+from colony.execute.views import whole
 from colony.ir.frame import Frame
 from colony.text.diagnostics import Failure
 from tests.runtime.runtime_programs import roam
@@ -42,7 +43,7 @@ network {{ out = n  go = m }}
 
 def client(text: str, actuator: str, module: str) -> ClientExecutor:
     program = load_text(text)
-    return ClientExecutor(program, compile_program(program).clients, actuator, module)
+    return ClientExecutor(compile_program(program).artifact, actuator, module)
 
 
 # --- memory ------------------------------------------------------------------------------------------
@@ -92,7 +93,7 @@ def test_without_answers_a_module_in_python_begins_anew() -> None:
 
 def test_a_class_that_cannot_be_built_is_named_with_what_to_do() -> None:
     program = load_text(MOODY)
-    (call,) = lower(program, compile_program(program).clients).python
+    (call,) = whole(lower(program, compile_program(program).clients).code).python
     cases = (
         ({"module_path": "colony.nowhere"}, "colony.nowhere:Moody", "ModuleNotFoundError"),
         ({"class_name": "Nobody"}, "colony.verify.testing.python_modules:Nobody", "AttributeError"),
@@ -138,7 +139,7 @@ contract high: out.v > 5
 contract sent: out is commanded implies out.v > 5
 """
     program = load_text(text)
-    executor = ClientListExecutor(program, compile_program(program).clients)
+    executor = ClientListExecutor(compile_program(program).artifact)
     for b, x, broken in (
         (False, 9.0, ()),
         (True, 9.0, ()),

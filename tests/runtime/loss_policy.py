@@ -233,7 +233,7 @@ def check_memory(robot: Robot, epoch: list[Tick], paths: list[Path], counts: Cou
         ends = max([*saved, at_end[1]])
         allowed: dict[int, set[str]] = {}
         for path in paths:
-            executor = ClientExecutor(robot.program, robot.clients, actuator, module)
+            executor = ClientExecutor(robot.artifact, actuator, module)
             for tick in epoch:
                 if tick.k > ends:
                     break

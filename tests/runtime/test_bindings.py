@@ -65,7 +65,7 @@ def test_errors_are_at_the_declaration_and_all_are_told() -> None:
         )
     )
     with pytest.raises(Failure) as failed:
-        bind(program)
+        bind(program.robot)
     texts = [render(d) for d in failed.value.diagnostics]
     assert texts[0].startswith("rome.colony:1:8: error[R002]: `a`: RServer has no field `bumpre`")
     assert "did you mean `bumper`?" in texts[0]

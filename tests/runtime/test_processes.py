@@ -10,11 +10,11 @@ from pathlib import Path
 
 import msgspec
 import pytest
+from colony.runtime.assembly.processes.compiled import Compiled, NotOurs, read_compiled, write_compiled
 
 from colony.compile.pipeline import compile_program
 from colony.ir.frame import Frame, Outcome
 from colony.ir.program import Program
-from colony.runtime.assembly.processes.compiled import Compiled, NotOurs, read_compiled, write_compiled
 from colony.runtime.assembly.processes.crew import client_jobs, fresh_folder, server_parts
 from colony.runtime.assembly.processes.leader import LeaderServer, Standings
 from colony.runtime.assembly.processes.parts import nodes_of, serves
@@ -50,7 +50,7 @@ def roaming() -> Program:
 
 
 def deployed(of: Program) -> Deployment:
-    return deployment(of, compile_program(of).clients, bind(of), run="r1", seed=1)
+    return deployment(of, compile_program(of).clients, bind(of.robot), run="r1", seed=1)
 
 
 def log(k: int, *fates: tuple[str, Fate], by: str | None = None, restart: bool = False) -> FrameLog:

@@ -40,7 +40,7 @@ def test_modules_in_python_are_announced_where_another_guard_needs_them_and_not_
     who = members(program, clients)
     assert who.announced == ("pulse",)
     assert who.addresses == ("drive/pulse", "drive/cruise", "DServer/activity/pulse")
-    bindings = bind(program)
+    bindings = bind(program.robot)
     assert build_client(program, clients, bindings, "drive", "cruise", "run").address == "drive/cruise"
     with pytest.raises(Failure, match="P001"):
         build_client(program, clients, bindings, "drive", "pulse", "run")
@@ -55,7 +55,7 @@ def test_modules_in_python_are_announced_where_another_guard_needs_them_and_not_
 def test_one_client_listens_to_no_more_than_it_reads() -> None:
     program = roam()
     clients = compile_program(program).clients
-    bindings = bind(program)
+    bindings = bind(program.robot)
     back_off = build_client(program, clients, bindings, "drive", "back_off", "run")
     assert back_off.listens == (
         "Clock/ticks",

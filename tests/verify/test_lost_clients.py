@@ -8,6 +8,7 @@ from random import Random
 
 import pytest
 
+from colony.compile.lower.lower import lower
 from colony.compile.pipeline import compile_program
 from colony.execute.executor import ClientExecutor
 from colony.ir.frame import Frame
@@ -28,7 +29,7 @@ def check(of: Program, trace: tuple[Frame, ...], losses: Losses) -> None:
     """In each frame exactly the winner is active by its own knowledge."""
     interpreter, compiled = Interpreter(of), compile_program(of)
     clients = {
-        (a.actuator, c.module): ClientExecutor(of, compiled.clients, a.actuator, c.module)
+        (a.actuator, c.module): ClientExecutor(lower(of, compiled.clients), a.actuator, c.module)
         for a in compiled.clients.actuators
         for c in a.clients
     }

@@ -32,7 +32,7 @@ def compiled(name: str) -> Compiled:
 
 
 def emitted(of: Compiled) -> Result:
-    text, code = generate(of.program, of.clients), lower(of.program, of.clients)
+    text, code = generate(of.artifact), lower(of.program, of.clients)
     return prove(of.program, of, json=to_json(of), code=code, python=text)
 
 
@@ -55,7 +55,7 @@ def test_all_forms_of_drawn_programs_are_proved(seed: int, network: bool) -> Non
 
 def changed_text(change: Callable[[str], str]) -> Result:
     of = compiled("allen")
-    text = generate(of.program, of.clients)
+    text = generate(of.artifact)
     changed = change(text)
     assert changed != text
     return prove_python(of.program, of.clients, changed)
