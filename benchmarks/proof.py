@@ -9,14 +9,13 @@ from __future__ import annotations
 
 import gc
 from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 from time import perf_counter
 
 from benchmarks.networks import chain, ladder, random_program
-from colony.compile.lower.lower import lower
 from colony.compile.pipeline import compile_program
 from colony.dsl.load import load_file
-from colony.execute.views import whole
 from colony.ir.program import Program
 from colony.verify.contracts.prove import prove_contracts
 from colony.verify.contracts.results import Proved
@@ -47,10 +46,9 @@ def _compilation(name: str, make: Callable[[int], Program], unit: str) -> list[R
         gc.collect()
         start = perf_counter()
         compiled = compile_program(program)
-        code = whole(lower(program, compiled.clients).code)
         compiling = perf_counter() - start
         start = perf_counter()
-        result = prove.prove(program, compiled, code=code)
+        result = prove.prove(program, compiled, sent=partial(getattr, compiled, "artifact"))
         seconds = perf_counter() - start
         match result:
             case results.Proved(by_structure=by_structure, by_solver=by_solver):

@@ -16,6 +16,7 @@ from colony.files import read_file, reason
 
 if TYPE_CHECKING:
     from colony.compile.pipeline import Compilation
+    from colony.execute.compiled import Compiled
     from colony.ir.program import Program
     from colony.verify.equivalence.results import Result
 
@@ -91,18 +92,17 @@ def command(
             result = _proof_of(existing, program, compiled, timeout_ms)
         _settle(result, program, of=existing)
         return
-    artifact = encode(compiled.artifact)
     text = _text(compiled, format_, explain)
     if not no_proof:
         with interruptions():
-            result = _proof(compiled, artifact, format_, text, timeout_ms)
+            result = _proof(compiled, format_, text, timeout_ms)
         _settle(result, program, of=None)
     if not text.endswith("\n"):
         text += "\n"
     if output is None:
         click.echo(text, nl=False)
     else:
-        write_whole(output, artifact if output.suffix == SUFFIX else text)
+        write_whole(output, encode(compiled.artifact) if output.suffix == SUFFIX else text)
 
 
 def _text(compiled: Compilation, format_: str, explain: bool) -> str:
@@ -121,7 +121,7 @@ def _text(compiled: Compilation, format_: str, explain: bool) -> str:
     return explanation(compiled) if explain else client_table(compiled)
 
 
-def _proof(compiled: Compilation, artifact: bytes, format_: str, text: str, timeout_ms: int) -> Result:
+def _proof(compiled: Compilation, format_: str, text: str, timeout_ms: int) -> Result:
     """Prove the clients, and the form that `text` shows them in; a table shows what is executed and sent."""
     from colony.verify.equivalence.prove import prove
 
@@ -130,9 +130,12 @@ def _proof(compiled: Compilation, artifact: bytes, format_: str, text: str, time
         return prove(program, compiled, python=text, timeout_ms=timeout_ms)
     if format_ == "json":
         return prove(program, compiled, json=text, timeout_ms=timeout_ms)
-    from colony.execute.artifact import decode
+    from colony.execute.artifact import decode, encode
 
-    return prove(program, compiled, sent=decode(artifact, program.robot.name), timeout_ms=timeout_ms)
+    def sent() -> Compiled:
+        return decode(encode(compiled.artifact), program.robot.name)
+
+    return prove(program, compiled, sent=sent, timeout_ms=timeout_ms)
 
 
 def _proof_of(existing: Path, program: Program, compiled: Compilation, timeout_ms: int) -> Result:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import os
 import sys
-from dataclasses import replace
 from pathlib import Path
 
 from colony.cli.recorded_program import program_sources
@@ -34,6 +33,5 @@ def compile_file(path: str) -> Compilation:
     """Compile a behavior; its artifact has the sources. Exits as `load_compiled`."""
     checked = check_to_run(path)
     program = expect_program(checked)
-    compilation = compile_program(program)
     root, sources = program_sources(path, program, checked.tree)
-    return replace(compilation, artifact=replace(compilation.artifact, root=root, sources=sources))
+    return compile_program(program, sources, root)

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import Any
 
 from colony.collector import collector_at_rest
@@ -15,7 +16,7 @@ from colony.compile.passes.eliminate_inhibition import eliminate_inhibition
 from colony.compile.passes.forward_traversal import forward_traversal
 from colony.compile.passes.simplify import simplify
 from colony.compile.suppression import SuppressionNetwork
-from colony.execute.compiled import Compiled
+from colony.execute.compiled import Compiled, SourceFile
 from colony.ir.program import Program
 
 PASSES: tuple[Callable[[Any], object], ...] = (
@@ -27,7 +28,7 @@ PASSES: tuple[Callable[[Any], object], ...] = (
 """What compilation is, in order: each takes what the one before it gives. Then `lower` makes the artifact."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@dataclass(frozen=True, kw_only=True)
 class Compilation:
     """A program with the result of each pass.
 
@@ -37,7 +38,7 @@ class Compilation:
         suppression: the same without inhibitors.
         traversal: its clients before simplification.
         clients: its clients.
-        artifact: what is executed, saved and sent.
+        sources, root: its files, for the artifact (see `Compiled`).
     """
 
     program: Program
@@ -45,24 +46,32 @@ class Compilation:
     suppression: SuppressionNetwork
     traversal: ClientList
     clients: ClientList
-    artifact: Compiled
+    sources: tuple[SourceFile, ...] = ()
+    root: str = ""
+
+    @cached_property
+    def artifact(self) -> Compiled:
+        """What is executed, saved and sent; lowered once, when it is first asked for."""
+        with collector_at_rest():
+            lowered = lower(self.program, self.clients, self.traversal)
+        return replace(lowered, sources=self.sources, root=self.root)
 
 
-def compile_program(program: Program) -> Compilation:
+def compile_program(program: Program, sources: tuple[SourceFile, ...] = (), root: str = "") -> Compilation:
     """Run all passes over a typed program. Near-linear in the size of its network."""
     with collector_at_rest():
         network = elaborate(program)
         suppression = eliminate_inhibition(network)
         traversal = forward_traversal(suppression)
         clients = simplify(traversal)
-        artifact = lower(program, clients, traversal)
     return Compilation(
         program=program,
         network=network,
         suppression=suppression,
         traversal=traversal,
         clients=clients,
-        artifact=artifact,
+        sources=sources,
+        root=root,
     )
 
 

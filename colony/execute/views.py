@@ -21,6 +21,7 @@ from colony.execute.code import (
     SensorElement,
     SensorFresh,
     live,
+    operands,
     remapped,
     roots,
 )
@@ -103,7 +104,8 @@ def _outside(op: Op, module: str) -> Op:
 def trimmed(code: Code, *, every_sensor: bool) -> Code:
     """Return `code` without the ops, cells and (unless `every_sensor`) sensors that no result depends on."""
     flags, used_cells = live(code.ops, code.cells, roots(code))
-    kept = [i for i, flag in enumerate(flags) if flag]
+    first = before_decisions(code)
+    kept = sorted((i for i, flag in enumerate(flags) if flag), key=lambda i: (not first[i], i))
     number = {old: new for new, old in enumerate(kept)}
     cell_number = {old: new for new, old in enumerate(sorted(used_cells))}
     ops = tuple(remapped(code.ops[i], number, cell_number) for i in kept)
@@ -111,7 +113,7 @@ def trimmed(code: Code, *, every_sensor: bool) -> Code:
     return Code(
         ops=ops,
         kinds=tuple(code.kinds[i] for i in kept),
-        decided=sum(1 for i in kept if i < code.decided),
+        decided=sum(first[i] for i in kept),
         sensors=tuple(s for s in code.sensors if every_sensor or s.name in read),
         cells=tuple(
             replace(c, condition=number[c.condition], value=number[c.value])
@@ -126,6 +128,21 @@ def trimmed(code: Code, *, every_sensor: bool) -> Code:
         names={number[i]: name for i, name in code.names.items() if i in number},
         places={name: cell_number[i] for name, i in code.places.items() if i in cell_number},
     )
+
+
+def before_decisions(code: Code) -> bytearray:
+    """Return a flag for each op that is computed before decisions: it stands there, or they depend on it."""
+    flags = bytearray(len(code.ops))
+    flags[: code.decided] = b"\1" * code.decided
+    for one in code.actuators:
+        for client in one.clients:
+            for at in client.conditions.values():
+                flags[at] = 1
+    for at in range(len(code.ops) - 1, -1, -1):
+        if flags[at]:
+            for operand in operands(code.ops[at]):
+                flags[operand] = 1
+    return flags
 
 
 def _python(call: PythonCall, number: dict[int, int]) -> PythonCall:

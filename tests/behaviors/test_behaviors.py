@@ -60,7 +60,7 @@ def test_checks_without_a_word(file: Path) -> None:
 
 @every_file
 def test_asks_for_nothing_that_no_server_has(file: Path) -> None:
-    bind(load_file(file))
+    bind(load_file(file).robot)
 
 
 @every_file

@@ -124,9 +124,8 @@ def test_two_exclusive_guards_at_once_are_told_by_name() -> None:
     clients = compile_program(program).clients
     (drive,) = clients.actuators
     wrong = tuple(replace(c, exclusive=c.guard) for c in drive.clients)
-    executor = ClientListExecutor(
-        program, replace(clients, actuators=(replace(drive, clients=wrong),)), exclusive=True
-    )
+    broken = replace(clients, actuators=(replace(drive, clients=wrong),))
+    executor = ClientListExecutor(lower(program, broken), exclusive=True)
     with pytest.raises(NotExclusive, match=r"^drive: avoid, cruise$"):
         executor.step(Frame(0, {"sonar": (100.0,) * 24, "bumper": False, "chance": 0.5}))
 

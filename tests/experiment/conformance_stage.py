@@ -125,8 +125,7 @@ def among_servers(make: Scripts, logs: Mapping[str, Log], frames: int, order_see
     servers = ("DServer", "RServer", "PServer", CAMERA)
     scripts = [ScriptNode(name, s, servers, delay_ns=1) for name, s in make(logs).items()]
     session = Session(
-        program,
-        compile_program(program).clients,
+        compile_program(program).artifact,
         simulated_drivers(plant),
         clock=clock,
         seed=3,

@@ -222,7 +222,7 @@ def check_sent(robot: Robot, one: Sent, due: list[Decision]) -> None:
 def check_memory(robot: Robot, epoch: list[Tick], paths: list[Path], counts: Counter[str]) -> None:
     """Checkpoints, and memory at the end, are those of a client that saw every frame of the epoch once."""
     seen, degrading = robot.seen, any(a.on_loss == "degrade" for a in robot.program.robot.actuators)
-    for actuator, module in robot.who.clients:
+    for actuator, module, _ in robot.artifact.clients:
         address = topics.client_address(actuator, module)
         node = robot.nodes[address]
         assert isinstance(node, ClientNode)

@@ -39,19 +39,14 @@ class Declarations:
     for all; under `degrade` modules whose clients are lost count as not active.
     """
 
-    def __init__(self, program: ir.Program, clients: ClientList, traversal: ClientList | None) -> None:
+    def __init__(self, program: ir.Program, clients: ClientList) -> None:
         self.program = program
         self.builder = Builder()
         self.expressions = ExpressionLowering(self.builder, self)
         self._sensors = {s.name: s for s in program.robot.sensors}
         self.actuators = {a.name: a for a in program.robot.actuators}
         self.modules = {m.name: m for m in program.modules}
-        self._guards = GuardLowering(self.builder, clients, self.module_active)
-        self._heard = GuardLowering(self.builder, clients, self._heard_active, "heard guard")
-        self._traversed = self._guards
-        if traversal is not None:
-            self._traversed = GuardLowering(self.builder, traversal, self.module_active, "traversed guard")
-        self._observing = self._guards
+        self.guards = GuardLowering(self.builder, clients, self.module_active)
         self._all_lets = dict(self._lets_of(program))
         self._all_states = dict(self._states_of(program))
         self._lets: dict[str, Values] = {}
@@ -135,7 +130,7 @@ class Declarations:
         """Whether a module, or a wire that a contract names, is active."""
         if name in self.modules:
             return self.module_active(name)
-        return self._observing.guard(self._observing.observed[name])
+        return self.guards.guard(self.guards.observed[name])
 
     # --- derived values --------------------------------------------------------------------------
 
@@ -250,7 +245,7 @@ class Declarations:
             isinstance(node, e.IsActive) and node.name not in self.modules for node in _walk(expression)
         )
 
-    def _heard_active(self, module: str) -> int:
+    def heard_active(self, module: str) -> int:
         """The module's activity under `on_loss degrade`: that of a lost client is none."""
         active = self.module_active(module)
         if self.modules[module].actuator is None:

@@ -41,15 +41,16 @@ def lower(program: ir.Program, clients: ClientList, traversal: ClientList | None
         clients: its clients.
         traversal: its clients before simplification; None where there are no others.
     """
-    lowering = _Lowering(program, clients, traversal)
+    lowering = _Lowering(program, clients)
     lowering.python_modules()
     by_actuator = {a.actuator: a.clients for a in clients.actuators}
-    unsimplified = {a.actuator: a.clients for a in (traversal or clients).actuators}
     for actuator in program.robot.actuators:
-        lowering.actuator(actuator, by_actuator.get(actuator.name, ()), unsimplified.get(actuator.name, ()))
+        lowering.actuator(actuator, by_actuator.get(actuator.name, ()))
     lowering.states()
     lowering.decided = len(lowering.builder.ops)
     lowering.contracts()
+    lowering.states()
+    lowering.variants(clients, traversal or clients)
     lowering.states()
     code, robot = trimmed(lowering.code(), every_sensor=True), program.robot
     return Compiled(name=robot.name, frame_ns=robot.frame_ns, code=code, announced=_announced(code))
@@ -67,8 +68,8 @@ def _announced(code: Code) -> tuple[str, ...]:
 class _Lowering(Declarations):
     """A program being lowered to one Code. Mutable."""
 
-    def __init__(self, program: ir.Program, clients: ClientList, traversal: ClientList | None) -> None:
-        super().__init__(program, clients, traversal)
+    def __init__(self, program: ir.Program, clients: ClientList) -> None:
+        super().__init__(program, clients)
         self.decided = 0
         self._python: list[PythonCall] = []
         self._actuator_codes: list[ActuatorCode] = []
@@ -117,16 +118,11 @@ class _Lowering(Declarations):
 
     # --- actuators and contracts -----------------------------------------------------------------
 
-    def actuator(
-        self, actuator: ir.Actuator, clients: tuple[Client, ...], unsimplified: tuple[Client, ...]
-    ) -> None:
-        heard = self._heard if actuator.on_loss == "degrade" else self._guards
+    def actuator(self, actuator: ir.Actuator, clients: tuple[Client, ...]) -> None:
         self._actuator_codes.append(
             ActuatorCode(
                 actuator=actuator,
-                clients=tuple(
-                    self._client(c, of, heard) for c, of in zip(clients, unsimplified, strict=True)
-                ),
+                clients=tuple(self._client(client) for client in clients),
                 limits=tuple(
                     self._limit(i, limit)
                     for i, limit in enumerate(self.program.limits)
@@ -152,8 +148,8 @@ class _Lowering(Declarations):
             case _:
                 assert_never(module)
 
-    def _client(self, client: Client, unsimplified: Client, heard: GuardLowering) -> ClientCode:
-        guard, exclusive = self._guards.guard(client.guard), self._guards.guard(client.exclusive)
+    def _client(self, client: Client) -> ClientCode:
+        guard, exclusive = self.guards.guard(client.guard), self.guards.guard(client.exclusive)
         module = self.modules[client.module]
         match module:
             case ir.Module():
@@ -170,9 +166,9 @@ class _Lowering(Declarations):
             guard=guard,
             exclusive=exclusive,
             fields=self._command(client.module),
-            heard_guard=heard.guard(client.guard),
-            heard_exclusive=heard.guard(client.exclusive),
-            traversed=self._traversed.guard(unsimplified.guard),
+            heard_guard=guard,
+            heard_exclusive=exclusive,
+            traversed=guard,
             several_ways=client.several_ways,
             span=module.span,
         )
@@ -202,12 +198,48 @@ class _Lowering(Declarations):
         for contract in self.program.contracts:
             self.prepare(contract.expression)
             scope = self.file_scope(f"contract {contract.name}", (contract.expression,))
-            value = traversed = self.expressions.scalar(contract.expression, scope)
-            if self._traversed is not self._guards and self.observes(contract.expression):
-                self._observing = self._traversed
-                of_traversal = replace(scope, place=f"traversed {scope.place}")
-                traversed = self.expressions.scalar(contract.expression, of_traversal)
-                self._observing = self._guards
+            value = self.expressions.scalar(contract.expression, scope)
             self._contracts.append(
-                ContractCode(name=contract.name, present=scope.ready, value=value, traversed=traversed)
+                ContractCode(name=contract.name, present=scope.ready, value=value, traversed=value)
             )
+
+    # --- variants of guards ----------------------------------------------------------------------
+
+    def variants(self, clients: ClientList, traversal: ClientList) -> None:
+        """Lower the guards as clients hear them, and all that depends on guards before simplification.
+
+        It comes last, so that nothing else depends on whether there are any.
+        """
+        guards = {(a.actuator, c.module): c for a in clients.actuators for c in a.clients}
+        heard = GuardLowering(self.builder, clients, self.heard_active, "heard guard")
+        for i, one in enumerate(self._actuator_codes):
+            if one.actuator.on_loss == "degrade":
+                self._actuator_codes[i] = replace(
+                    one,
+                    clients=tuple(_heard(c, guards[one.actuator.name, c.module], heard) for c in one.clients),
+                )
+        if traversal is clients:
+            return
+        before = {(a.actuator, c.module): c.guard for a in traversal.actuators for c in a.clients}
+        self.guards = traversed = GuardLowering(
+            self.builder, traversal, self.module_active, "traversed guard"
+        )
+        for i, one in enumerate(self._actuator_codes):
+            self._actuator_codes[i] = replace(
+                one,
+                clients=tuple(
+                    replace(c, traversed=traversed.guard(before[one.actuator.name, c.module]))
+                    for c in one.clients
+                ),
+            )
+        for i, (contract, code) in enumerate(zip(self.program.contracts, self._contracts, strict=True)):
+            if self.observes(contract.expression):
+                scope = self.file_scope(f"traversed contract {code.name}", (contract.expression,))
+                value = self.expressions.scalar(contract.expression, scope)
+                self._contracts[i] = replace(code, traversed=value)
+
+
+def _heard(code: ClientCode, client: Client, guards: GuardLowering) -> ClientCode:
+    return replace(
+        code, heard_guard=guards.guard(client.guard), heard_exclusive=guards.guard(client.exclusive)
+    )

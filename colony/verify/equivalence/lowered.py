@@ -17,18 +17,18 @@ from colony.verify.equivalence.forms import Alike, Form, Timer, Winner, module_o
 LOWERED = "lowered code"
 
 
-def views(sent: Compiled) -> Iterator[tuple[str, Code]]:
-    """Yield what is executed of a compiled program, each by its name: by all clients together; by each in its
-    own process, where that differs and no client is lost; and by the monitor."""
-    yield LOWERED, whole(sent.code)
+def views(sent: Compiled) -> Iterator[Code]:
+    """Yield what is executed: by all clients together; by each in its own process while no client is lost, and
+    by the monitor, where these differ."""
+    yield whole(sent.code)
     clients = [client for one in sent.code.actuators for client in one.clients]
     if any((c.heard_guard, c.heard_exclusive) != (c.guard, c.exclusive) for c in clients):
-        yield f"{LOWERED} of single clients", heard(sent.code)
+        yield heard(sent.code)
     if any(c.traversed != c.guard for c in clients):
-        yield f"{LOWERED} of the monitor", unsimplified(sent.code)
+        yield unsimplified(sent.code)
 
 
-def read_lowered(program: Program, clients: ClientList, code: Code, name: str, alike: Alike) -> Form:
+def read_lowered(program: Program, clients: ClientList, code: Code, alike: Alike) -> Form:
     """Read the winners by code, which is that of all clients of the program."""
     circuit = Circuit()
     values = _Values(circuit, {})
@@ -41,7 +41,7 @@ def read_lowered(program: Program, clients: ClientList, code: Code, name: str, a
         if (module := module_of(contract.name)) is not None
     }
     return Form(
-        name=name,
+        name=LOWERED,
         circuit=circuit,
         winners={a.actuator.name: _winners(a, circuit, literals) for a in code.actuators},
         timers=tuple(_timers(code, circuit, literals, alike)),

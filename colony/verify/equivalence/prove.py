@@ -59,22 +59,21 @@ def prove(
     compiled: Compilation,
     *,
     json: str | None = None,
-    sent: Compiled | None = None,
+    sent: Callable[[], Compiled] | None = None,
     python: str | None = None,
     timeout_ms: int = TIMEOUT_MS,
 ) -> Result:
     """Prove that the compiled clients are the program's network, or find a frame in which they are not.
 
-    And that what was made of them is, too: `json` and `python` are the texts that are emitted, `sent` is what
-    is executed, saved and sent. z3 may think `timeout_ms` about one question; with 0 it is not asked.
+    And that what was made of them is, too: `json` and `python` are the texts that are emitted, `sent` gives
+    what is executed, saved and sent. z3 may think `timeout_ms` about one question; with 0 it is not asked.
     """
     clients = compiled.clients
     results: list[Callable[[], Result]] = [lambda: prove_clients(program, clients, timeout_ms=timeout_ms)]
     if json is not None:
         results.append(lambda: _prove_json(clients, json))
-    for name, code in views(sent) if sent is not None else ():
-        reading = partial(read_lowered, program, clients, code, name)
-        results.append(partial(prove_form, reading, clients, timeout_ms))
+    if sent is not None:
+        results.append(lambda: _prove_sent(program, clients, sent(), timeout_ms))
     if python is not None:
         results.append(lambda: prove_python(program, clients, python, timeout_ms=timeout_ms))
     return _all_of(results)
@@ -99,6 +98,12 @@ def prove_json(program: Program, json: str, *, form: str = JSON, timeout_ms: int
     except Unreadable as problem:
         return Malformed(form=form, subject="text", found=problem.found, expected=problem.expected)
     return prove_clients(program, clients, form=form, timeout_ms=timeout_ms)
+
+
+def _prove_sent(program: Program, clients: ClientList, sent: Compiled, timeout_ms: int) -> Result:
+    """Prove that what is sent has the winners of the clients, whoever executes it."""
+    readings = [partial(read_lowered, program, clients, code) for code in views(sent)]
+    return _all_of(partial(prove_form, reading, clients, timeout_ms) for reading in readings)
 
 
 def _prove_json(clients: ClientList, json: str) -> Result:
