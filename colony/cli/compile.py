@@ -72,7 +72,11 @@ def command(
       colony compile behaviors/wander.colony
       colony compile --explain behaviors/figure_4_14.colony
       colony compile --format python behaviors/wander.colony -o wander.py
+      colony compile behaviors/wander.colony -o wander.colonyc
       colony compile --prove wander.py behaviors/wander.colony
+
+    With -o NAME.colonyc what is written is the compiled program itself, with its sources: `colony run` takes
+    it in place of FILE.
     """
     if explain and format_ != "table":
         raise click.UsageError("--explain goes with --format table", click.get_current_context())

@@ -32,8 +32,6 @@ from random import Random
 from typing import Literal, NamedTuple
 
 from colony.cli.virtual_robot import SENSING, Sent
-from colony.compile.clients import ClientList
-from colony.compile.pipeline import compile_program
 from colony.execute.executor import ClientExecutor
 from colony.ir.frame import Decision, Frame, Reading
 from colony.ir.program import Program
@@ -59,7 +57,6 @@ class Drawn(NamedTuple):
     """A program to be run, with frames."""
 
     program: Program
-    clients: ClientList
     trace: tuple[Frame, ...]
 
 
@@ -70,7 +67,7 @@ def drawn(number: int, degrade: bool) -> Drawn:
     on_loss: Literal["degrade", "stop"] = "degrade" if degrade else "stop"
     actuators = tuple(replace(a, on_loss=on_loss) for a in program.robot.actuators)
     program = replace(program, robot=replace(program.robot, actuators=actuators))
-    return Drawn(program, compile_program(program).clients, trace)
+    return Drawn(program, trace)
 
 
 def plan(robot: Robot, random: Random, until_ns: int) -> None:
@@ -109,7 +106,7 @@ def run(seed: int, *, degrade: bool = False) -> Counter[str]:
     until_ns = FAULTY * frame_ns
     made: list[Robot] = []
     faults = link(seed, random, until_ns, made)
-    robot = Robot(what.program, what.clients, what.trace, frame_ns=frame_ns, seed=seed, link=faults)
+    robot = Robot(what.program, what.trace, frame_ns=frame_ns, seed=seed, link=faults)
     made.append(robot)
     plan(robot, random, until_ns)
     try:

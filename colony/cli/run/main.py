@@ -96,6 +96,8 @@ def command(
 ) -> None:
     """Run a behavior on a robot that is simulated in the building of a map, or on a real one.
 
+    FILE is a behavior, or what `colony compile` made of one (`-o NAME.colonyc`).
+
     With --map alone everything is one process, in virtual time: the same seed gives the same run. With
     --processes each server and each client is a process of its own, as on a robot; who dies is started
     again, and other programs can take part (`colony ps`, `colony stop`). With --connect only the clients

@@ -18,8 +18,7 @@ LOWERED = "lowered code"
 
 
 def views(sent: Compiled) -> Iterator[Code]:
-    """Yield what is executed: by all clients together; by each in its own process while no client is lost, and
-    by the monitor, where these differ."""
+    """Yield what all clients together execute; where they differ, what each does alone, and the monitor."""
     yield whole(sent.code)
     clients = [client for one in sent.code.actuators for client in one.clients]
     if any((c.heard_guard, c.heard_exclusive) != (c.guard, c.exclusive) for c in clients):
