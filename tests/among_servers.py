@@ -36,7 +36,7 @@ def run_among_servers(
         order: draws the order of messages of one moment.
         cameras: by address, what takes an image of the present.
     """
-    program, clock = load_text(text), VirtualClock()
+    clock = VirtualClock()
     plant = Plant(world, lambda: clock() // FRAME_NS * FRAME_NS)
     eyes = [
         CServer(SimulatedCamera(plant, take), keep=40, address=at) for at, take in (cameras or {}).items()
@@ -44,8 +44,7 @@ def run_among_servers(
     servers = ("DServer", "RServer", "PServer", *(cameras or {}))
     nodes = [ScriptNode(name, script, servers, delay_ns=1) for name, script in scripts.items()]
     session = Session(
-        program,
-        compile_program(program).clients,
+        compile_program(load_text(text)).artifact,
         simulated_drivers(plant),
         clock=clock,
         seed=seed,

@@ -19,7 +19,7 @@ ALLOWED: dict[str, set[str]] = {
     "execute": {"ir", "compile"},
     "compile": {"ir", "execute"},
     "verify": {"ir", "execute", "compile", "dsl"},
-    "runtime": {"ir", "execute", "compile"},
+    "runtime": {"ir", "execute"},
     "nav": {"runtime"},
     "vision": {"runtime", "nav"},
     "sim": {"runtime", "nav", "ir"},
@@ -54,7 +54,7 @@ THIRD_PARTY: dict[str, set[str]] = {
     "click": {"cli"},
     "rich": {"cli", "experiment"},
     "networkx": {"view", "compile", "nav"},
-    "msgspec": {"runtime", "sim", "experiment", "cli"},
+    "msgspec": {"execute", "runtime", "sim", "experiment", "cli"},
     "zenoh": {"runtime"},
     "mcap": {"runtime"},
     "lz4": {"runtime"},
@@ -128,3 +128,43 @@ def _loaded_by(statement: str) -> set[str]:
 )
 def test_loads_no_more_than_it_needs(statement: str, absent: set[str]) -> None:
     assert not _loaded_by(statement) & absent
+
+
+FRONT_END = {"colony.compile", "colony.dsl", "colony.verify", "lark", "z3"}
+
+CLIENT = """
+import json, runpy, sys
+from pathlib import Path
+from colony.runtime.assembly.processes import child
+sys.argv = ["child", sys.argv[1]]
+from contextlib import ExitStack
+from colony.runtime.assembly.processes.parts import nodes_of
+from colony.runtime.assembly.processes.spec import place_of, read_spec
+spec = read_spec(Path(sys.argv[1]))
+with ExitStack() as holds:
+    (node,) = nodes_of(spec.part, place_of(spec.place), None, holds)
+print(node.address, *sys.modules)
+"""
+
+
+def test_a_client_process_loads_neither_the_front_end_nor_the_compiler(tmp_path: Path) -> None:
+    """As far as its node, which is built from the file that the leader writes."""
+    from colony.compile.pipeline import compile_program
+    from colony.runtime.assembly.processes.crew import client_jobs
+    from colony.runtime.protocol.bindings import bind
+    from colony.runtime.protocol.deployment import deployment
+    from colony.runtime.transport.live.place import Local
+    from colony.runtime.transport.live.run_directory import RobotDirectory
+    from tests.runtime.programs import roam
+
+    compiled = compile_program(roam()).artifact
+    bindings = bind(compiled.robot)
+    place = Local(RobotDirectory(tmp_path, "rome"))
+    job = client_jobs(place, deployment(compiled, bindings, run="r", seed=1), compiled, bindings, tmp_path)[0]
+    done = subprocess.run(
+        [sys.executable, "-c", CLIENT, *job.arguments], capture_output=True, text=True, check=True
+    )
+    address, *loaded = done.stdout.split()
+    assert address == job.name
+    assert not {name for name in loaded if any(f"{name}.".startswith(f"{part}.") for part in FRONT_END)}
+    assert {"colony.execute.executor", "msgspec"} <= set(loaded)

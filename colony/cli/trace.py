@@ -198,11 +198,11 @@ def _executor(program: Program, backend: str) -> Executor:
         return Interpreter(program)
     from colony.compile.pipeline import compile_program
 
-    clients = compile_program(program).clients
+    compiled = compile_program(program).artifact
     if backend == "clients":
         from colony.execute.executor import ClientListExecutor
 
-        return ClientListExecutor(program, clients)
+        return ClientListExecutor(compiled)
     from colony.compile.backends.python.generate import generate, load
 
-    return load(generate(program, clients))
+    return load(generate(compiled))

@@ -9,6 +9,7 @@ from typing import Any, ClassVar
 import pytest
 
 from colony.compile.backends.python.generate import generate, load
+from colony.compile.lower.lower import lower
 from colony.compile.pipeline import compile_program
 from colony.dsl.load import load_text
 from colony.execute.executor import ClientExecutor, ClientListExecutor
@@ -67,9 +68,9 @@ def _outcomes(text: str, frames: list[Frame]) -> list[Outcome]:
     program = load_text(text)
     clients = compile_program(program).clients
     executors: dict[str, Callable[[], Any]] = {
-        "priority": lambda: ClientListExecutor(program, clients),
-        "exclusive": lambda: ClientListExecutor(program, clients, exclusive=True),
-        "generated": lambda: load(generate(program, clients)),
+        "priority": lambda: ClientListExecutor(lower(program, clients)),
+        "exclusive": lambda: ClientListExecutor(lower(program, clients), exclusive=True),
+        "generated": lambda: load(generate(lower(program, clients))),
         "interpreter": lambda: Interpreter(program),
     }
     found: dict[str, tuple[list[Outcome], list[Any]]] = {}
@@ -114,7 +115,7 @@ def test_a_snapshot_cannot_be_changed(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(Told, "answer", staticmethod(answer))
     program = load_text(_text())
     clients = compile_program(program).clients
-    for executor in (ClientListExecutor(program, clients), load(generate(program, clients))):
+    for executor in (ClientListExecutor(lower(program, clients)), load(generate(lower(program, clients)))):
         assert executor.step(_frame(0)).records == (("python error", "m"),)
 
 
@@ -208,16 +209,16 @@ def test_a_class_that_cannot_be_built_is_told_of() -> None:
         program = load_text(_text(name))
         clients = compile_program(program).clients
         with pytest.raises(Failure, match=why):
-            ClientListExecutor(program, clients)
+            ClientListExecutor(lower(program, clients))
         with pytest.raises(Failure, match=why):
-            load(generate(program, clients))
+            load(generate(lower(program, clients)))
 
 
 def test_clients_ask_for_the_activity_of_python_modules_elsewhere(monkeypatch: pytest.MonkeyPatch) -> None:
     _tell(monkeypatch, GOOD)
     program = load_text(_text("Unbuildable"))
     clients = compile_program(program).clients
-    low = ClientExecutor(program, clients, "out", "low")
+    low = ClientExecutor(lower(program, clients), "out", "low")
     assert low.outside == ("m",)
     assert not low.step(Frame(0, {}), {"m": True}).active
     assert low.step(Frame(1, {}), {"m": False}).active
@@ -229,10 +230,10 @@ def test_the_client_of_a_python_module(monkeypatch: pytest.MonkeyPatch) -> None:
     _tell(monkeypatch, GOOD)
     program = load_text(_text(rate="rate 300 ms"))
     clients = compile_program(program).clients
-    client = ClientExecutor(program, clients, "out", "m")
+    client = ClientExecutor(lower(program, clients), "out", "m")
     assert (client.sensors, client.outside) == (("x", "a"), ())
     assert not client.step(_frame(0)).active
-    other = ClientExecutor(program, clients, "out", "m")
+    other = ClientExecutor(lower(program, clients), "out", "m")
     other.memory = client.memory
     for each in (client, other):
         assert each.step(_frame(0.3)).values == (3.0, True, 67.0)

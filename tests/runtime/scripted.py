@@ -79,5 +79,5 @@ class Log:
 def session(program: Program, script: Script, *sinks: object, **options: object) -> Session:
     """A session of a program over a script, with seed 1 unless told otherwise."""
     settings: dict[str, object] = {"seed": 1} | options
-    clients = compile_program(program).clients
-    return Session(program, clients, script.drivers, clock=script.clock, sinks=sinks, **settings)  # type: ignore[arg-type]
+    compiled = compile_program(program).artifact
+    return Session(compiled, script.drivers, clock=script.clock, sinks=sinks, **settings)  # type: ignore[arg-type]

@@ -16,8 +16,8 @@ from functools import partial
 
 from colony.collector import collector_at_rest
 from colony.compile.clients import ClientList
-from colony.compile.pipeline import Compiled
-from colony.execute.code import Code
+from colony.compile.pipeline import Compilation
+from colony.execute.compiled import Compiled
 from colony.ir.program import Program
 from colony.verify.equivalence.circuit import FALSE, Activity, Circuit
 from colony.verify.equivalence.disagreement import (
@@ -30,7 +30,7 @@ from colony.verify.equivalence.disagreement import (
 )
 from colony.verify.equivalence.forms import prove_form
 from colony.verify.equivalence.json_text import Unreadable, read_json
-from colony.verify.equivalence.lowered import read_lowered
+from colony.verify.equivalence.lowered import read_lowered, views
 from colony.verify.equivalence.matching import Matching
 from colony.verify.equivalence.priorities import Induction, first_by_structure, gates_of
 from colony.verify.equivalence.python_text import PYTHON, read_python
@@ -56,25 +56,24 @@ JSON = "JSON"
 
 def prove(
     program: Program,
-    compiled: Compiled,
+    compiled: Compilation,
     *,
     json: str | None = None,
-    code: Code | None = None,
+    sent: Callable[[], Compiled] | None = None,
     python: str | None = None,
     timeout_ms: int = TIMEOUT_MS,
 ) -> Result:
     """Prove that the compiled clients are the program's network, or find a frame in which they are not.
 
-    And that what was made of them is, too: `json` and `python` are the texts that are emitted, `code` is what
-    the executor of all clients runs. z3 may think `timeout_ms` about one question; with 0 it is not asked.
+    And that what was made of them is, too: `json` and `python` are the texts that are emitted, `sent` gives
+    what is executed, saved and sent. z3 may think `timeout_ms` about one question; with 0 it is not asked.
     """
     clients = compiled.clients
     results: list[Callable[[], Result]] = [lambda: prove_clients(program, clients, timeout_ms=timeout_ms)]
     if json is not None:
         results.append(lambda: _prove_json(clients, json))
-    if code is not None:
-        reading = partial(read_lowered, program, clients, code)
-        results.append(lambda: prove_form(reading, clients, timeout_ms))
+    if sent is not None:
+        results.append(lambda: _prove_sent(program, clients, sent(), timeout_ms))
     if python is not None:
         results.append(lambda: prove_python(program, clients, python, timeout_ms=timeout_ms))
     return _all_of(results)
@@ -99,6 +98,12 @@ def prove_json(program: Program, json: str, *, form: str = JSON, timeout_ms: int
     except Unreadable as problem:
         return Malformed(form=form, subject="text", found=problem.found, expected=problem.expected)
     return prove_clients(program, clients, form=form, timeout_ms=timeout_ms)
+
+
+def _prove_sent(program: Program, clients: ClientList, sent: Compiled, timeout_ms: int) -> Result:
+    """Prove that what is sent has the winners of the clients, whoever executes it."""
+    readings = [partial(read_lowered, program, clients, code) for code in views(sent)]
+    return _all_of(partial(prove_form, reading, clients, timeout_ms) for reading in readings)
 
 
 def _prove_json(clients: ClientList, json: str) -> Result:

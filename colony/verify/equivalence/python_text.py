@@ -14,6 +14,7 @@ from dataclasses import dataclass, field
 
 from colony.compile.backends.python.generate import generate
 from colony.compile.clients import ClientList
+from colony.compile.lower.lower import lower
 from colony.ir.program import Program
 from colony.verify.equivalence.circuit import FALSE, TRUE, Circuit, Opaque
 from colony.verify.equivalence.forms import Alike, Form, Timer, Winner, module_of, with_activities
@@ -34,7 +35,7 @@ def read_python(program: Program, clients: ClientList, text: str, name: str, ali
     circuit = Circuit()
     numbers: dict[Key, int] = {}
     run = _run(text, circuit, numbers, alike)
-    asked = _run(generate(with_activities(program), clients), circuit, numbers, alike)
+    asked = _run(generate(lower(with_activities(program), clients)), circuit, numbers, alike)
     broken = {module: asked.broken.get(name, FALSE) for name, module in _asked(program)}
     return Form(
         name=name,

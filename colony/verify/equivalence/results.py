@@ -27,7 +27,7 @@ class Proved:
     def and_of(self, other: Proved) -> Proved:
         """Both proofs as one."""
         return Proved(
-            forms=self.forms + other.forms,
+            forms=tuple(dict.fromkeys(self.forms + other.forms)),
             by_structure=self.by_structure + other.by_structure,
             by_solver=self.by_solver + other.by_solver,
             questions=self.questions + other.questions,

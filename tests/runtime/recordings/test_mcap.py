@@ -27,12 +27,13 @@ from mcap.records import Chunk, McapRecord, Message
 from mcap.stream_reader import StreamReader
 
 from colony.dsl.load import load_text
+from colony.execute.compiled import SourceFile
 from colony.ir.frame import Frame, Outcome
 from colony.runtime.observe.observer import FrameLog
 from colony.runtime.protocol.messages import Request
 from colony.runtime.recordings.mcap_reader import McapReader
 from colony.runtime.recordings.mcap_writer import McapRecording, checksum
-from colony.runtime.recordings.recorded import RecordedFrame, SourceFile
+from colony.runtime.recordings.recorded import RecordedFrame
 from colony.text.diagnostics import Failure
 from tests.verify.audit.recorded_runs import MS, Kept, as_mcap, logs, read_mcap, run_info, written
 
