@@ -8,7 +8,7 @@ from typing import get_args
 
 from colony.cli.experiment.main import command
 from colony.experiment.record import Failure
-from colony.experiment.results import COLUMNS
+from colony.experiment.results import RUN_TABLE
 
 ROOT = Path(__file__).parent.parent
 PAGE = (ROOT / "docs" / "experiments.md").read_text(encoding="utf-8")
@@ -17,7 +17,7 @@ QUOTED = set(re.findall(r"`([^`]+)`", PAGE))
 
 def test_every_column_is_explained() -> None:
     explained = QUOTED | {f"{mode}_{what}" for mode in "cd" for what in ("entered", "completed", "needed")}
-    assert not set(COLUMNS) - explained
+    assert not set(RUN_TABLE.columns) - explained
 
 
 def test_every_failure_is_explained() -> None:

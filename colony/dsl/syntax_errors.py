@@ -9,6 +9,7 @@ from colony.dsl.recovery import declaration_begun, expected
 from colony.dsl.syntax_hints import DECLARATION_STARTS, hint_for
 from colony.text.diagnostics import Diagnostic, error
 from colony.text.source import Source, Span
+from colony.text.wording import listed
 
 _OPERATORS = frozenset(
     "PLUS MINUS TIMES OVER LESS AT_MOST GREATER AT_LEAST EQUAL UNEQUAL AND OR IMPLIES IN BY IS "
@@ -110,7 +111,7 @@ def _expected(accepted: frozenset[str]) -> str:
     parts += sorted({_spelled(name) for name in names if not name.startswith("__IGNORE")})
     if not parts:
         return "something else"
-    return parts[0] if len(parts) == 1 else ", ".join(parts[:-1]) + " or " + parts[-1]
+    return listed(parts, "or")
 
 
 def _spelled(terminal: str) -> str:

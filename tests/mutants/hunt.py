@@ -167,7 +167,7 @@ def _lines(function: CodeType) -> Iterator[int]:
 
 def _draw_ahead() -> None:
     """What tests need and no mutant changes: runs that are drawn, and what should come of them."""
-    from tests.verify.test_drawn_runs import draw_all
+    from tests.verify.testing.test_drawn_runs import draw_all
 
     draw_all()
 

@@ -31,10 +31,8 @@ RUNTIME_TESTS = (
 )
 
 TESTS: tuple[str, ...] = (
-    "tests/compile",
-    "tests/verify/test_agreement.py",
-    "tests/verify/test_drawn_runs.py",
-    "tests/verify/test_interpreter_frames.py",
+    *("tests/compile", "tests/execute", "tests/semantics"),
+    *("tests/verify/testing/test_agreement.py", "tests/verify/testing/test_drawn_runs.py"),
     *(f"tests/runtime/{name}.py" for name in RUNTIME_TESTS),
 )
 """Tests in this process and in virtual time only: sockets and processes of their own would take hours."""
@@ -43,7 +41,7 @@ TESTS: tuple[str, ...] = (
 SEEING_MOST = (
     "tests/compile/test_whole_code.py::test_case[",
     "tests/compile/test_whole_code.py::test_without",
-    "tests/compile/test_explain_cut.py::test_a_large_network",
+    "tests/compile/backends/test_explain_cut.py::test_a_large_network",
 )
 """Tests that look at all of what the compiler makes: they are tried whatever they take."""
 
@@ -53,7 +51,12 @@ def modules() -> list[str]:
     packages = (ROOT / "colony/compile", ROOT / "colony/execute")
     compiler = sorted(str(path.relative_to(ROOT)) for package in packages for path in package.rglob("*.py"))
     runtime = [f"colony/runtime/{name}.py" for name in FRAMES + ARBITRATION]
-    return [*(path for path in compiler if (ROOT / path).stat().st_size), "colony/ir/frame.py", *runtime]
+    return [
+        *(path for path in compiler if (ROOT / path).stat().st_size),
+        "colony/ir/frame.py",
+        "colony/text/wording.py",
+        *runtime,
+    ]
 
 
 def tests() -> list[str]:

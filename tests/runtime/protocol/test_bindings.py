@@ -8,7 +8,7 @@ import pytest
 
 from colony.ir.program import Actuator, ActuatorField, Program, Sensor
 from colony.ir.types import BOOL, DEGREES, DISTANCE, PLAIN, Array, Enum, Type
-from colony.runtime.protocol.bindings import bind, did_you_mean
+from colony.runtime.protocol.bindings import bind, nearest
 from colony.runtime.protocol.fields import SPEED, TURN_RATE
 from colony.text.diagnostics import Failure, render
 from colony.text.source import Source, Span
@@ -119,5 +119,7 @@ def test_two_actuators_on_one_command_would_not_be_arbitrated() -> None:
     assert failed.value.diagnostics[0].code == "R006"
 
 
-def test_did_you_mean_ignores_case() -> None:
-    assert did_you_mean("rserver", ["PServer", "RServer"]) == "did you mean `RServer`?"
+def test_the_nearest_name_or_all_that_are_known() -> None:
+    assert nearest("rserver", ["PServer", "RServer"]) == "did you mean `RServer`?"
+    assert nearest("camera", ["PServer", "RServer"]) == "known are: PServer, RServer"
+    assert nearest("camera", []) == "there is none"

@@ -24,7 +24,7 @@ from tests.runtime.recordings.mcap_files import (
     frames_in,
     trace,
 )
-from tests.verify.recorded_runs import MS, as_mcap, logs, read_mcap, run_info
+from tests.verify.audit.recorded_runs import MS, as_mcap, logs, read_mcap, run_info
 
 
 def messages(data: bytes) -> dict[str, list[dict[str, Any]]]:

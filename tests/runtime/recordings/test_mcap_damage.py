@@ -28,7 +28,7 @@ from tests.runtime.recordings.mcap_files import (
     lenient,
     trace,
 )
-from tests.verify.recorded_runs import MS, as_mcap, logs, read_mcap
+from tests.verify.audit.recorded_runs import MS, as_mcap, logs, read_mcap
 
 DATA_END = 1 + 8 + 4
 

@@ -20,7 +20,7 @@ from tests.runtime.recordings.mcap_files import (
     lenient,
     trace,
 )
-from tests.verify.recorded_runs import Kept, as_mcap, logs, read_mcap, run_info, written
+from tests.verify.audit.recorded_runs import Kept, as_mcap, logs, read_mcap, run_info, written
 
 ROOT = Path(__file__).parents[3]
 
@@ -79,7 +79,7 @@ import msgspec
 from colony.cli.outputs import open_alone
 from colony.runtime.recordings.mcap_writer import McapRecording
 from tests.runtime.recordings.mcap_files import PROGRAM, SOURCES, trace
-from tests.verify.recorded_runs import logs, run_info
+from tests.verify.audit.recorded_runs import logs, run_info
 
 recording = McapRecording(PROGRAM, run_info(PROGRAM, *SOURCES), open_alone(sys.argv[1]))
 [log] = logs(PROGRAM, trace(1))

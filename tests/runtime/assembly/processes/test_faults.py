@@ -1,6 +1,6 @@
 """What is promised when a process is killed or frozen at any moment of a real run, and by when.
 
-That everything comes back in the end is in `tests/cli/test_run_processes.py`; here are the times, of real
+That everything comes back in the end is in `tests/cli/run/test_processes.py`; here are the times, of real
 processes that are hit at random moments of frames.
 """
 
