@@ -2,12 +2,8 @@
 
 from __future__ import annotations
 
-import os
 import signal
-import subprocess
-import sys
 from collections.abc import Iterable, Mapping
-from pathlib import Path
 
 import pytest
 
@@ -25,7 +21,7 @@ from colony.runtime.protocol.messages import (
 from colony.runtime.transport.live.configuration import BLOCKED_US
 from colony.runtime.transport.live.network import Network
 from tests.runtime.transport.live.outside import SERVER, Outside
-from tests.runtime.transport.live.stage import Recorder, hosted, place, until
+from tests.runtime.transport.live.stage import Recorder, hosted, place, python_process, until
 
 LARGE = """
 import os, signal, sys
@@ -49,26 +45,21 @@ def test_with_one_thread_for_the_network_a_large_checkpoint_gets_through(
     environment: Mapping[str, str],
 ) -> None:
     server = Recorder("DServer", topics.checkpoints("DServer"))
-    alone = {"ZENOH_RUNTIME": ONE_THREAD, "PYTHONPATH": str(Path(__file__).parents[4])}
-    process = subprocess.Popen([sys.executable, "-c", LARGE], env={**os.environ, **environment, **alone})
-    try:
-        with (
-            hosted(environment, [server]) as host,
-            Network.open(place(environment), listens=("Clock",)) as clock,
-        ):
-            until(lambda: "drive/c" in clock.alive(), "it is there for the Clock")
-            until(lambda: "drive/c" in host.network.alive(), "it is there for DServer")
-            went: list[str] = []
-            host.network.watch(lambda address, present: went.append(address))
-            for k in range(5):
-                Outside(clock).put(topics.TICKS, codec.encode(Tick(k=k, t_ns=0)))
-            until(lambda: len(server.got) == 5, "all came")
-            assert went == [], "its link was given up"
-            process.send_signal(signal.SIGTERM)
-            assert process.wait(20) == 0
-    finally:
-        process.kill()
-        process.wait()
+    with (
+        python_process({**environment, "ZENOH_RUNTIME": ONE_THREAD}, "-c", LARGE) as process,
+        hosted(environment, [server]) as host,
+        Network.open(place(environment), listens=("Clock",)) as clock,
+    ):
+        until(lambda: "drive/c" in clock.alive(), "it is there for the Clock")
+        until(lambda: "drive/c" in host.network.alive(), "it is there for DServer")
+        went: list[str] = []
+        host.network.watch(lambda address, present: went.append(address))
+        for k in range(5):
+            Outside(clock).put(topics.TICKS, codec.encode(Tick(k=k, t_ns=0)))
+        until(lambda: len(server.got) == 5, "all came")
+        assert went == [], "its link was given up"
+        process.send_signal(signal.SIGTERM)
+        assert process.wait(20) == 0
 
 
 FROZEN = """
@@ -94,24 +85,15 @@ def test_a_reader_that_is_frozen_does_not_hold_up_a_server(environment: Mapping[
             yield WakeAt(now_ns + 1_000_000)
 
     server = Recorder("PServer", topics.TICKS, on=publish_frames)
-    process = subprocess.Popen(
-        [sys.executable, "-c", FROZEN],
-        env={**os.environ, **environment, "PYTHONPATH": str(Path(__file__).parents[4])},
-        stdout=subprocess.PIPE,
-        text=True,
-    )
-    try:
-        with hosted(environment, [server]) as host:
-            assert process.stdout is not None
-            assert process.stdout.readline() == "ready\n"
-            until(lambda: "drive/frozen" in host.network.alive(), "the reader is there")
-            process.send_signal(signal.SIGSTOP)
-            with Network.open(place(environment)) as network:
-                Outside(network).put(topics.TICKS, codec.encode(Tick(k=0, t_ns=0)))
-            until(lambda: len(server.got) > frames, "all frames are published")
-    finally:
-        process.kill()
-        process.communicate()
+    with (
+        python_process(environment, "-c", FROZEN, says="ready") as process,
+        hosted(environment, [server]) as host,
+    ):
+        until(lambda: "drive/frozen" in host.network.alive(), "the reader is there")
+        process.send_signal(signal.SIGSTOP)
+        with Network.open(place(environment)) as network:
+            Outside(network).put(topics.TICKS, codec.encode(Tick(k=0, t_ns=0)))
+        until(lambda: len(server.got) > frames, "all frames are published")
     gaps = [b - a for a, b in zip(server.times, server.times[1:], strict=False)]
     assert max(gaps) < BLOCKED_US * 1000 // 2, "who waits for room is held up until the link is given up"
 
@@ -139,15 +121,10 @@ def test_a_process_ends_by_a_signal_and_another_takes_its_place(
     environment: Mapping[str, str], how: signal.Signals
 ) -> None:
     for _ in range(2):
-        process = subprocess.Popen(
-            [sys.executable, "-c", PROCESS],
-            env={**os.environ, **environment, "PYTHONPATH": str(Path(__file__).parents[4])},
-            stdout=subprocess.PIPE,
-            text=True,
-        )
-        assert process.stdout is not None
-        assert process.stdout.readline() == "ready\n"
-        with Network.open(place(environment)) as network:
+        with (
+            python_process(environment, "-c", PROCESS, says="ready") as process,
+            Network.open(place(environment)) as network,
+        ):
             until(lambda n=network: n.alive() == (SERVER,), "it is there")  # type: ignore[misc]
             process.send_signal(how)
             rest = process.communicate(timeout=20)[0]
