@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from pathlib import Path
 
 import msgspec
@@ -135,13 +134,6 @@ def test_what_is_held_when_idle_is_left_as_it_is() -> None:
 
 
 # --- the button, at real processes -----------------------------------------------------------------
-
-
-@pytest.fixture
-def machine(tmp_path: Path) -> Iterator[Machine]:
-    made = Machine(tmp_path)
-    yield made
-    made.close()
 
 
 def serving(machine: Machine, *servers: str) -> None:

@@ -164,7 +164,7 @@ def path_of(robot: Robot, epoch: list[Tick], *, void_counts: bool) -> Path:
         lost = frozenset(map(module_of, tick.lost)) if degrading else frozenset[str]()
         outcome = interpreter.step(frame, lost)
         path.decisions[tick.k] = {d.actuator: d for d in outcome.decisions}
-        path.active[tick.k] = {m: interpreter.is_active(m) for m in robot.who.announced}
+        path.active[tick.k] = {m: interpreter.is_active(m) for m in robot.artifact.announced}
     return path
 
 

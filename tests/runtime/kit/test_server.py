@@ -24,13 +24,7 @@ from colony.text.diagnostics import Failure
 from colony.text.units import LENGTH, TIME
 from tests.runtime.kit.stage import BATTERY, Battery, battery_process, battery_thread, level, plain
 from tests.runtime.programs import robot
-from tests.runtime.transport.live.stage import ROBOT, Recorder, hosted, run_directory, until
-
-
-@pytest.fixture
-def environment() -> Iterator[Mapping[str, str]]:
-    with run_directory() as made:
-        yield made
+from tests.runtime.transport.live.stage import ROBOT, Recorder, hosted, until
 
 
 class _Ticking(Recorder):

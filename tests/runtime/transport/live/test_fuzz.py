@@ -5,12 +5,10 @@ from __future__ import annotations
 
 import os
 from collections import Counter
-from collections.abc import Iterator
 from contextlib import suppress
 from pathlib import Path
 from random import Random
 
-import pytest
 import zenoh
 
 from colony.runtime.kit.connection import Session
@@ -69,13 +67,6 @@ class Gun(Stage):
         self.network.session.put(
             key, data, congestion_control=zenoh.CongestionControl.BLOCK, priority=zenoh.Priority.DATA
         )
-
-
-@pytest.fixture
-def machine(tmp_path: Path) -> Iterator[Machine]:
-    made = Machine(tmp_path)
-    yield made
-    made.close()
 
 
 def resident(pid: int) -> int:
