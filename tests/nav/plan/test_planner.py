@@ -53,7 +53,15 @@ LAST = segment(GoalKind.DEAD_RECKONING, 90.0, at(-2000, 12000), at(-6000, 12000)
 PLAN = Plan(origin="a", goal="b", segments=(LIGHTS, ENTER, LEAVE, LAST), distance_mm=18000.0, modes="lcd")
 
 
-def obedient(stage: list[Stage], error: Callable[[Goal], tuple[float, float]]) -> Script:
+Errors = Callable[[Goal], tuple[float, float]]
+"""How far ahead of a goal, and to the left of it, the robot ends."""
+
+
+def exactly(goal: Goal) -> tuple[float, float]:
+    return 0.0, 0.0
+
+
+def obedient(stage: list[Stage], error: Errors) -> Script:
     """In place of Navigator and CTracker: at each goal the robot is `error` ahead and to the left of it."""
     for name in SEMAPHORES:
         yield from do("DServer", data.create_semaphore(name, 0))
@@ -79,11 +87,20 @@ def obedient(stage: list[Stage], error: Callable[[Goal], tuple[float, float]]) -
         yield from do("DServer", data.signal(ROBOT_STATUS))
 
 
+def staged(
+    plan: Plan, error: Errors = exactly, at: tuple[float, float, float] = (0.0, 0.0, 0.0), **options: Any
+) -> Stage:
+    """The planner and a robot that obeys it, which begins at x, y and a heading."""
+    stage: list[Stage] = []
+    made = Stage(robot=obedient(stage, error), planner=planner(plan, **options))
+    stage.append(made)
+    made.x, made.y, made.heading = at
+    return made
+
+
 def driven(plan: Plan, ahead: float = 0.0, left: float = 0.0, **options: Any) -> Stage:
     """A whole plan, with a robot that is always so far beyond its goals."""
-    stage: list[Stage] = []
-    made = Stage(robot=obedient(stage, lambda goal: (ahead, left)), planner=planner(plan, **options))
-    stage.append(made)
+    made = staged(plan, lambda goal: (ahead, left), **options)
     made.run(10.0)
     assert made.ended == {"planner"}
     return made
@@ -147,24 +164,15 @@ def test_by_reckoning_only_the_overshoot_of_lights_is_taken_off() -> None:
 
 def test_by_reckoning_nobody_asks_where_the_robot_is() -> None:
     """The thesis's Planner knows lengths and overshoots only: a wrong position changes nothing."""
-    stage: list[Stage] = []
-    made = Stage(robot=obedient(stage, lambda goal: (0.0, 0.0)), planner=planner(PLAN, positions="reckoning"))
-    stage.append(made)
-    made.x, made.y = 777.0, -999.0
-    made.run(10.0)
+    made = driven(PLAN, positions="reckoning", at=(777.0, -999.0, 0.0))
     assert goals(made) == [("L", 0.0, 3), ("E", 0.0, 4000.0), ("C", 90.0, 2000.0), ("D", 90.0, 4000.0)]
 
 
 def test_a_corner_is_turned_where_nothing_is_left_to_drive() -> None:
-    short = replace(PLAN, segments=(ENTER, LEAVE, LAST))
-    stage: list[Stage] = []
-
     def drifting(goal: Goal) -> tuple[float, float]:
         return (0.0, 2500.0) if goal.kind is GoalKind.ENTER_CORNER else (0.0, 0.0)
 
-    made = Stage(robot=obedient(stage, drifting), planner=planner(short))
-    stage.append(made)
-    made.y = 8000.0
+    made = staged(replace(PLAN, segments=(ENTER, LEAVE, LAST)), drifting, (0.0, 8000.0, 0.0))
     made.run(10.0)
     assert goals(made) == [("E", 0.0, 4000.0), ("C", 90.0, 0.0), ("D", 90.0, 3500.0)]
 
@@ -205,18 +213,13 @@ def test_progress_is_along_the_segment() -> None:
 
 
 def test_a_planner_takes_no_answer_that_was_meant_for_another() -> None:
-    stage: list[Stage] = []
-    made = Stage(
-        robot=obedient(stage, lambda goal: (0.0, 0.0)), planner=planner(replace(PLAN, segments=(LAST,)))
-    )
-    stage.append(made)
+    made = staged(replace(PLAN, segments=(LAST,)), at=(-2000.0, 12000.0, 0.0))
     left_over = (ROBOT_STATUS, END_L_MODE, START_MAP, TRACK_DATA, GOAL_DATA)
     made.semaphores = dict.fromkeys(SEMAPHORES, 0) | dict.fromkeys(left_over, 2)
-    made.x, made.y = -2000.0, 12000.0
     made.close("robot")
     made.run(0.1)
     assert [made.semaphores[name] for name in left_over] == [0, 0, 0, 0, 1]
-    made.start("robot", obedient(stage, lambda goal: (0.0, 0.0)))
+    made.start("robot", obedient([made], exactly))
     made.run(10.0)
     assert made.x == pytest.approx(-6000.0)
     assert made.ended == {"planner"}
@@ -250,13 +253,7 @@ RIDE = Segment(
 
 def test_after_a_ride_the_robot_is_on_the_other_floor() -> None:
     # It came out 100 mm west of where it went in, looking west; there west is where here south is.
-    stage: list[Stage] = []
-    made = Stage(
-        robot=obedient(stage, lambda goal: (0.0, 0.0)), planner=planner(replace(PLAN, segments=(RIDE,)))
-    )
-    stage.append(made)
-    made.x, made.y, made.heading = 900.0, 2000.0, 90.0
-    made.run(10.0)
+    made = driven(replace(PLAN, segments=(RIDE,)), at=(900.0, 2000.0, 90.0))
     # 100 mm more to the doors, and into the cabin.
     assert goals(made) == [("V", 270.0, 1200.0 + 100.0 + INTO_ELEVATOR_MM)]
     # The doors there are north of it, and the corridor is 300 mm wider on this side of them.
@@ -266,12 +263,7 @@ def test_after_a_ride_the_robot_is_on_the_other_floor() -> None:
 
 
 def test_a_ride_is_called_for_and_when_it_is_over_the_floor_is_another() -> None:
-    stage: list[Stage] = []
-    made = Stage(
-        robot=obedient(stage, lambda goal: (0.0, 0.0)), planner=planner(replace(PLAN, segments=(RIDE,)))
-    )
-    stage.append(made)
-    made.run(10.0)
+    made = driven(replace(PLAN, segments=(RIDE,)))
     told = [(how, name, value) for by, how, name, value in made.calls if by == "planner"]
     calls = [value for how, name, value in told if how == "set" and name == (ELEVATOR_CALL,)]
     floors = [value for how, name, value in told if how == "set_many" and FLOOR in name]
