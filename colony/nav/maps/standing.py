@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 import math
-from difflib import get_close_matches
 
 from colony.nav.maps.signs import door_name, plates_of
 from colony.nav.maps.stickrep.geometry import Point, direction
 from colony.nav.maps.stickrep.model import EdgeKind, Map
 from colony.nav.maps.walls import facing_deg, free_distance, point_on, walls_of
+from colony.text.suggestions import did_you_mean
 
 _FARTHEST_MM = 1900.0  # before a sign in a wide corridor or a hall
 _LEAST_ROOM_MM = 500.0
@@ -67,8 +67,7 @@ def standing_before(floor: Map, name: str) -> Pose:
             to_left = walls.kinds[edge] is not EdgeKind.ELEVATOR
             return _before(floor, name, middle, facing_deg(wall), to_left=to_left)
     known = [*dict.fromkeys((*map(door_name, names), *names))]
-    close = get_close_matches(name, known, n=3)
-    hint = f"did you mean {' or '.join(f'`{one}`' for one in close)}?" if close else "see `colony map`"
+    hint = did_you_mean(name, known, most=3) or "see `colony map`"
     raise NoPlace(f"`{floor.name}` has no door or node `{name}`; {hint}")
 
 

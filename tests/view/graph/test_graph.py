@@ -6,11 +6,11 @@ import xml.etree.ElementTree as ET
 
 import pytest
 
-from benchmarks.networks import chain, ladder, random_program
 from colony.compile.network import Inhibitor, ModuleLeaf, Network, Suppressor
 from colony.compile.passes.elaborate import elaborate
 from colony.view.graph.graph import to_dot, to_svg
 from colony.view.graph.layout import Diagram, Place, layout
+from tests.networks import chain, ladder, random_program
 
 WANDER = Network(
     nodes=(

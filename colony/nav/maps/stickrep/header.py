@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from difflib import get_close_matches
 from typing import TypeVar, get_args
 
 from colony.nav.maps.stickrep import fields
 from colony.nav.maps.stickrep.fields import LENGTH_UNITS, Problems, Word
 from colony.nav.maps.stickrep.model import LightOffsets, Travel
 from colony.text.source import Source, Span
+from colony.text.suggestions import did_you_mean
 
 _T = TypeVar("_T")
 
@@ -64,8 +64,8 @@ class Header:
                 self._read(words, *self._often[key.text])
             return True
         if key.text not in self._once:
-            close = get_close_matches(key.text[:40], ["stickrep", "ring", *self.known], n=1)
-            hint = f"did you mean `{close[0]}`?" if close else "header lines are: " + ", ".join(self.known)
+            close = did_you_mean(key.text, ("stickrep", "ring", *self.known))
+            hint = close or "header lines are: " + ", ".join(self.known)
             message = f"expected a header line, `ring` or a row that begins with an angle; found {key.shown}"
             self.problems.report("M004", key.span, message, hint)
             return False  # perhaps a row: the ring that it stands in is not judged
