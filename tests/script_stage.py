@@ -34,7 +34,17 @@ class ScriptStage:
         self.now_ns = 0
         self.data = LocalData()
         self._cameras = cameras
-        self.scripts = LocalScripts(scripts, [self.data, *servers, *cameras])
+        self._servers = [self.data, *servers, *cameras]
+        self.names = set(scripts)
+        self.scripts = LocalScripts(scripts, self._servers)
+
+    def begin(self, **scripts: Script) -> None:
+        """Run other scripts, in place of those until now, which are lost."""
+        self.scripts.close()
+        for name in self.names:
+            self.data.semaphores.drop(f"local/{name}")
+        self.names = set(scripts)
+        self.scripts = LocalScripts(scripts, self._servers)
 
     def settle(self) -> None:
         """Let cameras and scripts do all that they do at this moment."""
