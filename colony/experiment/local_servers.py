@@ -89,7 +89,7 @@ class LocalData:
         self.variables = Variables(journal)
         self.variables.read_by_program(reads)
         self.variables.show(reads)
-        self._semaphores = Semaphores(journal)
+        self.semaphores = Semaphores(journal)
         self.granted: Granted = []
         self._alarm: int | None = None
         self.handlers: Mapping[str, Handler] = {
@@ -122,9 +122,9 @@ class LocalData:
     def expire(self, now_ns: int) -> None:
         """Refuse those whose patience is at an end."""
         if self._alarm is not None and now_ns >= self._alarm:
-            for waiter in self._semaphores.expire(now_ns):
+            for waiter in self.semaphores.expire(now_ns):
                 self.granted.append((waiter.asked, timed_out(waiter.name)))
-            self._alarm = self._semaphores.wake_at
+            self._alarm = self.semaphores.wake_at
 
     def _set(self, asked: Asked, arguments: data.Set, reply: Any, now_ns: int) -> None:
         name = named(arguments.name)
@@ -156,11 +156,11 @@ class LocalData:
     def _create_semaphore(
         self, asked: Asked, arguments: data.CreateSemaphore, reply: Any, now_ns: int
     ) -> bool:
-        return self._semaphores.create(named(arguments.name), arguments.value)
+        return self.semaphores.create(named(arguments.name), arguments.value)
 
     def _wait(self, asked: Asked, arguments: data.Wait, reply: Any, now_ns: int) -> Later | None:
         name, wait_ns = arguments.name, arguments.wait_ns
-        waiter = self._semaphores.wait(asked, name, wait_ns, now_ns, hold=arguments.hold)
+        waiter = self.semaphores.wait(asked, name, wait_ns, now_ns, hold=arguments.hold)
         if waiter is None:
             return None
         due = waiter.until_ns
@@ -169,12 +169,12 @@ class LocalData:
         return LATER
 
     def _signal(self, asked: Asked, arguments: data.Named, reply: Any, now_ns: int) -> None:
-        granted = self._semaphores.signal(arguments.name, asked.caller.connection)
+        granted = self.semaphores.signal(arguments.name, asked.caller.connection)
         if granted is not None:
             self.granted.append((granted, None))
 
     def _semaphore(self, asked: Asked, arguments: data.Named, reply: Any, now_ns: int) -> data.SemaphoreState:
-        return self._semaphores.state(arguments.name)
+        return self.semaphores.state(arguments.name)
 
 
 class LocalBase:

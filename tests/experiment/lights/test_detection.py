@@ -27,7 +27,7 @@ def _told(ahead_mm: float) -> Look:
 
 
 def _watch(*lights: CeilingLight) -> LightWatch:
-    return LightWatch.over(lights)
+    return LightWatch(lights)
 
 
 def _drive(watch: LightWatch, heading_deg: float = 0.0, off_mm: float = 0.0, aside_mm: float = 0.0) -> None:

@@ -7,7 +7,6 @@ import os
 import random
 import signal
 import socket
-from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
@@ -36,10 +35,7 @@ from colony.sim.plant.protocol import (
     read_from_plant,
 )
 from tests.buildings import HALLWAY
-from tests.sim.plant.plants import GENEROUS_S, PlantProcess, wait_for
-
-START = (3000.0, 1500.0, 270.0)
-OTHER = (12000.0, 1500.0, 270.0)
+from tests.sim.plant.plants import GENEROUS_S, OTHER, START, PlantProcess, wait_for
 
 
 class Line:
@@ -68,27 +64,6 @@ class Line:
 
     def close(self) -> None:
         self.sock.close()
-
-
-@pytest.fixture(scope="module")
-def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    return tmp_path_factory.mktemp("plant")
-
-
-@pytest.fixture(scope="module")
-def plant(folder: Path) -> Iterator[PlantProcess]:
-    with PlantProcess(folder / "plant", {"rome": START, "remus": OTHER}) as running:
-        yield running
-        assert running.end() == 0
-        assert not running.path.exists()
-
-
-@pytest.fixture
-def control(plant: PlantProcess) -> Iterator[PlantControl]:
-    with PlantControl(plant.path, timeout_s=GENEROUS_S) as made:
-        yield made
-        made.place("rome", *START)
-        made.place("remus", *OTHER)
 
 
 def standing(control: PlantControl, robot: str) -> Truth:
@@ -273,10 +248,10 @@ def options(path: Path, **changed: object) -> PlantOptions:
     return PlantOptions(**given)  # type: ignore[arg-type]
 
 
-def test_a_socket_left_behind_is_replaced_and_one_in_use_is_not(folder: Path, plant: PlantProcess) -> None:
+def test_a_socket_left_behind_is_replaced_and_one_in_use_is_not(tmp_path: Path, plant: PlantProcess) -> None:
     with pytest.raises(PlantInUse, match="by another process already"):
         serve_plant(options(plant.path), stop=lambda: True)
-    left = folder / "left"
+    left = tmp_path / "left"
     with socket.socket(socket.AF_UNIX) as old:
         old.bind(os.fspath(left))
     turns = iter((False, False, True))
@@ -286,8 +261,8 @@ def test_a_socket_left_behind_is_replaced_and_one_in_use_is_not(folder: Path, pl
     assert not left.exists()
 
 
-def test_the_folder_is_made_private_and_must_be(folder: Path) -> None:
-    path = folder / "deep" / "plant"
+def test_the_folder_is_made_private_and_must_be(tmp_path: Path) -> None:
+    path = tmp_path / "deep" / "plant"
     serve_plant(options(path), stop=lambda: True)
     assert path.parent.stat().st_mode & 0o777 == 0o700
     path.parent.chmod(0o755)
@@ -295,7 +270,7 @@ def test_the_folder_is_made_private_and_must_be(folder: Path) -> None:
         serve_plant(options(path), stop=lambda: True)
 
 
-def test_options_that_make_no_sense(folder: Path) -> None:
+def test_options_that_make_no_sense(tmp_path: Path) -> None:
     for changed, found in (
         ({"robots": {"rome": (0.0, 0.0, 0.0)}}, "from a wall"),
         ({"robots": {"a": START, "b": OTHER}, "logical_ns": 1}, "logical time with 2 robots; expected 1"),
@@ -303,5 +278,5 @@ def test_options_that_make_no_sense(folder: Path) -> None:
         ({"step_ns": 0}, "steps of 0 ns"),
     ):
         with pytest.raises(ValueError, match=found):
-            serve_plant(options(folder / "never", **changed), stop=lambda: True)
-    assert not (folder / "never").exists()
+            serve_plant(options(tmp_path / "never", **changed), stop=lambda: True)
+    assert not (tmp_path / "never").exists()
