@@ -14,7 +14,7 @@ from colony.record import Record, record
 
 
 @record
-class Node(Record):
+class SyntaxNode(Record):
     """A piece of text."""
 
     start: int = field(default=0, compare=False, repr=False)
@@ -22,7 +22,7 @@ class Node(Record):
 
 
 @record
-class Name(Node):
+class Name(SyntaxNode):
     """One identifier where it is declared or named."""
 
     text: str
@@ -32,7 +32,7 @@ class Name(Node):
 
 
 @record
-class ExpressionNode(Node):
+class ExpressionNode(SyntaxNode):
     """Any expression; a leaf nests 1 deep."""
 
     depth: int = field(default=1, compare=False, repr=False)
@@ -173,7 +173,7 @@ Expression = (
 
 
 @record
-class Argument(Node):
+class Argument(SyntaxNode):
     """`name = value`."""
 
     name: Name
@@ -184,14 +184,14 @@ class Argument(Node):
 
 
 @record
-class TypeName(Node):
+class TypeName(SyntaxNode):
     """A unit as written, `bool`, `number`, or the path of an enum."""
 
     path: tuple[str, ...]
 
 
 @record
-class Range(Node):
+class Range(SyntaxNode):
     """`range low .. high`."""
 
     low: Expression
@@ -199,14 +199,14 @@ class Range(Node):
 
 
 @record
-class FrameDecl(Node):
+class FrameDecl(SyntaxNode):
     """`frame period`."""
 
     period: Expression
 
 
 @record
-class SensorDecl(Node):
+class SensorDecl(SyntaxNode):
     """`sensor name[size] : type ... from server.field ...`."""
 
     name: Name
@@ -220,7 +220,7 @@ class SensorDecl(Node):
 
 
 @record
-class FieldDecl(Node):
+class FieldDecl(SyntaxNode):
     """`name : type range ...`, in an actuator."""
 
     name: Name
@@ -229,7 +229,7 @@ class FieldDecl(Node):
 
 
 @record
-class IdleDecl(Node):
+class IdleDecl(SyntaxNode):
     """`idle hold` has no arguments; `idle drive()` has an empty tuple of them."""
 
     name: Name
@@ -237,7 +237,7 @@ class IdleDecl(Node):
 
 
 @record
-class ActuatorDecl(Node):
+class ActuatorDecl(SyntaxNode):
     """`actuator name { fields } to server.command idle ... on_loss ...`."""
 
     name: Name
@@ -252,7 +252,7 @@ RobotItem = FrameDecl | SensorDecl | ActuatorDecl
 
 
 @record
-class RobotDecl(Node):
+class RobotDecl(SyntaxNode):
     """`robot name { ... }`."""
 
     name: Name
@@ -260,7 +260,7 @@ class RobotDecl(Node):
 
 
 @record
-class EnumDecl(Node):
+class EnumDecl(SyntaxNode):
     """`enum name { member = number, ... }`."""
 
     name: Name
@@ -268,7 +268,7 @@ class EnumDecl(Node):
 
 
 @record
-class ImportDecl(Node):
+class ImportDecl(SyntaxNode):
     """`import "path" as alias`."""
 
     path: str
@@ -279,7 +279,7 @@ class ImportDecl(Node):
 
 
 @record
-class ParamDecl(Node):
+class ParamDecl(SyntaxNode):
     """`param name = value`."""
 
     name: Name
@@ -287,7 +287,7 @@ class ParamDecl(Node):
 
 
 @record
-class LetDecl(Node):
+class LetDecl(SyntaxNode):
     """`let name = value`."""
 
     name: Name
@@ -295,7 +295,7 @@ class LetDecl(Node):
 
 
 @record
-class StateDecl(Node):
+class StateDecl(SyntaxNode):
     """`state name : type = initial`."""
 
     name: Name
@@ -304,7 +304,7 @@ class StateDecl(Node):
 
 
 @record
-class NextDecl(Node):
+class NextDecl(SyntaxNode):
     """`next name = value`."""
 
     name: Name
@@ -312,7 +312,7 @@ class NextDecl(Node):
 
 
 @record
-class TransitionDecl(Node):
+class TransitionDecl(SyntaxNode):
     """`source` is None for `any`."""
 
     source: Name | None
@@ -321,7 +321,7 @@ class TransitionDecl(Node):
 
 
 @record
-class MachineDecl(Node):
+class MachineDecl(SyntaxNode):
     """`machine name { start initial ... }`."""
 
     name: Name
@@ -333,7 +333,7 @@ Clause = ParamDecl | LetDecl | StateDecl | NextDecl
 
 
 @record
-class DoDecl(Node):
+class DoDecl(SyntaxNode):
     """`do actuator(field = value, ...)`."""
 
     actuator: Name
@@ -341,7 +341,7 @@ class DoDecl(Node):
 
 
 @record
-class ModuleDecl(Node):
+class ModuleDecl(SyntaxNode):
     """`module name { ... when ... do ... }`."""
 
     name: Name
@@ -351,7 +351,7 @@ class ModuleDecl(Node):
 
 
 @record
-class DerivedModuleDecl(Node):
+class DerivedModuleDecl(SyntaxNode):
     """`module name = base(param = constant, ...)`."""
 
     name: Name
@@ -360,21 +360,21 @@ class DerivedModuleDecl(Node):
 
 
 @record
-class ReadsDecl(Node):
+class ReadsDecl(SyntaxNode):
     """`reads name, ...`."""
 
     names: tuple[Reference, ...]
 
 
 @record
-class CommandsDecl(Node):
+class CommandsDecl(SyntaxNode):
     """`commands actuator`."""
 
     actuator: Name
 
 
 @record
-class RateDecl(Node):
+class RateDecl(SyntaxNode):
     """`rate period`."""
 
     period: Expression
@@ -384,7 +384,7 @@ PythonClause = ParamDecl | ReadsDecl | CommandsDecl | RateDecl
 
 
 @record
-class PythonModuleDecl(Node):
+class PythonModuleDecl(SyntaxNode):
     """`module name from python "path" { ... }`."""
 
     name: Name
@@ -396,7 +396,7 @@ class PythonModuleDecl(Node):
 
 
 @record
-class Link(Node):
+class Link(SyntaxNode):
     """The relation between an operand of a chain and what follows it, with its time constant."""
 
     relation: Literal["suppresses", "inhibits"]
@@ -404,7 +404,7 @@ class Link(Node):
 
 
 @record
-class Chain(Node):
+class Chain(SyntaxNode):
     """`operands[0] links[0] operands[1] links[1] ...`, as written; kept flat however long it is."""
 
     operands: tuple[Wiring, ...]
@@ -415,7 +415,7 @@ Wiring = Reference | Chain
 
 
 @record
-class WireDecl(Node):
+class WireDecl(SyntaxNode):
     """`name = wiring`."""
 
     name: Name
@@ -423,7 +423,7 @@ class WireDecl(Node):
 
 
 @record
-class NetworkDecl(Node):
+class NetworkDecl(SyntaxNode):
     """`network { ... }`."""
 
     wires: tuple[WireDecl, ...]
@@ -433,7 +433,7 @@ class NetworkDecl(Node):
 
 
 @record
-class LimitDecl(Node):
+class LimitDecl(SyntaxNode):
     """`limit actuator.field <= bound when condition`."""
 
     actuator: Name
@@ -444,7 +444,7 @@ class LimitDecl(Node):
 
 
 @record
-class ContractDecl(Node):
+class ContractDecl(SyntaxNode):
     """`contract name: expression`."""
 
     name: Name
@@ -452,19 +452,19 @@ class ContractDecl(Node):
 
 
 @record
-class Missing(Node):
+class Missing(SyntaxNode):
     """`missing`, as a given value."""
 
 
 @record
-class Elements(Node):
+class Elements(SyntaxNode):
     """`[v, v, ...]`, as a given value."""
 
     values: tuple[Expression, ...]
 
 
 @record
-class GivenDecl(Node):
+class GivenDecl(SyntaxNode):
     """`sensor[index] = value`, after `given`."""
 
     sensor: Name
@@ -473,7 +473,7 @@ class GivenDecl(Node):
 
 
 @record
-class StepDecl(Node):
+class StepDecl(SyntaxNode):
     """`at first`, or `from first to last every period`."""
 
     first: Expression
@@ -484,7 +484,7 @@ class StepDecl(Node):
 
 
 @record
-class TestDecl(Node):
+class TestDecl(SyntaxNode):
     """`test "title" { ... }`."""
 
     __test__ = False  # not a test of pytest's
@@ -513,7 +513,7 @@ Declaration = (
 
 
 @record
-class File(Node):
+class File(SyntaxNode):
     """All declarations of a file, in order."""
 
     declarations: tuple[Declaration, ...]

@@ -10,7 +10,7 @@ from colony.experiment.behavior import behavior_from
 from colony.experiment.local_cameras import LocalCamera
 from colony.experiment.loop import Loop
 from colony.ir.frame import Decision, Frame
-from colony.runtime.assembly.virtual import Session
+from colony.runtime.assembly.virtual import VirtualSession
 from colony.runtime.kit.script import Script
 from colony.runtime.kit.script_node import ScriptNode
 from colony.runtime.observe.observer import FrameLog
@@ -124,7 +124,7 @@ def among_servers(make: Scripts, logs: Mapping[str, Log], frames: int, order_see
     sink = _Decisions()
     servers = ("DServer", "RServer", "PServer", CAMERA)
     scripts = [ScriptNode(name, s, servers, delay_ns=1) for name, s in make(logs).items()]
-    session = Session(
+    session = VirtualSession(
         program,
         compile_program(program).clients,
         simulated_drivers(plant),

@@ -19,7 +19,7 @@ from colony.runtime.library import data
 from colony.runtime.library.proximity import SonarReading
 from colony.runtime.library.robot import PoseArguments, Position
 from colony.runtime.servers.drivers import BaseState
-from colony.runtime.servers.virtual_position import Odometer, Pose
+from colony.runtime.servers.virtual_position import Odometer, OdometerPose
 from colony.sim.world.world import World
 
 Floats = NDArray[np.float64]
@@ -48,7 +48,7 @@ class Bench:
         self._scans = [self._scan()] * 2
 
     @property
-    def believed(self) -> Pose:
+    def believed(self) -> OdometerPose:
         """Where RServer says that the robot is."""
         return self._odometer.observe(self._base())
 
@@ -63,7 +63,7 @@ class Bench:
 
     def adjust(self, dx: float, dy: float, dheading: float) -> None:
         """Correct RServer's position as another client would."""
-        self._odometer.adjust(self._base(), Pose(dx, dy, dheading))
+        self._odometer.adjust(self._base(), OdometerPose(dx, dy, dheading))
 
     def slip(self, turn_deg: float, back_mm: float = 0.0) -> None:
         """Turn and set back the robot without its odometry noticing."""

@@ -21,7 +21,7 @@ from colony.nav.shared import (
     TRACK_DATA,
     GoalKind,
 )
-from colony.runtime.assembly.virtual import Session
+from colony.runtime.assembly.virtual import VirtualSession
 from colony.runtime.kit.script import Script, Step, do, sleep
 from colony.runtime.kit.script_node import ScriptNode
 from colony.runtime.library import data, robot
@@ -121,7 +121,7 @@ def test_a_plan_is_driven_to_its_end(positions: Positions, order: int) -> None:
         "planner": planner(PLAN, positions=positions, on_segment=lambda number, _: begun.append(number)),
     }
     nodes = [ScriptNode(name, script, ("DServer", "RServer"), delay_ns=1) for name, script in scripts.items()]
-    session = Session(
+    session = VirtualSession(
         program,
         compile_program(program).clients,
         simulated_drivers(Plant(world, lambda: clock() // FRAME_NS * FRAME_NS)),

@@ -26,7 +26,7 @@ from colony.runtime.protocol.messages import (
     Tick,
 )
 from colony.runtime.transport.live import keys
-from colony.runtime.transport.live.network import Network
+from colony.runtime.transport.live.network import ZenohSession
 from colony.runtime.transport.live.place import local
 from tests.runtime.live_stage import ROBOT, Recorder, hosted, run_directory, until
 from tests.runtime.test_live_gateway import _Lab, _put, lab
@@ -72,7 +72,7 @@ def test_a_call_on_a_topic_of_frames_is_malformed() -> None:
     with (
         run_directory() as environment,
         hosted(environment, [node]),
-        Network.open(local(ROBOT, environment)) as network,
+        ZenohSession.open(local(ROBOT, environment)) as network,
     ):
         _put(network, f"colony/{ROBOT}/RServer/fetches/bob", codec.encode(CALL))
         until(lambda: bool(node.got), "it is told of")
@@ -94,7 +94,7 @@ def test_no_name_that_somebody_gives_breaks_a_server(client: str) -> None:
     with (
         run_directory() as environment,
         hosted(environment, [node], report=reports.append),
-        Network.open(local(ROBOT, environment)) as network,
+        ZenohSession.open(local(ROBOT, environment)) as network,
     ):
         for name in (client, "drive/cruise"):
             _put(network, f"colony/{ROBOT}/DServer/checkpoints/bob", codec.encode(Recall(client=name)))
@@ -105,7 +105,7 @@ def test_no_name_that_somebody_gives_breaks_a_server(client: str) -> None:
 def test_who_may_only_read_cannot_call_in_the_name_of_another(lab: _Lab) -> None:
     got: list[Any] = []
     node = Recorder("RServer", topics.calls("RServer"), topics.fetches("RServer"))
-    with hosted(lab.environment, [node]), Network.open(lab.remote("bob")) as network:
+    with hosted(lab.environment, [node]), ZenohSession.open(lab.remote("bob")) as network:
         until(lambda: "RServer" in network.alive(), "the gateway found the server")
         for connection in ("ada/fetches", "ada/frames", "bob/fetches"):
             call = msgspec.structs.replace(CALL, connection=connection)

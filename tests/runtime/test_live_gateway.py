@@ -36,7 +36,7 @@ from colony.runtime.transport.live.errors import GatewayFull, NotReached, Securi
 from colony.runtime.transport.live.gateway import GatewayNode, open_gateway
 from colony.runtime.transport.live.host import Host
 from colony.runtime.transport.live.limits import MIDDLE
-from colony.runtime.transport.live.network import Network
+from colony.runtime.transport.live.network import ZenohSession
 from colony.runtime.transport.live.outbox import Haste, publish
 from colony.runtime.transport.live.place import Credentials, Remote
 from colony.runtime.transport.live.robot_time import learned_time
@@ -114,7 +114,7 @@ def test_a_user_without_the_right_is_told_so(lab: _Lab, user: str, says: str) ->
 
 def test_who_does_not_ask_the_kit_does_not_get_past_the_gateway_either(lab: _Lab) -> None:
     node = Recorder("RServer", topics.calls("RServer"), topics.requests("RServer"))
-    with hosted(lab.environment, [node]), Network.open(lab.remote("bob")) as network:
+    with hosted(lab.environment, [node]), ZenohSession.open(lab.remote("bob")) as network:
         until(lambda: "RServer" in network.alive(), "the gateway found the server")
         forged = (
             ("command", "bob/1", _call("bob/1", "command")),
@@ -134,7 +134,7 @@ def test_who_does_not_ask_the_kit_does_not_get_past_the_gateway_either(lab: _Lab
 
 def test_who_claims_another_name_in_the_message_is_refused(lab: _Lab) -> None:
     node = Recorder("RServer", topics.calls("RServer"))
-    with hosted(lab.environment, [node]), Network.open(lab.remote("bob")) as network:
+    with hosted(lab.environment, [node]), ZenohSession.open(lab.remote("bob")) as network:
         data = codec.encode(_call("ada/1", "read"))
         _put(network, f"colony/{ROBOT}/RServer/call/read/bob/1", data)
         until(lambda: bool(node.got), "it is told of")
@@ -154,8 +154,8 @@ def test_nobody_hears_the_answers_to_others(lab: _Lab) -> None:
     node = Recorder("RServer", topics.calls("RServer"), on=answer)
     with (
         hosted(lab.environment, [node]),
-        Network.open(lab.remote("ada")) as ada,
-        Network.open(lab.remote("bob")) as bob,
+        ZenohSession.open(lab.remote("ada")) as ada,
+        ZenohSession.open(lab.remote("bob")) as bob,
     ):
         for network, user in ((ada, "ada"), (bob, "bob")):
             for key in (keys.listening(ROBOT, "RServer/reply/ada/1"), "**", f"colony/{ROBOT}/**"):
@@ -301,7 +301,10 @@ def test_a_client_of_a_program_runs_on_another_machine(lab: _Lab) -> None:
 
 
 def test_no_clock_no_time(lab: _Lab) -> None:
-    with Network.open(lab.remote("eva")) as network, pytest.raises(NotReached, match="no tick of its Clock"):
+    with (
+        ZenohSession.open(lab.remote("eva")) as network,
+        pytest.raises(NotReached, match="no tick of its Clock"),
+    ):
         learned_time(network, timeout_s=0.1)
 
 
@@ -315,13 +318,13 @@ def _call(connection: str, right: Right) -> Call:
     return Call(connection=connection, number=1, method="open", arguments=arguments, right=right)
 
 
-def _put(network: Network, key: str, data: bytes) -> None:
+def _put(network: ZenohSession, key: str, data: bytes) -> None:
     with publish(network.session, key) as publisher:
         until(lambda: publisher.matching_status.matching, f"nobody listens to {key}")  # type: ignore[attr-defined]
         publisher.put(data)
 
 
-def _listen(network: Network, key: str, heard: list[object]) -> None:
+def _listen(network: ZenohSession, key: str, heard: list[object]) -> None:
     def take(sample: zenoh.Sample) -> None:
         heard.append(codec.decode(sample.payload.to_bytes()))
 
@@ -346,9 +349,9 @@ def test_nothing_comes_twice_and_servers_that_come_later_are_found(lab: _Lab) ->
     """All are linked to each other and to the gateway; with gossip for some, and without for the gateway."""
     call = _call("bob/1", "read")
     with (
-        Network.open(place(lab.environment)) as at_home,
+        ZenohSession.open(place(lab.environment)) as at_home,
         lab.session("bob") as session,
-        Network.open(lab.remote("bob")) as remote,
+        ZenohSession.open(lab.remote("bob")) as remote,
         hosted(lab.environment, [Recorder("Clock", topics.calls("Clock"))]),
     ):
         until(lambda: {"Clock", "Gateway"} <= set(at_home.alive()), "it is linked to others")
@@ -383,7 +386,10 @@ def test_a_server_of_the_kit_that_starts_after_its_client(lab: _Lab) -> None:
 def test_messages_larger_than_their_right_allows(lab: _Lab, user: str, right: str, limit: int | None) -> None:
     sizes: list[int] = []
     key = f"colony/{ROBOT}/RServer/call/{right}/{user}/1"
-    with Network.open(place(lab.environment), listens=("RServer",)) as robot, _remote(lab, user) as network:
+    with (
+        ZenohSession.open(place(lab.environment), listens=("RServer",)) as robot,
+        _remote(lab, user) as network,
+    ):
         _note(robot, key, lambda sample: sizes.append(len(sample.payload)))
         _put(network, key, b"small")
         until(lambda: sizes == [5], "the small one")
@@ -403,7 +409,10 @@ def test_users_choose_no_priority_and_nobody_waits_for_them(lab: _Lab) -> None:
     drop, data = zenoh.CongestionControl.DROP, zenoh.Priority.DATA
     calls = f"colony/{ROBOT}/RServer/call"
     frames = f"colony/{ROBOT}/RServer/frames"
-    with Network.open(place(lab.environment), listens=("RServer",)) as robot, _remote(lab, "eva") as network:
+    with (
+        ZenohSession.open(place(lab.environment), listens=("RServer",)) as robot,
+        _remote(lab, "eva") as network,
+    ):
         _note(robot, f"{calls}/**", note)
         _note(robot, f"colony/{ROBOT}/RServer/requests/*", note)
         _note(network, frames, note)
@@ -448,7 +457,7 @@ def test_a_user_who_does_not_read_holds_up_nobody(lab: _Lab) -> None:
     frames = f"colony/{ROBOT}/RServer/frames"
     frozen, heard, lost = threading.Event(), list[int](), list[str]()
     with (
-        Network.open(place(lab.environment), listens=("RServer",)) as robot,
+        ZenohSession.open(place(lab.environment), listens=("RServer",)) as robot,
         _remote(lab, "bob") as bob,
         _remote(lab, "ada") as ada,
         publish(robot.session, frames) as publisher,
@@ -472,15 +481,15 @@ def _heard(publisher: zenoh.Publisher, heard: list[int]) -> bool:
     return heard[-1:] == [5]
 
 
-def _remote(lab: _Lab, user: str) -> Network:
-    return Network.open(lab.remote(user))
+def _remote(lab: _Lab, user: str) -> ZenohSession:
+    return ZenohSession.open(lab.remote(user))
 
 
-def _note(network: Network, key: str, take: Callable[[zenoh.Sample], None]) -> None:
+def _note(network: ZenohSession, key: str, take: Callable[[zenoh.Sample], None]) -> None:
     network.session.declare_subscriber(key, zenoh.handlers.Callback(take, indirect=False))
 
 
-def _urgent(network: Network, key: str) -> None:
+def _urgent(network: ZenohSession, key: str) -> None:
     with publish(network.session, key, haste=Haste.STOP) as publisher:
         until(lambda: publisher.matching_status.matching, f"nobody listens to {key}")  # type: ignore[attr-defined]
         publisher.put(b"x")

@@ -38,7 +38,7 @@ from colony.runtime.transport.live import keys
 from colony.runtime.transport.live.configuration import BLOCKED_US
 from colony.runtime.transport.live.errors import AlreadyRunning
 from colony.runtime.transport.live.host import Host
-from colony.runtime.transport.live.network import Network
+from colony.runtime.transport.live.network import ZenohSession
 from colony.runtime.transport.live.outbox import publish
 from colony.runtime.transport.live.waiting import CALLS_EACH
 from tests.runtime.live_stage import ROBOT, Recorder, hosted, place, run_directory, running, until
@@ -67,7 +67,7 @@ def _call(connection: str, number: int, *, priority: int = 0, right: Right = "co
 class _Outside:
     """Somebody who sends bytes and hears replies."""
 
-    def __init__(self, network: Network) -> None:
+    def __init__(self, network: ZenohSession) -> None:
         self.network = network
         self.heard: list[object] = []
 
@@ -93,7 +93,7 @@ class _Outside:
 
 @pytest.fixture
 def outside(environment: Mapping[str, str]) -> Iterator[_Outside]:
-    with Network.open(place(environment)) as network:
+    with ZenohSession.open(place(environment)) as network:
         yield _Outside(network)
 
 
@@ -267,7 +267,7 @@ def test_the_robots_time_is_the_same_in_all_processes(environment: Mapping[str, 
     with (
         running(hosts[0]),
         running(hosts[1]),
-        Network.open(place(environment), listens=("Clock",)) as network,
+        ZenohSession.open(place(environment), listens=("Clock",)) as network,
     ):
         until(lambda: len(network.alive()) == 2, "both are there")
         _Outside(network).put(topics.TICKS, codec.encode(Tick(k=0, t_ns=0)))
@@ -367,7 +367,7 @@ def test_with_one_thread_for_the_network_a_large_checkpoint_gets_through(
     try:
         with (
             hosted(environment, [server]) as host,
-            Network.open(place(environment), listens=("Clock",)) as clock,
+            ZenohSession.open(place(environment), listens=("Clock",)) as clock,
         ):
             until(lambda: "drive/c" in clock.alive(), "it is there for the Clock")
             until(lambda: "drive/c" in host.network.alive(), "it is there for DServer")
@@ -419,7 +419,7 @@ def test_a_reader_that_is_frozen_does_not_hold_up_a_server(environment: Mapping[
             assert process.stdout.readline() == "ready\n"
             until(lambda: "drive/frozen" in host.network.alive(), "the reader is there")
             process.send_signal(signal.SIGSTOP)
-            with Network.open(place(environment)) as network:
+            with ZenohSession.open(place(environment)) as network:
                 _Outside(network).put(topics.TICKS, codec.encode(Tick(k=0, t_ns=0)))
             until(lambda: len(server.got) > frames, "all frames are published")
     finally:
@@ -460,7 +460,7 @@ def test_a_process_ends_by_a_signal_and_another_takes_its_place(
         )
         assert process.stdout is not None
         assert process.stdout.readline() == "ready\n"
-        with Network.open(place(environment)) as network:
+        with ZenohSession.open(place(environment)) as network:
             until(lambda n=network: n.alive() == (SERVER,), "it is there")  # type: ignore[misc]
             process.send_signal(how)
             rest = process.communicate(timeout=20)[0]
@@ -499,7 +499,7 @@ def test_an_answer_that_nobody_takes_does_not_hold_up_a_stop(environment: Mappin
     """The thread that sends waits for room, which another process does not make."""
     sending, go_on = threading.Event(), threading.Event()
     node = Recorder(SERVER, CALLS, on=_echo)
-    with hosted(environment, [node]) as host, Network.open(place(environment)) as network:
+    with hosted(environment, [node]) as host, ZenohSession.open(place(environment)) as network:
         send = host._outbox.send
 
         def blocked(topic: str, message: Sent, now_ns: int) -> None:

@@ -23,7 +23,7 @@ from colony.nav.shared import (
     OVERSHOOT,
     TRACK_DATA,
 )
-from colony.runtime.assembly.virtual import Session
+from colony.runtime.assembly.virtual import VirtualSession
 from colony.runtime.kit.script import Script, do, sleep
 from colony.runtime.kit.script_node import ScriptNode
 from colony.runtime.library import data, robot
@@ -116,7 +116,7 @@ def test_it_counts_and_corrects_among_real_servers(order: int, children: bool) -
         for name, script in {**trackers, "estimator": estimator(), "planner": lead(world, log)}.items()
     ]
     program = load_text(PROGRAM)
-    session = Session(
+    session = VirtualSession(
         program,
         compile_program(program).clients,
         simulated_drivers(plant),

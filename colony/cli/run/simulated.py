@@ -20,7 +20,7 @@ from colony.nav.maps.stickrep.model import Map
 from colony.nav.maps.stickrep.reader import load_map
 from colony.nav.maps.walls import walls_of
 from colony.runtime.assembly.nodes import places_of
-from colony.runtime.assembly.virtual import Session
+from colony.runtime.assembly.virtual import VirtualSession
 from colony.runtime.observe.observer import FrameLog
 from colony.runtime.observe.summary import RunSummary, Tally, Travel
 from colony.runtime.transport.virtual import VirtualClock
@@ -54,7 +54,7 @@ def run(program: Program, options: Options) -> tuple[RunSummary, Arrival | None]
     clock = VirtualClock()
     floors, plant, path = _building(options, mission, clock)
     tally = Tally(program, places_of(program, clients))
-    session = Session(
+    session = VirtualSession(
         program,
         clients,
         simulated_drivers(plant),
@@ -109,7 +109,7 @@ def _length_ns(options: Options, mission: Mission | None) -> int:
 
 
 def _run(
-    session: Session,
+    session: VirtualSession,
     length_ns: int,
     options: Options,
     mission: Mission | None,

@@ -174,7 +174,7 @@ def _reduction(checker: Checker, node: ast.Call, function: ir.Function) -> ir.Ex
 
 
 def reduction_result(
-    checker: Checker, node: ast.Node, name: ast.Name, function: ir.Function, elements: list[Scalar]
+    checker: Checker, node: ast.SyntaxNode, name: ast.Name, function: ir.Function, elements: list[Scalar]
 ) -> Scalar | None:
     """The type that a reduction of these elements has."""
     if function in _BOOL_REDUCTIONS:

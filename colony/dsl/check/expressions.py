@@ -146,10 +146,10 @@ class Checker:
 
     # --- shared
 
-    def error(self, code: str, node: ast.Node, message: str, hint: str | None = None) -> None:
+    def error(self, code: str, node: ast.SyntaxNode, message: str, hint: str | None = None) -> None:
         self.report.error(self.scope, code, node, message, hint)
 
-    def span(self, node: ast.Node) -> Span:
+    def span(self, node: ast.SyntaxNode) -> Span:
         return span_of(self.scope, node)
 
     # --- nodes
@@ -236,7 +236,7 @@ class Checker:
             return None
         return ir.BinaryOperation(type=type_, operator=operator, left=left, right=right, span=self.span(node))
 
-    def broadcast(self, node: ast.Node, element: Scalar, *types: Type) -> Type | None:
+    def broadcast(self, node: ast.SyntaxNode, element: Scalar, *types: Type) -> Type | None:
         """`element`, or an array of it: scalars fit any array, arrays must agree in length."""
         sizes = sorted({t.size for t in types if isinstance(t, Array)})
         if len(sizes) > 1:

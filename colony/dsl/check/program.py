@@ -40,7 +40,7 @@ from colony.ir import program as ir
 from colony.ir.types import ScalarValue
 from colony.text.diagnostics import Diagnostic, has_errors, in_order, warning
 
-_Node = TypeVar("_Node", bound=ast.Node)
+_Node = TypeVar("_Node", bound=ast.SyntaxNode)
 
 
 def check_program(tree: SourceTree) -> tuple[ir.Program | None, tuple[Diagnostic, ...]]:

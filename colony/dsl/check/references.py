@@ -255,7 +255,7 @@ def resolve_status(checker: Checker, node: ast.Is) -> ir.Expression | None:
     return ir.IsActive(type=BOOL, name=part.name, span=span)
 
 
-def _in_promise(checker: Checker, node: ast.Node) -> bool:
+def _in_promise(checker: Checker, node: ast.SyntaxNode) -> bool:
     if not checker.promise:
         checker.error("E210", node, "`by` and `is` stand only in contracts and tests")
     return checker.promise

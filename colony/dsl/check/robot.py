@@ -232,7 +232,7 @@ def _idle(
 
 def command_arguments(
     checker: Checker,
-    node: ast.Node,
+    node: ast.SyntaxNode,
     arguments: tuple[ast.Argument, ...],
     fields: list[str],
     actuator: str,

@@ -1,7 +1,7 @@
 """A whole robot in one process: clock, servers, clients and observer, joined by a transport in virtual time.
 
     clock = VirtualClock()
-    session = Session(program, compiled.clients, drivers, clock=clock, seed=1)
+    session = VirtualSession(program, compiled.clients, drivers, clock=clock, seed=1)
     session.run(60_000_000_000)
 
 Whatever ends a run, be it an exception, the robot is stopped and the sinks are closed.
@@ -37,7 +37,7 @@ RUN = "run"
 """What the run of a session is called."""
 
 
-class Session:
+class VirtualSession:
     """One robot and one run of it. Mutable: everything below it.
 
     `restart`, and `transport` with `kill`, `freeze` and `thaw`, do to a process what may happen to one;

@@ -17,7 +17,7 @@ from colony.sim.plant.protocol import (
     AttachControl,
     AttachProximity,
     Done,
-    Drive,
+    DriveBase,
     FromPlant,
     Halt,
     Place,
@@ -56,7 +56,7 @@ class UnattachedPort:
                 return CameraPort(devices.number(message.robot), message.camera)
             case AttachControl():
                 return ControlPort()
-            case Drive() | Halt() | Sense() | AskTruth() | Place() | Advance():
+            case DriveBase() | Halt() | Sense() | AskTruth() | Place() | Advance():
                 raise _misplaced(message)
             case _:
                 assert_never(message)
@@ -75,7 +75,7 @@ class BasePort:
     robot: int
 
     def take(self, message: ToPlant, devices: Devices, logical_ns: int | None) -> FromPlant | None:
-        if isinstance(message, Drive):
+        if isinstance(message, DriveBase):
             devices.drive(self.robot, message.velocity, message.turn)
             if logical_ns is None:
                 return None
