@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 from itertools import islice
-from typing import TYPE_CHECKING
 
 from colony.dsl import ast
 from colony.dsl.check.calls import FUNCTION_NAMES
+from colony.dsl.check.checker import Checker
 from colony.dsl.check.scope import (
     ActuatorSymbol,
     Broken,
@@ -25,9 +25,6 @@ from colony.dsl.check.scope import (
 from colony.ir import expression as ir
 from colony.ir import program as program_ir
 from colony.ir.types import BOOL, DURATION, PLAIN, Enum
-
-if TYPE_CHECKING:
-    from colony.dsl.check.expressions import Checker
 
 
 def resolve_reference(checker: Checker, node: ast.Reference) -> ir.Expression | None:
