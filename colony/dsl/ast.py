@@ -28,6 +28,13 @@ class Name(SyntaxNode):
     text: str
 
 
+@record
+class Named(SyntaxNode):
+    """What has a name: its first identifier, or the one behind its keyword."""
+
+    name: Name
+
+
 # --- expressions ---------------------------------------------------------------------------------
 
 
@@ -173,11 +180,15 @@ Expression = (
 
 
 @record
-class Argument(SyntaxNode):
-    """`name = value`."""
+class NamedValue(Named):
+    """What gives a name a value."""
 
-    name: Name
     value: Expression
+
+
+@record
+class Argument(NamedValue):
+    """`name = value`."""
 
 
 # --- robot ---------------------------------------------------------------------------------------
@@ -206,10 +217,9 @@ class FrameDecl(SyntaxNode):
 
 
 @record
-class SensorDecl(SyntaxNode):
+class SensorDecl(Named):
     """`sensor name[size] : type ... from server.field ...`."""
 
-    name: Name
     size: Expression | None
     type: TypeName
     range: Range | None
@@ -220,27 +230,24 @@ class SensorDecl(SyntaxNode):
 
 
 @record
-class FieldDecl(SyntaxNode):
+class FieldDecl(Named):
     """`name : type range ...`, in an actuator."""
 
-    name: Name
     type: TypeName
     range: Range | None
 
 
 @record
-class IdleDecl(SyntaxNode):
+class IdleDecl(Named):
     """`idle hold` has no arguments; `idle drive()` has an empty tuple of them."""
 
-    name: Name
     arguments: tuple[Argument, ...] | None
 
 
 @record
-class ActuatorDecl(SyntaxNode):
+class ActuatorDecl(Named):
     """`actuator name { fields } to server.command idle ... on_loss ...`."""
 
-    name: Name
     fields: tuple[FieldDecl, ...]
     server: Name
     command: Name
@@ -252,18 +259,16 @@ RobotItem = FrameDecl | SensorDecl | ActuatorDecl
 
 
 @record
-class RobotDecl(SyntaxNode):
+class RobotDecl(Named):
     """`robot name { ... }`."""
 
-    name: Name
     items: tuple[RobotItem, ...]
 
 
 @record
-class EnumDecl(SyntaxNode):
+class EnumDecl(Named):
     """`enum name { member = number, ... }`."""
 
-    name: Name
     members: tuple[Argument, ...]
 
 
@@ -279,36 +284,26 @@ class ImportDecl(SyntaxNode):
 
 
 @record
-class ParamDecl(SyntaxNode):
+class ParamDecl(NamedValue):
     """`param name = value`."""
 
-    name: Name
-    value: Expression
-
 
 @record
-class LetDecl(SyntaxNode):
+class LetDecl(NamedValue):
     """`let name = value`."""
 
-    name: Name
-    value: Expression
-
 
 @record
-class StateDecl(SyntaxNode):
+class StateDecl(Named):
     """`state name : type = initial`."""
 
-    name: Name
     type: TypeName | None
     initial: Expression
 
 
 @record
-class NextDecl(SyntaxNode):
+class NextDecl(NamedValue):
     """`next name = value`."""
-
-    name: Name
-    value: Expression
 
 
 @record
@@ -321,10 +316,9 @@ class TransitionDecl(SyntaxNode):
 
 
 @record
-class MachineDecl(SyntaxNode):
+class MachineDecl(Named):
     """`machine name { start initial ... }`."""
 
-    name: Name
     initial: Name
     transitions: tuple[TransitionDecl, ...]
 
@@ -341,20 +335,18 @@ class DoDecl(SyntaxNode):
 
 
 @record
-class ModuleDecl(SyntaxNode):
+class ModuleDecl(Named):
     """`module name { ... when ... do ... }`."""
 
-    name: Name
     clauses: tuple[Clause, ...]
     when: Expression
     do: DoDecl | None
 
 
 @record
-class DerivedModuleDecl(SyntaxNode):
+class DerivedModuleDecl(Named):
     """`module name = base(param = constant, ...)`."""
 
-    name: Name
     base: Reference
     arguments: tuple[Argument, ...]
 
@@ -415,10 +407,9 @@ Wiring = Reference | Chain
 
 
 @record
-class WireDecl(SyntaxNode):
+class WireDecl(Named):
     """`name = wiring`."""
 
-    name: Name
     wiring: Wiring
 
 
@@ -444,10 +435,9 @@ class LimitDecl(SyntaxNode):
 
 
 @record
-class ContractDecl(SyntaxNode):
+class ContractDecl(Named):
     """`contract name: expression`."""
 
-    name: Name
     expression: Expression
 
 

@@ -14,7 +14,8 @@ import msgspec
 
 from colony.runtime.kit.server import Field, Method, Server, field, method
 from colony.runtime.library.ask import Ask
-from colony.runtime.protocol.calls import Caller, Nothing, Refused
+from colony.runtime.protocol.calls import Nothing, Refused
+from colony.runtime.protocol.connections import Caller
 from tests.runtime.live_stage import ROBOT, until
 
 BATTERY = "Battery"

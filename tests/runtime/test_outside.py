@@ -8,7 +8,8 @@ import pytest
 
 from colony.runtime.arbitration.motion import STILL, ConstantSpeeds
 from colony.runtime.arbitration.outside import LONGEST_LEASE_S, Outsiders, lease_end
-from colony.runtime.protocol.calls import Caller, Refused
+from colony.runtime.protocol.calls import Refused
+from colony.runtime.protocol.connections import Caller
 
 PLACES = {3: "back_off", 1: "cruise"}
 

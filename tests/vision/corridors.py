@@ -32,7 +32,8 @@ from colony.nav.shared import (
 from colony.runtime.kit.errors import CallRefused
 from colony.runtime.kit.script import Script, do, sleep
 from colony.runtime.library import data, robot
-from colony.runtime.protocol.calls import Asked, Caller, Refused
+from colony.runtime.protocol.calls import Asked, Refused
+from colony.runtime.protocol.connections import Caller
 from colony.runtime.servers.images import Image
 from colony.vision.lights.ceiling_camera import UPWARD, CeilingCamera
 

@@ -16,7 +16,8 @@ from colony.nav.maps.signs import Plate
 from colony.nav.maps.stickrep.geometry import Point
 from colony.runtime.kit.script import Script
 from colony.runtime.library import data, proximity, robot
-from colony.runtime.protocol.calls import Asked, Caller, Refused
+from colony.runtime.protocol.calls import Asked, Refused
+from colony.runtime.protocol.connections import Caller
 from colony.runtime.servers.images import Image
 from colony.vision.level_camera import SIDE
 from colony.vision.plates.geometry import WallView
