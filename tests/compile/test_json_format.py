@@ -6,9 +6,10 @@ import pytest
 from hypothesis import given
 
 from benchmarks.networks import random_program
-from colony.compile.backends.json import BadFormat, clients_to_json, from_json, to_json
+from colony.compile.backends.json import clients_to_json, to_json
 from colony.compile.network import Network
 from colony.compile.pipeline import compile_network, compile_program
+from colony.verify.equivalence.json_text import BadFormat, read_json
 from tests.compile.network_semantics import networks
 from tests.compile.wiring_notation import program
 
@@ -46,12 +47,12 @@ def test_the_form() -> None:
 @given(network=networks())
 def test_there_and_back(network: Network) -> None:
     clients = compile_network(network)
-    assert from_json(clients_to_json(clients)) == clients
+    assert read_json(clients_to_json(clients)) == clients
 
 
 def test_there_and_back_before_simplification() -> None:
     clients = compile_program(random_program(50, seed=2)).traversal
-    assert from_json(clients_to_json(clients)) == clients
+    assert read_json(clients_to_json(clients)) == clients
 
 
 def changed(path: list[str | int], value: object) -> str:
@@ -97,9 +98,9 @@ CLIENT: list[str | int] = ["actuators", "drive", "clients", 0]
 )
 def test_what_is_wrong_is_said_with_its_place(text: str, message: str) -> None:
     with pytest.raises(BadFormat) as caught:
-        from_json(text)
+        read_json(text)
     assert message in str(caught.value)
 
 
 def test_unknown_members_are_ignored() -> None:
-    assert from_json(changed(["comment"], "hello")) == from_json(TEXT)
+    assert read_json(changed(["comment"], "hello")) == read_json(TEXT)

@@ -29,11 +29,11 @@ from colony.verify.equivalence.disagreement import (
     nested_histories,
 )
 from colony.verify.equivalence.forms import prove_form
-from colony.verify.equivalence.json_text import Unreadable, read_json
+from colony.verify.equivalence.json_text import FORMAT, BadFormat, read_json
 from colony.verify.equivalence.lowered import read_lowered
 from colony.verify.equivalence.matching import Matching
 from colony.verify.equivalence.priorities import Induction, first_by_structure, gates_of
-from colony.verify.equivalence.python_text import PYTHON, read_python
+from colony.verify.equivalence.python_text import PYTHON, Unreadable, read_python
 from colony.verify.equivalence.results import (
     Counterexample,
     Malformed,
@@ -96,17 +96,22 @@ def prove_json(program: Program, json: str, *, form: str = JSON, timeout_ms: int
     """Prove that a text in the form `colony-clients/1` is the program's network, whoever wrote it."""
     try:
         clients = read_json(json)
-    except Unreadable as problem:
-        return Malformed(form=form, subject="text", found=problem.found, expected=problem.expected)
+    except BadFormat as problem:
+        return _no_clients(form, problem)
     return prove_clients(program, clients, form=form, timeout_ms=timeout_ms)
+
+
+def _no_clients(form: str, problem: BadFormat) -> Malformed:
+    expected = f"clients in the form {FORMAT}"
+    return Malformed(form=form, subject="text", found=f"other text ({problem})", expected=expected)
 
 
 def _prove_json(clients: ClientList, json: str) -> Result:
     """Prove that a text says what the clients are: one obligation a client and thing observed."""
     try:
         read = read_json(json)
-    except Unreadable as problem:
-        return Malformed(form=JSON, subject="text", found=problem.found, expected=problem.expected)
+    except BadFormat as problem:
+        return _no_clients(JSON, problem)
     if read.guards != clients.guards or read.observed != clients.observed:
         return Malformed(form=JSON, subject="nodes", found="other guards", expected="those of the clients")
     if read.actuators != clients.actuators:

@@ -9,7 +9,7 @@ from typing import Any
 
 import pytest
 
-from colony.compile.backends.json import BadFormat, from_json
+from colony.verify.equivalence.json_text import BadFormat, read_json
 
 WHOLE: dict[str, Any] = {
     "format": "colony-clients/1",
@@ -69,7 +69,7 @@ def changed(path: Path, *value: object) -> str:
 
 def problem(text: str) -> str:
     with pytest.raises(BadFormat) as caught:
-        from_json(text)
+        read_json(text)
     return str(caught.value)
 
 
@@ -105,7 +105,7 @@ def test_a_reference_to_a_node_that_is_not_before(path: Path) -> None:
     """Of a node only nodes before it may be referred to, of a client and of what is observed all."""
     end = int(path[1]) if path[0] == "nodes" else len(WHOLE["nodes"])
     assert problem(changed(path, end)) == f"expected a node before {end}, got {end} - at `{shown(path)}`"
-    from_json(changed(path, end - 1))
+    read_json(changed(path, end - 1))
 
 
 @pytest.mark.parametrize("at", [0, 1, 2])
@@ -123,6 +123,6 @@ def test_a_list_of_one_node_and_a_kind_that_there_is_not() -> None:
 
 
 def test_the_document_is_read() -> None:
-    clients = from_json(json.dumps(WHOLE))
+    clients = read_json(json.dumps(WHOLE))
     assert [len(one.clients) for one in clients.actuators] == [3, 0]
     assert clients.observed == (("wire", 2), ("a", 0))
