@@ -4,9 +4,8 @@ from __future__ import annotations
 
 import re
 
-from lark.exceptions import UnexpectedInput, UnexpectedToken
-
-from colony.dsl.recovery import declaration_begun, offset_of
+from colony.dsl.lalr import UnexpectedInput
+from colony.dsl.recovery import declaration_begun, expected
 from colony.dsl.syntax_hints import DECLARATION_STARTS, hint_for
 from colony.text.diagnostics import Diagnostic, error
 from colony.text.source import Source, Span
@@ -54,17 +53,10 @@ _SPLIT = ("==", "**", "=>", "->", "..", "<=", ">=", "//", "/*")
 """Signs whose first character may have been read as a sign of its own before the error was seen."""
 
 
-def describe(
-    source: Source, problem: UnexpectedInput, declaration: int, accepted: frozenset[str]
-) -> Diagnostic:
-    """The diagnostic of one syntax error.
-
-    `declaration` is where the declaration that failed begins; `accepted` are the terminals that could have
-    stood where the error is.
-    """
-    text = source.text
-    at_end = isinstance(problem, UnexpectedToken) and problem.token.type == "$END"
-    at = offset_of(problem)
+def describe(source: Source, problem: UnexpectedInput, declaration: int) -> Diagnostic:
+    """The diagnostic of one syntax error; `declaration` is where the declaration that failed begins."""
+    text, at, at_end = source.text, problem.offset, problem.at_end
+    accepted = expected(problem)
     if text[max(at - 1, 0) : at + 1] in _SPLIT and not at_end:
         at, accepted = at - 1, _before_sign(text[at - 1], accepted)
     found = "" if at_end else _found(text, at)

@@ -11,11 +11,11 @@ from colony.cli.exit_codes import EXIT_ERRORS, EXIT_MISUSE
 from colony.cli.reporting import Format, format_option, is_unreadable
 from colony.cli.verify.output import close, show
 from colony.cli.verify.progress import progress
-from colony.cli.verify.prover_interruption import interruptions
 from colony.cli.verify.prover_options import depth_option, timeout_option
 from colony.cli.verify.tests import check_writable
 from colony.cli.verify.work import Verified, Work, load
 from colony.text.suggestions import did_you_mean
+from colony.verify.interruption import interruptions
 
 
 @click.command("verify", short_help="prove contracts, find what can never act")

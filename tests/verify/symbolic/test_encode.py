@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from fractions import Fraction
-from pathlib import Path
 
 import pytest
 import z3
@@ -13,9 +12,10 @@ from colony.verify.symbolic.encode import encode
 from colony.verify.symbolic.system import Bounds, Inexact, Number, System
 from colony.verify.symbolic.unrolling import Unrolling
 from colony.verify.testing.strategies import run_of_seed
+from tests.paths import ROOT
 from tests.verify.symbolic.programs import broken, claim_of, program
 
-BEHAVIORS = Path(__file__).parents[3] / "behaviors"
+BEHAVIORS = ROOT / "behaviors"
 
 TWO = """
 module m { when held(p, 1 s)  do drive(v = 100 mm/s) }
