@@ -6,7 +6,7 @@ from collections.abc import Callable, Mapping
 
 from colony.compile.pipeline import compile_program
 from colony.dsl.load import load_text
-from colony.runtime.assembly.virtual import Session
+from colony.runtime.assembly.virtual import VirtualSession
 from colony.runtime.kit.script import Script
 from colony.runtime.kit.script_node import ScriptNode
 from colony.runtime.observe.observer import Sink
@@ -43,7 +43,7 @@ def run_among_servers(
     ]
     servers = ("DServer", "RServer", "PServer", *(cameras or {}))
     nodes = [ScriptNode(name, script, servers, delay_ns=1) for name, script in scripts.items()]
-    session = Session(
+    session = VirtualSession(
         compile_program(load_text(text)).artifact,
         simulated_drivers(plant),
         clock=clock,

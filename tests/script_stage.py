@@ -11,7 +11,8 @@ from colony.experiment.local_servers import Granted, Handler, LocalData, LocalSe
 from colony.runtime.kit.script import Script
 from colony.runtime.library import data
 from colony.runtime.library.ask import Ask
-from colony.runtime.protocol.calls import Asked, Caller
+from colony.runtime.protocol.calls import Asked
+from colony.runtime.protocol.connections import Caller
 
 FRAME_NS = 50_000_000
 ASKED = Asked(Caller("local/test", "test", 0, "local"), 1)

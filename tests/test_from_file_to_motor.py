@@ -12,7 +12,7 @@ from colony.cli.programs import compile_file
 from colony.compile import pipeline
 from colony.execute import artifact
 from colony.execute.compiled import Compiled
-from colony.runtime.assembly.virtual import Session
+from colony.runtime.assembly.virtual import VirtualSession
 from tests.runtime.scripted import Log, Script
 
 TEXT = """
@@ -54,7 +54,7 @@ def test_from_file_to_motor(counted: Counter[str], tmp_path: Path) -> None:
     path.unlink()  # all that is needed is in the artifact
     compiled: Compiled = artifact.decode(data, "roam.colonyc")
     script, log = Script(), Log()
-    session = Session(compiled, script.drivers, clock=script.clock, seed=1, sinks=(log,))
+    session = VirtualSession(compiled, script.drivers, clock=script.clock, seed=1, sinks=(log,))
     session.run(FRAME_NS)
     assert log.winners() == ["cruise"]
     assert log.frames[0].verdicts["drive"].values == (200.0, 0.0)

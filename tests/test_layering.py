@@ -168,3 +168,33 @@ def test_a_client_process_loads_neither_the_front_end_nor_the_compiler(tmp_path:
     assert address == job.name
     assert not {name for name in loaded if any(f"{name}.".startswith(f"{part}.") for part in FRONT_END)}
     assert {"colony.execute.executor", "msgspec"} <= set(loaded)
+
+
+# --- circles -------------------------------------------------------------------------------------
+
+
+def _imported_at_the_top(path: Path, modules: set[str]) -> set[str]:
+    """The modules of colony that a file imports outside of functions, for type checking alone too."""
+    found: set[str] = set()
+    work: list[ast.stmt] = list(ast.parse(path.read_text()).body)
+    while work:
+        match work.pop():
+            case ast.If(body=body, orelse=orelse):
+                work += [*body, *orelse]
+            case ast.Import(names=names):
+                found |= {alias.name for alias in names}
+            case ast.ImportFrom(module=str() as module, names=names):
+                inner = {f"{module}.{alias.name}" for alias in names} & modules
+                found |= inner if len(inner) == len(names) else {module, *inner}
+            case _:
+                pass
+    return found & modules
+
+
+def test_no_modules_import_each_other_in_a_circle() -> None:
+    names = {".".join(p.relative_to(ROOT.parent).with_suffix("").parts): p for p in SOURCES}
+    names = {name.removesuffix(".__init__"): path for name, path in names.items()}
+    imports = {name: _imported_at_the_top(path, set(names)) for name, path in names.items()}
+    while leaves := {name for name, imported in imports.items() if not imported & imports.keys()}:
+        imports = {name: imported for name, imported in imports.items() if name not in leaves}
+    assert not imports, f"in circles, or importing what is: {sorted(imports)}"

@@ -28,7 +28,7 @@ from colony.runtime.servers.naming import named
 from colony.runtime.servers.publishing import Fields
 from colony.runtime.servers.semaphores import Semaphores, timed_out
 from colony.runtime.servers.variables import Variables, encoded, prepared, unknown
-from colony.runtime.servers.virtual_position import Odometer, Pose
+from colony.runtime.servers.virtual_position import Odometer, OdometerPose
 from colony.runtime.store.store import Journal, MemoryStore
 from colony.sim.drivers import base_state
 from colony.sim.world.world import World
@@ -229,7 +229,7 @@ class LocalBase:
         self._setting = STILL
         self._world.command(self._robot, 0.0, 0.0)
 
-    def believed(self, now_ns: int) -> Pose:
+    def believed(self, now_ns: int) -> OdometerPose:
         """The virtual position."""
         return self._odometer.observe(self._state(now_ns))
 
@@ -279,8 +279,8 @@ class LocalProximity:
         return proximity.InfraredReading(t_ns=now_ns, seen=self.infrared())
 
 
-def _pose(arguments: robot.PoseArguments) -> Pose:
-    pose = Pose(arguments.x, arguments.y, arguments.heading)
+def _pose(arguments: robot.PoseArguments) -> OdometerPose:
+    pose = OdometerPose(arguments.x, arguments.y, arguments.heading)
     if not all(map(math.isfinite, pose)):
         raise Refused("arguments", f"the pose is {tuple(pose)}; expected finite numbers")
     return pose

@@ -18,7 +18,7 @@ from colony.experiment.variants import OURS
 from colony.nav.maps.stickrep.model import Map
 from colony.nav.maps.stickrep.reader import load_map
 from colony.nav.maps.walls import walls_of
-from colony.runtime.assembly.virtual import Session
+from colony.runtime.assembly.virtual import VirtualSession
 from colony.runtime.observe.observer import FrameLog
 from colony.runtime.observe.summary import RunSummary, Tally, Travel
 from colony.runtime.transport.virtual import VirtualClock
@@ -51,7 +51,7 @@ def run(compiled: Compiled, options: Options) -> tuple[RunSummary, Arrival | Non
     clock = VirtualClock()
     floors, plant, path = _building(options, mission, clock)
     tally = Tally(compiled)
-    session = Session(
+    session = VirtualSession(
         compiled,
         simulated_drivers(plant),
         clock=clock,
@@ -105,7 +105,7 @@ def _length_ns(options: Options, mission: Mission | None) -> int:
 
 
 def _run(
-    session: Session,
+    session: VirtualSession,
     length_ns: int,
     options: Options,
     mission: Mission | None,

@@ -16,9 +16,9 @@ from dataclasses import dataclass, field
 from typing import NamedTuple
 
 from colony.nav.maps.stickrep.geometry import direction
+from colony.nav.maps.stickrep.model import Pose
 from colony.sim.cameras.ceiling import LIGHT_ACROSS_MM
 from colony.sim.hazards.scenery import CeilingLight
-from colony.sim.world.world import Pose
 from colony.vision.lights.looks import Look
 from colony.vision.lights.scan_lines import STEEPEST_DEG
 

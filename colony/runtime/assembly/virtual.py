@@ -36,7 +36,7 @@ RUN = "run"
 """What the run of a session is called."""
 
 
-class Session:
+class VirtualSession:
     """One robot and one run of it. Mutable: everything below it.
 
     `restart`, and `transport` with `kill`, `freeze` and `thaw`, do to a process what may happen to one;

@@ -74,7 +74,7 @@ def encoder(compiled: Compiled) -> Callable[[FrameLog], str]:
         parts = [f'"t": {seconds_text(log.frame.t_ns)}', f'"@tick": {log.tick.k}']
         if log.restart:
             parts.append('"@restart": true')
-        if log.astray:
+        if log.memory_unknown:
             parts.append(f'"@skipped": {log.skipped}')
         if log.keyframe is not None:
             parts.append(f'"@keyframe": {{{", ".join(keyframe_members(log.keyframe))}}}')

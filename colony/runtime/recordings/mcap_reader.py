@@ -275,7 +275,7 @@ class _Frames:
             verdicts={verdict.actuator: verdict for verdict in decided},
             restart=found.restart,
             skipped=found.skipped or 0,
-            astray=found.skipped is not None,
+            memory_unknown=found.skipped is not None,
             breaches=broken,
             keyframe=keyframe,
             damaged=damaged,

@@ -214,7 +214,7 @@ class McapRecording:
         ]
         if log.restart:
             parts.append('"restart": true')
-        if log.astray:
+        if log.memory_unknown:
             parts.append(f'"skipped": {log.skipped}')
         for name, texts in (("down", tick.down), ("lost", tick.lost), ("disagreements", log.disagreements)):
             if texts:

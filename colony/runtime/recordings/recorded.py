@@ -46,7 +46,7 @@ class RecordedFrame:
     verdicts: Mapping[str, Verdict]
     restart: bool = False
     skipped: int = 0
-    astray: bool = False
+    memory_unknown: bool = False
     breaches: tuple[str, ...] | None = None
     keyframe: Keyframe | None = None
     damaged: bool = False

@@ -22,10 +22,9 @@ from colony.ir.program import Program
 from colony.verify.equivalence.circuit import FALSE, Activity, Circuit
 from colony.verify.equivalence.disagreement import (
     Values,
+    decided,
     evaluated,
     frame_of,
-    holds,
-    least,
     nested_histories,
 )
 from colony.verify.equivalence.forms import prove_form
@@ -43,7 +42,7 @@ from colony.verify.equivalence.results import (
     WrongActivity,
     WrongWinner,
 )
-from colony.verify.equivalence.solver import Clause, Refuted, Satisfied, Solver, differ
+from colony.verify.equivalence.solver import Clause, Solver, differ
 from colony.verify.equivalence.source import NEVER, Joint, Root, Source, encode_source
 from colony.verify.equivalence.table import ClientFormulas, encode_list
 
@@ -298,19 +297,17 @@ class _Proof:
         clauses = [*differ(active, literal), *nested_histories(self.circuit)]
         if active == literal or self.solver.refutes(clauses[:2]):
             return None
-        answer = self.solver.decide(clauses)
-        match answer:
-            case Refuted():
-                return None
-            case Satisfied(inputs=inputs):
-                few = least(self.circuit, inputs, lambda values: holds(clauses, values))
-                network = evaluated(self.circuit, few)(active)
-                frame = frame_of(self.circuit, few, self.source)
-                return WrongActivity(
-                    form=self.form, name=name, frame=frame, network=network, found=not network
-                )
-            case _:
-                return Undecided(form=self.form, subject=name, timeout_ms=self.solver.timeout_ms)
+
+        def shown(inputs: frozenset[int]) -> WrongActivity:
+            network = evaluated(self.circuit, inputs)(active)
+            frame = frame_of(self.circuit, inputs, self.source)
+            return WrongActivity(form=self.form, name=name, frame=frame, network=network, found=not network)
+
+        return decided(self.solver, clauses, self.undecided(name), shown)
+
+    def undecided(self, subject: str) -> Undecided:
+        """Return what is said where z3 gives up."""
+        return Undecided(form=self.form, subject=subject, timeout_ms=self.solver.timeout_ms)
 
 
 def _settled(client: ClientFormulas, win: int) -> ClientFormulas:
@@ -339,15 +336,7 @@ class _Judge:
         if proof.solver.refutes(clauses):
             return None
         clauses += nested_histories(proof.circuit)
-        answer = proof.solver.decide(clauses)
-        match answer:
-            case Refuted():
-                return None
-            case Satisfied(inputs=inputs):
-                few = least(proof.circuit, inputs, lambda values: holds(clauses, values))
-                return self._shown(few)
-            case _:
-                return Undecided(form=proof.form, subject=self.actuator, timeout_ms=proof.solver.timeout_ms)
+        return decided(proof.solver, clauses, proof.undecided(self.actuator), self._shown)
 
     def disorder(self, clients: tuple[ClientFormulas, ...]) -> list[int]:
         """For each client: it is the first whose guard holds and does not win, or the other way round."""

@@ -14,6 +14,7 @@ from colony.compile.pipeline import Compilation, compile_program
 from colony.execute.executor import ClientExecutor, ClientListExecutor, ClientStep
 from colony.ir.frame import Decision, Executor, Frame, Outcome
 from colony.ir.program import Program
+from colony.verify.reference.boundary import declared_command
 from colony.verify.reference.interpreter import Interpreter
 
 Factory = Callable[[Compilation], Executor]
@@ -169,8 +170,5 @@ def _decided(program: Program, like: Decision, steps: Mapping[tuple[str, str], C
     winner = " and ".join(m for m, _ in active) or None
     values = active[0][1].values if len(active) == 1 else None
     sent = actuator.idle if values is None else values
-    if sent is not None:
-        sent = tuple(
-            x if isinstance(x, bool) else x / f.factor for x, f in zip(sent, actuator.fields, strict=True)
-        )
-    return Decision(actuator.name, winner, sent, active[0][1].fault if active else None)
+    leaving = None if sent is None else declared_command(actuator, sent)
+    return Decision(actuator.name, winner, leaving, active[0][1].fault if active else None)

@@ -17,7 +17,7 @@ from colony.runtime.kit.script import Script
 from colony.runtime.library.proximity import SonarReading
 from colony.runtime.library.robot import PoseArguments
 from colony.runtime.protocol.calls import Asked
-from colony.runtime.servers.virtual_position import Pose
+from colony.runtime.servers.virtual_position import OdometerPose
 from colony.sim.world.world import World
 from tests.script_stage import ASKED, FRAME_NS, ScriptStage, Server
 
@@ -42,7 +42,7 @@ class Bench(ScriptStage):
         self._scans = [self._scan()] * 2
 
     @property
-    def believed(self) -> Pose:
+    def believed(self) -> OdometerPose:
         """Where RServer says that the robot is."""
         return self._base.believed(self.now_ns)
 

@@ -7,7 +7,7 @@ from pathlib import Path
 import msgspec
 import pytest
 
-from colony.runtime.assembly.virtual import Session
+from colony.runtime.assembly.virtual import VirtualSession
 from colony.runtime.kit.emergency import StopButton
 from colony.runtime.kit.errors import CallRefused
 from colony.runtime.library import clock as clock_library
@@ -34,7 +34,7 @@ def call(server: str, method: str, number: int = 1) -> tuple[str, Call]:
     return topics.calls(server), call_of(ask, "ann/1", number)
 
 
-def at(whole: Session, t_ns: int, server: str, method: str, number: int = 1) -> None:
+def at(whole: VirtualSession, t_ns: int, server: str, method: str, number: int = 1) -> None:
     topic, made = call(server, method, number)
     whole.transport.at(t_ns, lambda: whole.transport.inject(topic, made))
 

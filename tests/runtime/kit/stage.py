@@ -11,7 +11,8 @@ import msgspec
 
 from colony.runtime.kit.server import Field, Method, Server, field, method
 from colony.runtime.library.ask import Ask
-from colony.runtime.protocol.calls import Caller, Nothing, Refused
+from colony.runtime.protocol.calls import Nothing, Refused
+from colony.runtime.protocol.connections import Caller
 from tests.runtime.transport.live.stage import ROBOT, python_process, until
 
 BATTERY = "Battery"

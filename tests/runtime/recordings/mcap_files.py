@@ -11,8 +11,8 @@ from mcap.records import McapRecord, Message
 from mcap.stream_reader import StreamReader
 
 from colony.dsl.load import load_text
-from colony.ir.frame import Frame
 from colony.execute.compiled import SourceFile
+from colony.ir.frame import Frame
 from tests.verify.audit.recorded_runs import MS
 
 TEXT = """

@@ -12,7 +12,6 @@ import pytest
 from mcap.reader import make_reader
 
 from colony.dsl.load import load_text
-from colony.execute.compiled import SourceFile
 from colony.ir.frame import Frame, Outcome
 from colony.runtime.observe.observer import FrameLog
 from colony.runtime.protocol.messages import Request

@@ -17,9 +17,10 @@ from mcap.records import Chunk
 from mcap.stream_reader import StreamReader
 
 from colony.dsl.load import load_text
+from colony.execute.compiled import SourceFile
 from colony.ir.frame import Frame
 from colony.runtime.recordings.mcap_reader import McapReader
-from colony.runtime.recordings.recorded import RecordedFrame, SourceFile
+from colony.runtime.recordings.recorded import RecordedFrame
 from colony.text.diagnostics import Failure
 from tests.runtime.recordings.mcap_files import (
     PROGRAM,

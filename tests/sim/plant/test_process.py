@@ -25,7 +25,7 @@ from colony.sim.plant.protocol import (
     AttachProximity,
     BaseReading,
     CameraReading,
-    Drive,
+    DriveBase,
     FromPlant,
     ProximityReading,
     Refusal,
@@ -102,7 +102,7 @@ def test_a_base_that_is_commanded_once_stops_after_the_watchdog_s_time(
     plant: PlantProcess, control: PlantControl
 ) -> None:
     before = control.truth("rome")
-    line = Line(plant.path, pack(AttachBase(robot="rome")), pack(Drive(velocity=300.0, turn=0.0)))
+    line = Line(plant.path, pack(AttachBase(robot="rome")), pack(DriveBase(velocity=300.0, turn=0.0)))
     wait_for(lambda: control.truth("rome").velocity > 0.0)
     way = standing(control, "rome").distance - before.distance
     assert 0.0 < way < 300.0 * 0.5 + 300.0**2 / (2 * 800.0)  # the time is the plant's own
@@ -111,7 +111,7 @@ def test_a_base_that_is_commanded_once_stops_after_the_watchdog_s_time(
 
 def test_a_base_whose_connection_ends_stops(plant: PlantProcess, control: PlantControl) -> None:
     line = Line(plant.path, pack(AttachBase(robot="rome")))
-    drive = pack(Drive(velocity=300.0, turn=0.0))
+    drive = pack(DriveBase(velocity=300.0, turn=0.0))
 
     def moves() -> bool:
         line.sock.sendall(drive)
@@ -140,7 +140,7 @@ def test_who_does_not_drive_loses_the_base_to_the_next(plant: PlantProcess, cont
 def test_who_drives_keeps_the_base(plant: PlantProcess, control: PlantControl) -> None:
     def refused() -> Refusal | None:
         """Once the second comes before the watchdog does."""
-        first = Line(plant.path, pack(AttachBase(robot="rome")), pack(Drive(velocity=1.0, turn=0.0)))
+        first = Line(plant.path, pack(AttachBase(robot="rome")), pack(DriveBase(velocity=1.0, turn=0.0)))
         assert is_attached(first.hear())
         assert first.hear() is not None
         second = Line(plant.path, pack(AttachBase(robot="rome")))
@@ -160,12 +160,18 @@ def test_who_drives_keeps_the_base(plant: PlantProcess, control: PlantControl) -
         ((LARGEST_TO_PLANT + 1).to_bytes(4, "big"), "expected 1 to 4096"),
         (b"\x00\x00\x00\x01\x63", "found version 99"),
         (b"\x00\x00\x00\x03" + bytes([VERSION]) + b"\xc1\xc1", "malformed"),
-        (pack(Drive(velocity=1.0, turn=0.0)), "Drive does not belong here"),
+        (pack(DriveBase(velocity=1.0, turn=0.0)), "DriveBase does not belong here"),
         (pack(AttachBase(robot="bob")), "there is no robot `bob` here; there is rome, remus"),
         (pack(AttachCamera(robot="rome", camera="up")), "no camera `up`; they have ahead, left"),
         (pack(AttachControl()) + pack(AttachControl()), "AttachControl does not belong here"),
-        (pack(AttachProximity(robot="rome")) + pack(Drive(velocity=1.0, turn=0.0)), "Drive does not belong"),
-        (pack(AttachBase(robot="rome")) + pack(Drive(velocity=float("nan"), turn=0.0)), "expected finite"),
+        (
+            pack(AttachProximity(robot="rome")) + pack(DriveBase(velocity=1.0, turn=0.0)),
+            "DriveBase does not belong",
+        ),
+        (
+            pack(AttachBase(robot="rome")) + pack(DriveBase(velocity=float("nan"), turn=0.0)),
+            "expected finite",
+        ),
     ],
 )
 def test_what_makes_no_sense_is_refused(

@@ -24,7 +24,7 @@ import zenoh
 from colony.cli.run.processes import PLANT_S
 from colony.runtime.protocol import codec, topics
 from colony.runtime.protocol.messages import Tick, Verdict
-from colony.runtime.transport.live.network import Network, local_time
+from colony.runtime.transport.live.network import ZenohSession, local_time
 from colony.runtime.transport.live.place import local
 from colony.sim.plant.child import plant_socket
 from colony.sim.plant.control import PlantControl
@@ -73,7 +73,7 @@ class Run:
         place = local(ROBOT, machine.environment)
         until(lambda: self.started.ended() or machine.truth(), "the simulator starts", patience_s=PLANT_S)
         assert not self.started.ended(), self.started.err
-        self.network = self._holds.enter_context(Network.open(place))
+        self.network = self._holds.enter_context(ZenohSession.open(place))
         self.now: Callable[[], int] = local_time(place)
         self.base_ns = place.directory.base_ns()
         for topic in (topics.TICKS, topics.VERDICTS):

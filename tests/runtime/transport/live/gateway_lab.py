@@ -12,7 +12,7 @@ import zenoh
 from colony.runtime.kit.connection import Session
 from colony.runtime.protocol import codec
 from colony.runtime.transport.live.gateway import open_gateway
-from colony.runtime.transport.live.network import Network
+from colony.runtime.transport.live.network import ZenohSession
 from colony.runtime.transport.live.outbox import publish
 from colony.runtime.transport.live.place import Credentials, Remote
 from colony.runtime.transport.live.security import Permission, read_security
@@ -59,15 +59,15 @@ def lab(tmp_path: Path) -> Iterator[Lab]:
         yield made
 
 
-def put(network: Network, key: str, data: bytes) -> None:
+def put(network: ZenohSession, key: str, data: bytes) -> None:
     with publish(network.session, key) as publisher:
         until(lambda: publisher.matching_status.matching, f"nobody listens to {key}")  # type: ignore[attr-defined]
         publisher.put(data)
 
 
-def listen(network: Network, key: str, heard: list[object]) -> None:
+def listen(network: ZenohSession, key: str, heard: list[object]) -> None:
     note(network, key, lambda sample: heard.append(codec.decode(sample.payload.to_bytes())))
 
 
-def note(network: Network, key: str, take: Callable[[zenoh.Sample], None]) -> None:
+def note(network: ZenohSession, key: str, take: Callable[[zenoh.Sample], None]) -> None:
     network.session.declare_subscriber(key, zenoh.handlers.Callback(take, indirect=False))

@@ -14,7 +14,7 @@ from colony.runtime.protocol.messages import (
     Message,
 )
 from colony.runtime.transport.live import keys
-from colony.runtime.transport.live.network import Network
+from colony.runtime.transport.live.network import ZenohSession
 from colony.runtime.transport.live.outbox import publish
 from tests.runtime.transport.live.stage import ROBOT, Recorder, place, until
 
@@ -27,7 +27,7 @@ CALLS = topics.calls(SERVER)
 class Outside:
     """Somebody who sends bytes and hears replies."""
 
-    def __init__(self, network: Network) -> None:
+    def __init__(self, network: ZenohSession) -> None:
         self.network = network
         self.heard: list[object] = []
 
@@ -53,7 +53,7 @@ class Outside:
 
 @pytest.fixture
 def outside(environment: Mapping[str, str]) -> Iterator[Outside]:
-    with Network.open(place(environment)) as network:
+    with ZenohSession.open(place(environment)) as network:
         yield Outside(network)
 
 

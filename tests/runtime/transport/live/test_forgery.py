@@ -26,7 +26,7 @@ from colony.runtime.protocol.messages import (
     Tick,
 )
 from colony.runtime.transport.live import keys
-from colony.runtime.transport.live.network import Network
+from colony.runtime.transport.live.network import ZenohSession
 from colony.runtime.transport.live.place import local
 from tests.runtime.transport.live.gateway_lab import Lab, put
 from tests.runtime.transport.live.stage import ROBOT, Recorder, hosted, run_directory, until
@@ -70,7 +70,7 @@ def test_a_call_on_a_topic_of_frames_is_malformed() -> None:
     with (
         run_directory() as environment,
         hosted(environment, [node]),
-        Network.open(local(ROBOT, environment)) as network,
+        ZenohSession.open(local(ROBOT, environment)) as network,
     ):
         put(network, f"colony/{ROBOT}/RServer/fetches/bob", codec.encode(CALL))
         until(lambda: bool(node.got), "it is told of")
@@ -92,7 +92,7 @@ def test_no_name_that_somebody_gives_breaks_a_server(client: str) -> None:
     with (
         run_directory() as environment,
         hosted(environment, [node], report=reports.append),
-        Network.open(local(ROBOT, environment)) as network,
+        ZenohSession.open(local(ROBOT, environment)) as network,
     ):
         for name in (client, "drive/cruise"):
             put(network, f"colony/{ROBOT}/DServer/checkpoints/bob", codec.encode(Recall(client=name)))
@@ -103,7 +103,7 @@ def test_no_name_that_somebody_gives_breaks_a_server(client: str) -> None:
 def test_who_may_only_read_cannot_call_in_the_name_of_another(lab: Lab) -> None:
     got: list[Any] = []
     node = Recorder("RServer", topics.calls("RServer"), topics.fetches("RServer"))
-    with hosted(lab.environment, [node]), Network.open(lab.remote("bob")) as network:
+    with hosted(lab.environment, [node]), ZenohSession.open(lab.remote("bob")) as network:
         until(lambda: "RServer" in network.alive(), "the gateway found the server")
         for connection in ("ada/fetches", "ada/frames", "bob/fetches"):
             call = msgspec.structs.replace(CALL, connection=connection)

@@ -30,7 +30,7 @@ from colony.runtime.transport.live import gateway, keys
 from colony.runtime.transport.live.errors import GatewayFull, NotReached
 from colony.runtime.transport.live.gateway import GatewayNode
 from colony.runtime.transport.live.host import Host
-from colony.runtime.transport.live.network import Network
+from colony.runtime.transport.live.network import ZenohSession
 from colony.runtime.transport.live.robot_time import learned_time
 from colony.runtime.transport.live.security import read_security
 from tests.runtime.calling import plain_call
@@ -69,7 +69,7 @@ def test_a_user_without_the_right_is_told_so(lab: Lab, user: str, says: str) -> 
 
 def test_who_does_not_ask_the_kit_does_not_get_past_the_gateway_either(lab: Lab) -> None:
     node = Recorder("RServer", topics.calls("RServer"), topics.requests("RServer"))
-    with hosted(lab.environment, [node]), Network.open(lab.remote("bob")) as network:
+    with hosted(lab.environment, [node]), ZenohSession.open(lab.remote("bob")) as network:
         until(lambda: "RServer" in network.alive(), "the gateway found the server")
         forged = (
             ("command", "bob/1", plain_call("bob/1", right="command")),
@@ -89,7 +89,7 @@ def test_who_does_not_ask_the_kit_does_not_get_past_the_gateway_either(lab: Lab)
 
 def test_who_claims_another_name_in_the_message_is_refused(lab: Lab) -> None:
     node = Recorder("RServer", topics.calls("RServer"))
-    with hosted(lab.environment, [node]), Network.open(lab.remote("bob")) as network:
+    with hosted(lab.environment, [node]), ZenohSession.open(lab.remote("bob")) as network:
         data = codec.encode(plain_call("ada/1", right="read"))
         put(network, f"colony/{ROBOT}/RServer/call/read/bob/1", data)
         until(lambda: bool(node.got), "it is told of")
@@ -109,8 +109,8 @@ def test_nobody_hears_the_answers_to_others(lab: Lab) -> None:
     node = Recorder("RServer", topics.calls("RServer"), on=answer)
     with (
         hosted(lab.environment, [node]),
-        Network.open(lab.remote("ada")) as ada,
-        Network.open(lab.remote("bob")) as bob,
+        ZenohSession.open(lab.remote("ada")) as ada,
+        ZenohSession.open(lab.remote("bob")) as bob,
     ):
         for network, user in ((ada, "ada"), (bob, "bob")):
             for key in (keys.listening(ROBOT, "RServer/reply/ada/1"), "**", f"colony/{ROBOT}/**"):
@@ -163,7 +163,10 @@ def test_a_client_of_a_program_runs_on_another_machine(lab: Lab) -> None:
 
 
 def test_no_clock_no_time(lab: Lab) -> None:
-    with Network.open(lab.remote("eva")) as network, pytest.raises(NotReached, match="no tick of its Clock"):
+    with (
+        ZenohSession.open(lab.remote("eva")) as network,
+        pytest.raises(NotReached, match="no tick of its Clock"),
+    ):
         learned_time(network, timeout_s=0.1)
 
 

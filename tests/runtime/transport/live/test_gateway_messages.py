@@ -20,7 +20,7 @@ from colony.runtime.protocol.messages import (
 )
 from colony.runtime.transport.live import keys
 from colony.runtime.transport.live.limits import MIDDLE
-from colony.runtime.transport.live.network import Network
+from colony.runtime.transport.live.network import ZenohSession
 from colony.runtime.transport.live.outbox import Haste, publish
 from tests.runtime.calling import plain_call
 from tests.runtime.transport.live.gateway_lab import Lab, listen, note, put
@@ -31,9 +31,9 @@ def test_nothing_comes_twice_and_servers_that_come_later_are_found(lab: Lab) -> 
     """All are linked to each other and to the gateway; with gossip for some, and without for the gateway."""
     call = plain_call("bob/1", right="read")
     with (
-        Network.open(place(lab.environment)) as at_home,
+        ZenohSession.open(place(lab.environment)) as at_home,
         lab.session("bob") as session,
-        Network.open(lab.remote("bob")) as remote,
+        ZenohSession.open(lab.remote("bob")) as remote,
         hosted(lab.environment, [Recorder("Clock", topics.calls("Clock"))]),
     ):
         until(lambda: {"Clock", "Gateway"} <= set(at_home.alive()), "it is linked to others")
@@ -56,8 +56,8 @@ def test_messages_larger_than_their_right_allows(lab: Lab, user: str, right: str
     sizes: list[int] = []
     key = f"colony/{ROBOT}/RServer/call/{right}/{user}/1"
     with (
-        Network.open(place(lab.environment), listens=("RServer",)) as robot,
-        Network.open(lab.remote(user)) as network,
+        ZenohSession.open(place(lab.environment), listens=("RServer",)) as robot,
+        ZenohSession.open(lab.remote(user)) as network,
     ):
         note(robot, key, lambda sample: sizes.append(len(sample.payload)))
         put(network, key, b"small")
@@ -79,8 +79,8 @@ def test_users_choose_no_priority_and_nobody_waits_for_them(lab: Lab) -> None:
     calls = f"colony/{ROBOT}/RServer/call"
     frames = f"colony/{ROBOT}/RServer/frames"
     with (
-        Network.open(place(lab.environment), listens=("RServer",)) as robot,
-        Network.open(lab.remote("eva")) as network,
+        ZenohSession.open(place(lab.environment), listens=("RServer",)) as robot,
+        ZenohSession.open(lab.remote("eva")) as network,
     ):
         note(robot, f"{calls}/**", keep)
         note(robot, f"colony/{ROBOT}/RServer/requests/*", keep)
@@ -110,7 +110,7 @@ def test_the_largest_answer_gets_through(lab: Lab) -> None:
 
     heard: list[object] = []
     node = Recorder("CServer", topics.calls("CServer"), on=answer)
-    with hosted(lab.environment, [node]), Network.open(lab.remote("ada")) as ada:
+    with hosted(lab.environment, [node]), ZenohSession.open(lab.remote("ada")) as ada:
         listen(ada, keys.listening(ROBOT, "CServer/reply/ada/1"), heard)
 
         def asked() -> bool:
@@ -130,9 +130,9 @@ def test_a_user_who_does_not_read_holds_up_nobody(lab: Lab) -> None:
     frames = f"colony/{ROBOT}/RServer/frames"
     frozen, heard, lost = threading.Event(), list[int](), list[str]()
     with (
-        Network.open(place(lab.environment), listens=("RServer",)) as robot,
-        Network.open(lab.remote("bob")) as bob,
-        Network.open(lab.remote("ada")) as ada,
+        ZenohSession.open(place(lab.environment), listens=("RServer",)) as robot,
+        ZenohSession.open(lab.remote("bob")) as bob,
+        ZenohSession.open(lab.remote("ada")) as ada,
         publish(robot.session, frames) as publisher,
     ):
         note(ada, frames, lambda sample: heard.append(len(sample.payload)))
@@ -154,7 +154,7 @@ def _heard(publisher: zenoh.Publisher, heard: list[int]) -> bool:
     return heard[-1:] == [5]
 
 
-def _urgent(network: Network, key: str) -> None:
+def _urgent(network: ZenohSession, key: str) -> None:
     with publish(network.session, key, haste=Haste.STOP) as publisher:
         until(lambda: publisher.matching_status.matching, f"nobody listens to {key}")  # type: ignore[attr-defined]
         publisher.put(b"x")

@@ -23,7 +23,7 @@ from colony.runtime.protocol.messages import (
 )
 from colony.runtime.transport.live.errors import AlreadyRunning
 from colony.runtime.transport.live.host import Host
-from colony.runtime.transport.live.network import Network
+from colony.runtime.transport.live.network import ZenohSession
 from colony.runtime.transport.live.waiting import CALLS_EACH
 from tests.runtime.calling import plain_call
 from tests.runtime.transport.live.outside import CALLS, SERVER, Blocked, Outside
@@ -184,7 +184,7 @@ def test_the_robots_time_is_the_same_in_all_processes(environment: Mapping[str, 
     with (
         running(hosts[0]),
         running(hosts[1]),
-        Network.open(place(environment), listens=("Clock",)) as network,
+        ZenohSession.open(place(environment), listens=("Clock",)) as network,
     ):
         until(lambda: len(network.alive()) == 2, "both are there")
         Outside(network).put(topics.TICKS, codec.encode(Tick(k=0, t_ns=0)))

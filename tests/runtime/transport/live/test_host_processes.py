@@ -19,7 +19,7 @@ from colony.runtime.protocol.messages import (
     WakeAt,
 )
 from colony.runtime.transport.live.configuration import BLOCKED_US
-from colony.runtime.transport.live.network import Network
+from colony.runtime.transport.live.network import ZenohSession
 from tests.runtime.transport.live.outside import SERVER, Outside
 from tests.runtime.transport.live.stage import Recorder, hosted, place, python_process, until
 
@@ -48,7 +48,7 @@ def test_with_one_thread_for_the_network_a_large_checkpoint_gets_through(
     with (
         python_process({**environment, "ZENOH_RUNTIME": ONE_THREAD}, "-c", LARGE) as process,
         hosted(environment, [server]) as host,
-        Network.open(place(environment), listens=("Clock",)) as clock,
+        ZenohSession.open(place(environment), listens=("Clock",)) as clock,
     ):
         until(lambda: "drive/c" in clock.alive(), "it is there for the Clock")
         until(lambda: "drive/c" in host.network.alive(), "it is there for DServer")
@@ -91,7 +91,7 @@ def test_a_reader_that_is_frozen_does_not_hold_up_a_server(environment: Mapping[
     ):
         until(lambda: "drive/frozen" in host.network.alive(), "the reader is there")
         process.send_signal(signal.SIGSTOP)
-        with Network.open(place(environment)) as network:
+        with ZenohSession.open(place(environment)) as network:
             Outside(network).put(topics.TICKS, codec.encode(Tick(k=0, t_ns=0)))
         until(lambda: len(server.got) > frames, "all frames are published")
     gaps = [b - a for a, b in zip(server.times, server.times[1:], strict=False)]
@@ -123,7 +123,7 @@ def test_a_process_ends_by_a_signal_and_another_takes_its_place(
     for _ in range(2):
         with (
             python_process(environment, "-c", PROCESS, says="ready") as process,
-            Network.open(place(environment)) as network,
+            ZenohSession.open(place(environment)) as network,
         ):
             until(lambda n=network: n.alive() == (SERVER,), "it is there")  # type: ignore[misc]
             process.send_signal(how)

@@ -22,7 +22,7 @@ from colony.runtime.protocol.messages import (
 )
 from colony.runtime.transport.live import keys
 from colony.runtime.transport.live.host import Host
-from colony.runtime.transport.live.network import Network
+from colony.runtime.transport.live.network import ZenohSession
 from colony.runtime.transport.live.outbox import publish
 from colony.runtime.transport.live.waiting import CALLS_EACH
 from tests.runtime.calling import plain_call
@@ -125,7 +125,7 @@ def test_an_answer_that_nobody_takes_does_not_hold_up_a_stop(environment: Mappin
     """The thread that sends waits for room, which another process does not make."""
     sending, go_on = threading.Event(), threading.Event()
     node = Recorder(SERVER, CALLS, on=_echo)
-    with hosted(environment, [node]) as host, Network.open(place(environment)) as network:
+    with hosted(environment, [node]) as host, ZenohSession.open(place(environment)) as network:
         send = host._outbox.send
 
         def blocked(topic: str, message: Sent, now_ns: int) -> None:
