@@ -120,7 +120,7 @@ def _loaded_by(statement: str) -> set[str]:
         ),
         ("import colony.dsl.ast", {"lark"}),
         ("import colony.compile.pipeline", {"lark", "numpy", "networkx"}),
-        ("import colony.dsl.load", {"numpy", "networkx", "rich", "hypothesis", "difflib"}),
+        ("import colony.dsl.load", {"lark", "numpy", "networkx", "rich", "hypothesis", "difflib"}),
         ("import colony.cli.main", {"lark", "rich", "numpy", "colony.ir"}),
         ("import colony.cli.check", {"lark", "rich", "numpy"}),
     ],
@@ -155,7 +155,7 @@ def test_a_client_process_loads_neither_the_front_end_nor_the_compiler(tmp_path:
     from colony.runtime.protocol.deployment import deployment
     from colony.runtime.transport.live.place import Local
     from colony.runtime.transport.live.run_directory import RobotDirectory
-    from tests.runtime.runtime_programs import roam
+    from tests.runtime.programs import roam
 
     compiled = compile_program(roam()).artifact
     bindings = bind(compiled.robot)

@@ -9,8 +9,9 @@ from typing import Any
 
 import pytest
 
-from tests.cli.conftest import ROOT, Colony
-from tests.verify.seeded_bugs import BUGS
+from tests.cli.conftest import Colony
+from tests.paths import ROOT
+from tests.verify.testing.seeded_bugs import BUGS
 
 
 def test_the_table(colony: Colony, behavior: Path) -> None:

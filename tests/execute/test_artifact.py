@@ -209,7 +209,7 @@ def test_spans_lead_into_the_sources(wander: Compiled) -> None:
 
 
 def test_a_program_without_sources_is_sent_without_places() -> None:
-    from tests.runtime.runtime_programs import roam
+    from tests.runtime.programs import roam
 
     compiled = compile_program(roam()).artifact
     assert decode(encode(compiled), "p") == compiled
