@@ -20,7 +20,6 @@ robot tester {{
   sensor c : bool from DServer.c
   sensor x : number from DServer.x
   sensor y : number from DServer.y
-  sensor k : number from DServer.k
   sensor angle : deg from DServer.angle
   sensor feel : mood from DServer.feel
   sensor four[4] : number from DServer.four
@@ -46,3 +45,11 @@ def client(of: str | Program, actuator: str, module: str) -> ClientExecutor:
     """Return one client of a whole text, in its initial memory."""
     whole = compiled(of)
     return ClientExecutor(whole.program, whole.clients, actuator, module)
+
+
+MS = 1_000_000
+
+
+def program(text: str) -> Program:
+    """Return the program of a text on the usual robot."""
+    return load_text(robot() + text)

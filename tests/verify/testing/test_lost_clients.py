@@ -14,7 +14,7 @@ from colony.ir.frame import Frame
 from colony.ir.program import Program
 from colony.verify.reference.interpreter import Interpreter
 from colony.verify.testing.strategies import run_of_seed
-from tests.verify.stepping import MS, program
+from tests.programs import MS, program
 
 Losses = tuple[frozenset[str], ...]
 
