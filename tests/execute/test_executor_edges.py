@@ -13,7 +13,7 @@ from colony.execute.machine import build
 from colony.ir.frame import Frame
 from colony.text.diagnostics import Failure
 from tests.programs import client, lowered
-from tests.runtime.runtime_programs import roam
+from tests.runtime.programs import roam
 
 MS = 1_000_000
 ROBOT = """

@@ -61,7 +61,6 @@ def hunt(what: Hunt) -> None:
         raise SystemExit("the tests cannot be collected, or fail without a mutant")
     what.results.reload()
     import hypothesis.strategies  # noqa: F401  (here, so that each process need not)
-    import lark  # noqa: F401
     import msgspec  # noqa: F401
     import networkx  # noqa: F401
 

@@ -10,7 +10,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from colony.compile.backends.guard_text import INLINE, OWN, GuardText, duration_text
+from colony.compile.backends.guard_text import INLINE, OWN, GuardText
 from colony.compile.guards import Always, And, Guard, ModuleActive, Never, Not, Or, Recently
 from tests.case_files import table
 from tests.compile.passes.as_text import guards
@@ -76,11 +76,6 @@ def test_writing(guard: str, expected: str) -> None:
     text, _, own = guard.partition(" @ ")
     whole = guards(text, *NAMES)
     assert GuardText(whole).text(len(whole) - 1, own or None) == expected
-
-
-@pytest.mark.parametrize(("ns", "expected"), table(CASES / "durations.table"))
-def test_durations(ns: str, expected: str) -> None:
-    assert duration_text(int(ns)) == expected
 
 
 def chain(length: int, *more: Guard) -> list[Guard]:

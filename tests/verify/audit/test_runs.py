@@ -12,7 +12,7 @@ from colony.ir.program import Program
 from colony.runtime.assembly.virtual import Session
 from colony.runtime.protocol.messages import Message, Request, Sample, ServerFrame
 from colony.verify.audit.audit import AuditReport, audit
-from tests.runtime.runtime_programs import drive, roam
+from tests.runtime.programs import drive, roam
 from tests.runtime.scripted import FAR, Log, Script, session
 from tests.verify.audit.recorded_runs import MS, as_lines, as_mcap, read_lines, read_mcap
 

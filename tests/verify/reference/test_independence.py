@@ -9,7 +9,7 @@ import pytest
 
 import colony.verify.reference
 
-FILES = sorted(Path(colony.verify.reference.__path__[0]).glob("[!_]*.py"))
+FILES = sorted(Path(colony.verify.reference.__path__[0]).glob("[a-z]*.py"))
 
 
 @pytest.mark.parametrize("path", FILES, ids=[path.name for path in FILES])

@@ -23,7 +23,7 @@ from colony.ir.program import Program
 from colony.text.diagnostics import Failure
 from colony.verify.testing.strategies import programs, traces
 from tests.networks import chain
-from tests.runtime.runtime_programs import roam
+from tests.runtime.programs import roam
 
 WANDER = """
 robot rome {
