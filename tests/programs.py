@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from colony.compile.backends.python.generate import generate
 from colony.compile.lower.lower import lower
 from colony.compile.pipeline import Compiled, compile_program
 from colony.dsl.load import load_text
@@ -39,6 +40,22 @@ def lowered(of: str | Program) -> Code:
     """Return the code of all clients of a whole text."""
     whole = compiled(of)
     return lower(whole.program, whole.clients)
+
+
+def generated(of: str | Program) -> str:
+    """Return the Python that is generated for a whole text."""
+    whole = compiled(of)
+    return generate(whole.program, whole.clients)
+
+
+def clients(of: str | Program) -> dict[tuple[str, str], ClientExecutor]:
+    """Return all clients of a whole text, by actuator and module, in their initial memory."""
+    whole = compiled(of)
+    return {
+        (a.actuator, c.module): ClientExecutor(whole.program, whole.clients, a.actuator, c.module)
+        for a in whole.clients.actuators
+        for c in a.clients
+    }
 
 
 def client(of: str | Program, actuator: str, module: str) -> ClientExecutor:
