@@ -7,8 +7,7 @@ and reads well. After a change on purpose: `python -m tests.compile.test_whole_c
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from dataclasses import fields, replace
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -28,36 +27,12 @@ from colony.execute.views import of_client, whole
 from colony.ir.program import Program
 from colony.verify.testing.agreement import client_disagreement, disagreement
 from colony.verify.testing.strategies import traces
+from tests.compile.listing import listing
 
 LONGEST = 1000
 """Programs with more ops are not listed op by op."""
 
 CASES = sorted((Path(__file__).parent / "cases" / "code").glob("*.colony"))
-
-
-UNLISTED = ("span", "heard_guard", "heard_exclusive", "traversed", "several_ways")
-"""Fields of clients that say the same as others in a view, or nothing of code."""
-
-
-def listing(code: Code) -> Iterator[str]:
-    """A line for every op, and for all else that a Code has."""
-    for at, (op, kind) in enumerate(zip(code.ops, code.kinds, strict=True)):
-        yield f"{at:4} {kind.value:6} {op!r}{'  # ' + code.names[at] if at in code.names else ''}"
-    for field in fields(code):
-        value = getattr(code, field.name)
-        if field.name in ("python", "actuators", "contracts", "cells"):
-            for one in value:
-                yield f"{field.name}: " + ", ".join(
-                    f"{f.name}={getattr(one, f.name)!r}"
-                    for f in fields(one)
-                    if f.name not in ("span", "actuator", "clients", "traversed")
-                )
-                for client in getattr(one, "clients", ()):
-                    parts = (f.name for f in fields(client) if f.name not in UNLISTED)
-                    yield "  " + ", ".join(f"{name}={getattr(client, name)!r}" for name in parts)
-        elif field.name not in ("ops", "kinds", "names", "sensors"):
-            yield f"{field.name}: {value!r}"
-    yield f"sensors: {[sensor.name for sensor in code.sensors]}"
 
 
 def made_of(path: Path) -> dict[str, str]:
@@ -76,12 +51,12 @@ def made_of(path: Path) -> dict[str, str]:
 
 
 def _listed(program: Program, clients: ClientList, whole: Code) -> str:
-    lines = [*listing(whole)]
+    parts = [listing(whole)]
     for one in clients.actuators:
         for client in one.clients:
-            lines += ["", f"--- {client.module} for {one.actuator}"]
-            lines += listing(of_client(lower(program, clients).code, one.actuator, client.module))
-    return "\n".join(lines) + "\n"
+            alone = of_client(lower(program, clients).code, one.actuator, client.module)
+            parts.append(f"--- {client.module} for {one.actuator}\n{listing(alone)}")
+    return "\n".join(parts)
 
 
 @pytest.mark.parametrize("path", CASES, ids=lambda path: path.stem)
