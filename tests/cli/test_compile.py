@@ -9,8 +9,8 @@ from typing import Any
 
 import pytest
 
-from tests.buildings import BEHAVIORS, MAPS
 from tests.cli.conftest import Colony
+from tests.paths import MAPS, ROOT
 from tests.verify.testing.seeded_bugs import BUGS
 
 
@@ -159,7 +159,7 @@ def test_a_proof_goes_with_no_format(colony: Colony, behavior: Path) -> None:
 
 
 def test_a_compiled_program_runs_as_its_behavior_does_and_its_recording_is_audited(colony: Colony) -> None:
-    wander = BEHAVIORS / "wander.colony"
+    wander = ROOT / "behaviors" / "wander.colony"
     assert colony("compile", wander, "-o", "wander.colonyc").code == 0
     options = ("--map", MAPS / "loop.stickrep", "--duration", "1", "--no-picture", "--record")
     ran = colony("run", "wander.colonyc", *options, "sent.mcap")

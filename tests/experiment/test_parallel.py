@@ -14,7 +14,7 @@ from pathlib import Path
 import pytest
 
 from colony.experiment.parallel import PoolEngine, SerialEngine, WorkersLost
-from tests.buildings import ROOT
+from tests.paths import ROOT
 
 
 def _square(item: int) -> int:

@@ -13,8 +13,8 @@ from pathlib import Path
 import pytest
 
 from colony.experiment.results import RUN_TABLE, Results, ResultsError
-from tests.buildings import ROOT
 from tests.experiment.stage import REACHED, STUCK, result
+from tests.paths import ROOT
 
 
 def test_results_come_back_as_they_were(tmp_path: Path) -> None:

@@ -8,7 +8,7 @@ from matplotlib.collections import LineCollection
 from colony.nav.maps.stickrep.geometry import link_places
 from colony.nav.maps.stickrep.reader import load_map
 from colony.view.map_picture import draw_map, encode_picture, picture_format
-from tests.buildings import MAPS
+from tests.paths import MAPS
 
 LOOP = load_map(MAPS / "loop.stickrep")
 WAY = np.array([[6_604.0, 1_270.0, 270.0], [12_000.0, 1_270.0, 270.0], [np.nan, 0.0, 0.0]])

@@ -12,7 +12,7 @@ from colony.nav.plan.plan import Plan
 from colony.nav.plan.route import plan
 from colony.view.map_picture import encode_picture
 from colony.view.plan_picture import draw_plan
-from tests.buildings import MAPS
+from tests.paths import MAPS
 
 
 @cache

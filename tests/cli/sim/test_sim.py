@@ -13,8 +13,9 @@ from colony.nav.maps.standing import standing_before
 from colony.sim.cameras.camera import CameraConfig
 from colony.sim.cameras.snapshot import snapshot
 from colony.sim.hazards.hazards import Hazards, draw
-from tests.buildings import MAPS, MSU
+from tests.buildings import MSU
 from tests.cli.conftest import Colony
+from tests.paths import MAPS
 
 MAP = MAPS / "msu_engineering_3.stickrep"
 

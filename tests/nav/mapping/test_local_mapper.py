@@ -10,8 +10,8 @@ from colony.nav.maps.walls import walls_of
 from colony.runtime.library import data
 from colony.sim.config import RobotConfig
 from colony.sim.world.world import World
-from tests.buildings import MAPS
 from tests.nav.pose.bench import Bench, drive
+from tests.paths import MAPS
 
 LOOP = MAPS / "loop.stickrep"
 WALLS = walls_of(load_map(LOOP))

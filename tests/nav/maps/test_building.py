@@ -6,7 +6,7 @@ import pytest
 
 from colony.nav.maps.building import MAX_MAPS, Landing, Ride, load_building
 from colony.text.diagnostics import Failure, headline
-from tests.buildings import MAPS
+from tests.paths import MAPS
 
 
 def floor(name: str, *lines: str, level: str | None = None) -> str:

@@ -13,8 +13,8 @@ from colony.nav.maps.stickrep.geometry import Point
 from colony.nav.maps.stickrep.model import Map
 from colony.nav.maps.stickrep.reader import load_map, read_map
 from colony.text.source import Source
-from tests.buildings import MAPS
 from tests.nav.maps.small_maps import sound_maps
+from tests.paths import MAPS
 
 FLOORS = ("narrow", "atrium", "msu_engineering_2", "msu_engineering_3", "loop", "hallway")
 

@@ -15,7 +15,7 @@ from colony.nav.maps.stickrep.reader import load_map, read_map
 from colony.nav.maps.stickrep.writer import write_map
 from colony.nav.maps.walls import lights_of, walls_of
 from colony.text.source import Source
-from tests.buildings import MAPS
+from tests.paths import MAPS
 
 PATHS = sorted((MAPS).glob("*.stickrep"))
 MAPS = {path.stem: load_map(path) for path in PATHS}

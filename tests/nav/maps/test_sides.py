@@ -9,7 +9,7 @@ import pytest
 from colony.nav.maps.sides import sides_of
 from colony.nav.maps.stickrep.reader import load_map, read_map
 from colony.text.source import Source
-from tests.buildings import MAPS
+from tests.paths import MAPS
 
 
 def test_a_side_goes_from_corner_to_corner_alcoves_aside() -> None:

@@ -22,7 +22,7 @@ from colony.nav.maps.stickrep.geometry import Point, direction
 from colony.nav.maps.stickrep.model import EdgeKind, Map
 from colony.nav.maps.stickrep.reader import load_map
 from colony.nav.maps.walls import free_distance, walls_of
-from tests.buildings import MAPS
+from tests.paths import MAPS
 
 FLOORS = sorted(MAPS.glob("*.stickrep"))
 

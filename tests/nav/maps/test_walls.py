@@ -7,8 +7,8 @@ from colony.nav.maps.stickrep.model import EdgeKind
 from colony.nav.maps.stickrep.reader import load_map, read_map
 from colony.nav.maps.walls import lights_of, walls_of
 from colony.text.source import Source
-from tests.buildings import MAPS
 from tests.nav.maps.small_maps import ROOM
+from tests.paths import MAPS
 
 INCH = 25.4
 

@@ -29,10 +29,10 @@ from colony.sim.world.operator import operator
 from colony.sim.world.site import Site
 from colony.vision.lights.tracker import light_tracker
 from colony.vision.markers.finder import marker_finder
-from tests.buildings import BEHAVIORS
 from tests.nav.floors import two_floors
+from tests.paths import ROOT
 
-NAVIGATOR = BEHAVIORS / "navigator.colony"
+NAVIGATOR = ROOT / "behaviors" / "navigator.colony"
 
 
 class Ride:

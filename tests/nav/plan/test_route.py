@@ -17,7 +17,7 @@ from colony.nav.maps.stickrep.model import EdgeKind, Map, Ring
 from colony.nav.plan.plan import Plan
 from colony.nav.plan.route import NoPlan, plan
 from colony.nav.shared import GoalKind
-from tests.buildings import MAPS
+from tests.paths import MAPS
 
 FLOORS = ("narrow", "atrium", "msu_engineering_2", "msu_engineering_3", "loop", "hallway")
 

@@ -25,7 +25,7 @@ from colony.nav.plan.plan import Plan, Segment
 from colony.nav.plan.route import plan
 from colony.nav.shared import GoalKind
 from colony.text.source import Source
-from tests.buildings import MAPS
+from tests.paths import MAPS
 
 DOOR_MM = 900.0
 ALCOVE_MM = 500.0

@@ -11,8 +11,8 @@ from colony.nav.pose.echoes import CHANNELS, Mirrors, Ring, SonarModel, mirrors_
 from colony.sim.config import IDEAL
 from colony.sim.world.world import World
 from colony.text.source import Source
-from tests.buildings import MAPS
 from tests.nav.maps.small_maps import ROOM
+from tests.paths import MAPS
 
 LOOP = MAPS / "loop.stickrep"
 RING = Ring(SonarModel())

@@ -33,8 +33,8 @@ from colony.runtime.library.robot import Position
 from colony.sim.config import IDEAL, RobotConfig
 from colony.sim.hazards.hazards import Hazards, draw
 from colony.sim.world.world import World
-from tests.buildings import MAPS
 from tests.nav.pose.bench import Bench, drive, with_doors_open
+from tests.paths import MAPS
 
 LOOP = MAPS / "loop.stickrep"
 THIRD_FLOOR = LOOP.with_name("msu_engineering_3.stickrep")

@@ -20,7 +20,8 @@ from colony.sim.config import IDEAL
 from colony.sim.hazards.hazards import Hazard, Hazards, draw
 from colony.sim.world.elevators import SLIDE_S, Elevators, cabin_of
 from colony.sim.world.world import World
-from tests.buildings import LOOP, MAPS, MSU
+from tests.buildings import LOOP, MSU
+from tests.paths import MAPS
 
 NODE = "acs.elev.L"
 CABIN = cabin_of(MSU, NODE)

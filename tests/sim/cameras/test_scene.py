@@ -22,7 +22,8 @@ from colony.sim.cameras.surfaces import CEILING_MM, PEOPLE, Panel, scene
 from colony.sim.hazards.hazards import Hazards, draw
 from colony.sim.hazards.scenery import CeilingLight
 from colony.text.source import Source
-from tests.buildings import LOOP, MAPS, MSU
+from tests.buildings import LOOP, MSU
+from tests.paths import MAPS
 
 HEADER = """stickrep 1
 map      room

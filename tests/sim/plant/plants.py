@@ -10,7 +10,7 @@ from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import TypeVar
 
-from tests.buildings import MAPS
+from tests.paths import MAPS
 
 T = TypeVar("T")
 

@@ -12,8 +12,8 @@ from colony.sim.hazards.hazards import Hazards, draw
 from colony.sim.world.elevators import CABIN_DEPTH_MM, SLIDE_S, Elevators, cabin_of
 from colony.sim.world.operator import DELAY_S, LOOK_S, RIDE_S, STANDS_S, operator
 from colony.sim.world.world import World
-from tests.buildings import MAPS
 from tests.nav.script_stage import Stage
+from tests.paths import MAPS
 
 BUILDING = load_building(MAPS / "msu_engineering_3.stickrep")
 THIRD, SECOND = "msu_engineering_3", "msu_engineering_2"

@@ -10,8 +10,8 @@ from colony.nav.maps.building import load_building
 from colony.nav.plan.route import plan
 from colony.sim.hazards.hazards import Hazards
 from colony.sim.world.site import Site
-from tests.buildings import MAPS
 from tests.nav.floors import two_floors
+from tests.paths import MAPS
 
 BUILDING = load_building(MAPS / "msu_engineering_3.stickrep")
 THIRD, SECOND = "msu_engineering_3", "msu_engineering_2"

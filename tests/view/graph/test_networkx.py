@@ -8,9 +8,7 @@ import pytest
 from colony.compile.network import Inhibitor, ModuleLeaf, Network, Suppressor
 from colony.dsl.load import load_file
 from colony.view.graph.networkx import to_graphml, to_networkx
-from tests.buildings import BEHAVIORS
-
-PROGRAMS = sorted(BEHAVIORS.glob("*.colony"))
+from tests.paths import BEHAVIORS
 
 NETWORK = Network(
     nodes=(
@@ -45,7 +43,7 @@ def test_graphml_reads_back() -> None:
     assert sorted(graph.edges(data="side")) == sorted(original.edges(data="side"))
 
 
-@pytest.mark.parametrize("path", PROGRAMS, ids=lambda p: p.stem)
+@pytest.mark.parametrize("path", BEHAVIORS, ids=lambda p: p.stem)
 def test_networks_of_behaviors_are_acyclic_and_end_in_actuators(path: Path) -> None:
     graph = to_networkx(load_file(path))
     assert networkx.is_directed_acyclic_graph(graph)

@@ -18,7 +18,7 @@ from colony.sim.hazards.hazards import Hazards, draw
 from colony.sim.hazards.scenery import CeilingLight, Scenery
 from colony.vision.lights.ceiling_camera import UPWARD
 from colony.vision.lights.scan_lines import ceiling_lights
-from tests.buildings import MAPS
+from tests.paths import MAPS
 
 MAP = MAPS / "msu_engineering_3.stickrep"
 LOOK_S = 0.25

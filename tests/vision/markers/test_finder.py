@@ -34,7 +34,7 @@ from colony.sim.hazards.hazards import Hazards, draw
 from colony.sim.world.world import World
 from colony.vision.level_camera import AHEAD, LevelCamera
 from colony.vision.markers.finder import marker_finder
-from tests.buildings import MAPS
+from tests.paths import MAPS
 from tests.script_stage import FRAME_NS, ScriptStage
 
 NAME = "msu_engineering_3"

@@ -18,7 +18,7 @@ from colony.vision.level_camera import AHEAD
 from colony.vision.markers.pose import edge_units
 from colony.vision.markers.rows import find_markers
 from colony.vision.sightings import MarkerBox
-from tests.buildings import MAPS
+from tests.paths import MAPS
 from tests.vision.markers.views import View, picture
 
 MAP = MAPS / "msu_engineering_3.stickrep"

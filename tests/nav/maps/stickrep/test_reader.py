@@ -13,8 +13,8 @@ from colony.nav.maps.stickrep.model import EdgeKind, Light, Map, Pose
 from colony.nav.maps.stickrep.reader import load_map, read_map
 from colony.text.diagnostics import Failure, headline, render
 from colony.text.source import Source
-from tests.buildings import MAPS
 from tests.nav.maps.small_maps import HEADER, ROOM
+from tests.paths import MAPS
 
 INCH = 25.4
 

@@ -9,8 +9,8 @@ from colony.nav.maps.stickrep.model import Map, Pose
 from colony.nav.maps.stickrep.reader import load_map, read_map
 from colony.nav.maps.stickrep.writer import write_map
 from colony.text.source import Source
-from tests.buildings import MAPS
 from tests.nav.maps.small_maps import ROOM, sound_maps
+from tests.paths import MAPS
 
 
 def read(text: str) -> Map:
