@@ -6,16 +6,17 @@ Plain and unhurried; what is generated from the same Code (`colony.compile.backe
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Any, Literal, NamedTuple
+from typing import Literal, NamedTuple
 
 from colony.compile.clients import ClientList
-from colony.compile.code import ActuatorCode, ClientCode, Kind, OutsideActive
+from colony.compile.code import ActuatorCode, ClientCode, Code, Kind, PythonActive
 from colony.compile.elaborate import elaborate
-from colony.compile.executor_decisions import decide
+from colony.compile.executor_decisions import decide, field_bounds
 from colony.compile.executor_machine import Machine
 from colony.compile.lower import lower, lower_client
+from colony.compile.settle import leave
 from colony.compile.ways import by_several_ways
-from colony.ir.frame import Decision, Frame, Outcome, Record
+from colony.ir.frame import Answer, Decision, Frame, Outcome, Record
 from colony.ir.memory import ProgramMemory
 from colony.ir.program import Program
 from colony.ir.types import ScalarValue
@@ -29,21 +30,24 @@ class ClientListExecutor:
     """Executes a program as its clients (an `ir.frame.Executor`). Mutable: it has all of the memory.
 
     The winner is the first client whose guard holds or, if `exclusive`, the one whose exclusive guard holds.
+    If `answered`, modules in Python run elsewhere, and `step` is given their answers.
 
     Raises:
         Failure: a Python module's class cannot be imported or built.
         NotExclusive: in `step`, if `exclusive`, and more than one holds.
     """
 
-    def __init__(self, program: Program, clients: ClientList, *, exclusive: bool = False) -> None:
+    def __init__(
+        self, program: Program, clients: ClientList, *, exclusive: bool = False, answered: bool = False
+    ) -> None:
         self.code = lower(program, clients)
-        self._machine = Machine(self.code)
-        self._exclusive = exclusive
+        self._exclusive, self._answered = exclusive, answered
+        self.restart()
 
-    def step(self, frame: Frame) -> Outcome:
-        """One frame: every actuator's decision, what was recorded, contracts that were broken."""
+    def step(self, frame: Frame, answers: Mapping[str, Answer] | None = None) -> Outcome:
+        """Return one frame: every actuator's decision, what was recorded, contracts that were broken."""
         machine, code = self._machine, self.code
-        machine.begin(frame)
+        machine.begin(frame, answers)
         machine.run(0, code.decided)
         decisions = tuple(self._decide(actuator) for actuator in code.actuators)
         machine.run(code.decided, len(code.ops))
@@ -58,14 +62,14 @@ class ClientListExecutor:
         Raises:
             Failure: one of them cannot be built.
         """
-        self._machine = Machine(self.code)
+        self._machine = Machine(self.code, answered=self._answered)
 
     @property
     def memory(self) -> ProgramMemory | None:
-        """The memory, of a client list in which time constants have places (`pipeline.traverse`); None with
-        modules in Python, which have memory of their own."""
+        """The memory, of a client list in which time constants have places (`pipeline.traverse`); None where
+        it runs modules in Python, which have memory of their own."""
         machine = self._machine
-        if self.code.python:
+        if machine.python:
             return None
         cells = {name: machine.cells[i] for name, i in self.code.places.items()}
         return ProgramMemory(first_ns=machine.first_ns, cells=cells)
@@ -77,19 +81,21 @@ class ClientListExecutor:
             ValueError: it is not the memory of this program: its cells or their types differ.
         """
         places = self.code.places
-        if self.code.python or memory.cells.keys() != places.keys():
+        if self._machine.python or memory.cells.keys() != places.keys():
             raise ValueError("the memory is of another program")
-        cells, machine = self.code.cells, Machine(self.code)
-        for name, i in places.items():
-            machine.cells[i] = _restored(name, cells[i].kind, memory.cells[name])
-        machine.first_ns = memory.first_ns
-        self._machine = machine
+        cells = self.code.cells
+        restored = {i: _restored(name, cells[i].kind, memory.cells[name]) for name, i in places.items()}
+        self.restart()
+        for i, value in restored.items():
+            self._machine.cells[i] = value
+        self._machine.first_ns = memory.first_ns
 
     def _decide(self, actuator: ActuatorCode) -> Decision:
         winner = self._winner(actuator)
         decided = decide(actuator, winner, self._machine.values)
         self._machine.decided(actuator.actuator.name, decided)
-        return Decision(actuator.actuator.name, decided.by, decided.leaving, decided.fault)
+        values = leave(decided.sent, field_bounds(actuator.actuator))
+        return Decision(actuator.actuator.name, decided.by, values, decided.fault)
 
     def _winner(self, actuator: ActuatorCode) -> ClientCode | None:
         values = self._machine.values
@@ -128,21 +134,20 @@ class ClientStep(NamedTuple):
 class ClientMemory(NamedTuple):
     """All that a client remembers, as plain data.
 
-    `first_ns` is the time of its first frame, `cells` are by name. `answers` are (due, pending, standing) of
-    the client's own Python module, if it has one; what that module's object remembers is its own.
+    `first_ns` is the time of its first frame, `cells` are by name.
     """
 
     first_ns: int | None
     cells: dict[str, float | bool | int]
-    answers: tuple[Any, Any, Any] | None = None
 
 
 class ClientExecutor:
     """Executes the slice of a program that one client needs. Mutable: it has the client's memory.
 
+    Its frames are in base units. Modules in Python run elsewhere, also that of the client.
+
     Raises:
         KeyError: there is no such client.
-        Failure: the client's own Python module cannot be imported or built.
     """
 
     def __init__(self, program: Program, clients: ClientList, actuator: str, module: str) -> None:
@@ -159,20 +164,20 @@ class ClientExecutor:
         return tuple(s.name for s in self.code.sensors)
 
     @property
-    def outside(self) -> tuple[str, ...]:
-        """The Python modules elsewhere whose activity `step` has to be told."""
-        return tuple(op.module for op in self.code.ops if isinstance(op, OutsideActive))
+    def python_modules(self) -> tuple[str, ...]:
+        """The modules in Python whose answers `step` needs."""
+        return tuple(op.module for op in self.code.ops if isinstance(op, PythonActive))
 
     def step(
-        self, frame: Frame, active: Mapping[str, bool] | None = None, lost: frozenset[str] = frozenset()
+        self, frame: Frame, answers: Mapping[str, Answer] | None = None, lost: frozenset[str] = frozenset()
     ) -> ClientStep:
-        """One frame, with the activity of the `outside` modules, and the modules whose clients are lost.
+        """Step through a frame, with the answers of modules in Python, and the modules whose clients are lost.
 
         Raises:
-            KeyError: `active` lacks one of `outside`.
+            KeyError: `answers` lacks one of `python_modules`.
         """
         machine = self._machine
-        machine.begin(frame, active or {}, lost)
+        machine.begin(frame, answers, lost)
         machine.run(0, len(self.code.ops))
         won = bool(machine.values[self._client.exclusive])
         decided = decide(self._actuator, self._client if won else None, machine.values)
@@ -182,17 +187,8 @@ class ClientExecutor:
         return ClientStep(won, values, decided.fault, machine.records(), self._bid())
 
     def restart(self) -> None:
-        """Go on from the initial memory, with its own Python module built anew.
-
-        Raises:
-            Failure: that cannot be built.
-        """
+        """Go on from the initial memory."""
         self._machine = Machine(self.code)
-
-    @property
-    def portable(self) -> bool:
-        """Whether `memory` is all that it remembers: it has no Python module of its own."""
-        return not self.code.python
 
     def _bid(self) -> Bid:
         client, values = self._client, self._machine.values
@@ -207,9 +203,7 @@ class ClientExecutor:
         """A copy of all that it remembers."""
         machine = self._machine
         cells = {cell.name: value for cell, value in zip(self.code.cells, machine.cells, strict=True)}
-        steps = list(machine.python.values())
-        answers = (steps[0].due, steps[0].pending, steps[0].standing) if steps else None
-        return ClientMemory(machine.first_ns, cells, answers)
+        return ClientMemory(machine.first_ns, cells)
 
     @memory.setter
     def memory(self, memory: ClientMemory) -> None:
@@ -223,8 +217,42 @@ class ClientExecutor:
             raise ValueError("the memory is of another client")
         restored = [_restored(c.name, c.kind, memory.cells[c.name]) for c in self.code.cells]
         machine.first_ns, machine.cells = memory.first_ns, restored
-        for step in machine.python.values():
-            step.due, step.pending, step.standing = memory.answers or (0, None, None)
+
+
+class ModuleExecutor:
+    """Executes one module in Python, from its lowered `code`. Mutable: its memory, and the module's own.
+
+    Its frames are in base units.
+
+    Raises:
+        Failure: the module cannot be imported or built.
+    """
+
+    def __init__(self, code: Code) -> None:
+        self._code = code
+        self.restart()
+
+    @property
+    def sensors(self) -> tuple[str, ...]:
+        """The sensors that the module reads, through whatever."""
+        return tuple(s.name for s in self._code.sensors)
+
+    def step(self, frame: Frame) -> Answer:
+        """Return the module's answer in a frame."""
+        machine = self._machine
+        machine.begin(frame)
+        machine.run(0, len(self._code.ops))
+        machine.commit()
+        (answer,) = machine.answers.values()
+        return answer
+
+    def restart(self) -> None:
+        """Go on from the initial memory, with the module built anew.
+
+        Raises:
+            Failure: it cannot be built.
+        """
+        self._machine = Machine(self._code)
 
 
 def _restored(name: str, kind: Kind, value: object) -> float | bool | int:

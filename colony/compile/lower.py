@@ -6,6 +6,7 @@ holds only what that client needs. Nothing recurses over chains of lets, wires o
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import assert_never
 
 from colony.compile.clients import Client, ClientList
@@ -33,7 +34,9 @@ def lower(program: ir.Program, clients: ClientList, *, contracts: bool = True) -
     `clients` are those of `program`. Near-linear in the size of both.
     """
     lowering = _Lowering(program, clients)
-    lowering.python_modules()
+    for module in program.modules:
+        if isinstance(module, ir.PythonModule):
+            lowering.python_module(module)
     by_actuator = {a.actuator: a.clients for a in clients.actuators}
     for actuator in program.robot.actuators:
         lowering.actuator(actuator, by_actuator.get(actuator.name, ()))
@@ -46,31 +49,48 @@ def lower(program: ir.Program, clients: ClientList, *, contracts: bool = True) -
 
 
 def lower_client(program: ir.Program, clients: ClientList, actuator: str, module: str) -> Code:
-    """What one client has to compute: its guards, its command, and the limits of its actuator.
+    """Return what one client has to compute: its guards, its command, and the limits of its actuator.
 
-    Python modules that its guard mentions run elsewhere: their activity is an `OutsideActive`. Under
-    `on_loss degrade` the other modules count as not active where their clients are `Lost`.
+    Its sensors are in base units. Python modules, also its own, run elsewhere. Under `on_loss degrade` the
+    other modules count as not active where their clients are `Lost`.
 
     Raises:
         KeyError: there is no such actuator, or `module` is not among its clients.
     """
     found = {a.name: a for a in program.robot.actuators}[actuator]
     own = {c.module: c for a in clients.actuators if a.actuator == actuator for c in a.clients}[module]
-    lowering = _Lowering(program, clients, client=module, degrade=found.on_loss == "degrade")
-    lowering.python_modules()
+    lowering = _Lowering(_in_base_units(program), clients, degrade=found.on_loss == "degrade")
     lowering.actuator(found, (own,))
     lowering.states()
     lowering.decided = len(lowering.builder.ops)
     return trimmed(lowering.code(), every_sensor=False)
 
 
+def lower_module(program: ir.Program, name: str) -> Code:
+    """Return what the process of a Python module has to compute: all that the module reads, in base units.
+
+    Raises:
+        KeyError: there is no such module, or it is not in Python.
+    """
+    found = {m.name: m for m in program.modules if isinstance(m, ir.PythonModule)}[name]
+    lowering = _Lowering(_in_base_units(program), ClientList(guards=(), actuators=()))
+    lowering.python_module(found)
+    lowering.states()
+    lowering.decided = len(lowering.builder.ops)
+    return trimmed(lowering.code(), every_sensor=False)
+
+
+def _in_base_units(program: ir.Program) -> ir.Program:
+    """Return the program with sensors that are read in base units, as servers give them."""
+    sensors = tuple(replace(sensor, factor=1.0) for sensor in program.robot.sensors)
+    return replace(program, robot=replace(program.robot, sensors=sensors))
+
+
 class _Lowering(Declarations):
     """A program being lowered to one Code. Mutable."""
 
-    def __init__(
-        self, program: ir.Program, clients: ClientList, client: str | None = None, degrade: bool = False
-    ) -> None:
-        super().__init__(program, clients, client, degrade)
+    def __init__(self, program: ir.Program, clients: ClientList, degrade: bool = False) -> None:
+        super().__init__(program, clients, degrade)
         self.decided = 0
         self._python: list[PythonCall] = []
         self._actuator_codes: list[ActuatorCode] = []
@@ -92,26 +112,23 @@ class _Lowering(Declarations):
 
     # --- Python modules --------------------------------------------------------------------------
 
-    def python_modules(self) -> None:
-        """Every Python module that this code has to call, as declared."""
-        for module in self.program.modules:
-            if isinstance(module, ir.PythonModule) and self.client in (None, module.name):
-                reads = [r.expression for r in module.reads]
-                self.prepare(*reads)
-                fields = self.actuators[module.actuator].fields if module.actuator else ()
-                scope = self.file_scope(module.name, tuple(reads))
-                call = PythonCall(
-                    module=module.name,
-                    module_path=module.module_path,
-                    class_name=module.class_name,
-                    params=module.params,
-                    present=scope.ready,
-                    reads=tuple(self._read(read, scope) for read in module.reads),
-                    fields=fields,
-                    rate_ns=module.rate_ns,
-                    span=module.span,
-                )
-                self._python.append(call)
+    def python_module(self, module: ir.PythonModule) -> None:
+        """Lower what a Python module that this code has to call reads."""
+        reads = [r.expression for r in module.reads]
+        self.prepare(*reads)
+        scope = self.file_scope(module.name, tuple(reads))
+        call = PythonCall(
+            module=module.name,
+            module_path=module.module_path,
+            class_name=module.class_name,
+            params=module.params,
+            present=scope.ready,
+            reads=tuple(self._read(read, scope) for read in module.reads),
+            fields=self.actuators[module.actuator].fields if module.actuator else (),
+            rate_ns=module.rate_ns,
+            span=module.span,
+        )
+        self._python.append(call)
 
     def _read(self, read: ir.PythonReading, scope: Scope) -> PythonRead:
         elements = self.expressions.lower(read.expression, scope)

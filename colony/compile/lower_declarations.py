@@ -10,7 +10,7 @@ from dataclasses import dataclass
 from typing import assert_never
 
 from colony.compile.clients import ClientList
-from colony.compile.code import Kind, Lost, OutsideActive, PythonActive, SensorFresh
+from colony.compile.code import Kind, Lost, PythonActive, SensorFresh
 from colony.compile.lower_builder import Builder
 from colony.compile.lower_expression import ExpressionLowering, Scope, Values, kind_of
 from colony.compile.lower_guards import GuardLowering
@@ -35,15 +35,11 @@ class _StatePlace:
 class Declarations:
     """The lets, states and modules of a program, lowered when they are asked for. Mutable.
 
-    It is the `Names` of its expressions. `client` is the module for whose client alone the code is, None
-    for all; under `degrade` modules whose clients are lost count as not active.
+    It is the `Names` of its expressions. Under `degrade` modules whose clients are lost count as not active.
     """
 
-    def __init__(
-        self, program: ir.Program, clients: ClientList, client: str | None = None, degrade: bool = False
-    ) -> None:
+    def __init__(self, program: ir.Program, clients: ClientList, degrade: bool = False) -> None:
         self.program = program
-        self.client = client
         self.degrade = degrade
         self.builder = Builder()
         self.expressions = ExpressionLowering(self.builder, self)
@@ -236,10 +232,8 @@ class Declarations:
                     self.prepare(module.when)
                     applicable = self.expressions.scalar(module.when, scope)
                     active = self.builder.both(scope.ready, applicable)
-                case ir.PythonModule() if self.client in (None, name):
-                    active = self.builder.add(PythonActive(name), Kind.BOOL)
                 case ir.PythonModule():
-                    active = self.builder.add(OutsideActive(name), Kind.BOOL)
+                    active = self.builder.add(PythonActive(name), Kind.BOOL)
                 case _:
                     assert_never(module)
             self.builder.names.setdefault(active, f"{name} active")

@@ -10,10 +10,12 @@ from dataclasses import dataclass
 from types import MappingProxyType
 
 from colony.compile.backends.python import generate, load
-from colony.compile.executor import ClientExecutor, ClientListExecutor, ClientStep
+from colony.compile.executor import ClientExecutor, ClientListExecutor, ClientStep, ModuleExecutor
+from colony.compile.intake import converted
+from colony.compile.lower import lower_module
 from colony.compile.pipeline import Compiled, compile_program
 from colony.ir.frame import Decision, Executor, Frame, Outcome
-from colony.ir.program import Program
+from colony.ir.program import Program, PythonModule
 from colony.verify.interpreter import Interpreter
 
 Factory = Callable[[Compiled], Executor]
@@ -120,8 +122,8 @@ class ClientsAlone:
 
     Every client runs alone, as in the runtime, on the slice of the program that it needs. A decision is what
     the server would make of their requests: in each frame exactly the winner must be active by its own
-    knowledge, with its command, or the reason why it has none. The activity of Python modules elsewhere is
-    told to those who ask, as the runtime does. Records and breaches are the reference's: clients know none.
+    knowledge, with its command, or the reason why it has none. Python modules run alone, too, and their
+    answers are given to the clients. Records and breaches are the reference's: clients know none.
 
     Raises:
         Failure: a Python module's class cannot be imported or built.
@@ -135,14 +137,18 @@ class ClientsAlone:
             for a in compiled.clients.actuators
             for c in a.clients
         }
+        self._modules = {
+            m.name: ModuleExecutor(lower_module(compiled.program, m.name))
+            for m in compiled.program.modules
+            if isinstance(m, PythonModule)
+        }
 
     def step(self, frame: Frame) -> Outcome:
         """One frame."""
-        expected, is_active = self._interpreter.step(frame), self._interpreter.is_active
-        steps = {
-            key: client.step(frame, {m: is_active(m) for m in client.outside})
-            for key, client in self._clients.items()
-        }
+        expected = self._interpreter.step(frame)
+        inside = in_base_units(self._program, frame)
+        answers = {name: module.step(inside) for name, module in self._modules.items()}
+        steps = {key: client.step(inside, answers) for key, client in self._clients.items()}
         return expected._replace(
             decisions=tuple(_decided(self._program, d, steps) for d in expected.decisions)
         )
@@ -150,8 +156,18 @@ class ClientsAlone:
     def restart(self) -> None:
         """Go on from the initial memory, with Python modules built anew."""
         self._interpreter = Interpreter(self._program)
-        for client in self._clients.values():
-            client.restart()
+        for part in (*self._clients.values(), *self._modules.values()):
+            part.restart()
+
+
+def in_base_units(program: Program, frame: Frame) -> Frame:
+    """Return a frame in base units, as the executors of clients take it."""
+    factors = {s.name: s.factor for s in program.robot.sensors if s.factor != 1.0}
+    readings = {
+        name: converted(reading, factors[name].__mul__) if name in factors else reading
+        for name, reading in frame.readings.items()
+    }
+    return frame._replace(readings=readings)  # type: ignore[arg-type]
 
 
 ALL_EXECUTORS: Mapping[str, Factory] = MappingProxyType({**EXECUTORS, "clients alone": ClientsAlone})

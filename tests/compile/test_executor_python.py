@@ -9,11 +9,12 @@ from typing import Any, ClassVar
 import pytest
 
 from colony.compile.backends.python import generate, load
-from colony.compile.executor import ClientExecutor, ClientListExecutor
+from colony.compile.executor import ClientExecutor, ClientListExecutor, ModuleExecutor
+from colony.compile.lower import lower_module
 from colony.compile.pipeline import compile_program
 from colony.diagnostics import Failure
 from colony.dsl.load import load_text
-from colony.ir.frame import Decision, Frame, Outcome
+from colony.ir.frame import Answer, Decision, Frame, Outcome
 from colony.verify.interpreter import Interpreter
 
 
@@ -218,24 +219,51 @@ def test_clients_ask_for_the_activity_of_python_modules_elsewhere(monkeypatch: p
     program = load_text(_text("Unbuildable"))
     clients = compile_program(program).clients
     low = ClientExecutor(program, clients, "out", "low")
-    assert low.outside == ("m",)
-    assert not low.step(Frame(0, {}), {"m": True}).active
-    assert low.step(Frame(1, {}), {"m": False}).active
+    assert low.python_modules == ("m",)
+    assert not low.step(Frame(0, {}), {"m": Answer((3.0, True, 67.0))}).active
+    assert low.step(Frame(1, {}), {"m": Answer()}).active
     with pytest.raises(KeyError):
         low.step(Frame(2, {}))
 
 
-def test_the_client_of_a_python_module(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_the_client_of_a_python_module_takes_its_answers_and_runs_nothing() -> None:
+    program = load_text(_text("Unbuildable"))
+    client = ClientExecutor(program, compile_program(program).clients, "out", "m")
+    assert (client.sensors, client.python_modules) == ((), ("m",))
+    assert client.step(_frame(0), {"m": Answer()}).bid == "silent"
+    assert client.step(_frame(1), {"m": Answer((3.0, True, 67.0))}).values == (3.0, True, 67.0)
+    assert client.step(_frame(2), {"m": Answer((nan, True, 67.0))}).fault == "not finite"
+
+
+def test_a_python_module_alone(monkeypatch: pytest.MonkeyPatch) -> None:
     _tell(monkeypatch, GOOD)
-    program = load_text(_text(rate="rate 300 ms"))
+    module = ModuleExecutor(lower_module(load_text(_text(rate="rate 300 ms")), "m"))
+    assert module.sensors == ("x", "a")
+    assert module.step(_frame(0)) == Answer()
+    assert module.step(_frame(0.3)) == Answer((3.0, True, 67.0))
+    module.restart()
+    assert module.step(_frame(0.6)) == Answer()
+    _tell(monkeypatch, 42)
+    assert module.step(_frame(0.9)) == Answer((3.0, True, 67.0), error=True)
+    with pytest.raises(KeyError):
+        lower_module(load_text(_text()), "low")
+
+
+def test_answers_that_are_given_decide_as_those_that_are_computed(monkeypatch: pytest.MonkeyPatch) -> None:
+    program = load_text(_text())
     clients = compile_program(program).clients
-    client = ClientExecutor(program, clients, "out", "m")
-    assert (client.sensors, client.outside) == (("x", "a"), ())
-    assert not client.step(_frame(0)).active
-    other = ClientExecutor(program, clients, "out", "m")
-    other.memory = client.memory
-    for each in (client, other):
-        assert each.step(_frame(0.3)).values == (3.0, True, 67.0)
+    given = ClientListExecutor(program, clients, answered=True)
+    reference = Interpreter(program, answered=True)
+    for k, (answer, told) in enumerate(
+        ((GOOD, Answer((3.0, True, 67.0))), (None, Answer()), (42, Answer(error=True)))
+    ):
+        _tell(monkeypatch, answer)
+        frame = _frame(k)
+        (computed,) = _outcomes(_text(), [frame])
+        Told.given.clear()
+        assert repr(given.step(frame, {"m": told})) == repr(computed)
+        assert repr(reference.step(frame, answers={"m": told})) == repr(computed)
+        assert Told.given == []
 
 
 OBSERVED = f"""

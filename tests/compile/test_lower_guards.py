@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from colony.compile.clients import ClientList
-from colony.compile.code import Apply, Kind, Literal, OutsideActive
+from colony.compile.code import Apply, Kind, Literal, PythonActive
 from colony.compile.guards import Always, And, Guard, ModuleActive, Never, Not, Or
 from colony.compile.lower_builder import Builder
 from colony.compile.lower_guards import GuardLowering
@@ -20,7 +20,7 @@ class Lowered:
 
     def _active(self, module: str) -> int:
         self.asked.append(module)
-        return self.builder.add(OutsideActive(module), Kind.BOOL)
+        return self.builder.add(PythonActive(module), Kind.BOOL)
 
 
 def test_constants() -> None:

@@ -7,7 +7,7 @@ from dataclasses import replace
 import pytest
 
 from colony.compile.backends.python import generate, load
-from colony.compile.code import Code, Kind, OutsideActive, PythonField
+from colony.compile.code import Code, Kind, PythonActive, PythonField
 from colony.compile.executor import ClientListExecutor
 from colony.compile.lower import lower, lower_client
 from colony.compile.pipeline import compile_program
@@ -103,4 +103,4 @@ def test_fields_of_a_module_in_python_have_the_kinds_of_their_types() -> None:
 def test_the_activity_of_a_module_elsewhere_is_a_truth_value() -> None:
     program = load_text(PYTHON)
     code = lower_client(program, compile_program(program).clients, "out", "m")
-    assert kinds(code, OutsideActive) == [Kind.BOOL]
+    assert kinds(code, PythonActive) == [Kind.BOOL]

@@ -59,7 +59,7 @@ class DecisionText:
     def idle(self, by: bool) -> list[str]:
         """The idle command, or nothing for `idle hold`."""
         idle = self.actuator.idle
-        leaving = None if idle is None else leave(idle, field_bounds(self.actuator))
+        leaving = leave(idle, field_bounds(self.actuator))
         shown = "None" if leaving is None else values(leaving)
         lines = [f"{self.target} = ({self.name!r}, None, {shown}, None)"]
         if by:
@@ -95,9 +95,12 @@ class DecisionText:
         idle = "None" if self.actuator.idle is None else values(self.actuator.idle)
         bounds = self.names.bounds[self.name]
         arguments = f"{self.name!r}, {self.by}, {_tuple(self.fields)}, {bounds}, {limits}, {idle}, records"
-        lines = [f"{self.target}, settled, records = settle({arguments})"]
+        lines = [
+            f"fault, settled, records = settle({arguments})",
+            f"{self.target} = ({self.name!r}, {self.by}, leave(settled, {bounds}), fault)",
+        ]
         if self.observed:
-            lines.append(f"{self.names.commanded[self.name]} = {self.target}[3] is None")
+            lines.append(f"{self.names.commanded[self.name]} = fault is None")
         if self.observed and self.fields:
             unpacked = f"{', '.join(self.fields)}{',' if len(self.fields) == 1 else ''} = settled"
             if self.actuator.idle is None:

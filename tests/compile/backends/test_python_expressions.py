@@ -9,7 +9,7 @@ from colony.compile.backends.python_layout import ROOT, Layout
 from colony.compile.backends.python_names import Names
 from colony.compile.backends.python_placement import Placement
 from colony.compile.backends.python_ranges import ranges
-from colony.compile.code import Lost, OutsideActive
+from colony.compile.code import Lost, PythonActive
 from colony.compile.lower import lower_client
 from colony.compile.pipeline import compile_program
 from colony.dsl.load import load_text
@@ -26,7 +26,7 @@ network { out = %s suppresses m }
 """
 
 
-@pytest.mark.parametrize(("above", "kind"), [("p", OutsideActive), ("n", Lost)])
+@pytest.mark.parametrize(("above", "kind"), [("p", PythonActive), ("n", Lost)])
 def test_what_others_do_has_no_text(above: str, kind: type) -> None:
     program = load_text(TEXT % above)
     code = lower_client(program, compile_program(program).clients, "out", "m")
