@@ -6,15 +6,15 @@ from collections.abc import Callable, Mapping
 from typing import Any, Protocol
 
 from colony.experiment.local_servers import Granted, Handler
-from colony.runtime.calls import LATER, Asked, Later, Nothing, Refused
-from colony.runtime.images import Image
+from colony.runtime.arbitration.locks import LockQueue
 from colony.runtime.library import camera
-from colony.runtime.locks import LockQueue
+from colony.runtime.protocol.calls import LATER, Asked, Later, Nothing, Refused
 from colony.runtime.servers.cserver import LONGEST_PERIOD_NS, PERIOD_NS, SHORTEST_PERIOD_NS
-from colony.sim.camera import Camera
-from colony.sim.ceiling import CeilingCamera
+from colony.runtime.servers.images import Image
+from colony.sim.cameras.camera import Camera
+from colony.sim.cameras.ceiling import CeilingCamera
 from colony.sim.compiled import Bytes2
-from colony.sim.world import World
+from colony.sim.world.world import World
 
 
 class Shot(Protocol):

@@ -17,21 +17,21 @@ from typing import Any, Protocol
 import msgspec
 
 from colony.ir.types import ScalarValue, Value
-from colony.runtime.calls import LATER, Asked, Later, Nothing, Refused
-from colony.runtime.drivers import BaseState
-from colony.runtime.fields import DSERVER, PSERVER, RSERVER
+from colony.runtime.arbitration.motion import STILL, Speeds
 from colony.runtime.library import data, proximity, robot
 from colony.runtime.library.ask import Ask
-from colony.runtime.motion import STILL, Speeds
+from colony.runtime.protocol.calls import LATER, Asked, Later, Nothing, Refused
+from colony.runtime.protocol.fields import DSERVER, PSERVER, RSERVER
 from colony.runtime.servers.data_calls import several
+from colony.runtime.servers.drivers import BaseState
 from colony.runtime.servers.naming import named
 from colony.runtime.servers.publishing import Fields
 from colony.runtime.servers.semaphores import Semaphores, timed_out
 from colony.runtime.servers.variables import Variables, encoded, prepared, unknown
-from colony.runtime.store import Journal, MemoryStore
-from colony.runtime.virtual_position import Odometer, Pose
+from colony.runtime.servers.virtual_position import Odometer, Pose
+from colony.runtime.store.store import Journal, MemoryStore
 from colony.sim.drivers import base_state
-from colony.sim.world import World
+from colony.sim.world.world import World
 
 Handler = Callable[[Asked, Any, Any, int], object]
 """From the call, its arguments, the type of its reply and the time to its result, or `LATER`."""

@@ -1,6 +1,6 @@
 """One robot with its program, its servers and its scripts in one loop: frame after frame in lockstep.
 
-A frame is what it is among the real servers in virtual time (`runtime/session.py`), in one fixed order: the
+A frame is what it is among the real servers in virtual time (`runtime/assembly/virtual.py`), in one fixed order: the
 servers publish; the network decides on that, its commands are carried out; cameras grab when it is time;
 scripts go on whose time has come; the world moves on to the next frame. So what a script sets in a frame the
 network reads in the next one, and what the network sets, too.
@@ -17,12 +17,12 @@ from colony.experiment.local_scripts import LocalScripts
 from colony.experiment.local_servers import LocalBase, LocalData, LocalProximity, LocalServer
 from colony.ir.frame import Frame, Outcome, Reading
 from colony.ir.types import ScalarValue, Value
-from colony.runtime.bindings import ActuatorBinding, SensorBinding
-from colony.runtime.deployment import variables_read
-from colony.runtime.fields import DSERVER, PSERVER, RSERVER, RUNTIME
 from colony.runtime.kit.script import Script
+from colony.runtime.protocol.bindings import ActuatorBinding, SensorBinding
+from colony.runtime.protocol.deployment import variables_read
+from colony.runtime.protocol.fields import DSERVER, PSERVER, RSERVER, RUNTIME
 from colony.runtime.servers.runtime_server import random_of_frame
-from colony.sim.world import World
+from colony.sim.world.world import World
 
 _Decided = tuple[tuple[str, str | None, tuple[ScalarValue, ...] | None, str | None], ...]
 """A `Decision` an actuator, as generated code gives it."""

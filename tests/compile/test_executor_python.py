@@ -8,14 +8,14 @@ from typing import Any, ClassVar
 
 import pytest
 
-from colony.compile.backends.python import generate, load
-from colony.compile.executor import ClientExecutor, ClientListExecutor, ModuleExecutor
-from colony.compile.lower import lower_module
+from colony.compile.backends.python.generate import generate, load
+from colony.compile.lower.lower import lower_module
 from colony.compile.pipeline import compile_program
-from colony.diagnostics import Failure
 from colony.dsl.load import load_text
+from colony.execute.executor import ClientExecutor, ClientListExecutor, ModuleExecutor
 from colony.ir.frame import Answer, Decision, Frame, Outcome
-from colony.verify.interpreter import Interpreter
+from colony.text.diagnostics import Failure
+from colony.verify.reference.interpreter import Interpreter
 
 
 class Told:

@@ -29,12 +29,12 @@ from colony.nav.shared import (
     OVERSHOOT,
     TRACK_DATA,
 )
-from colony.runtime.calls import Asked, Caller, Refused
-from colony.runtime.images import Image
 from colony.runtime.kit.errors import CallRefused
 from colony.runtime.kit.script import Script, do, sleep
 from colony.runtime.library import data, robot
-from colony.vision.ceiling_camera import UPWARD, CeilingCamera
+from colony.runtime.protocol.calls import Asked, Caller, Refused
+from colony.runtime.servers.images import Image
+from colony.vision.lights.ceiling_camera import UPWARD, CeilingCamera
 
 FRAME_S = 0.05
 ASKED = Asked(Caller("local/test", "test", 0, "local"), 1)

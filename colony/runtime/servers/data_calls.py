@@ -12,8 +12,6 @@ from typing import Any
 
 import msgspec
 
-from colony.runtime.calls import LATER, Asked, CallDesk, Caller, Handler, Later, Method, Refused, method
-from colony.runtime.fields import DSERVER
 from colony.runtime.library.data import (
     CreateSemaphore,
     Dated,
@@ -30,7 +28,19 @@ from colony.runtime.library.data import (
     Wait,
     Watch,
 )
-from colony.runtime.messages import Effect, Message, Wake, WakeAt
+from colony.runtime.protocol.calls import (
+    LATER,
+    Asked,
+    CallDesk,
+    Caller,
+    Handler,
+    Later,
+    Method,
+    Refused,
+    method,
+)
+from colony.runtime.protocol.fields import DSERVER
+from colony.runtime.protocol.messages import Effect, Message, Wake, WakeAt
 from colony.runtime.servers.naming import Names, named
 from colony.runtime.servers.once import Answers
 from colony.runtime.servers.semaphores import Semaphores, timed_out

@@ -1,0 +1,41 @@
+"""What an actuator is sent once its winner is known."""
+
+from __future__ import annotations
+
+from typing import Any, NamedTuple
+
+from colony.execute.code import ActuatorCode, ClientCode
+from colony.execute.settle import settle
+from colony.ir.program import Actuator
+from colony.ir.types import ScalarValue
+
+Records = tuple[tuple[str, str], ...]
+
+
+class Decided(NamedTuple):
+    """A decision: `sent` in base units, None where nothing is sent."""
+
+    by: str | None
+    sent: tuple[ScalarValue, ...] | None
+    fault: str | None
+    records: Records
+
+
+def decide(actuator: ActuatorCode, winner: ClientCode | None, values: list[Any]) -> Decided:
+    """What an actuator is sent when `winner` has won: its command, bounded, or the idle one."""
+    idle, fields = actuator.actuator.idle, field_bounds(actuator.actuator)
+    if winner is None:
+        return Decided(None, idle, None, ())
+    command = tuple([values[i] for i in winner.fields])
+    limits = tuple(
+        (limit.field_index, limit.relation == "<=", values[limit.bound])
+        for limit in actuator.limits
+        if values[limit.applies]
+    )
+    fault, sent, records = settle(actuator.actuator.name, winner.module, command, fields, limits, idle, ())
+    return Decided(winner.module, sent, fault, records)
+
+
+def field_bounds(actuator: Actuator) -> tuple[tuple[str, float, float | None, float | None], ...]:
+    """The fields as `settle` takes them."""
+    return tuple((f.name, f.factor, f.low, f.high) for f in actuator.fields)

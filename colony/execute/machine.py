@@ -1,0 +1,221 @@
+"""The machine that runs `Code` op by op, in memory of its own.
+
+What computes an op is chosen once, when the machine is built; a frame is a call an op.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from importlib import import_module
+from typing import Any
+
+from colony.execute.code import (
+    Apply,
+    Code,
+    Commanded,
+    FrameTime,
+    Literal,
+    Lost,
+    OldCell,
+    Op,
+    PythonActive,
+    PythonCall,
+    PythonField,
+    SensorElement,
+    SensorFresh,
+    Sent,
+    Table,
+    Winner,
+)
+from colony.execute.decisions import Decided, Records
+from colony.execute.intake import of_age
+from colony.execute.operators import FUNCTIONS
+from colony.execute.python_step import PythonStep
+from colony.execute.sensors import take, within
+from colony.ir.frame import Answer, Frame, Record
+from colony.ir.types import Array, Bool, Enum, ScalarValue
+from colony.text.diagnostics import Failure, error
+
+Step = Callable[[], Any]
+"""Computes the value of one op in the present frame."""
+
+
+class Machine:
+    """Runs the ops of a Code over its memory. Mutable.
+
+    A frame is `begin`, `run` of all ops (with `decided` before those that depend on decisions), `commit`.
+    With `answered` the Python modules run elsewhere, and their answers are given with each frame.
+    """
+
+    def __init__(self, code: Code, *, answered: bool = False) -> None:
+        self.code = code
+        self.values: list[Any] = [None] * len(code.ops)
+        self.cells: list[float | bool | int] = [c.initial for c in code.cells]
+        self.first_ns: int | None = None
+        self.answers: dict[str, Answer] = {}
+        self.python = {} if answered else {call.module: build(call) for call in code.python}
+        self._t = 0
+        self._sensors: dict[str, Any] = {}
+        self._fresh: dict[str, bool] = {}
+        self._python_called = False
+        self._lost: frozenset[str] = frozenset()
+        self._decided: dict[str, Decided] = {}
+        self._records: Records = ()
+        self._within_ns = within(self.code.sensors)
+        self._arrays = frozenset(s.name for s in code.sensors if isinstance(s.type, Array))
+        self._steps = tuple(self._step(op) for op in code.ops)
+
+    def begin(
+        self, frame: Frame, answers: Mapping[str, Answer] | None = None, lost: frozenset[str] = frozenset()
+    ) -> None:
+        """Take a frame in; `answers` and `lost` are as for `ClientExecutor.step`."""
+        if self.first_ns is None:
+            self.first_ns = frame.t_ns
+        self._t = frame.t_ns - self.first_ns
+        self.answers, self._lost = dict(answers or ()), lost
+        self._python_called = False
+        self._records = ()
+        self._decided.clear()
+        readings: Mapping[str, Any] = frame.readings
+        if frame.taken_ns:
+            readings = of_age(frame.t_ns, readings, frame.taken_ns, self._within_ns)
+        for sensor in self.code.sensors:
+            value, fresh, self._records = take(sensor, readings.get(sensor.name), self._records)
+            self._sensors[sensor.name], self._fresh[sensor.name] = value, fresh
+
+    def run(self, start: int, stop: int) -> None:
+        """Compute the values of ops `start` up to, and not including, `stop`."""
+        values, steps = self.values, self._steps
+        for i in range(start, stop):
+            values[i] = steps[i]()
+        if start == 0:
+            self._call_python()
+
+    def decided(self, actuator: str, decided: Decided) -> None:
+        """Take a decision in, for the ops that depend on it and for the records."""
+        self._decided[actuator] = decided
+        self._records += decided.records
+
+    def commit(self) -> None:
+        """Let memory move on to the next frame."""
+        values = self.values
+        moved = [(i, values[cell.value]) for i, cell in enumerate(self.code.cells) if values[cell.condition]]
+        for i, value in moved:
+            self.cells[i] = value
+
+    def records(self) -> tuple[Record, ...]:
+        return tuple(Record(kind, subject) for kind, subject in self._records)  # type: ignore[arg-type]
+
+    def _step(self, op: Op) -> Step:
+        """What computes the value of an op, from the values before it and from what the frame brought."""
+        values = self.values
+        match op:
+            case Apply(operator=operator, arguments=arguments):
+                return _applied(FUNCTIONS[operator], arguments, values)
+            case SensorElement(sensor=sensor, index=index):
+                sensors = self._sensors
+                if sensor in self._arrays:
+                    return lambda: sensors[sensor][index]
+                return lambda: sensors[sensor]
+            case Literal(value=value):
+                return lambda: value
+            case OldCell(cell=cell):
+                return lambda: self.cells[cell]
+            case SensorFresh(sensor=sensor):
+                fresh = self._fresh
+                return lambda: fresh[sensor]
+            case FrameTime():
+                return lambda: self._t
+            case Table(elements=elements):
+                return lambda: tuple([values[i] for i in elements])
+            case _:
+                return self._outside(op)
+
+    def _outside(self, op: Op) -> Step:
+        """The same for an op that depends on Python modules, on other clients, or on decisions."""
+        decided = self._decided
+        match op:
+            case PythonActive(module=module):
+                return lambda: self._answer(module) is not None
+            case PythonField(module=module, index=index):
+                return lambda: 0.0 if (fields := self._answer(module)) is None else fields[index]
+            case Lost(module=module):
+                return lambda: module in self._lost
+            case Winner(actuator=actuator, module=module):
+                return lambda: decided[actuator].by == module
+            case Commanded(actuator=actuator):
+                return lambda: decided[actuator].by is not None and decided[actuator].fault is None
+            case Sent(actuator=actuator, index=index):
+                return lambda: 0.0 if (sent := decided[actuator].sent) is None else sent[index]
+            case _:
+                raise AssertionError(f"{op} depends on nothing outside")
+
+    def _call_python(self) -> None:
+        """Call the Python modules in order, once a frame: at the first op that needs one, or after all."""
+        if self._python_called:
+            return
+        self._python_called = True
+        for call in self.code.python:
+            step = self.python.get(call.module)
+            if step is not None:
+                active, fields, records = step.step(self._t, self._given(call), ())
+                self.answers[call.module] = Answer(fields if active else None, bool(records))
+            if self.answers[call.module].error:
+                self._records = (*self._records, ("python error", call.module))
+
+    def _given(self, call: PythonCall) -> dict[str, object] | None:
+        """What a Python module reads in this frame, None where something is missing."""
+        values = self.values
+        if not values[call.present]:
+            return None
+        return {
+            read.name: tuple([values[i] for i in read.elements]) if read.array else values[read.elements[0]]
+            for read in call.reads
+        }
+
+    def _answer(self, module: str) -> tuple[ScalarValue, ...] | None:
+        """The Python module's command in this frame."""
+        self._call_python()
+        return self.answers[module].values
+
+
+def _applied(function: Callable[..., Any], arguments: tuple[int, ...], values: list[Any]) -> Step:
+    """An operator of earlier values."""
+    match arguments:
+        case (one,):
+            return lambda: function(values[one])
+        case (left, right):
+            return lambda: function(values[left], values[right])
+        case _:
+            return lambda: function(*[values[i] for i in arguments])
+
+
+def build(call: PythonCall) -> PythonStep:
+    """Import and build the class of a Python module.
+
+    Raises:
+        Failure: that did not work; the error says why.
+    """
+    try:
+        made = getattr(import_module(call.module_path), call.class_name)(**dict(call.params))
+    except (Exception, SystemExit) as problem:
+        path = f"{call.module_path}:{call.class_name}"
+        message = f"`{path}` cannot be imported and built: {type(problem).__name__}: {problem}"
+        hint = "it is looked for beside the behavior and in this folder; its params are given by keyword"
+        raise Failure([error("P001", call.span, message, hint)]) from problem
+    return PythonStep(call.module, made, field_types(call), call.rate_ns)
+
+
+def field_types(call: PythonCall) -> tuple[tuple[str, object], ...]:
+    """The fields of a Python module's command, as `PythonStep` takes them."""
+    return tuple(
+        (
+            f.name,
+            False
+            if isinstance(f.type, Bool)
+            else tuple(number for _, number in f.type.members)
+            if isinstance(f.type, Enum)
+            else None,
+        )
+        for f in call.fields
+    )
