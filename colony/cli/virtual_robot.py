@@ -170,7 +170,12 @@ def _bindings(program: Program) -> Bindings:
     return Bindings(
         sensors=tuple(
             SensorBinding(
-                sensor=s.name, server=SENSING[i % len(SENSING)], field=s.name, within_ns=None, factor=1.0
+                sensor=s.name,
+                server=SENSING[i % len(SENSING)],
+                field=s.name,
+                within_ns=None,
+                factor=s.factor,
+                declared=True,
             )
             for i, s in enumerate(robot.sensors)
         ),

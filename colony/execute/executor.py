@@ -171,7 +171,7 @@ class ClientExecutor:
     def step(
         self, frame: Frame, answers: Mapping[str, Answer] | None = None, lost: frozenset[str] = frozenset()
     ) -> ClientStep:
-        """Step through a frame, with the answers of modules in Python, and the modules whose clients are lost.
+        """Step through a frame, given answers of modules in Python, and the modules whose clients are lost.
 
         Raises:
             KeyError: `answers` lacks one of `python_modules`.

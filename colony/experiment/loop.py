@@ -1,9 +1,9 @@
 """One robot with its program, its servers and its scripts in one loop: frame after frame in lockstep.
 
-A frame is what it is among the real servers in virtual time (`runtime/assembly/virtual.py`), in one fixed order: the
-servers publish; the network decides on that, its commands are carried out; cameras grab when it is time;
-scripts go on whose time has come; the world moves on to the next frame. So what a script sets in a frame the
-network reads in the next one, and what the network sets, too.
+A frame is what it is among the real servers in virtual time (`runtime/assembly/virtual.py`), in one fixed
+order: the servers publish; the network decides on that, its commands are carried out; cameras grab when it is
+time; scripts go on whose time has come; the world moves on to the next frame. So what a script sets in a
+frame the network reads in the next one, and what the network sets, too.
 """
 
 from __future__ import annotations
@@ -159,7 +159,8 @@ class Loop:
 
 
 def _sense(binding: SensorBinding) -> _Sense:
-    return _Sense(binding.sensor, binding.field, binding.factor, binding.within_ns)
+    factor = 1.0 if binding.declared else binding.factor
+    return _Sense(binding.sensor, binding.field, factor, binding.within_ns)
 
 
 def _in_unit(value: Value, factor: float) -> Value:

@@ -131,7 +131,9 @@ def play(program: Program, trace: Sequence[Frame], *, order_seed: int = 0, link:
     clients = compile_program(program).clients
     bindings = Bindings(
         sensors=tuple(
-            SensorBinding(sensor=s.name, server=SERVER, field=s.name, within_ns=None, factor=1.0)
+            SensorBinding(
+                sensor=s.name, server=SERVER, field=s.name, within_ns=None, factor=s.factor, declared=True
+            )
             for s in program.robot.sensors
         ),
         actuators=tuple(

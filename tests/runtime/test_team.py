@@ -31,7 +31,7 @@ def test_members_of_a_program() -> None:
     assert places_of(program, clients) == {"drive": ("back_off", "avoid", "cruise")}
 
 
-def test_modules_in_python_are_announced_where_another_guard_needs_them_and_not_imported() -> None:
+def test_each_module_in_python_is_a_process_of_its_own_and_no_other_imports_it() -> None:
     program = pulsing()
     pulse = program.modules[0]
     assert isinstance(pulse, PythonModule)
@@ -42,8 +42,8 @@ def test_modules_in_python_are_announced_where_another_guard_needs_them_and_not_
     assert who.addresses == ("drive/pulse", "drive/cruise", "DServer/activity/pulse")
     bindings = bind(program)
     assert build_client(program, clients, bindings, "drive", "cruise", "run").address == "drive/cruise"
-    with pytest.raises(Failure, match="P001"):
-        build_client(program, clients, bindings, "drive", "pulse", "run")
+    assert build_client(program, clients, bindings, "drive", "pulse", "run").address == "drive/pulse"
+    assert "DServer/activity/pulse/frames" in build_observer(program, bindings, (), "run").listens
     with pytest.raises(Failure, match="P001"):
         build_announcer(program, bindings, "pulse", "run")
     with pytest.raises(KeyError):

@@ -6,9 +6,11 @@ import io
 from collections.abc import Iterable, Sequence
 from typing import Any
 
+from colony.compile.lower.lower import lower_module
 from colony.compile.pipeline import compile_program
+from colony.execute.executor import ModuleExecutor
 from colony.ir.frame import Frame
-from colony.ir.program import Program
+from colony.ir.program import Program, PythonModule
 from colony.runtime.clients.slices import whole_executor
 from colony.runtime.observe.monitor import Monitor
 from colony.runtime.observe.observer import KEYFRAME_NS, FrameLog, Sink
@@ -19,6 +21,7 @@ from colony.runtime.recordings.mcap_writer import McapRecording
 from colony.runtime.recordings.reader import LinesReader
 from colony.runtime.recordings.recorded import RecordedFrame, RunInfo, SourceFile, places
 from colony.verify.reference.interpreter import Interpreter
+from colony.verify.testing.agreement import in_base_units
 
 MS = 1_000_000
 
@@ -44,6 +47,11 @@ def logs(program: Program, trace: Sequence[Frame], restarts: Iterable[int] = ())
     restarts, start, out = frozenset(restarts), 0, []
     interpreter = Interpreter(program)
     monitor, keyframe_ns = Monitor(whole_executor(program)), trace[0].t_ns - KEYFRAME_NS if trace else 0
+    modules = {
+        m.name: ModuleExecutor(lower_module(program, m.name))
+        for m in program.modules
+        if isinstance(m, PythonModule)
+    }
     clients = {
         a.name: [m.name for m in program.modules if m.actuator == a.name] for a in program.robot.actuators
     }
@@ -51,10 +59,13 @@ def logs(program: Program, trace: Sequence[Frame], restarts: Iterable[int] = ())
         if k in restarts:
             interpreter, start = Interpreter(program), k
             monitor.restart()
+            for module in modules.values():
+                module.restart()
         keyframe = None
         if k in restarts or frame.t_ns + program.robot.frame_ns - keyframe_ns > KEYFRAME_NS:
             keyframe, keyframe_ns = monitor.keyframe(), frame.t_ns
-        monitor.check(frame, {})
+        answers = {name: module.step(in_base_units(program, frame)) for name, module in modules.items()}
+        monitor.check(frame, {}, answers=answers)
         outcome = interpreter.step(frame)
         verdicts = {
             d.actuator: Verdict(
@@ -78,6 +89,7 @@ def logs(program: Program, trace: Sequence[Frame], restarts: Iterable[int] = ())
                 disagreements=(),
                 restart=k in restarts,
                 keyframe=keyframe,
+                answers=answers,
             )
         )
     return out

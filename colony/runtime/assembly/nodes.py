@@ -6,12 +6,12 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from colony.compile.clients import ClientList
-from colony.compile.lower.lower import lower_client
-from colony.execute.code import OutsideActive
+from colony.compile.lower.lower import lower_module
+from colony.execute.executor import ModuleExecutor
 from colony.ir.program import Program, PythonModule
 from colony.runtime.clients.announcer import Announcer
 from colony.runtime.clients.client import ClientNode
-from colony.runtime.clients.slices import ActivityExecutor, ClientSlice, whole_executor
+from colony.runtime.clients.slices import ClientSlice, whole_executor
 from colony.runtime.frames.assembly import FrameAssembler, frames_kept
 from colony.runtime.observe.monitor import Monitor
 from colony.runtime.observe.observer import Observer, Sink
@@ -23,7 +23,7 @@ from colony.runtime.protocol.fields import DSERVER
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Members:
     """Who takes part in a run, besides the servers: clients as (actuator, module), highest place first, and
-    the modules in Python whose activity DServer hands on."""
+    the modules in Python, each of which has a process of its own."""
 
     clients: tuple[tuple[str, str], ...]
     announced: tuple[str, ...]
@@ -39,15 +39,9 @@ class Members:
 
 def members(program: Program, clients: ClientList) -> Members:
     """Who takes part. Builds none of them, and imports no module in Python."""
-    outside: set[str] = set()
-    if any(isinstance(m, PythonModule) for m in program.modules):
-        for group in clients.actuators:
-            for client in group.clients:
-                code = lower_client(program, clients, group.actuator, client.module)
-                outside.update(op.module for op in code.ops if isinstance(op, OutsideActive))
     return Members(
         clients=tuple((group.actuator, c.module) for group in clients.actuators for c in group.clients),
-        announced=tuple(m.name for m in program.modules if m.name in outside),
+        announced=_python_modules(program),
     )
 
 
@@ -58,17 +52,16 @@ def build_client(
 
     Raises:
         KeyError: there is no such client.
-        Failure: its module in Python cannot be imported or built.
     """
     part = ClientSlice(program, clients, actuator, module)
     (server,) = (b.server for b in bindings.actuators if b.actuator == actuator)
     (on_loss,) = (a.on_loss for a in program.robot.actuators if a.name == actuator)
     assembler = FrameAssembler(
         _only(bindings.sensors, part.sensors),
-        part.outside,
+        part.python_modules,
         run=run,
         keep=frames_kept(program.robot.frame_ns),
-        degrade=on_loss == "degrade",
+        awaited="degrade" if on_loss == "degrade" else "all",
     )
     return ClientNode(
         actuator=actuator, module=module, server=server, assembler=assembler, part=part, run=run
@@ -76,16 +69,16 @@ def build_client(
 
 
 def build_announcer(program: Program, bindings: Bindings, module: str, run: str) -> Announcer:
-    """The process that tells when a module in Python is active.
+    """Build the process that runs a module in Python, and tells its answers.
 
     Raises:
         KeyError: there is no such module.
         Failure: it cannot be imported or built.
     """
-    found = {m.name: m for m in program.modules if isinstance(m, PythonModule)}[module]
+    executor = ModuleExecutor(lower_module(program, module))
     keep = frames_kept(program.robot.frame_ns)
-    assembler = FrameAssembler(bindings.sensors, run=run, keep=keep)
-    return Announcer(module, assembler, ActivityExecutor(program, found), run=run, keep=keep)
+    assembler = FrameAssembler(_only(bindings.sensors, executor.sensors), run=run, keep=keep)
+    return Announcer(module, assembler, executor, run=run, keep=keep)
 
 
 def build_observer(
@@ -96,17 +89,15 @@ def build_observer(
     *,
     requests: bool = False,
 ) -> Observer:
-    """The process that sees every frame; with `requests`, also what the clients asked for.
-
-    Raises:
-        Failure: a module in Python cannot be imported or built.
-    """
+    """Build the process that sees every frame; with `requests`, also what the clients asked for."""
     degrading = (a.name for a in program.robot.actuators if a.on_loss == "degrade")
+    modules, keep = _python_modules(program), frames_kept(program.robot.frame_ns)
     return Observer(
-        FrameAssembler(bindings.sensors, run=run, keep=frames_kept(program.robot.frame_ns)),
+        FrameAssembler(bindings.sensors, run=run, keep=keep, declared=True),
         tuple(a.name for a in program.robot.actuators),
-        Monitor(whole_executor(program), degrading),
+        Monitor(whole_executor(program), degrading, modules),
         sinks,
+        modules=FrameAssembler((), modules, run=run, keep=keep, awaited="living") if modules else None,
         heeded=tuple(dict.fromkeys(b.server for b in bindings.actuators)) if requests else (),
         frame_ns=program.robot.frame_ns,
     )
@@ -116,6 +107,10 @@ def places_of(program: Program, clients: ClientList) -> dict[str, tuple[str, ...
     """The clients of every actuator of the program, highest place first; none where nothing is wired."""
     wired = {a.actuator: tuple(c.module for c in a.clients) for a in clients.actuators}
     return {a.name: wired.get(a.name, ()) for a in program.robot.actuators}
+
+
+def _python_modules(program: Program) -> tuple[str, ...]:
+    return tuple(m.name for m in program.modules if isinstance(m, PythonModule))
 
 
 def _only(bindings: tuple[SensorBinding, ...], sensors: tuple[str, ...]) -> tuple[SensorBinding, ...]:

@@ -2,15 +2,11 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 from colony.compile.clients import ClientList
 from colony.compile.pipeline import traverse
 from colony.execute.executor import ClientExecutor, ClientListExecutor
-from colony.ir.expression import IsActive
-from colony.ir.frame import Frame
-from colony.ir.program import Contract, Program, PythonModule
-from colony.ir.types import BOOL
+from colony.ir.frame import Answer
+from colony.ir.program import Program
 from colony.runtime.clients.memory import BadMemory, decode_memory, encode_memory
 from colony.runtime.frames.assembly import Assembled
 from colony.runtime.protocol import topics
@@ -22,11 +18,11 @@ class ClientSlice:
 
     Raises:
         KeyError: there is no such client.
-        Failure: its module in Python cannot be imported or built; `step` may, too, where an epoch begins.
     """
 
     def __init__(self, program: Program, clients: ClientList, actuator: str, module: str) -> None:
         self._executor = ClientExecutor(program, clients, actuator, module)
+        self._inactive = dict.fromkeys(self._executor.python_modules, Answer())
         self._actuator = actuator
         self._module = module
         self._fresh = True
@@ -37,14 +33,9 @@ class ClientSlice:
         return self._executor.sensors
 
     @property
-    def outside(self) -> tuple[str, ...]:
-        """The modules in Python, of other processes, whose activity it needs."""
-        return self._executor.outside
-
-    @property
-    def portable(self) -> bool:
-        """Whether another process can go on from `memory`: nothing of it is an object in Python."""
-        return self._executor.portable
+    def python_modules(self) -> tuple[str, ...]:
+        """The modules in Python whose answers it needs; they run in processes of their own."""
+        return self._executor.python_modules
 
     @property
     def memory(self) -> bytes:
@@ -66,7 +57,7 @@ class ClientSlice:
             self._executor.restart()
         self._fresh = False
         lost = frozenset(map(topics.module_of, assembled.tick.lost))
-        took = self._executor.step(assembled.frame, assembled.active, lost)
+        took = self._executor.step(assembled.frame, self._inactive | {**assembled.answers}, lost)
         return Request(
             k=assembled.tick.k,
             actuator=self._actuator,
@@ -79,30 +70,7 @@ class ClientSlice:
 
 def whole_executor(program: Program) -> ClientListExecutor:
     """All clients, and the contracts, of a program. Its guards are not simplified, so that what it remembers
-    has places in the text; and so it is independent of the last pass.
-
-    Raises:
-        Failure: a module in Python cannot be imported or built; so may its `restart`.
+    has places in the text; and so it is independent of the last pass. It is given the answers of modules in
+    Python.
     """
-    return ClientListExecutor(program, traverse(program))
-
-
-class ActivityExecutor:
-    """Whether a module in Python is active, and nothing else. Mutable: the module's memory.
-
-    Raises:
-        Failure: the module cannot be imported or built; so may `restart`.
-    """
-
-    def __init__(self, program: Program, module: PythonModule) -> None:
-        active = Contract(name=module.name, expression=IsActive(type=BOOL, name=module.name))
-        alone = replace(program, modules=(module,), wires=(), limits=(), contracts=(active,), tests=())
-        self._executor = ClientListExecutor(alone, ClientList(guards=(), actuators=()))
-
-    def step(self, frame: Frame) -> bool:
-        """Whether it has a command in this frame."""
-        return not self._executor.step(frame).breaches
-
-    def restart(self) -> None:
-        """Go on from the initial memory, with the module built anew."""
-        self._executor.restart()
+    return ClientListExecutor(program, traverse(program), answered=True)

@@ -56,7 +56,7 @@ def frames_kept(frame_ns: int) -> int:
 class Assembled(NamedTuple):
     """Frame `tick.k` as a program sees it; `current` is whether no later tick has come.
 
-    `answers` are those of the modules in Python that were asked for; one that is not waited for may be absent.
+    `answers` are those of the modules in Python that it needs; one that is not waited for may be absent.
     """
 
     tick: Tick

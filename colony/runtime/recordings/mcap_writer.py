@@ -33,6 +33,7 @@ from colony.ir.types import ScalarValue
 from colony.runtime.arbitration.arbiter import declared_units
 from colony.runtime.observe.observer import KEYFRAME_NS, FrameLog
 from colony.runtime.protocol.messages import Bid, Fate, Hold, Request, Verdict
+from colony.runtime.recordings.answers import answers_text
 from colony.runtime.recordings.json_text import seconds_text, sensor_members
 from colony.runtime.recordings.keyframes import keyframe_members
 from colony.runtime.recordings.lines import ByteFile, write_all
@@ -218,6 +219,8 @@ class McapRecording:
         for name, texts in (("down", tick.down), ("lost", tick.lost), ("disagreements", log.disagreements)):
             if texts:
                 parts.append(f'"{name}": {json.dumps(texts)}')
+        if log.answers:
+            parts.append(f'"python": {answers_text(log.answers)}')
         readings = ", ".join(sensor_members(log.frame, self._program.robot.sensors))
         return f'{{{", ".join(parts)}, "sensors": {{{readings}}}}}'.encode()
 

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
-from colony.ir.program import Actuator, ActuatorField, Program, Sensor
+from colony.ir.program import Actuator, ActuatorField, Program, PythonModule, Sensor
 from colony.ir.types import Array, Bool, Scalar
 
 FRAMES = "/frames"
@@ -76,12 +76,25 @@ def _frame(program: Program) -> Schema:
         skipped=_of("integer", "memory is not known; frames before this one that could not be observed"),
         down=_texts("servers that do not live"),
         lost=_texts("clients that do not live"),
+        python=_object(
+            "answers of modules in Python, of which each is absent where it is not known",
+            **{m.name: _answer() for m in program.modules if isinstance(m, PythonModule)},
+        ),
         sensors=_object(
             "readings in declared units; absent where missing",
             **{s.name: _sensor(s) for s in program.robot.sensors},
         ),
         disagreements=_texts("how verdicts differ from the client list, with nobody late or lost"),
     )
+
+
+def _answer() -> Schema:
+    command: Schema = {
+        "type": "array",
+        "description": "the fields of its command in mm, s and deg; absent where it is not applicable",
+        "items": {"type": "number"},
+    }
+    return _object("", command=command, error=_of("boolean", "it raised, or gave no command"))
 
 
 def _keyframe() -> Schema:

@@ -156,8 +156,10 @@ class ClientsAlone:
     def restart(self) -> None:
         """Go on from the initial memory, with Python modules built anew."""
         self._interpreter = Interpreter(self._program)
-        for part in (*self._clients.values(), *self._modules.values()):
-            part.restart()
+        for client in self._clients.values():
+            client.restart()
+        for module in self._modules.values():
+            module.restart()
 
 
 def in_base_units(program: Program, frame: Frame) -> Frame:

@@ -41,12 +41,8 @@ def at_once(part: NodePart, nodes: tuple[Node, ...]) -> bool:
     """Whether the part's nodes handle any message of a frame in no time to speak of: without images, disks,
     and code in Python that somebody wrote for a module."""
     match part:
-        case ClockPart() | RServerPart() | PServerPart():
+        case ClockPart() | RServerPart() | PServerPart() | ClientPart():
             return True
-        case ClientPart():
-            from colony.runtime.clients.client import ClientNode
-
-            return all(isinstance(node, ClientNode) and node.part.portable for node in nodes)
         case CServerPart() | DServerPart() | AnnouncerPart():
             return False
         case _:
