@@ -13,12 +13,11 @@ from colony.compile.lower.lower import lower, lower_client
 from colony.compile.passes.elaborate import elaborate
 from colony.compile.passes.ways import by_several_ways
 from colony.execute.code import ActuatorCode, ClientCode, Code, Kind, PythonActive
-from colony.execute.decisions import decide, field_bounds
+from colony.execute.decisions import decide
 from colony.execute.machine import Machine
-from colony.execute.settle import leave
 from colony.ir.frame import Answer, Decision, Frame, Outcome, Record
 from colony.ir.memory import ProgramMemory
-from colony.ir.program import Program
+from colony.ir.program import Program, in_declared_units
 from colony.ir.types import ScalarValue
 
 
@@ -94,7 +93,7 @@ class ClientListExecutor:
         winner = self._winner(actuator)
         decided = decide(actuator, winner, self._machine.values)
         self._machine.decided(actuator.actuator.name, decided)
-        values = leave(decided.sent, field_bounds(actuator.actuator))
+        values = in_declared_units(decided.sent, actuator.actuator.fields)
         return Decision(actuator.actuator.name, decided.by, values, decided.fault)
 
     def _winner(self, actuator: ActuatorCode) -> ClientCode | None:

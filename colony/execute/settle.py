@@ -44,18 +44,3 @@ def settle(
     if not all(map(isfinite, (*command, *declared))):
         return "not finite", idle, (*records, ("not finite", by))
     return None, tuple(sent), records + found
-
-
-def leave(
-    values: tuple[float | bool, ...] | None,
-    fields: tuple[tuple[str, float, float | None, float | None], ...],
-) -> tuple[float | bool, ...] | None:
-    """Return a command in declared units, None for none; a bool has no unit."""
-    if values is None:
-        return None
-    return tuple(
-        [
-            value if isinstance(value, bool) else value / factor
-            for value, (_, factor, _, _) in zip(values, fields, strict=True)
-        ]
-    )

@@ -31,7 +31,6 @@ def test_kinds_stay_apart() -> None:
     assert math.copysign(1.0, back["d"]) == -1.0
 
 
-
 BAD = [
     b"",
     b"\xc1",

@@ -28,9 +28,8 @@ from mcap.records import Channel, Chunk, Schema
 from mcap.well_known import MessageEncoding, SchemaEncoding
 from mcap.writer import CompressionType, IndexType, Writer
 
-from colony.ir.program import Actuator, Program
+from colony.ir.program import Actuator, Program, in_declared_units
 from colony.ir.types import ScalarValue
-from colony.runtime.arbitration.arbiter import declared_units
 from colony.runtime.observe.observer import KEYFRAME_NS, FrameLog
 from colony.runtime.protocol.messages import Bid, Fate, Hold, Request, Verdict
 from colony.runtime.recordings.answers import answers_text
@@ -347,7 +346,7 @@ def _requests(k: int, actuator: Actuator, requests: list[Request]) -> RequestsMe
     for request in requests:
         values = request.values
         if values is not None and len(values) == len(actuator.fields):  # others were refused
-            values = declared_units(actuator, values)
+            values = in_declared_units(values, actuator.fields)
         else:
             values = None
         bid = BidMessage(bid=request.bid, values=_named(actuator, values), fault=request.fault)

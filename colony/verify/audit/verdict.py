@@ -7,7 +7,7 @@ from collections.abc import Callable, Sequence
 from typing import Protocol
 
 from colony.ir.frame import Decision
-from colony.ir.program import Actuator
+from colony.ir.program import Actuator, in_declared_units
 from colony.ir.types import ScalarValue
 
 
@@ -86,10 +86,7 @@ def is_excused(verdict: RecordedVerdict) -> bool:
 
 def is_idle(actuator: Actuator, verdict: RecordedVerdict) -> bool:
     """Whether nobody won and the idle command was sent (nothing, for `idle hold`)."""
-    idle = actuator.idle
-    if idle is not None:
-        fields = zip(idle, actuator.fields, strict=True)
-        idle = tuple(x if isinstance(x, bool) else x / f.factor for x, f in fields)
+    idle = in_declared_units(actuator.idle, actuator.fields)
     return verdict.by is None and verdict.fault is None and same_values(verdict.values, idle)
 
 

@@ -7,7 +7,7 @@ from collections.abc import Iterator, Sequence
 
 from colony.ir import expression as ir
 from colony.ir.frame import Decision
-from colony.ir.program import Actuator, Contract, Program, Sensor
+from colony.ir.program import Actuator, Contract, Program, Sensor, in_declared_units
 from colony.ir.types import Bool, Enum, ScalarValue, Value, element_type
 from colony.verify.contracts.decimals import seconds, write
 from colony.verify.contracts.results import Trace
@@ -119,10 +119,7 @@ def _answer(program: Program, module: str, answer: tuple[ScalarValue, ...] | Non
     actuator = next((a for a in program.robot.actuators if a.name == name), None)
     if actuator is None:
         return "yes"
-    values = [
-        x if isinstance(x, bool) else x / f.factor for x, f in zip(answer, actuator.fields, strict=True)
-    ]
-    return _fields(actuator, values)
+    return _fields(actuator, in_declared_units(answer, actuator.fields) or ())
 
 
 def aligned(rows: Sequence[Sequence[str]]) -> Iterator[str]:

@@ -12,7 +12,7 @@ from collections.abc import Iterator, Mapping
 from dataclasses import replace
 
 from colony.ir.expression import Binary, Expression
-from colony.ir.program import Actuator, Module
+from colony.ir.program import Actuator, Module, in_declared_units
 from colony.ir.types import Quantity
 from colony.text.diagnostics import Diagnostic, warning
 from colony.text.units import LENGTH, TIME
@@ -131,12 +131,9 @@ def _moved(
     without = replace(last, readings={n: v for n, v in last.readings.items() if n != sensor})
     outcome = replayed(case.program, (*snapshots[:-1], without))[-1]
     decision = next(d for d in outcome.decisions if d.actuator == actuator.name)
-    if decision.by != module.name or decision.fault or decision.values is None or actuator.idle is None:
+    idle = in_declared_units(actuator.idle, actuator.fields)
+    if decision.by != module.name or decision.fault or decision.values is None or idle is None:
         return set()
-    idle = (
-        x if isinstance(x, bool) else x / f.factor
-        for x, f in zip(actuator.idle, actuator.fields, strict=True)
-    )
     return {i for i, (x, y) in enumerate(zip(decision.values, idle, strict=True)) if x != y}
 
 

@@ -15,7 +15,7 @@ from colony.compile.pipeline import Compiled, compile_program
 from colony.execute.executor import ClientExecutor, ClientListExecutor, ClientStep, ModuleExecutor
 from colony.execute.intake import converted
 from colony.ir.frame import Decision, Executor, Frame, Outcome
-from colony.ir.program import Program, PythonModule
+from colony.ir.program import Program, PythonModule, in_declared_units
 from colony.verify.reference.interpreter import Interpreter
 
 Factory = Callable[[Compiled], Executor]
@@ -188,8 +188,5 @@ def _decided(program: Program, like: Decision, steps: Mapping[tuple[str, str], C
     winner = " and ".join(m for m, _ in active) or None
     values = active[0][1].values if len(active) == 1 else None
     sent = actuator.idle if values is None else values
-    if sent is not None:
-        sent = tuple(
-            x if isinstance(x, bool) else x / f.factor for x, f in zip(sent, actuator.fields, strict=True)
-        )
-    return Decision(actuator.name, winner, sent, active[0][1].fault if active else None)
+    declared = in_declared_units(sent, actuator.fields)
+    return Decision(actuator.name, winner, declared, active[0][1].fault if active else None)
