@@ -4,7 +4,7 @@ soon."""
 from __future__ import annotations
 
 import sys
-from contextlib import ExitStack
+from contextlib import ExitStack, suppress
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, assert_never
@@ -141,6 +141,8 @@ def _client(part: ClientPart) -> Node:
 def _announcer(part: AnnouncerPart) -> Node:
     from colony.runtime.assembly.nodes import build_announcer
 
+    with suppress(OSError):  # elsewhere than on Linux there is no such file
+        Path("/proc/self/oom_score_adj").write_text("1000")
     compiled = _compiled(part)
     return build_announcer(compiled.program, compiled.bindings(), part.module, part.run)
 
