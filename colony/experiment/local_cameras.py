@@ -13,7 +13,7 @@ from colony.runtime.servers.cserver import LONGEST_PERIOD_NS, PERIOD_NS, SHORTES
 from colony.runtime.servers.images import Image
 from colony.sim.cameras.camera import Camera
 from colony.sim.cameras.ceiling import CeilingCamera
-from colony.sim.compiled import Bytes2
+from colony.sim.drivers import image_of
 from colony.sim.world.world import World
 
 
@@ -128,7 +128,7 @@ class CeilingShot:
                 f"{count} rows from row {first} on; expected at least 1 of rows 0 to {self.height - 1}"
             )
         pixels = self._ceiling.rows(self._pose, self._t_ns, range(first, first + count))
-        return _band(pixels, self._t_ns, first)
+        return image_of(pixels, self._t_ns, first)
 
 
 class LevelShot:
@@ -146,9 +146,4 @@ class LevelShot:
         self.height, self.width = camera.config.height, camera.config.width
 
     def rows(self, first: int, count: int) -> Image:
-        return _band(self._draw(first, count), self._t_ns, first)
-
-
-def _band(pixels: Bytes2, t_ns: int, first: int) -> Image:
-    height, width = pixels.shape
-    return Image(t_ns=t_ns, height=height, width=width, channels=1, pixels=pixels.tobytes(), first_row=first)
+        return image_of(self._draw(first, count), self._t_ns, first)

@@ -7,9 +7,10 @@ from collections.abc import Callable, Iterable
 from colony.experiment.local_cameras import CeilingShot, LevelShot, LocalCamera, Shot
 from colony.experiment.variants import CEILING_CAMERA, FRONT_CAMERA, SIDE_CAMERA
 from colony.runtime.servers.drivers import CameraDriver
+from colony.runtime.servers.images import Image
 from colony.sim.cameras.camera import Camera, CameraConfig
 from colony.sim.cameras.scene import scene_of
-from colony.sim.drivers import Plant, SimulatedCamera, SimulatedCeilingCamera
+from colony.sim.drivers import Plant, SimulatedCamera
 from colony.sim.world.site import Site
 from colony.vision.level_camera import AHEAD, SIDE
 
@@ -34,9 +35,13 @@ def camera_driver(plant: Plant, site: Site, name: str, *, seed: int) -> CameraDr
     Raises:
         ValueError: a robot has no such camera.
     """
-    if name == CEILING_CAMERA:
-        return SimulatedCeilingCamera(plant, 0, site.ceiling)
-    return SimulatedCamera(plant, 0, _level_eye(site, name, seed))
+    shutter = _shutter(site, name, seed)
+
+    def take(now_ns: int) -> Image:
+        shot = shutter(now_ns)
+        return shot.rows(0, shot.height)
+
+    return SimulatedCamera(plant, take)
 
 
 def _shutter(site: Site, name: str, seed: int) -> Callable[[int], Shot]:

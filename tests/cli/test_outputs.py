@@ -10,8 +10,8 @@ import pytest
 
 from colony.cli.outputs import check_output, open_alone, write_whole
 from tests.cli.conftest import Colony
+from tests.paths import ROOT
 
-ROOT = Path(__file__).parents[2]
 MAP = str(ROOT / "maps" / "loop.stickrep")
 
 

@@ -4,21 +4,16 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 
-from colony.compile.pipeline import compile_program
 from colony.dsl.load import load_text
 from colony.experiment.behavior import behavior_from
 from colony.experiment.local_cameras import LocalCamera
 from colony.experiment.loop import Loop
 from colony.ir.frame import Decision, Frame
-from colony.runtime.assembly.virtual import Session
 from colony.runtime.kit.script import Script
-from colony.runtime.kit.script_node import ScriptNode
 from colony.runtime.observe.observer import FrameLog
-from colony.runtime.servers.cserver import CServer
 from colony.runtime.servers.images import Image
-from colony.runtime.transport.virtual import VirtualClock
-from colony.sim.drivers import Plant, simulated_drivers
 from colony.sim.world.world import World
+from tests.among_servers import FRAME_NS, run_among_servers
 
 PROGRAM = """
 robot tester {
@@ -51,7 +46,6 @@ network {
 """
 
 WALLS = [(-3e3, -2e3, 9e3, -2e3), (9e3, -2e3, 9e3, 2e3), (9e3, 2e3, -3e3, 2e3), (-3e3, 2e3, -3e3, -2e3)]
-FRAME_NS = 50_000_000
 CAMERA = "CServerUp"
 
 Decided = tuple[Frame, tuple[Decision, ...]]
@@ -95,15 +89,6 @@ def in_loop(make: Scripts, logs: Mapping[str, Log], frames: int) -> list[Decided
     return decided
 
 
-class _Camera:
-    def __init__(self, plant: Plant) -> None:
-        self._plant = plant
-
-    def grab(self) -> Image:
-        now = self._plant.catch_up()
-        return _image(now, self._plant.world.true_pose(0).x_mm)
-
-
 class _Decisions:
     def __init__(self) -> None:
         self.decided: list[Decided] = []
@@ -118,24 +103,15 @@ class _Decisions:
 
 def among_servers(make: Scripts, logs: Mapping[str, Log], frames: int, order_seed: int) -> list[Decided]:
     """The same, among the real servers, with messages of one moment in an order drawn from `order_seed`."""
-    program = load_text(PROGRAM)
-    clock = VirtualClock()
-    plant = Plant(_world(), lambda: clock() // FRAME_NS * FRAME_NS)
-    sink = _Decisions()
-    servers = ("DServer", "RServer", "PServer", CAMERA)
-    scripts = [ScriptNode(name, s, servers, delay_ns=1) for name, s in make(logs).items()]
-    session = Session(
-        program,
-        compile_program(program).clients,
-        simulated_drivers(plant),
-        clock=clock,
+    sink, world = _Decisions(), _world()
+    run_among_servers(
+        PROGRAM,
+        world,
+        make(logs),
+        run_ns=frames * FRAME_NS,
         seed=3,
+        order=order_seed,
+        cameras={CAMERA: lambda now: _image(now, world.true_pose(0).x_mm)},
         sinks=(sink,),
-        order_seed=order_seed,
-        nodes=(CServer(_Camera(plant), keep=40, address=CAMERA), *scripts),
     )
-    session.run(frames * FRAME_NS)
-    for script in scripts:
-        if script.problem is not None:
-            raise script.problem
     return sink.decided
