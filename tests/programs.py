@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 from colony.compile.lower.lower import lower
-from colony.compile.pipeline import Compiled, compile_program
+from colony.compile.pipeline import Compilation, compile_program
 from colony.dsl.load import load_text
 from colony.execute.code import Code
 from colony.execute.executor import ClientExecutor
+from colony.execute.views import whole
 from colony.ir.program import Program
 
 
@@ -31,18 +32,17 @@ robot tester {{
 """
 
 
-def compiled(of: str | Program) -> Compiled:
+def compiled(of: str | Program) -> Compilation:
     """Return what the compiler makes of a whole text."""
     return compile_program(load_text(of) if isinstance(of, str) else of)
 
 
 def lowered(of: str | Program) -> Code:
     """Return the code of all clients of a whole text."""
-    whole = compiled(of)
-    return lower(whole.program, whole.clients)
+    compilation = compiled(of)
+    return whole(lower(compilation.program, compilation.clients).code)
 
 
 def client(of: str | Program, actuator: str, module: str) -> ClientExecutor:
     """Return one client of a whole text, in its initial memory."""
-    whole = compiled(of)
-    return ClientExecutor(whole.program, whole.clients, actuator, module)
+    return ClientExecutor(compiled(of).artifact, actuator, module)

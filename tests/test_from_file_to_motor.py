@@ -1,19 +1,23 @@
-"""From one text to one command at the motor, by the real nodes in virtual time: nothing is done twice."""
+"""One text, followed from its file to its commands at the motor: nothing on the way is done twice."""
 
 from __future__ import annotations
 
 from collections import Counter
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
 
 import pytest
 
-from colony.compile.pipeline import compile_program
-from colony.dsl.load import load_text
-from colony.execute import machine, sensors
+from colony.cli.programs import compile_file
+from colony.compile import pipeline
+from colony.execute import artifact, machine, sensors
+from colony.execute.compiled import Compiled
 from colony.execute.sensors import Records
 from colony.ir.frame import Reading
 from colony.ir.program import Sensor
 from colony.ir.types import Value
-from colony.runtime.assembly.virtual import Session
+from colony.runtime.assembly.virtual import VirtualSession
 from colony.runtime.protocol.bindings import SensorBinding
 from colony.runtime.protocol.messages import Sample
 from tests.runtime.scripted import FAR, Log, Script
@@ -33,53 +37,70 @@ FRAMES = 4
 FRAME_NS = 50_000_000
 LIMIT = 0.3
 NEAR = (*FAR[:12], 999.9, *FAR[13:])
+PASSES = ("elaborate", "eliminate_inhibition", "forward_traversal", "simplify", "lower")
 
 
-def test_each_reading_is_converted_once_and_each_command_once(monkeypatch: pytest.MonkeyPatch) -> None:
-    converted, entered = Counter[tuple[str, str]](), Counter[tuple[str, float]]()
+@pytest.fixture
+def counted(monkeypatch: pytest.MonkeyPatch) -> Counter[str]:
+    """Count how often each pass is run, and each sensor's readings are converted or taken by an executor."""
+    calls: Counter[str] = Counter()
 
-    def counting(name: str) -> None:
-        original = getattr(SensorBinding, name)
+    def count(where: Any, name: str, what: Callable[..., str]) -> None:
+        original = getattr(where, name)
 
-        def convert(binding: SensorBinding, value: Value) -> Value:
-            converted[name, binding.sensor] += 1
-            found: Value = original(binding, value)
-            return found
+        def counting(*arguments: Any) -> Any:
+            calls[what(*arguments)] += 1
+            return original(*arguments)
 
-        monkeypatch.setattr(SensorBinding, name, convert)
+        monkeypatch.setattr(where, name, counting)
 
-    def take(sensor: Sensor, reading: Reading, records: Records) -> tuple[Value, bool, Records]:
-        entered[sensor.name, sensor.factor] += 1
-        return sensors.take(sensor, reading, records)
+    def converted(way: str) -> Callable[[SensorBinding, Value], str]:
+        return lambda binding, _: f"{binding.sensor} {way}"
 
-    counting("in_base_units")
-    counting("in_declared_unit")
-    monkeypatch.setattr(machine, "take", take)
+    def taken(sensor: Sensor, _reading: Reading, _records: Records) -> str:
+        return f"{sensor.name} taken, factor {sensor.factor:g}"
 
-    program = load_text(TEXT)
+    for name in PASSES:
+        count(pipeline, name, lambda *_, name=name: name)
+    for way in ("in_base_units", "in_declared_unit"):
+        count(SensorBinding, way, converted(way))
+    assert machine.take is sensors.take
+    count(machine, "take", taken)
+    return calls
+
+
+def test_from_file_to_motor(counted: Counter[str], tmp_path: Path) -> None:
+    path = tmp_path / "roam.colony"
+    path.write_text(TEXT)
+    data = artifact.encode(compile_file(str(path)).artifact)
+    path.unlink()  # all that is needed is in the artifact
+    compiled: Compiled = artifact.decode(data, "roam.colonyc")
     log = Log()
     script = Script(sonar_at=lambda t: Sample(FAR if t < 2 * FRAME_NS else NEAR, t))
-    session = Session(
-        program,
-        compile_program(program).clients,
-        script.drivers,
-        clock=script.clock,
-        seed=1,
-        variables={"Limit": LIMIT},
-        sinks=(log,),
+    session = VirtualSession(
+        compiled, script.drivers, clock=script.clock, seed=1, variables={"Limit": LIMIT}, sinks=(log,)
     )
     session.run(FRAMES * FRAME_NS)
 
     # base units from the servers' frames to the motor
     assert [command[1:] for command in script.told[-FRAMES:]] == [(300.0, 0.0)] * 2 + [(0.0, 30.0)] * 2
-    # each client has each of its readings converted once, where its frame is made, and computes with that
-    for sensor, clients in (("sonar", 2), ("limit", 1)):  # the guard of `cruise` reads the sonar, too
-        assert converted["in_base_units", sensor] == clients * FRAMES
-        assert entered[sensor, 1.0] == clients * FRAMES
-    # the observer has the declared units that people read, and its monitor converts them once
-    assert converted["in_declared_unit", "sonar"] == converted["in_declared_unit", "limit"] == FRAMES
-    assert entered["limit", 1000.0] == entered["sonar", 1000.0] == FRAMES
-    assert len(entered) == 4
+    # declared units for people
     assert log.frames[0].frame.readings == {"sonar": tuple(x / 1000.0 for x in FAR), "limit": LIMIT}
     assert [frame.verdicts["drive"].values for frame in log.frames] == [(LIMIT, 0.0)] * 2 + [(0.0, 30.0)] * 2
+    assert log.winners() == ["cruise", "cruise", "stop", "stop"]
     assert not any(frame.disagreements for frame in log.frames)
+    assert counted == {
+        # each pass is run once
+        **dict.fromkeys(PASSES, 1),
+        # each client has each of its readings converted once, where its frame is made, and computes with
+        # that; the guard of `cruise` reads the sonar, too
+        "sonar in_base_units": 2 * FRAMES,
+        "sonar taken, factor 1": 2 * FRAMES,
+        "limit in_base_units": FRAMES,
+        "limit taken, factor 1": FRAMES,
+        # the observer has the declared units that people read, and its monitor converts them once
+        "sonar in_declared_unit": FRAMES,
+        "sonar taken, factor 1000": FRAMES,
+        "limit in_declared_unit": FRAMES,
+        "limit taken, factor 1000": FRAMES,
+    }

@@ -8,45 +8,28 @@ from pathlib import Path
 from colony.cli.python_sources import python_sources
 from colony.dsl.check.program import check_program
 from colony.dsl.files import SourceTree, load_tree
+from colony.execute.compiled import SourceFile
 from colony.ir.program import Program, PythonModule
 from colony.os_errors import naming
-from colony.runtime.recordings.recorded import RunInfo, SourceFile
+from colony.runtime.recordings.recorded import RunInfo
 from colony.text.diagnostics import Diagnostic, Failure, error, has_errors, headline
 from colony.text.source import Source, Span
 
 
-def program_sources(path: str, program: Program) -> tuple[str, tuple[SourceFile, ...]]:
-    """The place of the file that was run, and all files that `program` was made of.
+def program_sources(path: str, program: Program, tree: SourceTree) -> tuple[str, tuple[SourceFile, ...]]:
+    """Return the place of the file at `path`, and all files that `program` was made of.
 
-    Places are relative to the folder that has all of them. Texts are those that were checked, whatever has
-    become of the files since.
+    Places are relative to the folder that has all of them.
     """
-    texts = _texts(program)
-    tree = load_tree(Path(path), path, texts.get(path))
     places = _places(path, tree)
     base = os.path.commonpath([os.path.dirname(place) for place in places.values()]) if places else "."
     root, sources = "", []
     for file in tree.files:
         place = Path(os.path.relpath(places[file.key], base)).as_posix()
         root = place if file.is_root else root
-        text = texts.get(file.source.name, file.source.text)
-        sources.append(SourceFile(kind="behavior", place=place, data=text.encode()))
+        sources.append(SourceFile(kind="behavior", place=place, data=file.source.text.encode()))
     modules = (m.module_path for m in program.modules if isinstance(m, PythonModule))
     return root, (*sources, *python_sources(modules))
-
-
-def _texts(program: Program) -> dict[str, str]:
-    """The texts that the parts of a program are from, by the name of the file."""
-    parts = (
-        program.robot,
-        *program.derived,
-        *program.modules,
-        *program.wires,
-        *program.limits,
-        *program.contracts,
-        *program.tests,
-    )
-    return {part.span.source.name: part.span.source.text for part in parts}
 
 
 def _places(path: str, tree: SourceTree) -> dict[str, str]:

@@ -11,8 +11,7 @@ from colony.files import reason
 from colony.os_errors import limit_advice
 
 if TYPE_CHECKING:
-    from colony.compile.clients import ClientList
-    from colony.ir.program import Program
+    from colony.execute.compiled import Compiled
     from colony.runtime.observe.observer import FrameLog
     from colony.runtime.recordings.lines import Recording
     from colony.runtime.recordings.mcap_writer import McapRecording
@@ -80,15 +79,13 @@ def _why(problem: OSError) -> str:
 
 def recording_into(
     path: str,
-    file: str,
-    program: Program,
-    clients: ClientList,
+    compiled: Compiled,
     *,
     seed: int,
     run: str = "",
     started: str = "",
 ) -> RunRecording:
-    """A sink that records a run of the behavior `file` into `path`; exits with 2 where it cannot be written.
+    """Return a sink that records a run into `path`; exits with 2 where it cannot be written.
 
     `run` names a run on a real robot, `started` when it was.
     """
@@ -97,24 +94,22 @@ def recording_into(
         if not is_mcap(path):
             from colony.runtime.recordings.lines import Recording
 
-            return RunRecording(Recording(program, opened), path)
-        from colony.cli.recorded_program import program_sources
+            return RunRecording(Recording(compiled, opened), path)
         from colony.runtime.recordings.mcap_writer import McapRecording
-        from colony.runtime.recordings.recorded import RunInfo, places
+        from colony.runtime.recordings.recorded import RunInfo
 
-        root, sources = program_sources(file, program)
         info = RunInfo(
-            robot=program.robot.name,
-            frame_ns=program.robot.frame_ns,
+            robot=compiled.name,
+            frame_ns=compiled.frame_ns,
             seed=seed,
             version=__version__,
-            clients=places(clients),
-            program=root,
-            sources=sources,
+            clients=compiled.clients,
+            program=compiled.root,
+            sources=compiled.sources,
             run=run,
             started=started,
         )
-        return RunRecording(McapRecording(program, info, opened), path)
+        return RunRecording(McapRecording(compiled, info, opened), path)
     except BlockingIOError:
         cannot_write(path, "another run is recording into it")
     except OSError as problem:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from colony.cli.virtual_robot import RUN, VirtualRobot
-from colony.compile.pipeline import Compiled
+from colony.compile.pipeline import Compilation
 from colony.ir.frame import Decision, Frame, Outcome
 from colony.runtime.observe.observer import FrameLog
 from colony.runtime.protocol import topics
@@ -30,16 +30,14 @@ class VirtualExecutor:
         Undecided: in `step`, where the runtime does not decide a frame, or its monitor finds something wrong.
     """
 
-    def __init__(self, compiled: Compiled, *, seed: int = 0) -> None:
-        self._compiled, self._seed = compiled, seed
-        self._actuators = tuple(a.name for a in compiled.program.robot.actuators)
+    def __init__(self, compilation: Compilation, *, seed: int = 0) -> None:
+        self._compiled, self._seed = compilation.artifact, seed
+        self._actuators = tuple(a.name for a in self._compiled.robot.actuators)
         self._begin()
 
     def _begin(self) -> None:
         self._frame = Frame(0, {})
-        self._robot = VirtualRobot(
-            self._compiled.program, self._compiled.clients, lambda tick: self._frame.readings, seed=self._seed
-        )
+        self._robot = VirtualRobot(self._compiled, lambda tick: self._frame.readings, seed=self._seed)
         self._clock = VirtualClock()
         self._transport = VirtualTransport(self._clock, seed=self._seed)
         for build in self._robot.builders.values():

@@ -11,12 +11,12 @@ from collections.abc import Callable, Iterator, Mapping
 from functools import partial
 from typing import NamedTuple
 
-from colony.compile.clients import ClientList
+from colony.execute.compiled import Compiled
 from colony.ir.frame import Reading
-from colony.ir.program import Program, in_declared_units
+from colony.ir.program import Robot, in_declared_units
 from colony.ir.types import ScalarValue
 from colony.runtime.arbitration.arbiter import Dispatch, timing
-from colony.runtime.assembly.nodes import build_announcer, build_client, build_observer, members
+from colony.runtime.assembly.nodes import build_announcer, build_client, build_observer
 from colony.runtime.frames.assembly import frames_kept
 from colony.runtime.observe.observer import FrameLog, Observer
 from colony.runtime.protocol import topics
@@ -138,13 +138,12 @@ class VirtualRobot:
         Failure: a module in Python cannot be imported or built.
     """
 
-    def __init__(self, program: Program, clients: ClientList, readings: Readings, *, seed: int = 0) -> None:
-        self.program, self.clients = program, clients
+    def __init__(self, compiled: Compiled, readings: Readings, *, seed: int = 0) -> None:
         self.sent: list[Sent] = []
         self.log = Log()
-        self.keep = keep = frames_kept(program.robot.frame_ns)
-        bindings, who = _bindings(program), members(program, clients)
-        self.deployed = deployment(program, clients, bindings, run=RUN, seed=seed, announced=who.announced)
+        self.keep = keep = frames_kept(compiled.frame_ns)
+        bindings = _bindings(compiled.robot)
+        self.deployed = deployment(compiled, bindings, run=RUN, seed=seed)
         store = MemoryStore()
         self.builders: dict[str, Callable[[], Node]] = {
             ACTING: lambda: Actor(self.deployed, keep, self.sent),
@@ -153,20 +152,19 @@ class VirtualRobot:
         for server in SENSING:
             names = tuple(b.sensor for b in bindings.sensors if b.server == server)
             self.builders[server] = partial(SensorServer, server, readings, names, keep)
-        for actuator, module in who.clients:
+        for actuator, module, _ in compiled.clients:
             self.builders[topics.client_address(actuator, module)] = partial(
-                build_client, program, clients, bindings, actuator, module, RUN
+                build_client, compiled, bindings, actuator, module, RUN
             )
-        for module in who.announced:
+        for module in compiled.announced:
             self.builders[topics.activity(DSERVER.name, module)] = partial(
-                build_announcer, program, bindings, module, RUN
+                build_announcer, compiled, bindings, module, RUN
             )
-        self.observer: Observer = build_observer(program, bindings, (self.log,), RUN)
+        self.observer: Observer = build_observer(compiled, bindings, (self.log,), RUN)
 
 
-def _bindings(program: Program) -> Bindings:
+def _bindings(robot: Robot) -> Bindings:
     """Sensors go by turns to the servers that have them, in their declared units."""
-    robot = program.robot
     return Bindings(
         sensors=tuple(
             SensorBinding(

@@ -1,4 +1,4 @@
-"""Executes `Code` op by op: all clients of a program, or one client in the runtime.
+"""Executes a compiled program op by op: all of its clients, or one client in the runtime.
 
 Plain and unhurried; what is generated from the same Code (`colony.compile.backends`) is fast.
 """
@@ -8,16 +8,14 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Literal, NamedTuple
 
-from colony.compile.clients import ClientList
-from colony.compile.lower.lower import lower, lower_client
-from colony.compile.passes.elaborate import elaborate
-from colony.compile.passes.ways import by_several_ways
-from colony.execute.code import ActuatorCode, ClientCode, Code, Kind, PythonActive
+from colony.execute.code import ActuatorCode, ClientCode, Kind, PythonActive, PythonField
+from colony.execute.compiled import Compiled
 from colony.execute.decisions import decide
 from colony.execute.machine import Machine
+from colony.execute.views import of_client, of_module, unsimplified, whole
 from colony.ir.frame import Answer, Decision, Frame, Outcome, Record
 from colony.ir.memory import ProgramMemory
-from colony.ir.program import Program, in_declared_units
+from colony.ir.program import in_declared_units
 from colony.ir.types import ScalarValue
 
 
@@ -29,7 +27,13 @@ class ClientListExecutor:
     """Executes a program as its clients (an `ir.frame.Executor`). Mutable: it has all of the memory.
 
     The winner is the first client whose guard holds or, if `exclusive`, the one whose exclusive guard holds.
-    If `answered`, modules in Python run elsewhere, and `step` is given their answers.
+
+    Args:
+        compiled: the program.
+        exclusive: whether the exclusive guards decide.
+        simplified: whether simplified guards decide. By the others time constants have places in `memory`,
+            and nothing is owed to the last pass.
+        answered: whether modules in Python run elsewhere, and `step` is given their answers.
 
     Raises:
         Failure: a Python module's class cannot be imported or built.
@@ -37,9 +41,9 @@ class ClientListExecutor:
     """
 
     def __init__(
-        self, program: Program, clients: ClientList, *, exclusive: bool = False, answered: bool = False
+        self, compiled: Compiled, *, exclusive: bool = False, simplified: bool = True, answered: bool = False
     ) -> None:
-        self.code = lower(program, clients)
+        self.code = whole(compiled.code) if simplified else unsimplified(compiled.code)
         self._exclusive, self._answered = exclusive, answered
         self.restart()
 
@@ -65,8 +69,8 @@ class ClientListExecutor:
 
     @property
     def memory(self) -> ProgramMemory | None:
-        """The memory, of a client list in which time constants have places (`pipeline.traverse`); None where
-        it runs modules in Python, which have memory of their own."""
+        """The memory, by guards that are not simplified; None where it runs modules in Python: they have
+        theirs."""
         machine = self._machine
         if machine.python:
             return None
@@ -149,13 +153,11 @@ class ClientExecutor:
         KeyError: there is no such client.
     """
 
-    def __init__(self, program: Program, clients: ClientList, actuator: str, module: str) -> None:
-        self.code = lower_client(program, clients, actuator, module)
+    def __init__(self, compiled: Compiled, actuator: str, module: str) -> None:
+        self.code = of_client(compiled.code, actuator, module)
         self._machine = Machine(self.code)
         (self._actuator,) = self.code.actuators
         (self._client,) = self._actuator.clients
-        same = self._client.guard == self._client.exclusive
-        self._several_ways = same and by_several_ways(elaborate(program), actuator, module)
 
     @property
     def sensors(self) -> tuple[str, ...]:
@@ -165,7 +167,8 @@ class ClientExecutor:
     @property
     def python_modules(self) -> tuple[str, ...]:
         """The modules in Python whose answers `step` needs."""
-        return tuple(op.module for op in self.code.ops if isinstance(op, PythonActive))
+        needed = (op.module for op in self.code.ops if isinstance(op, PythonActive | PythonField))
+        return tuple(dict.fromkeys(needed))
 
     def step(
         self, frame: Frame, answers: Mapping[str, Answer] | None = None, lost: frozenset[str] = frozenset()
@@ -195,7 +198,7 @@ class ClientExecutor:
             return "command"
         if not values[client.active]:
             return "silent"
-        return "suppressed" if values[client.guard] or self._several_ways else "inhibited"
+        return "suppressed" if values[client.guard] or client.several_ways else "inhibited"
 
     @property
     def memory(self) -> ClientMemory:
@@ -219,16 +222,17 @@ class ClientExecutor:
 
 
 class ModuleExecutor:
-    """Executes one module in Python, from its lowered `code`. Mutable: its memory, and the module's own.
+    """Executes one module in Python. Mutable: the memory of what it reads, and the module's own.
 
     Its frames are in base units.
 
     Raises:
+        KeyError: there is no such module.
         Failure: the module cannot be imported or built.
     """
 
-    def __init__(self, code: Code) -> None:
-        self._code = code
+    def __init__(self, compiled: Compiled, module: str) -> None:
+        self._code = of_module(compiled.code, module)
         self.restart()
 
     @property

@@ -47,6 +47,5 @@ def behavior_from(program: Program) -> Behavior:
     Raises:
         Failure: it is bound to what no server has, or a module in Python cannot be built.
     """
-    clients = compile_program(program).clients
-    source = generate(program, clients)
-    return Behavior(program=program, bindings=bind(program), source=source, first=load(source))
+    source = generate(compile_program(program).artifact)
+    return Behavior(program=program, bindings=bind(program.robot), source=source, first=load(source))

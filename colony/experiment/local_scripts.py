@@ -15,7 +15,8 @@ from typing import Any
 from colony.experiment.local_servers import LocalServer, answer
 from colony.runtime.kit.errors import CallRefused, ServerNotFound
 from colony.runtime.kit.script import Do, Script, Sleep
-from colony.runtime.protocol.calls import LATER, Asked, Caller, Refused
+from colony.runtime.protocol.calls import LATER, Asked, Refused
+from colony.runtime.protocol.connections import Caller
 
 STEPS_IN_A_MOMENT = 20_000
 """A script that does more than this without any time passing does not end by itself."""

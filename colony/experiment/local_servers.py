@@ -28,7 +28,7 @@ from colony.runtime.servers.naming import named
 from colony.runtime.servers.publishing import Fields
 from colony.runtime.servers.semaphores import Semaphores, timed_out
 from colony.runtime.servers.variables import Variables, encoded, prepared, unknown
-from colony.runtime.servers.virtual_position import Odometer, Pose
+from colony.runtime.servers.virtual_position import Odometer, OdometerPose
 from colony.runtime.store.store import Journal, MemoryStore
 from colony.sim.drivers import base_state
 from colony.sim.world.world import World
@@ -89,7 +89,7 @@ class LocalData:
         self.variables = Variables(journal)
         self.variables.read_by_program(reads)
         self.variables.show(reads)
-        self._semaphores = Semaphores(journal)
+        self.semaphores = Semaphores(journal)
         self.granted: Granted = []
         self._alarm: int | None = None
         self.handlers: Mapping[str, Handler] = {
@@ -122,9 +122,9 @@ class LocalData:
     def expire(self, now_ns: int) -> None:
         """Refuse those whose patience is at an end."""
         if self._alarm is not None and now_ns >= self._alarm:
-            for waiter in self._semaphores.expire(now_ns):
+            for waiter in self.semaphores.expire(now_ns):
                 self.granted.append((waiter.asked, timed_out(waiter.name)))
-            self._alarm = self._semaphores.wake_at
+            self._alarm = self.semaphores.wake_at
 
     def _set(self, asked: Asked, arguments: data.Set, reply: Any, now_ns: int) -> None:
         name = named(arguments.name)
@@ -156,11 +156,11 @@ class LocalData:
     def _create_semaphore(
         self, asked: Asked, arguments: data.CreateSemaphore, reply: Any, now_ns: int
     ) -> bool:
-        return self._semaphores.create(named(arguments.name), arguments.value)
+        return self.semaphores.create(named(arguments.name), arguments.value)
 
     def _wait(self, asked: Asked, arguments: data.Wait, reply: Any, now_ns: int) -> Later | None:
         name, wait_ns = arguments.name, arguments.wait_ns
-        waiter = self._semaphores.wait(asked, name, wait_ns, now_ns, hold=arguments.hold)
+        waiter = self.semaphores.wait(asked, name, wait_ns, now_ns, hold=arguments.hold)
         if waiter is None:
             return None
         due = waiter.until_ns
@@ -169,12 +169,12 @@ class LocalData:
         return LATER
 
     def _signal(self, asked: Asked, arguments: data.Named, reply: Any, now_ns: int) -> None:
-        granted = self._semaphores.signal(arguments.name, asked.caller.connection)
+        granted = self.semaphores.signal(arguments.name, asked.caller.connection)
         if granted is not None:
             self.granted.append((granted, None))
 
     def _semaphore(self, asked: Asked, arguments: data.Named, reply: Any, now_ns: int) -> data.SemaphoreState:
-        return self._semaphores.state(arguments.name)
+        return self.semaphores.state(arguments.name)
 
 
 class LocalBase:
@@ -229,7 +229,7 @@ class LocalBase:
         self._setting = STILL
         self._world.command(self._robot, 0.0, 0.0)
 
-    def believed(self, now_ns: int) -> Pose:
+    def believed(self, now_ns: int) -> OdometerPose:
         """The virtual position."""
         return self._odometer.observe(self._state(now_ns))
 
@@ -279,8 +279,8 @@ class LocalProximity:
         return proximity.InfraredReading(t_ns=now_ns, seen=self.infrared())
 
 
-def _pose(arguments: robot.PoseArguments) -> Pose:
-    pose = Pose(arguments.x, arguments.y, arguments.heading)
+def _pose(arguments: robot.PoseArguments) -> OdometerPose:
+    pose = OdometerPose(arguments.x, arguments.y, arguments.heading)
     if not all(map(math.isfinite, pose)):
         raise Refused("arguments", f"the pose is {tuple(pose)}; expected finite numbers")
     return pose

@@ -13,7 +13,7 @@ import pytest
 
 from colony.cli.virtual_executor import VirtualExecutor
 from colony.cli.virtual_faults import with_faults
-from colony.compile.pipeline import Compiled, compile_program
+from colony.compile.pipeline import Compilation, compile_program
 from colony.dsl.load import load_file
 from colony.ir.frame import Frame
 from colony.runtime.arbitration.arbiter import Arbiter
@@ -30,7 +30,7 @@ RUNTIME = {"runtime": VirtualExecutor}
 
 
 @cache
-def compiled(name: str) -> Compiled:
+def compiled(name: str) -> Compilation:
     return compile_program(load_file(ROOT / "behaviors" / f"{name}.colony"))
 
 
@@ -85,7 +85,7 @@ network { base = sum  out = also }
 """What it commands shows every frame that was missed, invented, or seen twice."""
 
 
-def broken(of: Compiled, seeds: int) -> str | None:
+def broken(of: Compilation, seeds: int) -> str | None:
     """What is said of the first run with faults that goes wrong."""
     for seed in range(seeds):
         trace = tuple(

@@ -8,7 +8,7 @@ and reads well. After a change on purpose: `python -m tests.compile.test_whole_c
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import fields
+from dataclasses import fields, replace
 from pathlib import Path
 
 import pytest
@@ -20,10 +20,11 @@ from colony.compile.backends.json import to_json
 from colony.compile.backends.python.generate import generate
 from colony.compile.backends.table import client_table
 from colony.compile.clients import ClientList
-from colony.compile.lower.lower import lower, lower_client
+from colony.compile.lower.lower import lower
 from colony.compile.pipeline import compile_program
 from colony.dsl.load import load_text
 from colony.execute.code import Code
+from colony.execute.views import of_client, whole
 from colony.ir.program import Program
 from colony.verify.testing.agreement import client_disagreement, disagreement
 from colony.verify.testing.strategies import traces
@@ -32,6 +33,10 @@ LONGEST = 1000
 """Programs with more ops are not listed op by op."""
 
 CASES = sorted((Path(__file__).parent / "cases" / "code").glob("*.colony"))
+
+
+UNLISTED = ("span", "heard_guard", "heard_exclusive", "traversed", "several_ways")
+"""Fields of clients that say the same as others in a view, or nothing of code."""
 
 
 def listing(code: Code) -> Iterator[str]:
@@ -45,10 +50,10 @@ def listing(code: Code) -> Iterator[str]:
                 yield f"{field.name}: " + ", ".join(
                     f"{f.name}={getattr(one, f.name)!r}"
                     for f in fields(one)
-                    if f.name not in ("span", "actuator", "clients")
+                    if f.name not in ("span", "actuator", "clients", "traversed")
                 )
                 for client in getattr(one, "clients", ()):
-                    parts = (f.name for f in fields(client) if f.name != "span")
+                    parts = (f.name for f in fields(client) if f.name not in UNLISTED)
                     yield "  " + ", ".join(f"{name}={getattr(client, name)!r}" for name in parts)
         elif field.name not in ("ops", "kinds", "names", "sensors"):
             yield f"{field.name}: {value!r}"
@@ -61,12 +66,12 @@ def made_of(path: Path) -> dict[str, str]:
     compiled = compile_program(program)
     clients = compiled.clients
     texts = {
-        ".explained.txt": f"{explain(compiled)}\n\n{client_table(compiled)}\n\n{to_json(compiled)}",
-        ".generated.txt": generate(program, clients),
+        ".explained.txt": f"{explain(compiled)}\n\n{client_table(compiled)}\n\n{to_json(clients)}",
+        ".generated.txt": generate(lower(program, clients)),
     }
-    whole = lower(program, clients)
-    if len(whole.ops) < LONGEST:
-        texts[".code.txt"] = _listed(program, clients, whole)
+    code = whole(lower(program, clients).code)
+    if len(code.ops) < LONGEST:
+        texts[".code.txt"] = _listed(program, clients, code)
     return texts
 
 
@@ -75,7 +80,7 @@ def _listed(program: Program, clients: ClientList, whole: Code) -> str:
     for one in clients.actuators:
         for client in one.clients:
             lines += ["", f"--- {client.module} for {one.actuator}"]
-            lines += listing(lower_client(program, clients, one.actuator, client.module))
+            lines += listing(of_client(lower(program, clients).code, one.actuator, client.module))
     return "\n".join(lines) + "\n"
 
 
@@ -99,9 +104,10 @@ def test_without_contracts_nothing_of_them_is_left() -> None:
     (path,) = (path for path in CASES if path.stem == "memory")
     program = load_text(path.read_text(), path.name)
     clients = compile_program(program).clients
-    assert "breaches +=" in generate(program, clients)
-    assert "breaches +=" not in generate(program, clients, contracts=False)
-    assert lower(program, clients, contracts=False).contracts == ()
+    without = replace(program, contracts=())
+    assert "breaches +=" in generate(lower(program, clients))
+    assert "breaches +=" not in generate(lower(without, clients))
+    assert lower(without, clients).contracts == ()
 
 
 if __name__ == "__main__":

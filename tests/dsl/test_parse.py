@@ -125,7 +125,7 @@ def test_places() -> None:
     [let] = tree(text).declarations
     assert isinstance(let, ast.LetDecl)
 
-    def shown(node: ast.Node) -> str:
+    def shown(node: ast.SyntaxNode) -> str:
         return text[node.start : node.end]
 
     assert shown(let) == "let abc = 12 mm + min(a.b, -c)"

@@ -8,6 +8,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from colony.compile.lower.lower import lower
 from colony.compile.pipeline import compile_program
 from colony.dsl.load import load_text
 from colony.execute.executor import ClientExecutor, ClientMemory
@@ -37,7 +38,7 @@ contract c: previous(z, 0) < 10
 
 def _client(module: str, on_loss: str = "stop", actuator: str = "out") -> ClientExecutor:
     program = load_text(TEXT % on_loss)
-    return ClientExecutor(program, compile_program(program).clients, actuator, module)
+    return ClientExecutor(compile_program(program).artifact, actuator, module)
 
 
 def test_a_client_reads_only_what_it_needs() -> None:
@@ -127,9 +128,9 @@ def test_a_client_that_was_started_anew_goes_on_as_the_other(data: st.DataObject
     trace = data.draw(traces(program))
     clients = compile_program(program).clients
     for actuator, module in _without_python(program):
-        one = ClientExecutor(program, clients, actuator, module)
+        one = ClientExecutor(lower(program, clients), actuator, module)
         for frame in trace:
-            other = ClientExecutor(program, clients, actuator, module)
+            other = ClientExecutor(lower(program, clients), actuator, module)
             other.memory = one.memory
             assert repr(other.step(frame)) == repr(one.step(frame))
             assert repr(other.memory) == repr(one.memory)
@@ -154,7 +155,7 @@ network { out = %s }
 def _bids(wiring: str, module: str, *frames: str) -> list[str]:
     """Bids of a module in frames in which the sensors named are true, a tenth of a second apart."""
     program = load_text(WHY % wiring)
-    client = ClientExecutor(program, compile_program(program).clients, "out", module)
+    client = ClientExecutor(compile_program(program).artifact, "out", module)
     bids: list[str] = []
     for k, true in enumerate(frames):
         frame = Frame(k * 10**8, {name: name in true for name in "abc"})
@@ -178,7 +179,7 @@ def test_why_a_client_is_not_active() -> None:
 
 def test_a_missing_sensor_is_silence() -> None:
     program = load_text(WHY % "top suppresses low")
-    low = ClientExecutor(program, compile_program(program).clients, "out", "low")
+    low = ClientExecutor(compile_program(program).artifact, "out", "low")
     assert low.step(Frame(0, {"a": True, "b": False})).bid == "silent"
     assert low.step(Frame(1, {"c": True})).bid == "command"
 
@@ -202,7 +203,7 @@ def test_bids_are_what_the_network_says(data: st.DataObject) -> None:
     clients = compile_program(program).clients
     interpreter = Interpreter(program)
     alone = {
-        (a.actuator, c.module): ClientExecutor(program, clients, a.actuator, c.module)
+        (a.actuator, c.module): ClientExecutor(lower(program, clients), a.actuator, c.module)
         for a in clients.actuators
         for c in a.clients
     }

@@ -12,6 +12,7 @@ from colony.compile.pipeline import compile_program
 from colony.dsl.load import load_text
 from colony.execute.executor import ClientExecutor, ClientListExecutor, ClientMemory, NotExclusive
 from colony.execute.machine import build
+from colony.execute.views import whole
 from colony.ir.frame import Frame
 from colony.text.diagnostics import Failure
 from tests.runtime.programs import roam
@@ -42,7 +43,7 @@ network {{ out = n  go = m }}
 
 def client(text: str, actuator: str, module: str) -> ClientExecutor:
     program = load_text(text)
-    return ClientExecutor(program, compile_program(program).clients, actuator, module)
+    return ClientExecutor(compile_program(program).artifact, actuator, module)
 
 
 # --- memory ------------------------------------------------------------------------------------------
@@ -81,7 +82,7 @@ def test_memory_has_the_type_of_its_cell() -> None:
 
 def test_a_class_that_cannot_be_built_is_named_with_what_to_do() -> None:
     program = load_text(MOODY)
-    (call,) = lower(program, compile_program(program).clients).python
+    (call,) = whole(lower(program, compile_program(program).clients).code).python
     cases = (
         ({"module_path": "colony.nowhere"}, "colony.nowhere:Moody", "ModuleNotFoundError"),
         ({"class_name": "Nobody"}, "colony.verify.testing.python_modules:Nobody", "AttributeError"),
@@ -112,9 +113,8 @@ def test_two_exclusive_guards_at_once_are_told_by_name() -> None:
     clients = compile_program(program).clients
     (drive,) = clients.actuators
     wrong = tuple(replace(c, exclusive=c.guard) for c in drive.clients)
-    executor = ClientListExecutor(
-        program, replace(clients, actuators=(replace(drive, clients=wrong),)), exclusive=True
-    )
+    broken = replace(clients, actuators=(replace(drive, clients=wrong),))
+    executor = ClientListExecutor(lower(program, broken), exclusive=True)
     with pytest.raises(NotExclusive, match=r"^drive: avoid, cruise$"):
         executor.step(Frame(0, {"sonar": (100.0,) * 24, "bumper": False, "chance": 0.5}))
 
@@ -127,7 +127,7 @@ contract high: out.v > 5
 contract sent: out is commanded implies out.v > 5
 """
     program = load_text(text)
-    executor = ClientListExecutor(program, compile_program(program).clients)
+    executor = ClientListExecutor(compile_program(program).artifact)
     for b, x, broken in (
         (False, 9.0, ()),
         (True, 9.0, ()),

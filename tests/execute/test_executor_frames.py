@@ -8,6 +8,7 @@ from typing import Any
 import pytest
 
 from colony.compile.backends.python.generate import generate, load
+from colony.compile.lower.lower import lower
 from colony.compile.pipeline import compile_program
 from colony.dsl.load import load_text
 from colony.execute.executor import ClientListExecutor, NotExclusive
@@ -19,9 +20,9 @@ def _executors(text: str) -> dict[str, Any]:
     program = load_text(text)
     clients = compile_program(program).clients
     return {
-        "priority": ClientListExecutor(program, clients),
-        "exclusive": ClientListExecutor(program, clients, exclusive=True),
-        "generated": load(generate(program, clients)),
+        "priority": ClientListExecutor(lower(program, clients)),
+        "exclusive": ClientListExecutor(lower(program, clients), exclusive=True),
+        "generated": load(generate(lower(program, clients))),
         "interpreter": Interpreter(program),
     }
 
@@ -337,7 +338,7 @@ def test_two_exclusive_guards_that_hold_are_an_error() -> None:
     broken = type(clients)(
         guards=clients.guards, actuators=(type(drive)(actuator="drive", clients=tuple(wrong)),)
     )
-    executor = ClientListExecutor(program, broken, exclusive=True)
+    executor = ClientListExecutor(lower(program, broken), exclusive=True)
     with pytest.raises(NotExclusive, match="drive: m, n"):
         executor.step(Frame(0, {"x": 0.0, "y": 0.0, "b": True}))
     assert first.module == "m"

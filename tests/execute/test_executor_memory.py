@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 from colony.compile.backends.python.generate import generate, load
+from colony.compile.lower.lower import lower
 from colony.compile.pipeline import compile_program
 from colony.dsl.load import load_text
 from colony.execute.executor import ClientListExecutor
@@ -32,9 +33,9 @@ def _executors(text: str) -> dict[str, Any]:
     program = load_text(ROBOT + text)
     clients = compile_program(program).clients
     return {
-        "priority": ClientListExecutor(program, clients),
-        "exclusive": ClientListExecutor(program, clients, exclusive=True),
-        "generated": load(generate(program, clients)),
+        "priority": ClientListExecutor(lower(program, clients)),
+        "exclusive": ClientListExecutor(lower(program, clients), exclusive=True),
+        "generated": load(generate(lower(program, clients))),
         "interpreter": Interpreter(program),
     }
 
@@ -312,9 +313,9 @@ network { out = high suppresses[1.5 s] low }
     program = load_text(text)
     clients = compile_program(program).clients
     executors = [
-        ClientListExecutor(program, clients),
-        ClientListExecutor(program, clients, exclusive=True),
-        load(generate(program, clients)),
+        ClientListExecutor(lower(program, clients)),
+        ClientListExecutor(lower(program, clients), exclusive=True),
+        load(generate(lower(program, clients))),
         Interpreter(program),
     ]
     rows = [

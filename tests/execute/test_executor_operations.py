@@ -8,6 +8,7 @@ from math import cos, inf, nan, pi, sin
 import pytest
 
 from colony.compile.backends.python.generate import generate, load
+from colony.compile.lower.lower import lower
 from colony.compile.pipeline import compile_program
 from colony.dsl.load import load_text
 from colony.execute.executor import ClientListExecutor
@@ -195,8 +196,8 @@ def _executors(text: str) -> dict[str, object]:
     program = load_text(text)
     clients = compile_program(program).clients
     return {
-        "clients": ClientListExecutor(program, clients),
-        "generated": load(generate(program, clients)),
+        "clients": ClientListExecutor(lower(program, clients)),
+        "generated": load(generate(lower(program, clients))),
         "interpreter": Interpreter(program),
     }
 

@@ -9,7 +9,7 @@ from typing import Any, ClassVar
 import pytest
 
 from colony.compile.backends.python.generate import generate, load
-from colony.compile.lower.lower import lower_module
+from colony.compile.lower.lower import lower
 from colony.compile.pipeline import compile_program
 from colony.dsl.load import load_text
 from colony.execute.executor import ClientExecutor, ClientListExecutor, ModuleExecutor
@@ -68,9 +68,9 @@ def _outcomes(text: str, frames: list[Frame]) -> list[Outcome]:
     program = load_text(text)
     clients = compile_program(program).clients
     executors: dict[str, Callable[[], Any]] = {
-        "priority": lambda: ClientListExecutor(program, clients),
-        "exclusive": lambda: ClientListExecutor(program, clients, exclusive=True),
-        "generated": lambda: load(generate(program, clients)),
+        "priority": lambda: ClientListExecutor(lower(program, clients)),
+        "exclusive": lambda: ClientListExecutor(lower(program, clients), exclusive=True),
+        "generated": lambda: load(generate(lower(program, clients))),
         "interpreter": lambda: Interpreter(program),
     }
     found: dict[str, tuple[list[Outcome], list[Any]]] = {}
@@ -115,7 +115,7 @@ def test_a_snapshot_cannot_be_changed(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(Told, "answer", staticmethod(answer))
     program = load_text(_text())
     clients = compile_program(program).clients
-    for executor in (ClientListExecutor(program, clients), load(generate(program, clients))):
+    for executor in (ClientListExecutor(lower(program, clients)), load(generate(lower(program, clients)))):
         assert executor.step(_frame(0)).records == (("python error", "m"),)
 
 
@@ -209,16 +209,15 @@ def test_a_class_that_cannot_be_built_is_told_of() -> None:
         program = load_text(_text(name))
         clients = compile_program(program).clients
         with pytest.raises(Failure, match=why):
-            ClientListExecutor(program, clients)
+            ClientListExecutor(lower(program, clients))
         with pytest.raises(Failure, match=why):
-            load(generate(program, clients))
+            load(generate(lower(program, clients)))
 
 
 def test_clients_ask_for_the_activity_of_python_modules_elsewhere(monkeypatch: pytest.MonkeyPatch) -> None:
     _tell(monkeypatch, GOOD)
     program = load_text(_text("Unbuildable"))
-    clients = compile_program(program).clients
-    low = ClientExecutor(program, clients, "out", "low")
+    low = ClientExecutor(compile_program(program).artifact, "out", "low")
     assert low.python_modules == ("m",)
     assert not low.step(Frame(0, {}), {"m": Answer((3.0, True, 67.0))}).active
     assert low.step(Frame(1, {}), {"m": Answer()}).active
@@ -228,7 +227,7 @@ def test_clients_ask_for_the_activity_of_python_modules_elsewhere(monkeypatch: p
 
 def test_the_client_of_a_python_module_takes_its_answers_and_runs_nothing() -> None:
     program = load_text(_text("Unbuildable"))
-    client = ClientExecutor(program, compile_program(program).clients, "out", "m")
+    client = ClientExecutor(compile_program(program).artifact, "out", "m")
     assert (client.sensors, client.python_modules) == ((), ("m",))
     assert client.step(_frame(0), {"m": Answer()}).bid == "silent"
     assert client.step(_frame(1), {"m": Answer((3.0, True, 67.0))}).values == (3.0, True, 67.0)
@@ -237,7 +236,7 @@ def test_the_client_of_a_python_module_takes_its_answers_and_runs_nothing() -> N
 
 def test_a_python_module_alone(monkeypatch: pytest.MonkeyPatch) -> None:
     _tell(monkeypatch, GOOD)
-    module = ModuleExecutor(lower_module(load_text(_text(rate="rate 300 ms")), "m"))
+    module = ModuleExecutor(compile_program(load_text(_text(rate="rate 300 ms"))).artifact, "m")
     assert module.sensors == ("x", "a")
     assert module.step(_frame(0)) == Answer()
     assert module.step(_frame(0.3)) == Answer((3.0, True, 67.0))
@@ -246,13 +245,12 @@ def test_a_python_module_alone(monkeypatch: pytest.MonkeyPatch) -> None:
     _tell(monkeypatch, 42)
     assert module.step(_frame(0.9)) == Answer((3.0, True, 67.0), error=True)
     with pytest.raises(KeyError):
-        lower_module(load_text(_text()), "low")
+        ModuleExecutor(compile_program(load_text(_text())).artifact, "low")
 
 
 def test_answers_that_are_given_decide_as_those_that_are_computed(monkeypatch: pytest.MonkeyPatch) -> None:
     program = load_text(_text())
-    clients = compile_program(program).clients
-    given = ClientListExecutor(program, clients, answered=True)
+    given = ClientListExecutor(compile_program(program).artifact, answered=True)
     reference = Interpreter(program, answered=True)
     for k, (answer, told) in enumerate(
         ((GOOD, Answer((3.0, True, 67.0))), (None, Answer()), (42, Answer(error=True)))

@@ -105,7 +105,7 @@ def test_bools_members_and_defaults(kind: str, default: str, size: int | None) -
 )
 def test_the_quick_test_of_a_scalar(kind: str, low: float | None, high: float | None, expected: str) -> None:
     of = bounded(program(kind, None), low, high)
-    assert f"        {expected}\n" in generate(of, compile_program(of).clients)
+    assert f"        {expected}\n" in generate(compile_program(of).artifact)
 
 
 def test_conditions_of_the_longest_length() -> None:

@@ -14,11 +14,11 @@ import click
 
 from colony.cli.exit_codes import EXIT_ERRORS, EXIT_INTERRUPTED, EXIT_MISUSE
 from colony.cli.places import connect_option, place_of, problems_told, security_option
-from colony.cli.reporting import load_program, refuse, report, say
+from colony.cli.reporting import refuse, report, say
 from colony.cli.run.options import Arrival, BadOption, BrokenOff, Misuse, Options
 
 if TYPE_CHECKING:
-    from colony.ir.program import Program
+    from colony.execute.compiled import Compiled
     from colony.runtime.observe.summary import RunSummary
     from colony.runtime.transport.live.place import Place
 
@@ -96,6 +96,8 @@ def command(
 ) -> None:
     """Run a behavior on a robot that is simulated in the building of a map, or on a real one.
 
+    FILE is a behavior, or what `colony compile` made of one (`-o NAME.colonyc`).
+
     With --map alone everything is one process, in virtual time: the same seed gives the same run. With
     --processes each server and each client is a process of its own, as on a robot; who dies is started
     again, and other programs can take part (`colony ps`, `colony stop`). With --connect only the clients
@@ -129,7 +131,9 @@ def command(
     """
     _check_choice(map_path, processes, connect, realtime, cameras, fsync, security, driven=goal is not None)
     _check_way(origin, goal, hazards, there=connect is not None)
-    program = load_program(file)
+    from colony.cli.programs import load_compiled
+
+    compiled = load_compiled(file)
     options = Options(
         file=file,
         map_path=map_path,
@@ -148,30 +152,30 @@ def command(
     with _failures_told(), redirect_stdout(sys.stderr):  # for what modules in Python print
         if processes or connect is not None:
             with problems_told():
-                place = place_of(program.robot.name if robot is None else robot, connect, security)
-                summary, arrival = _run_processes(program, place, options, simulated=connect is None)
+                place = place_of(compiled.name if robot is None else robot, connect, security)
+                summary, arrival = _run_processes(compiled, place, options, simulated=connect is None)
         else:
-            summary, arrival = _run_simulated(program, options)
+            summary, arrival = _run_simulated(compiled, options)
     _tell(summary, arrival, options, format_)
 
 
-def _run_simulated(program: Program, options: Options) -> tuple[RunSummary, Arrival | None]:
+def _run_simulated(compiled: Compiled, options: Options) -> tuple[RunSummary, Arrival | None]:
     from colony.cli.run.progress import told_if_slow
 
     with told_if_slow("compiling the simulator: some seconds, once where the result can be kept"):
         from colony.cli.run.simulated import run
-    return run(program, options)
+    return run(compiled, options)
 
 
 def _run_processes(
-    program: Program, place: Place, options: Options, *, simulated: bool
+    compiled: Compiled, place: Place, options: Options, *, simulated: bool
 ) -> tuple[RunSummary, Arrival | None]:
     from colony.cli.run.processes import run_here, run_there
     from colony.runtime.transport.live.place import Local
 
     if simulated and isinstance(place, Local):
-        return run_here(program, place, options)
-    return run_there(program, place, options)
+        return run_here(compiled, place, options)
+    return run_there(compiled, place, options)
 
 
 def _check_choice(

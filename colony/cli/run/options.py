@@ -7,7 +7,7 @@ import re
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, NamedTuple
 
-from colony.ir.program import Program, Sensor
+from colony.ir.program import Robot, Sensor
 from colony.ir.types import Array, Bool, Enum, Quantity, Scalar, ScalarValue, Value
 from colony.runtime.protocol.bindings import nearest
 from colony.text.units import ANGLE, TIME, BadUnit, Dimension, nanoseconds, parse_unit
@@ -111,7 +111,7 @@ def _look(text: str) -> Look | None:
     return yaw if yaw is not None and abs(yaw) <= 360.0 else None
 
 
-def variables(program: Program, settings: tuple[str, ...]) -> dict[str, Value]:
+def variables(robot: Robot, settings: tuple[str, ...]) -> dict[str, Value]:
     """DServer's variables from texts `NAME=VALUE`, in the units of the sensors that read them.
 
     A value is a number, with or without a unit, true or false, an enumerator, or a list `[1, 2]` of those.
@@ -119,7 +119,7 @@ def variables(program: Program, settings: tuple[str, ...]) -> dict[str, Value]:
     Raises:
         BadOption: a text is not of this form, no sensor reads the variable, or the value has another type.
     """
-    readers = {s.field: s for s in program.robot.sensors if s.server == "DServer"}
+    readers = {s.field: s for s in robot.sensors if s.server == "DServer"}
     out: dict[str, Value] = {}
     for setting in settings:
         name, equals, text = setting.partition("=")

@@ -22,17 +22,17 @@ from colony.cli.reporting import say
 from colony.cli.run.options import Arrival, BrokenOff, Misuse, Options, cameras, duration_ns, variables
 from colony.cli.run.outputs import check_outputs, draw_paths
 from colony.cli.run.progress import Progress
-from colony.compile.pipeline import compile_program
-from colony.ir.program import Program
+from colony.execute.compiled import Compiled
+from colony.ir.program import Robot
 from colony.os_errors import naming
-from colony.runtime.assembly.nodes import build_observer, members, places_of
+from colony.runtime.assembly.nodes import build_observer
 from colony.runtime.assembly.processes.children import Job
-from colony.runtime.assembly.processes.compiled import Compiled
 from colony.runtime.assembly.processes.crew import client_jobs, expect_room, fresh_folder, keep_logs
 from colony.runtime.assembly.processes.leader import Standings
 from colony.runtime.assembly.processes.run import LedRun, RunFailed
 from colony.runtime.assembly.processes.window import Window
 from colony.runtime.observe.summary import RunSummary, Tally, Travel
+from colony.runtime.protocol.bindings import bind
 from colony.runtime.protocol.deployment import deployment
 from colony.runtime.protocol.fields import DSERVER, SERVERS, ServerSpec
 from colony.runtime.protocol.topics import CLOCK
@@ -47,7 +47,7 @@ PLANT_S = 120.0
 """For how long the simulator may take to start: once, where nothing is kept of it, it is compiled."""
 
 
-def run_here(program: Program, place: Local, options: Options) -> tuple[RunSummary, Arrival | None]:
+def run_here(compiled: Compiled, place: Local, options: Options) -> tuple[RunSummary, Arrival | None]:
     """Run a program on a simulated robot: servers, clients and the plant are started, and end with the run.
     What came of it, and of the way, if it was to be driven somewhere.
 
@@ -64,7 +64,7 @@ def run_here(program: Program, place: Local, options: Options) -> tuple[RunSumma
 
     assert options.map_path is not None
     way = _way_here(options) if options.goal is not None else None
-    run = _Run(program, place, options, way)
+    run = _Run(compiled, place, options, way)
     looking = cameras(options.cameras)
     if way is not None:
         from colony.experiment.variants import CEILING_CAMERA
@@ -94,12 +94,12 @@ def run_here(program: Program, place: Local, options: Options) -> tuple[RunSumma
     summary = run.summary(interrupted, travel)
     if options.picture is not None:
         places = {building.name: truth.places}
-        if draw_paths([building], places, program.robot.name, options.picture) is None:
+        if draw_paths([building], places, compiled.name, options.picture) is None:
             summary = replace(summary, unwritten=(options.picture,))
     return summary, run.arrival(truth.places[-1] if truth.places else None)
 
 
-def run_there(program: Program, place: Place, options: Options) -> tuple[RunSummary, Arrival | None]:
+def run_there(compiled: Compiled, place: Place, options: Options) -> tuple[RunSummary, Arrival | None]:
     """Run a program on a robot whose servers run already, here or behind a gateway.
 
     Raises:
@@ -117,7 +117,7 @@ def run_there(program: Program, place: Place, options: Options) -> tuple[RunSumm
         from colony.cli.run.way import way_of
 
         way = way_of(options)
-    run = _Run(program, place, options, way)
+    run = _Run(compiled, place, options, way)
     with run.led() as led:
         with _in_folder(place, run.folder):
             jobs = run.client_jobs()
@@ -145,31 +145,29 @@ def _way_here(options: Options) -> Way:
 class _Run:
     """What both ways have in common. Mutable: what was seen of the run."""
 
-    def __init__(self, program: Program, place: Place, options: Options, way: Way | None) -> None:
+    def __init__(self, compiled: Compiled, place: Place, options: Options, way: Way | None) -> None:
         self._place = place
         self._options = options
         self._way = way
         self._mission: LiveMission | None = None
         self._length_ns = None if options.duration is None else duration_ns(options.duration)
-        self.held = variables(program, options.settings)
+        self.held = variables(compiled.robot, options.settings)
         inputs = [options.file, *([options.map_path] if options.map_path is not None else [])]
         check_outputs(options.record, options.picture, inputs)
-        self._compiled = Compiled(program, compile_program(program).clients, _more_servers(program, place))
-        self._bindings = self._compiled.bindings()
-        self._both = (program, self._compiled.clients)
+        self._compiled, more = compiled, _more_servers(compiled.robot, place)
+        self._bindings = bind(compiled.robot, (*SERVERS, *more))
         self._deployed = deployment(
-            *self._both,
+            compiled,
             self._bindings,
             run=f"{time.strftime('%Y%m%d-%H%M%S')}-{os.getpid()}",
             seed=options.seed,
-            announced=members(*self._both).announced,
-            servers=tuple(server.name for server in self._compiled.servers),
+            servers=tuple(server.name for server in more),
         )
-        self._tally = Tally(program, places_of(*self._both))
+        self._tally = Tally(compiled)
         self._standings = Standings(self._deployed, file=os.path.abspath(options.file))
         self._window = Window(
             self._length_ns,
-            frame_ns=program.robot.frame_ns,
+            frame_ns=compiled.frame_ns,
             sinks=(self._tally, self._standings, Progress(self._length_ns)),
         )
         self._folder: Path | None = None
@@ -210,7 +208,7 @@ class _Run:
     def client_jobs(self) -> tuple[Job, ...]:
         """How its clients are started; modules in Python are looked for where this process looks for them."""
         search = (str(Path(self._options.file).resolve().parent), os.getcwd())
-        return client_jobs(self._place, self._deployed, self._compiled, self.folder, search)
+        return client_jobs(self._place, self._deployed, self._compiled, self._bindings, self.folder, search)
 
     def follow(self, led: LedRun, *, meanwhile: Callable[[], object] = lambda: None) -> bool:
         """Lead it to its end, or to that of its way; whether it was interrupted before."""
@@ -260,10 +258,9 @@ class _Run:
         return replace(found, broke_off=self._broke_off)
 
     def _lead(self) -> LedRun:
-        program, _ = self._both
         recorded = self._options.record is not None
         observer = build_observer(
-            program, self._bindings, (self._window,), self._deployed.run, requests=recorded
+            self._compiled, self._bindings, (self._window,), self._deployed.run, requests=recorded
         )
         servers = dict.fromkeys([CLOCK, DSERVER.name, *(b.server for b in self._bindings.actuators)])
         return LedRun(
@@ -295,8 +292,7 @@ class _Run:
 
     def _begin_recording(self, path: str) -> RunRecording:
         run, started = self._deployed.run, time.strftime("%Y-%m-%dT%H:%M:%S%z")
-        file, seed = self._options.file, self._options.seed
-        return recording_into(path, file, *self._both, seed=seed, run=run, started=started)
+        return recording_into(path, self._compiled, seed=self._options.seed, run=run, started=started)
 
 
 def _in_folder(place: Place, folder: Path) -> AbstractContextManager[None]:
@@ -304,11 +300,11 @@ def _in_folder(place: Place, folder: Path) -> AbstractContextManager[None]:
     return in_run_directory(folder) if isinstance(place, Local) else naming(folder)
 
 
-def _more_servers(program: Program, place: Place) -> tuple[ServerSpec, ...]:
+def _more_servers(robot: Robot, place: Place) -> tuple[ServerSpec, ...]:
     """Those that sensors of the program read besides what every robot has, as they describe themselves; what
     does not run, or does not, is left out."""
     known = {server.name for server in SERVERS}
-    wanted = dict.fromkeys(s.server for s in program.robot.sensors if s.server not in known)
+    wanted = dict.fromkeys(s.server for s in robot.sensors if s.server not in known)
     if not wanted:
         return ()
     from colony.runtime.kit.description import describe, server_spec

@@ -12,15 +12,13 @@ from colony.cli.recordings import RunRecording, is_mcap, recording_into
 from colony.cli.run.options import Arrival, Misuse, Options, duration_ns, variables
 from colony.cli.run.outputs import check_outputs, draw_paths
 from colony.cli.run.progress import Progress
-from colony.compile.pipeline import compile_program
+from colony.execute.compiled import Compiled
 from colony.experiment.expected import longest_ns
 from colony.experiment.variants import OURS
-from colony.ir.program import Program
 from colony.nav.maps.stickrep.model import Map
 from colony.nav.maps.stickrep.reader import load_map
 from colony.nav.maps.walls import walls_of
-from colony.runtime.assembly.nodes import places_of
-from colony.runtime.assembly.virtual import Session
+from colony.runtime.assembly.virtual import VirtualSession
 from colony.runtime.observe.observer import FrameLog
 from colony.runtime.observe.summary import RunSummary, Tally, Travel
 from colony.runtime.transport.virtual import VirtualClock
@@ -31,7 +29,7 @@ if TYPE_CHECKING:
     from colony.cli.run.mission import Mission
 
 
-def run(program: Program, options: Options) -> tuple[RunSummary, Arrival | None]:
+def run(compiled: Compiled, options: Options) -> tuple[RunSummary, Arrival | None]:
     """Run a program in a building to the end, or until it is interrupted; and what came of the way, if any.
 
     Raises:
@@ -41,22 +39,20 @@ def run(program: Program, options: Options) -> tuple[RunSummary, Arrival | None]
         click.exceptions.Exit: a file cannot be written, which has been said.
     """
     assert options.map_path is not None
-    held = variables(program, options.settings)
+    held = variables(compiled.robot, options.settings)
     check_outputs(options.record, options.picture, [options.file, options.map_path])
     mission = None
     if options.goal is not None:
         from colony.cli.run.mission import Mission
         from colony.cli.run.way import way_of
 
-        mission = Mission(way_of(options), options, program.robot.frame_ns)
+        mission = Mission(way_of(options), options, compiled.frame_ns)
     length_ns = _length_ns(options, mission)
-    clients = compile_program(program).clients
     clock = VirtualClock()
     floors, plant, path = _building(options, mission, clock)
-    tally = Tally(program, places_of(program, clients))
-    session = Session(
-        program,
-        clients,
+    tally = Tally(compiled)
+    session = VirtualSession(
+        compiled,
         simulated_drivers(plant),
         clock=clock,
         seed=options.seed,
@@ -67,7 +63,7 @@ def run(program: Program, options: Options) -> tuple[RunSummary, Arrival | None]
     )
     recording = None
     if options.record is not None:
-        recording = recording_into(options.record, options.file, program, clients, seed=options.seed)
+        recording = recording_into(options.record, compiled, seed=options.seed)
         session.add(recording)
     session.add(Progress(length_ns))
     interrupted = _run(session, length_ns, options, mission, recording)
@@ -81,7 +77,7 @@ def run(program: Program, options: Options) -> tuple[RunSummary, Arrival | None]
         summary = replace(summary, broke_off=recording.broken_off)
     others: tuple[str, ...] | None = ()
     if options.picture is not None:
-        others = draw_paths(floors, path.places, program.robot.name, options.picture)
+        others = draw_paths(floors, path.places, compiled.name, options.picture)
         if others is None:
             summary = replace(summary, unwritten=(options.picture,))
     return summary, None if mission is None else mission.arrival(clock())._replace(pictures=others or ())
@@ -109,7 +105,7 @@ def _length_ns(options: Options, mission: Mission | None) -> int:
 
 
 def _run(
-    session: Session,
+    session: VirtualSession,
     length_ns: int,
     options: Options,
     mission: Mission | None,

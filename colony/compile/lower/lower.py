@@ -1,4 +1,4 @@
-"""From the typed program and its clients to `Code`.
+"""From the typed program and its clients to the compiled program, with all of its code.
 
 Everything is lowered when it is first asked for, beginning with what is decided; so the code of one client
 holds only what that client needs. Nothing recurses over chains of lets, wires or guards.
@@ -10,9 +10,9 @@ from dataclasses import replace
 from typing import assert_never
 
 from colony.compile.clients import Client, ClientList
-from colony.compile.lower.builder import trimmed
 from colony.compile.lower.declarations import Declarations
 from colony.compile.lower.expressions import Scope, kind_of
+from colony.compile.lower.guards import GuardLowering
 from colony.execute.code import (
     ActuatorCode,
     ClientCode,
@@ -23,15 +23,22 @@ from colony.execute.code import (
     PythonField,
     PythonRead,
 )
+from colony.execute.compiled import Compiled
 from colony.execute.operators import Operator
+from colony.execute.views import trimmed
 from colony.ir import program as ir
 from colony.ir.types import Array
 
 
-def lower(program: ir.Program, clients: ClientList, *, contracts: bool = True) -> Code:
-    """All of a program: every actuator with all of its clients, every Python module, the contracts.
+def lower(program: ir.Program, clients: ClientList, traversal: ClientList | None = None) -> Compiled:
+    """Lower all of a program: every actuator with all of its clients, every Python module, the contracts.
 
-    `clients` are those of `program`. Near-linear in the size of both.
+    Near-linear in the size of the program and its clients.
+
+    Args:
+        program: the program.
+        clients: its clients.
+        traversal: its clients before simplification; None where there are no others.
     """
     lowering = _Lowering(program, clients)
     for module in program.modules:
@@ -42,55 +49,19 @@ def lower(program: ir.Program, clients: ClientList, *, contracts: bool = True) -
         lowering.actuator(actuator, by_actuator.get(actuator.name, ()))
     lowering.states()
     lowering.decided = len(lowering.builder.ops)
-    if contracts:
-        lowering.contracts()
-        lowering.states()
-    return trimmed(lowering.code(), every_sensor=True)
-
-
-def lower_client(program: ir.Program, clients: ClientList, actuator: str, module: str) -> Code:
-    """Return what one client has to compute: its guards, its command, and the limits of its actuator.
-
-    Its sensors are in base units. Python modules, also its own, run elsewhere. Under `on_loss degrade` the
-    other modules count as not active where their clients are `Lost`.
-
-    Raises:
-        KeyError: there is no such actuator, or `module` is not among its clients.
-    """
-    found = {a.name: a for a in program.robot.actuators}[actuator]
-    own = {c.module: c for a in clients.actuators if a.actuator == actuator for c in a.clients}[module]
-    lowering = _Lowering(_in_base_units(program), clients, degrade=found.on_loss == "degrade")
-    lowering.actuator(found, (own,))
+    lowering.contracts()
     lowering.states()
-    lowering.decided = len(lowering.builder.ops)
-    return trimmed(lowering.code(), every_sensor=False)
-
-
-def lower_module(program: ir.Program, name: str) -> Code:
-    """Return what the process of a Python module has to compute: all that the module reads, in base units.
-
-    Raises:
-        KeyError: there is no such module, or it is not in Python.
-    """
-    found = {m.name: m for m in program.modules if isinstance(m, ir.PythonModule)}[name]
-    lowering = _Lowering(_in_base_units(program), ClientList(guards=(), actuators=()))
-    lowering.python_module(found)
+    lowering.variants(clients, traversal or clients)
     lowering.states()
-    lowering.decided = len(lowering.builder.ops)
-    return trimmed(lowering.code(), every_sensor=False)
-
-
-def _in_base_units(program: ir.Program) -> ir.Program:
-    """Return the program with sensors that are read in base units, as servers give them."""
-    sensors = tuple(replace(sensor, factor=1.0) for sensor in program.robot.sensors)
-    return replace(program, robot=replace(program.robot, sensors=sensors))
+    code, robot = trimmed(lowering.code(), every_sensor=True), program.robot
+    return Compiled(name=robot.name, frame_ns=robot.frame_ns, code=code)
 
 
 class _Lowering(Declarations):
     """A program being lowered to one Code. Mutable."""
 
-    def __init__(self, program: ir.Program, clients: ClientList, degrade: bool = False) -> None:
-        super().__init__(program, clients, degrade)
+    def __init__(self, program: ir.Program, clients: ClientList) -> None:
+        super().__init__(program, clients)
         self.decided = 0
         self._python: list[PythonCall] = []
         self._actuator_codes: list[ActuatorCode] = []
@@ -140,7 +111,7 @@ class _Lowering(Declarations):
         self._actuator_codes.append(
             ActuatorCode(
                 actuator=actuator,
-                clients=tuple(self._client(c) for c in clients),
+                clients=tuple(self._client(client) for client in clients),
                 limits=tuple(
                     self._limit(i, limit)
                     for i, limit in enumerate(self.program.limits)
@@ -167,7 +138,7 @@ class _Lowering(Declarations):
                 assert_never(module)
 
     def _client(self, client: Client) -> ClientCode:
-        guard, exclusive = self._guards.guard(client.guard), self._guards.guard(client.exclusive)
+        guard, exclusive = self.guards.guard(client.guard), self.guards.guard(client.exclusive)
         module = self.modules[client.module]
         match module:
             case ir.Module():
@@ -184,6 +155,10 @@ class _Lowering(Declarations):
             guard=guard,
             exclusive=exclusive,
             fields=self._command(client.module),
+            heard_guard=guard,
+            heard_exclusive=exclusive,
+            traversed=guard,
+            several_ways=client.several_ways,
             span=module.span,
         )
 
@@ -213,4 +188,47 @@ class _Lowering(Declarations):
             self.prepare(contract.expression)
             scope = self.file_scope(f"contract {contract.name}", (contract.expression,))
             value = self.expressions.scalar(contract.expression, scope)
-            self._contracts.append(ContractCode(name=contract.name, present=scope.ready, value=value))
+            self._contracts.append(
+                ContractCode(name=contract.name, present=scope.ready, value=value, traversed=value)
+            )
+
+    # --- variants of guards ----------------------------------------------------------------------
+
+    def variants(self, clients: ClientList, traversal: ClientList) -> None:
+        """Lower the guards as clients hear them, and all that depends on guards before simplification.
+
+        It comes last, so that nothing else depends on whether there are any.
+        """
+        guards = {(a.actuator, c.module): c for a in clients.actuators for c in a.clients}
+        heard = GuardLowering(self.builder, clients, self.heard_active, "heard guard")
+        for i, one in enumerate(self._actuator_codes):
+            if one.actuator.on_loss == "degrade":
+                self._actuator_codes[i] = replace(
+                    one,
+                    clients=tuple(_heard(c, guards[one.actuator.name, c.module], heard) for c in one.clients),
+                )
+        if traversal is clients:
+            return
+        before = {(a.actuator, c.module): c.guard for a in traversal.actuators for c in a.clients}
+        self.guards = traversed = GuardLowering(
+            self.builder, traversal, self.module_active, "traversed guard"
+        )
+        for i, one in enumerate(self._actuator_codes):
+            self._actuator_codes[i] = replace(
+                one,
+                clients=tuple(
+                    replace(c, traversed=traversed.guard(before[one.actuator.name, c.module]))
+                    for c in one.clients
+                ),
+            )
+        for i, (contract, code) in enumerate(zip(self.program.contracts, self._contracts, strict=True)):
+            if self.observes(contract.expression):
+                scope = self.file_scope(f"traversed contract {code.name}", (contract.expression,))
+                value = self.expressions.scalar(contract.expression, scope)
+                self._contracts[i] = replace(code, traversed=value)
+
+
+def _heard(code: ClientCode, client: Client, guards: GuardLowering) -> ClientCode:
+    return replace(
+        code, heard_guard=guards.guard(client.guard), heard_exclusive=guards.guard(client.exclusive)
+    )

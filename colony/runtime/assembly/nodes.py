@@ -3,64 +3,31 @@ its modules in Python, and the observer. Each can be built alone, in a process o
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
-from colony.compile.clients import ClientList
-from colony.compile.lower.lower import lower_module
-from colony.execute.executor import ModuleExecutor
-from colony.ir.program import Program, PythonModule
+from colony.execute.compiled import Compiled
+from colony.execute.executor import ClientListExecutor, ModuleExecutor
 from colony.runtime.clients.announcer import Announcer
 from colony.runtime.clients.client import ClientNode
-from colony.runtime.clients.slices import ClientSlice, whole_executor
+from colony.runtime.clients.slices import ClientSlice
 from colony.runtime.frames.assembly import FrameAssembler, frames_kept
 from colony.runtime.observe.monitor import Monitor
 from colony.runtime.observe.observer import Observer, Sink
-from colony.runtime.protocol import topics
 from colony.runtime.protocol.bindings import Bindings, SensorBinding
-from colony.runtime.protocol.fields import DSERVER
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Members:
-    """Who takes part in a run, besides the servers: clients as (actuator, module), highest place first, and
-    the modules in Python, each of which has a process of its own."""
-
-    clients: tuple[tuple[str, str], ...]
-    announced: tuple[str, ...]
-
-    @property
-    def addresses(self) -> tuple[str, ...]:
-        """Of all of them."""
-        return (
-            *(topics.client_address(actuator, module) for actuator, module in self.clients),
-            *(topics.activity(DSERVER.name, module) for module in self.announced),
-        )
-
-
-def members(program: Program, clients: ClientList) -> Members:
-    """Who takes part. Builds none of them, and imports no module in Python."""
-    return Members(
-        clients=tuple((group.actuator, c.module) for group in clients.actuators for c in group.clients),
-        announced=_python_modules(program),
-    )
-
-
-def build_client(
-    program: Program, clients: ClientList, bindings: Bindings, actuator: str, module: str, run: str
-) -> ClientNode:
+def build_client(compiled: Compiled, bindings: Bindings, actuator: str, module: str, run: str) -> ClientNode:
     """The client that `module` is for `actuator`.
 
     Raises:
         KeyError: there is no such client.
     """
-    part = ClientSlice(program, clients, actuator, module)
+    part = ClientSlice(compiled, actuator, module)
     (server,) = (b.server for b in bindings.actuators if b.actuator == actuator)
-    (on_loss,) = (a.on_loss for a in program.robot.actuators if a.name == actuator)
+    (on_loss,) = (a.on_loss for a in compiled.robot.actuators if a.name == actuator)
     assembler = FrameAssembler(
         _only(bindings.sensors, part.sensors),
         part.python_modules,
         run=run,
-        keep=frames_kept(program.robot.frame_ns),
+        keep=frames_kept(compiled.frame_ns),
         awaited="degrade" if on_loss == "degrade" else "all",
     )
     return ClientNode(
@@ -68,21 +35,21 @@ def build_client(
     )
 
 
-def build_announcer(program: Program, bindings: Bindings, module: str, run: str) -> Announcer:
+def build_announcer(compiled: Compiled, bindings: Bindings, module: str, run: str) -> Announcer:
     """Build the process that runs a module in Python, and tells its answers.
 
     Raises:
         KeyError: there is no such module.
         Failure: it cannot be imported or built.
     """
-    executor = ModuleExecutor(lower_module(program, module))
-    keep = frames_kept(program.robot.frame_ns)
+    executor = ModuleExecutor(compiled, module)
+    keep = frames_kept(compiled.frame_ns)
     assembler = FrameAssembler(_only(bindings.sensors, executor.sensors), run=run, keep=keep)
     return Announcer(module, assembler, executor, run=run, keep=keep)
 
 
 def build_observer(
-    program: Program,
+    compiled: Compiled,
     bindings: Bindings,
     sinks: tuple[Sink, ...],
     run: str,
@@ -90,27 +57,17 @@ def build_observer(
     requests: bool = False,
 ) -> Observer:
     """Build the process that sees every frame; with `requests`, also what the clients asked for."""
-    degrading = (a.name for a in program.robot.actuators if a.on_loss == "degrade")
-    modules, keep = _python_modules(program), frames_kept(program.robot.frame_ns)
+    actuators, modules, keep = compiled.robot.actuators, compiled.announced, frames_kept(compiled.frame_ns)
+    degrading = (a.name for a in actuators if a.on_loss == "degrade")
     return Observer(
         FrameAssembler(bindings.sensors, run=run, keep=keep, declared=True),
-        tuple(a.name for a in program.robot.actuators),
-        Monitor(whole_executor(program), degrading, modules),
+        tuple(a.name for a in actuators),
+        Monitor(ClientListExecutor(compiled, simplified=False, answered=True), degrading, modules),
         sinks,
         modules=FrameAssembler((), modules, run=run, keep=keep, awaited="living") if modules else None,
         heeded=tuple(dict.fromkeys(b.server for b in bindings.actuators)) if requests else (),
-        frame_ns=program.robot.frame_ns,
+        frame_ns=compiled.frame_ns,
     )
-
-
-def places_of(program: Program, clients: ClientList) -> dict[str, tuple[str, ...]]:
-    """The clients of every actuator of the program, highest place first; none where nothing is wired."""
-    wired = {a.actuator: tuple(c.module for c in a.clients) for a in clients.actuators}
-    return {a.name: wired.get(a.name, ()) for a in program.robot.actuators}
-
-
-def _python_modules(program: Program) -> tuple[str, ...]:
-    return tuple(m.name for m in program.modules if isinstance(m, PythonModule))
 
 
 def _only(bindings: tuple[SensorBinding, ...], sensors: tuple[str, ...]) -> tuple[SensorBinding, ...]:

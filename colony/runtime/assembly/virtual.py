@@ -1,7 +1,7 @@
 """A whole robot in one process: clock, servers, clients and observer, joined by a transport in virtual time.
 
     clock = VirtualClock()
-    session = Session(program, compiled.clients, drivers, clock=clock, seed=1)
+    session = VirtualSession(compiled, drivers, clock=clock, seed=1)
     session.run(60_000_000_000)
 
 Whatever ends a run, be it an exception, the robot is stopped and the sinks are closed.
@@ -12,10 +12,9 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from functools import partial
 
-from colony.compile.clients import ClientList
-from colony.ir.program import Program
+from colony.execute.compiled import Compiled
 from colony.ir.types import Value
-from colony.runtime.assembly.nodes import build_announcer, build_client, build_observer, members
+from colony.runtime.assembly.nodes import build_announcer, build_client, build_observer
 from colony.runtime.frames.assembly import frames_kept
 from colony.runtime.frames.clock import Clock
 from colony.runtime.observe.closing import close_all
@@ -37,14 +36,14 @@ RUN = "run"
 """What the run of a session is called."""
 
 
-class Session:
+class VirtualSession:
     """One robot and one run of it. Mutable: everything below it.
 
     `restart`, and `transport` with `kill`, `freeze` and `thaw`, do to a process what may happen to one;
     `transport.at` does it at a time. What a store keeps survives, as it would on a disk.
 
     Args:
-        program, clients: what is run, and its compiled form.
+        compiled: what is run.
         drivers: the devices; they tell time by `clock`.
         seed: of `Runtime.random`.
         variables: DServer's, held as they are (see `DServer`), in declared units.
@@ -61,8 +60,7 @@ class Session:
 
     def __init__(
         self,
-        program: Program,
-        clients: ClientList,
+        compiled: Compiled,
         drivers: Drivers,
         *,
         clock: VirtualClock,
@@ -74,9 +72,9 @@ class Session:
         requests: bool = False,
         nodes: tuple[Node, ...] = (),
     ) -> None:
-        bindings, who = bind(program), members(program, clients)
-        deployed = deployment(program, clients, bindings, run=RUN, seed=seed, announced=who.announced)
-        keep, store = frames_kept(program.robot.frame_ns), MemoryStore()
+        bindings = bind(compiled.robot)
+        deployed = deployment(compiled, bindings, run=RUN, seed=seed)
+        keep, store = frames_kept(compiled.frame_ns), MemoryStore()
         builders: dict[str, Callable[[], Node]] = {
             RSERVER.name: lambda: RServer(drivers.base, deployment=deployed, keep=keep),
             PSERVER.name: lambda: PServer(drivers.proximity, keep=keep),
@@ -84,15 +82,15 @@ class Session:
             RUNTIME.name: lambda: RuntimeServer(seed, keep=keep),
         }
         servers = tuple(builders)
-        for actuator, module in who.clients:
+        for actuator, module, _ in compiled.clients:
             builders[client_address(actuator, module)] = partial(
-                build_client, program, clients, bindings, actuator, module, RUN
+                build_client, compiled, bindings, actuator, module, RUN
             )
-        for module in who.announced:
+        for module in compiled.announced:
             builders[activity(DSERVER.name, module)] = partial(
-                build_announcer, program, bindings, module, RUN
+                build_announcer, compiled, bindings, module, RUN
             )
-        self._observer = build_observer(program, bindings, sinks, RUN, requests=requests)
+        self._observer = build_observer(compiled, bindings, sinks, RUN, requests=requests)
         builders[CLOCK] = lambda: Clock(servers=servers, keep=keep, deployment=deployed)
         self._builders = builders
         self._nodes: dict[str, Node] = {address: build() for address, build in builders.items()}

@@ -2,11 +2,9 @@
 
 from __future__ import annotations
 
-from colony.compile.clients import ClientList
-from colony.compile.pipeline import traverse
-from colony.execute.executor import ClientExecutor, ClientListExecutor
+from colony.execute.compiled import Compiled
+from colony.execute.executor import ClientExecutor
 from colony.ir.frame import Answer
-from colony.ir.program import Program
 from colony.runtime.clients.memory import BadMemory, decode_memory, encode_memory
 from colony.runtime.frames.assembly import Assembled
 from colony.runtime.protocol import topics
@@ -20,8 +18,8 @@ class ClientSlice:
         KeyError: there is no such client.
     """
 
-    def __init__(self, program: Program, clients: ClientList, actuator: str, module: str) -> None:
-        self._executor = ClientExecutor(program, clients, actuator, module)
+    def __init__(self, compiled: Compiled, actuator: str, module: str) -> None:
+        self._executor = ClientExecutor(compiled, actuator, module)
         self._inactive = dict.fromkeys(self._executor.python_modules, Answer())
         self._actuator = actuator
         self._module = module
@@ -66,11 +64,3 @@ class ClientSlice:
             values=took.values,
             fault=took.fault,
         )
-
-
-def whole_executor(program: Program) -> ClientListExecutor:
-    """All clients, and the contracts, of a program. Its guards are not simplified, so that what it remembers
-    has places in the text; and so it is independent of the last pass. It is given the answers of modules in
-    Python.
-    """
-    return ClientListExecutor(program, traverse(program), answered=True)

@@ -13,8 +13,9 @@ from collections.abc import Iterable, Iterator
 
 from colony.runtime.arbitration.locks import LockQueue
 from colony.runtime.library.camera import GrabRows, ImageSize, LockImage, SetPeriod
-from colony.runtime.protocol.calls import LATER, Asked, CallDesk, Caller, Later, Nothing, Refused, method
+from colony.runtime.protocol.calls import LATER, Asked, CallDesk, Later, Nothing, Refused, method
 from colony.runtime.protocol.codec import LARGEST
+from colony.runtime.protocol.connections import Caller
 from colony.runtime.protocol.messages import (
     Alive,
     Call,

@@ -28,17 +28,8 @@ from colony.runtime.library.data import (
     Wait,
     Watch,
 )
-from colony.runtime.protocol.calls import (
-    LATER,
-    Asked,
-    CallDesk,
-    Caller,
-    Handler,
-    Later,
-    Method,
-    Refused,
-    method,
-)
+from colony.runtime.protocol.calls import LATER, Asked, CallDesk, Handler, Later, Method, Refused, method
+from colony.runtime.protocol.connections import Caller
 from colony.runtime.protocol.fields import DSERVER
 from colony.runtime.protocol.messages import Effect, Message, Wake, WakeAt
 from colony.runtime.servers.naming import Names, named

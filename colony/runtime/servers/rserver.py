@@ -21,7 +21,8 @@ from colony.runtime.arbitration.motion import STILL, Seen, Speeds
 from colony.runtime.arbitration.stop_latch import StopFollower
 from colony.runtime.library import robot
 from colony.runtime.protocol import topics
-from colony.runtime.protocol.calls import Asked, CallDesk, Caller, Method, Nothing, Refused, method
+from colony.runtime.protocol.calls import Asked, CallDesk, Method, Nothing, Refused, method
+from colony.runtime.protocol.connections import Caller
 from colony.runtime.protocol.deployment import DEPLOYMENT_BYTES, ActuatorTable, Deployment
 from colony.runtime.protocol.fields import RSERVER
 from colony.runtime.protocol.messages import (
@@ -44,7 +45,7 @@ from colony.runtime.servers.drivers import BaseDriver, BaseState
 from colony.runtime.servers.leadership import Leadership
 from colony.runtime.servers.piloting import Bumper, Pilot
 from colony.runtime.servers.publishing import Fields, Publisher
-from colony.runtime.servers.virtual_position import Odometer, Pose
+from colony.runtime.servers.virtual_position import Odometer, OdometerPose
 
 KEPT = 2000
 """How many frames are kept for who missed one: two seconds of them, be they as short as a millisecond."""
@@ -87,7 +88,7 @@ class RServer:
         self._driver = driver
         self._emergency = StopFollower()
         self._odometer = Odometer(driver.register_bits)
-        self._pose = Pose(0.0, 0.0, 0.0)
+        self._pose = OdometerPose(0.0, 0.0, 0.0)
         self._state: BaseState | None = None
         self._publisher = Publisher(
             self.address, self._read, keep=keep, stopped=lambda: self._emergency.stopped
@@ -376,7 +377,7 @@ class RServer:
 
     def _adjust_position(self, asked: Asked, arguments: robot.PoseArguments, now_ns: int) -> None:
         delta = _pose(arguments)
-        _check_pose(Pose(self._pose.x + delta.x, self._pose.y + delta.y, delta.heading))
+        _check_pose(OdometerPose(self._pose.x + delta.x, self._pose.y + delta.y, delta.heading))
         self._odometer.adjust(self._present(), delta)
 
     def _arbitration(self, asked: Asked, arguments: Nothing, now_ns: int) -> robot.Arbitration:
@@ -393,13 +394,13 @@ class RServer:
         )
 
 
-def _pose(arguments: robot.PoseArguments) -> Pose:
-    pose = Pose(arguments.x, arguments.y, arguments.heading)
+def _pose(arguments: robot.PoseArguments) -> OdometerPose:
+    pose = OdometerPose(arguments.x, arguments.y, arguments.heading)
     _check_pose(pose)
     return pose
 
 
-def _check_pose(pose: Pose) -> None:
+def _check_pose(pose: OdometerPose) -> None:
     if not all(map(math.isfinite, pose)):
         raise Refused("arguments", f"the pose is {tuple(pose)}; expected finite numbers")
     if max(abs(pose.x), abs(pose.y)) > FARTHEST_MM or abs(pose.heading) > MOST_TURNED_DEG:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from colony.compile.pipeline import traverse
+from colony.compile.pipeline import compile_program
 from colony.execute.executor import ClientListExecutor
 from colony.ir.memory import ProgramMemory
 from colony.ir.program import Program
@@ -28,7 +28,7 @@ class Resuming:
             Failure: a module in Python cannot be imported or built.
         """
         self._clients = self._clients or ClientListExecutor(
-            self._program, traverse(self._program), answered=self._answered
+            compile_program(self._program).artifact, simplified=False, answered=self._answered
         )
         self._clients.resume(memory)
         interpreter = Interpreter(self._program, answered=self._answered)

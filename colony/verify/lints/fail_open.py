@@ -16,8 +16,7 @@ from colony.ir.types import Quantity
 from colony.text.diagnostics import Diagnostic, warning
 from colony.text.units import LENGTH, TIME
 from colony.text.wording import quoted
-from colony.verify.lints.case import Case, command_of
-from colony.verify.lints.claims import (
+from colony.verify.claims import (
     active,
     all_of,
     any_of,
@@ -28,6 +27,7 @@ from colony.verify.lints.claims import (
     negation,
     won,
 )
+from colony.verify.lints.case import Case, command_of
 from colony.verify.lints.evidence import replayed
 from colony.verify.lints.proof import Prover
 from colony.verify.snapshot import Snapshot

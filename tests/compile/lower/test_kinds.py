@@ -7,11 +7,12 @@ from dataclasses import replace
 import pytest
 
 from colony.compile.backends.python.generate import generate, load
-from colony.compile.lower.lower import lower, lower_client
+from colony.compile.lower.lower import lower
 from colony.compile.pipeline import compile_program
 from colony.dsl.load import load_text
 from colony.execute.code import Code, Kind, PythonActive, PythonField
 from colony.execute.executor import ClientListExecutor
+from colony.execute.views import of_client, whole
 from colony.ir import expression as e
 from colony.ir.frame import Frame
 from colony.ir.program import Let, Program
@@ -37,7 +38,11 @@ GIVEN = {"x": 1.0, "b": True, "a": [5.0, 4.0, 3.0, 2.0, 1.0]}
 def sent(program: Program, *readings: dict[str, object]) -> list[Value | None]:
     """What goes to `out` in each frame, the same from the interpreter, the executor and generated Python."""
     clients = compile_program(program).clients
-    executors = Interpreter(program), ClientListExecutor(program, clients), load(generate(program, clients))
+    executors = (
+        Interpreter(program),
+        ClientListExecutor(lower(program, clients)),
+        load(generate(lower(program, clients))),
+    )
     found = []
     for executor in executors:
         frames = [Frame(k * 50_000_000, given) for k, given in enumerate(readings)]  # type: ignore[arg-type]
@@ -96,11 +101,11 @@ def test_a_window_of_what_stands_in_for_an_array_and_of_its_past() -> None:
 
 def test_fields_of_a_module_in_python_have_the_kinds_of_their_types() -> None:
     program = load_text(PYTHON)
-    code = lower(program, compile_program(program).clients)
+    code = whole(lower(program, compile_program(program).clients).code)
     assert kinds(code, PythonField) == [Kind.NUMBER, Kind.BOOL]
 
 
 def test_the_activity_of_a_module_elsewhere_is_a_truth_value() -> None:
     program = load_text(PYTHON)
-    code = lower_client(program, compile_program(program).clients, "out", "m")
+    code = of_client(lower(program, compile_program(program).clients).code, "out", "m")
     assert kinds(code, PythonActive) == [Kind.BOOL]

@@ -6,12 +6,13 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from colony.compile.lower.lower import lower, lower_client
+from colony.compile.lower.lower import lower
 from colony.compile.pipeline import compile_program
 from colony.dsl.load import load_text
 from colony.execute.code import Apply, Code, Kind, Literal, OldCell, PythonActive, SensorFresh, operands
 from colony.execute.executor import ClientListExecutor
 from colony.execute.operators import Operator
+from colony.execute.views import of_client, whole
 from colony.ir.expression import (
     NESTING_LIMIT,
     Binary,
@@ -31,7 +32,7 @@ from tests.networks import chain, random_program
 
 def _lowered(text: str) -> Code:
     program = load_text(text)
-    return lower(program, compile_program(program).clients)
+    return whole(lower(program, compile_program(program).clients).code)
 
 
 def _count(code: Code, operator: Operator) -> int:
@@ -52,7 +53,7 @@ robot r {
 def test_code_is_in_order(data: st.DataObject) -> None:
     """Operands stand before what uses them; nothing before `decided` depends on a decision."""
     program = data.draw(programs())
-    code = lower(program, compile_program(program).clients)
+    code = whole(lower(program, compile_program(program).clients).code)
     assert len(code.ops) == len(code.kinds)
     assert len({cell.name for cell in code.cells}) == len(code.cells)
     depends = set()
@@ -137,7 +138,7 @@ contract c: previous(out.v, 0) < 9
 def test_a_client_alone() -> None:
     program = load_text(SHARED)
     clients = compile_program(program).clients
-    big, small = (lower_client(program, clients, "out", m) for m in ("big", "small"))
+    big, small = (of_client(lower(program, clients).code, "out", m) for m in ("big", "small"))
     assert _count(big, Operator.SUM) == 1
     assert _count(small, Operator.SUM) == 0
     for code in (big, small):
@@ -155,9 +156,9 @@ def test_no_such_client() -> None:
     program = load_text(SHARED)
     clients = compile_program(program).clients
     with pytest.raises(KeyError):
-        lower_client(program, clients, "out", "none")
+        of_client(lower(program, clients).code, "out", "none")
     with pytest.raises(KeyError):
-        lower_client(program, clients, "none", "big")
+        of_client(lower(program, clients).code, "none", "big")
 
 
 def test_big_arrays_stand_as_their_elements_once() -> None:
@@ -180,7 +181,7 @@ def test_size_is_near_linear(make) -> None:
     sizes = []
     for n in (200, 2000):
         program = make(n)
-        code = lower(program, compile_program(program).clients)
+        code = whole(lower(program, compile_program(program).clients).code)
         sizes.append(sum(1 + len(operands(op)) for op in code.ops))
     assert sizes[1] < 13 * sizes[0]
 
@@ -214,7 +215,7 @@ def _plus_one(expression: Expression) -> Expression:
 
 
 def _sent(program: Program) -> float:
-    executor = ClientListExecutor(program, compile_program(program).clients)
+    executor = ClientListExecutor(compile_program(program).artifact)
     (decision,) = executor.step(Frame(0, {"x": 1.0})).decisions
     assert decision.values is not None
     return decision.values[0]

@@ -8,6 +8,7 @@ from colony.compile.lower.lower import lower
 from colony.compile.pipeline import compile_program
 from colony.dsl.load import load_text
 from colony.execute.code import Code, Kind
+from colony.execute.views import whole
 
 TEXT = """
 robot r {
@@ -42,7 +43,7 @@ TYPES = {Kind.BOOL: bool, Kind.NUMBER: float, Kind.TIME: int}
 
 def lowered(expression: str) -> Code:
     program = load_text(TEXT % expression)
-    return lower(program, compile_program(program).clients)
+    return whole(lower(program, compile_program(program).clients).code)
 
 
 @pytest.mark.parametrize("expression", CALLS)

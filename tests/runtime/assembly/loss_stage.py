@@ -8,10 +8,9 @@ from dataclasses import dataclass, field, replace
 from functools import partial
 
 from colony.cli.virtual_robot import SERVERS, Sent, VirtualRobot
-from colony.compile.clients import ClientList
+from colony.compile.pipeline import compile_program
 from colony.ir.frame import Frame
 from colony.ir.program import Program
-from colony.runtime.assembly.nodes import members
 from colony.runtime.frames.clock import Clock
 from colony.runtime.protocol import topics
 from colony.runtime.protocol.fields import DSERVER
@@ -75,7 +74,6 @@ class Robot:
     def __init__(
         self,
         program: Program,
-        clients: ClientList,
         trace: Sequence[Frame],
         *,
         frame_ns: int,
@@ -83,15 +81,12 @@ class Robot:
         link: Link,
     ) -> None:
         self.program = replace(program, robot=replace(program.robot, frame_ns=frame_ns))
-        self.clients = clients
         self.frame_ns = frame_ns
-        self.who = members(self.program, clients)
+        self.artifact = compile_program(self.program).artifact
         self._link = link
         self._clock = VirtualClock()
         self.transport = VirtualTransport(self._clock, seed=seed, link=self._noting)
-        virtual = VirtualRobot(
-            self.program, clients, lambda tick: trace[tick.k % len(trace)].readings, seed=seed
-        )
+        virtual = VirtualRobot(self.artifact, lambda tick: trace[tick.k % len(trace)].readings, seed=seed)
         self.seen, self.log, self.observer = Seen(sent=virtual.sent), virtual.log, virtual.observer
         clock = partial(Clock, servers=SERVERS, keep=virtual.keep, deployment=virtual.deployed)
         self._builders: dict[str, Callable[[], Node]] = {topics.CLOCK: clock, **virtual.builders}

@@ -7,7 +7,7 @@ import math
 import pytest
 from hypothesis import given
 
-from colony.compile.pipeline import traverse
+from colony.compile.pipeline import compile_program
 from colony.execute.executor import ClientListExecutor
 from colony.ir.frame import Frame
 from colony.ir.memory import ProgramMemory
@@ -20,7 +20,7 @@ from tests.verify.stepping import program
 def memories(run: Run) -> list[ProgramMemory]:
     """What the clients remember before each frame."""
     of, trace = run
-    clients = ClientListExecutor(of, traverse(of))
+    clients = ClientListExecutor(compile_program(of).artifact, simplified=False)
     found = []
     for frame in trace:
         memory = clients.memory

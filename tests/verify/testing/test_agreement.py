@@ -8,7 +8,7 @@ from dataclasses import replace
 import pytest
 from hypothesis import given
 
-from colony.compile.pipeline import Compiled
+from colony.compile.pipeline import Compilation
 from colony.ir.frame import Decision, Executor, Frame, Outcome
 from colony.ir.program import Program
 from colony.verify.reference.interpreter import Interpreter
@@ -66,7 +66,7 @@ def tampered(outcome: Outcome | Exception, at: int = 1) -> str:
     """What is said of an executor that gives this outcome in frame `at`."""
     of = program(TEXT)
 
-    def make(compiled: Compiled) -> Executor:
+    def make(compiled: Compilation) -> Executor:
         return Tampering(compiled.program, at, outcome)
 
     return str(disagreement(of, TRACE, {"tampered": make}))

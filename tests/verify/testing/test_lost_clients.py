@@ -29,9 +29,8 @@ def check(of: Program, trace: tuple[Frame, ...], losses: Losses) -> None:
     """In each frame exactly the winner is active by its own knowledge."""
     interpreter, compiled = Interpreter(of), compile_program(of)
     clients = {
-        (a.actuator, c.module): ClientExecutor(of, compiled.clients, a.actuator, c.module)
-        for a in compiled.clients.actuators
-        for c in a.clients
+        (actuator, module): ClientExecutor(compiled.artifact, actuator, module)
+        for actuator, module, _ in compiled.artifact.clients
     }
     for at, (frame, lost) in enumerate(zip(trace, losses, strict=True)):
         outcome = interpreter.step(frame, lost)

@@ -13,13 +13,11 @@ from dataclasses import dataclass, field, replace
 from functools import partial
 from typing import Any
 
-import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
 from colony.experiment.local_cameras import LocalCamera
-from colony.experiment.local_scripts import LocalScripts
-from colony.experiment.local_servers import Granted, Handler, LocalData
+from colony.experiment.local_servers import Granted, Handler
 from colony.nav.shared import (
     CEILING_LIGHT,
     END_L_MODE,
@@ -32,12 +30,12 @@ from colony.nav.shared import (
 from colony.runtime.kit.errors import CallRefused
 from colony.runtime.kit.script import Script, do, sleep
 from colony.runtime.library import data, robot
-from colony.runtime.protocol.calls import Asked, Caller, Refused
+from colony.runtime.protocol.calls import Asked, Refused
 from colony.runtime.servers.images import Image
 from colony.vision.lights.ceiling_camera import UPWARD, CeilingCamera
+from tests.script_stage import ASKED, FRAME_NS, ScriptStage
 
-FRAME_S = 0.05
-ASKED = Asked(Caller("local/test", "test", 0, "local"), 1)
+FRAME_S = FRAME_NS / 1e9
 _SAMPLES = 4  # a pixel
 
 
@@ -152,7 +150,7 @@ class Log:
     errors_mm: list[float] = field(default_factory=list)
 
 
-class Stage:
+class Stage(ScriptStage):
     """A robot in a corridor, and scripts, one of which gives the goals: the places of the lights to pass, one
     goal after the other, and each as soon as the one before was done, or after `patience_s`. `cameras` are
     where the robot has them, by name. `lights` is a wrong number of lights to tell.
@@ -171,33 +169,15 @@ class Stage:
         lights: int | None = None,
     ) -> None:
         self._patience_s, self._lights = patience_s, lights
-        self._frames = 0
         self._rng = np.random.default_rng(seed)
         self._ceiling, self._moves = ceiling, moves
         self.base = Base(moves)
-        self.data = LocalData()
         self.log = Log()
-        self._cameras = [
+        eyes = [
             LocalCamera(name, partial(self._image, geometry))
             for name, geometry in (cameras or {"CServerUp": UPWARD}).items()
         ]
-        everybody = {**scripts, "planner": self._planner(goals)}
-        self._scripts = LocalScripts(everybody, [self.data, self.base, *self._cameras])
-
-    def semaphore(self, name: str) -> data.SemaphoreState:
-        """How it stands at DServer."""
-        state = self.data.handlers["semaphore"](ASKED, data.Named(name=name), data.SemaphoreState, 0)
-        assert isinstance(state, data.SemaphoreState)
-        return state
-
-    def variable(self, name: str) -> Any:
-        """A variable at DServer."""
-        return msgspec.msgpack.decode(self.data.variables.value(name).data)
-
-    def tell(self, name: str, value: object) -> None:
-        """Set a variable at DServer, as somebody else does it."""
-        raw = msgspec.Raw(msgspec.msgpack.encode(value))
-        self.data.handlers["set"](ASKED, data.Set(name=name, value=raw), type(None), 0)
+        super().__init__({**scripts, "planner": self._planner(goals)}, self.base, cameras=eyes)
 
     def camera_period_s(self, name: str) -> float:
         """How often a camera takes an image."""
@@ -209,19 +189,14 @@ class Stage:
     def run(self, seconds: float, *, all_of_it: bool = False) -> Log:
         """Until all goals are done, or for so long; for so long in any case with `all_of_it`."""
         for _ in range(round(seconds / FRAME_S)):
-            self._frames += 1
-            now_ns = round(self._frames * FRAME_S * 1e9)
+            self.now_ns += FRAME_NS
             self.base.advance()
-            for camera in self._cameras:
-                camera.tend(now_ns)
-            self.data.expire(now_ns)
-            self._scripts.run(now_ns)
+            self.settle()
             self.log.errors_mm.append(self.base.along_mm - self.base.y)
-            if self.data.variables.has(CEILING_LIGHT):
-                count = int(msgspec.msgpack.decode(self.data.variables.value(CEILING_LIGHT).data))
-                if not self.log.counts or count != self.log.counts[-1][1]:
-                    self.log.counts.append((self.base.along_mm, count))
-            if self._scripts.ended("planner") and not all_of_it:
+            count = self.told(CEILING_LIGHT)
+            if count is not None and (not self.log.counts or count != self.log.counts[-1][1]):
+                self.log.counts.append((self.base.along_mm, count))
+            if self.scripts.ended("planner") and not all_of_it:
                 break
         return self.log
 

@@ -3,26 +3,22 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
-import msgspec
-
 from colony.experiment.local_cameras import LocalCamera
-from colony.experiment.local_scripts import LocalScripts
-from colony.experiment.local_servers import Granted, Handler, LocalData
+from colony.experiment.local_servers import Handler
 from colony.nav.maps.signs import Plate
 from colony.nav.maps.stickrep.geometry import Point
 from colony.runtime.kit.script import Script
-from colony.runtime.library import data, proximity, robot
-from colony.runtime.protocol.calls import Asked, Caller, Refused
+from colony.runtime.library import proximity, robot
+from colony.runtime.protocol.calls import Asked, Refused
 from colony.runtime.servers.images import Image
 from colony.vision.level_camera import SIDE
 from colony.vision.plates.geometry import WallView
+from tests.script_stage import FRAME_NS, ScriptStage, Server
 from tests.vision.plates.walls import Board, wall_image
-
-FRAME_NS = 50_000_000
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -53,50 +49,26 @@ def known(hall: Hall) -> tuple[Plate, ...]:
     )  # fmt: skip
 
 
-class _Server:
-    """Mutable: `granted`, which nobody fills."""
-
-    def __init__(self, address: str, handlers: Mapping[str, Handler]) -> None:
-        self.address, self.handlers = address, handlers
-        self.granted: Granted = []
-
-
-class Stage:
+class Stage(ScriptStage):
     """Scripts beside the robot. Mutable: the time, and with it the robot's place; what was asked of the
     camera."""
 
     def __init__(self, hall: Hall, **scripts: Script) -> None:
         self._hall = hall
-        self.now_ns = 0
-        self.data = LocalData()
         self.camera = LocalCamera("CServerSide", lambda now_ns: self._image(now_ns))
         self.asked: list[str] = []
         self.camera.handlers = {
             name: self._counted(name, handler) for name, handler in self.camera.handlers.items()
         }
-        base = _Server("RServer", {"position": self._position})
-        ring = _Server("PServer", {"sonar": self._sonar})
-        self._scripts = LocalScripts(scripts, [self.data, base, ring, self.camera])
+        base = Server("RServer", {"position": self._position})
+        ring = Server("PServer", {"sonar": self._sonar})
+        super().__init__(scripts, base, ring, cameras=[self.camera])
 
     def run(self, seconds: float) -> None:
         """Let so much time pass."""
         for _ in range(round(seconds * 1e9 / FRAME_NS)):
-            self.camera.tend(self.now_ns)
-            self.data.expire(self.now_ns)
-            self._scripts.run(self.now_ns)
+            self.settle()
             self.now_ns += FRAME_NS
-
-    def tell(self, name: str, value: object) -> None:
-        """Set a variable at DServer."""
-        raw = msgspec.Raw(msgspec.msgpack.encode(value))
-        asked = Asked(Caller("test", "test", 0, "local"), 1)
-        self.data.handlers["set"](asked, data.Set(name=name, value=raw), type(None), self.now_ns)
-
-    def told(self, name: str) -> Any:
-        """A variable at DServer; None where it was never set."""
-        if not self.data.variables.has(name):
-            return None
-        return msgspec.msgpack.decode(self.data.variables.value(name).data)
 
     def place(self, t_ns: int) -> float:
         """Where the robot is along the hall."""

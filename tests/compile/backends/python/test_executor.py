@@ -22,7 +22,7 @@ COUNTING = f"{ROBOT} state n = 0 next n = n + 1 module m {{ when b do out(v = n)
 
 def source(text: str) -> str:
     program = load_text(text)
-    return generate(program, compile_program(program).clients)
+    return generate(compile_program(program).artifact)
 
 
 def test_it_begins_anew_with_its_initial_memory() -> None:

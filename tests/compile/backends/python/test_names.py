@@ -8,6 +8,7 @@ from colony.compile.backends.python.names import Names
 from colony.compile.lower.lower import lower
 from colony.compile.pipeline import compile_program
 from colony.dsl.load import load_text
+from colony.execute.views import whole
 
 TEXT = """
 robot r {
@@ -23,7 +24,7 @@ network { out = m }
 
 def names(*taken: str) -> Names:
     program = load_text(TEXT)
-    return Names(lower(program, compile_program(program).clients), frozenset(taken))
+    return Names(whole(lower(program, compile_program(program).clients).code), frozenset(taken))
 
 
 @pytest.mark.parametrize(

@@ -10,6 +10,7 @@ from colony.compile.backends.python.ranges import ANYTHING, Range, ranges
 from colony.compile.lower.lower import lower
 from colony.compile.pipeline import compile_program
 from colony.dsl.load import load_text
+from colony.execute.views import whole
 
 TEXT = """
 enum goal { none = 2, corner = 67, light = -3 }
@@ -42,7 +43,7 @@ UNKNOWN = "sqrt(x)"
 
 def found(expression: str) -> Range:
     program = load_text(TEXT % ("deg" if "atan2" in expression else "number", expression))
-    code = lower(program, compile_program(program).clients)
+    code = whole(lower(program, compile_program(program).clients).code)
     (field,) = code.actuators[0].clients[0].fields
     return ranges(code)[field]
 
@@ -144,7 +145,7 @@ def test_the_range_of(expression: str, expected: Range) -> None:
 
 def test_members_of_an_enum_bound_it() -> None:
     program = load_text(TEXT % ("number", "1"))
-    code = lower(program, compile_program(program).clients)
+    code = whole(lower(program, compile_program(program).clients).code)
     (field,) = code.actuators[1].clients[0].fields
     assert ranges(code)[field] == Range(-3.0, 67.0, False)
 

@@ -14,6 +14,7 @@ from colony.compile.pipeline import compile_program
 from colony.dsl.load import load_text
 from colony.execute.code import Kind
 from colony.execute.machine import Machine
+from colony.execute.views import whole
 from colony.ir.frame import Frame
 from colony.verify.testing.strategies import programs, traces
 
@@ -61,7 +62,7 @@ network { out = m }
 )
 def test_ranges(expression: str, expected: Range) -> None:
     program = load_text(TEXT % expression)
-    code = lower(program, compile_program(program).clients)
+    code = whole(lower(program, compile_program(program).clients).code)
     (field,) = code.actuators[0].clients[0].fields
     found = ranges(code)[field]
     if expression.startswith("sum"):
@@ -74,7 +75,7 @@ def test_ranges(expression: str, expected: Range) -> None:
 @given(data=st.data())
 def test_every_value_lies_in_its_range(data: st.DataObject) -> None:
     program = data.draw(programs())
-    code = lower(program, compile_program(program).clients)
+    code = whole(lower(program, compile_program(program).clients).code)
     known, machine = ranges(code), Machine(code)
     for frame in data.draw(traces(program)):
         machine.begin(Frame(frame.t_ns, frame.readings))

@@ -1,4 +1,4 @@
-"""Contract expressions about modules, wires and commands, and names in a sentence."""
+"""Contract expressions that proofs make themselves: about modules, wires and commands."""
 
 from __future__ import annotations
 
