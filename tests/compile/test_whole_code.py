@@ -24,7 +24,7 @@ from colony.compile.lower.lower import lower
 from colony.compile.pipeline import compile_program
 from colony.dsl.load import load_text
 from colony.execute.code import Code
-from colony.execute.views import of_client, whole
+from colony.execute.views import of_client, of_module, whole
 from colony.ir.program import Program
 from colony.verify.testing.agreement import client_disagreement, disagreement
 from colony.verify.testing.strategies import traces
@@ -81,6 +81,9 @@ def _listed(program: Program, clients: ClientList, whole: Code) -> str:
         for client in one.clients:
             lines += ["", f"--- {client.module} for {one.actuator}"]
             lines += listing(of_client(lower(program, clients).code, one.actuator, client.module))
+    for call in whole.python:
+        lines += ["", f"--- {call.module}, which is in Python"]
+        lines += listing(of_module(whole, call.module))
     return "\n".join(lines) + "\n"
 
 

@@ -14,7 +14,7 @@ from colony.ir.program import Program
 from colony.runtime.observe.monitor import Monitor
 from colony.runtime.observe.observer import KEYFRAME_NS, FrameLog, Sink
 from colony.runtime.protocol.messages import Fate, Tick, Verdict
-from colony.runtime.recordings.lines import Recording
+from colony.runtime.recordings.lines import ByteFile, Recording
 from colony.runtime.recordings.mcap_reader import McapReader
 from colony.runtime.recordings.mcap_writer import McapRecording
 from colony.runtime.recordings.reader import LinesReader
@@ -118,15 +118,19 @@ def written(sink: Sink, frames: Iterable[FrameLog]) -> None:
     sink.close()
 
 
+def mcap_to(file: ByteFile, program: Program, *sources: SourceFile) -> McapRecording:
+    return McapRecording(compile_program(program).artifact, run_info(program, *sources), file)
+
+
 def as_mcap(program: Program, frames: Iterable[FrameLog], *sources: SourceFile) -> Kept:
     file = Kept()
-    written(McapRecording(program, run_info(program, *sources), file), frames)
+    written(mcap_to(file, program, *sources), frames)
     return file
 
 
 def as_lines(program: Program, frames: Iterable[FrameLog]) -> Kept:
     file = Kept()
-    written(Recording(program, file), frames)
+    written(Recording(compile_program(program).artifact, file), frames)
     return file
 
 
