@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from colony.compile.lower.lower import lower
+from colony.compile.backends.python.generate import generate
 from colony.compile.pipeline import Compilation, compile_program
 from colony.dsl.load import load_text
 from colony.execute.code import Code
@@ -21,7 +21,6 @@ robot tester {{
   sensor c : bool from DServer.c
   sensor x : number from DServer.x
   sensor y : number from DServer.y
-  sensor k : number from DServer.k
   sensor angle : deg from DServer.angle
   sensor feel : mood from DServer.feel
   sensor four[4] : number from DServer.four
@@ -39,10 +38,31 @@ def compiled(of: str | Program) -> Compilation:
 
 def lowered(of: str | Program) -> Code:
     """Return the code of all clients of a whole text."""
-    compilation = compiled(of)
-    return whole(lower(compilation.program, compilation.clients).code)
+    return whole(compiled(of).artifact.code)
+
+
+def generated(of: str | Program) -> str:
+    """Return the Python that is generated for a whole text."""
+    return generate(compiled(of).artifact)
+
+
+def clients(of: str | Program) -> dict[tuple[str, str], ClientExecutor]:
+    """Return all clients of a whole text, by actuator and module, in their initial memory."""
+    artifact = compiled(of).artifact
+    return {
+        (actuator, module): ClientExecutor(artifact, actuator, module)
+        for actuator, module, _ in artifact.clients
+    }
 
 
 def client(of: str | Program, actuator: str, module: str) -> ClientExecutor:
     """Return one client of a whole text, in its initial memory."""
     return ClientExecutor(compiled(of).artifact, actuator, module)
+
+
+MS = 1_000_000
+
+
+def program(text: str) -> Program:
+    """Return the program of a text on the usual robot."""
+    return load_text(robot() + text)

@@ -54,7 +54,7 @@ def seen(log: TruthLog, travel: Travel) -> None:
     wait_for(lambda: log.look() and log.travel == travel)
 
 
-def test_the_way_of_a_plant_that_wasis_frozen_is_counted_once(place: Local, plant: PlantProcess) -> None:
+def test_the_way_of_a_plant_that_was_frozen_is_counted_once(place: Local, plant: PlantProcess) -> None:
     log = TruthLog(place)
     seen(log, drive(plant, 40))
     first = log.travel

@@ -24,7 +24,7 @@ from colony.verify.testing.drawing import Choices
 from colony.verify.testing.frames import draw_trace
 from colony.verify.testing.strategies import run_of_seed
 from tests.paths import ROOT
-from tests.verify.stepping import program
+from tests.programs import program
 
 RUNTIME = {"runtime": VirtualExecutor}
 

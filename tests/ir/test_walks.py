@@ -6,7 +6,7 @@ from colony.ir.expression import Constant, MemoryCall, SensorValue, subexpressio
 from colony.ir.program import Module
 from colony.ir.walk import expressions, expressions_of, nodes
 from colony.ir.wiring import joints_of
-from tests.verify.stepping import MS, program
+from tests.programs import MS, program
 
 OF = program(
     "let far = x > 3\n"

@@ -12,7 +12,7 @@ from colony.dsl.load import load_text
 from colony.execute.code import Apply, Code, Kind, Literal, OldCell, PythonActive, SensorFresh, operands
 from colony.execute.executor import ClientListExecutor
 from colony.execute.operators import Operator
-from colony.execute.views import of_client, whole
+from colony.execute.views import of_client
 from colony.ir.expression import (
     NESTING_LIMIT,
     Binary,
@@ -28,11 +28,7 @@ from colony.ir.program import Actuator, ActuatorField, Command, Let, Module, Pro
 from colony.ir.types import BOOL, PLAIN
 from colony.verify.testing.strategies import programs
 from tests.networks import chain, random_program
-
-
-def _lowered(text: str) -> Code:
-    program = load_text(text)
-    return whole(lower(program, compile_program(program).clients).code)
+from tests.programs import lowered
 
 
 def _count(code: Code, operator: Operator) -> int:
@@ -52,8 +48,7 @@ robot r {
 @given(data=st.data())
 def test_code_is_in_order(data: st.DataObject) -> None:
     """Operands stand before what uses them; nothing before `decided` depends on a decision."""
-    program = data.draw(programs())
-    code = whole(lower(program, compile_program(program).clients).code)
+    code = lowered(data.draw(programs()))
     assert len(code.ops) == len(code.kinds)
     assert len({cell.name for cell in code.cells}) == len(code.cells)
     depends = set()
@@ -71,7 +66,7 @@ def test_code_is_in_order(data: st.DataObject) -> None:
 
 
 def test_equal_things_stand_once() -> None:
-    code = _lowered(
+    code = lowered(
         ROBOT
         + """
 let sum_ = x + y
@@ -86,7 +81,7 @@ network { out = one suppresses two }
 
 
 def test_zeros_of_either_sign_are_two() -> None:
-    code = _lowered(
+    code = lowered(
         ROBOT + "module m { when x > 0  do out(v = if y > 0 then 0 * 1 else -0 * 1) }\nnetwork { out = m }"
     )
     zeros = [
@@ -96,12 +91,12 @@ def test_zeros_of_either_sign_are_two() -> None:
 
 
 def test_constants_are_folded() -> None:
-    code = _lowered(ROBOT + "module m { when true  do out(v = x + min(3, 1 + 1)) }\nnetwork { out = m }")
+    code = lowered(ROBOT + "module m { when true  do out(v = x + min(3, 1 + 1)) }\nnetwork { out = m }")
     assert [op.value for op in code.ops if isinstance(op, Literal)] == [2.0]
 
 
 def test_what_nothing_needs_is_left_out() -> None:
-    code = _lowered(
+    code = lowered(
         ROBOT
         + """
 let unused = previous(x, 0) + y
@@ -116,7 +111,7 @@ network { out = m }
 
 
 def test_one_frame_counter_for_all_memory_of_one_module() -> None:
-    code = _lowered(
+    code = lowered(
         ROBOT + "module m { when changed(x) or changed(y)  do out(v = captured(x, y)) }\nnetwork { out = m }"
     )
     assert sum(1 for cell in code.cells if cell.name.startswith("started")) == 1
@@ -167,7 +162,7 @@ def test_big_arrays_stand_as_their_elements_once() -> None:
     )
     wiring = " suppresses ".join(f"m{i}" for i in range(200))
     text = ROBOT.replace("sensor y", "sensor big[1000] : number from DServer.big\n  sensor y")
-    code = _lowered(text + modules + f"network {{ out = {wiring} }}")
+    code = lowered(text + modules + f"network {{ out = {wiring} }}")
     assert len(code.ops) < 4000
 
 
@@ -180,8 +175,7 @@ def test_big_arrays_stand_as_their_elements_once() -> None:
 def test_size_is_near_linear(make) -> None:
     sizes = []
     for n in (200, 2000):
-        program = make(n)
-        code = whole(lower(program, compile_program(program).clients).code)
+        code = lowered(make(n))
         sizes.append(sum(1 + len(operands(op)) for op in code.ops))
     assert sizes[1] < 13 * sizes[0]
 
@@ -245,6 +239,6 @@ def test_long_chains_of_lets() -> None:
 
 
 def test_old_cells_are_the_only_way_to_memory() -> None:
-    code = _lowered(SHARED)
+    code = lowered(SHARED)
     read = {op.cell for op in code.ops if isinstance(op, OldCell)}
     assert read == set(range(len(code.cells)))

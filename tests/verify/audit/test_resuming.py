@@ -14,7 +14,7 @@ from colony.ir.memory import ProgramMemory
 from colony.verify.audit.resuming import Resuming
 from colony.verify.reference.interpreter import Interpreter
 from colony.verify.testing.strategies import Run, network_runs, run_of_seed, runs
-from tests.verify.stepping import program
+from tests.programs import program
 
 
 def memories(run: Run) -> list[ProgramMemory]:

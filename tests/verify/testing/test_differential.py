@@ -12,7 +12,7 @@ from colony.ir.program import Program
 from colony.verify.reference.interpreter import Interpreter
 from colony.verify.testing.agreement import ALL_EXECUTORS, Disagreement
 from colony.verify.testing.differential import Report, examples
-from tests.verify.stepping import program
+from tests.programs import program
 
 BACKS_OFF = """
 module cruise { when true do out(v = 100) }

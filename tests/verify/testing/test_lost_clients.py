@@ -8,14 +8,12 @@ from random import Random
 
 import pytest
 
-from colony.compile.pipeline import compile_program
-from colony.execute.executor import ClientExecutor
 from colony.ir.frame import Answer, Frame
 from colony.ir.program import Program
 from colony.verify.reference.interpreter import Interpreter
 from colony.verify.testing.agreement import in_base_units
 from colony.verify.testing.strategies import run_of_seed
-from tests.verify.stepping import MS, program
+from tests.programs import MS, clients, program
 
 Losses = tuple[frozenset[str], ...]
 
@@ -27,16 +25,12 @@ def degrading(of: Program) -> Program:
 
 def check(of: Program, trace: tuple[Frame, ...], losses: Losses) -> None:
     """In each frame exactly the winner is active by its own knowledge."""
-    interpreter, compiled = Interpreter(of), compile_program(of)
-    clients = {
-        (actuator, module): ClientExecutor(compiled.artifact, actuator, module)
-        for actuator, module, _ in compiled.artifact.clients
-    }
+    interpreter, alone = Interpreter(of), clients(of)
     for at, (frame, lost) in enumerate(zip(trace, losses, strict=True)):
         outcome = interpreter.step(frame, lost)
         told = {m.name: Answer((0.0,) * 8 if interpreter.is_active(m.name) else None) for m in of.modules}
         inside = in_base_units(of, frame)
-        active = {key for key, client in clients.items() if client.step(inside, told, lost).active}
+        active = {key for key, client in alone.items() if client.step(inside, told, lost).active}
         due = {(d.actuator, d.by) for d in outcome.decisions if d.by is not None}
         assert active == due, f"frame {at}, lost {sorted(lost)}"
 

@@ -28,7 +28,7 @@ from colony.verify.testing.strategies import (
     traces,
 )
 from tests.paths import ROOT
-from tests.verify.stepping import MS, program
+from tests.programs import MS, program
 
 
 @given(texts())
