@@ -159,7 +159,8 @@ class Loop:
 
 
 def _sense(binding: SensorBinding) -> _Sense:
-    return _Sense(binding.sensor, binding.field, binding.factor, binding.within_ns)
+    factor = 1.0 if binding.declared else binding.factor
+    return _Sense(binding.sensor, binding.field, factor, binding.within_ns)
 
 
 def _in_unit(value: Value, factor: float) -> Value:

@@ -6,8 +6,9 @@ state of a module `module.name`. Durations are whole nanoseconds; constants are 
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import field
-from typing import Literal
+from typing import Literal, Protocol
 
 from colony.ir.expression import Expression
 from colony.ir.types import Enum, Scalar, ScalarValue, Type
@@ -69,6 +70,27 @@ class Actuator(Declared):
     command: str
     idle: tuple[ScalarValue, ...] | None
     on_loss: Literal["stop", "degrade"] = "stop"
+
+
+class InUnit(Protocol):
+    """A field of a command; `factor` is its declared unit in base units."""
+
+    @property
+    def factor(self) -> float: ...
+
+
+def in_declared_units(
+    values: tuple[ScalarValue, ...] | None, fields: Iterable[InUnit]
+) -> tuple[ScalarValue, ...] | None:
+    """Return a command in the units in which its fields are declared, None for none; a bool has no unit."""
+    if values is None:
+        return None
+    return tuple(
+        [
+            x if isinstance(x, bool) or field.factor == 1.0 else x / field.factor
+            for x, field in zip(values, fields, strict=True)
+        ]
+    )
 
 
 DEFAULT_FRAME_NS = 50_000_000

@@ -11,9 +11,10 @@ import pytest
 
 from colony.cli.outputs import open_alone
 from colony.cli.recordings import RunRecording
+from colony.compile.pipeline import compile_program
 from colony.dsl.load import load_text
+from colony.execute.compiled import Compiled
 from colony.ir.frame import Frame
-from colony.ir.program import Program
 from colony.runtime.recordings.lines import ByteFile, Recording
 from colony.runtime.recordings.mcap_writer import McapRecording
 from tests.verify.audit.recorded_runs import MS, logs, read_lines, read_mcap, run_info
@@ -28,19 +29,20 @@ PROGRAM = load_text(
     network { lamp = shine }
     """
 )
+COMPILED = compile_program(PROGRAM).artifact
 FRAMES = tuple(Frame(k * 50 * MS, {"near": float(k * 7919 % 997)}) for k in range(200))
 
 
-def mcap(program: Program, file: ByteFile) -> McapRecording:
-    return McapRecording(program, run_info(program), file)
+def mcap(compiled: Compiled, file: ByteFile) -> McapRecording:
+    return McapRecording(compiled, run_info(PROGRAM), file)
 
 
 def broken_off(
-    path: Path, sink: Callable[[Program, ByteFile], Recording | McapRecording], most: int
+    path: Path, sink: Callable[[Compiled, ByteFile], Recording | McapRecording], most: int
 ) -> RunRecording:
     """A recording whose file may not get larger than `most` bytes."""
     before = resource.getrlimit(resource.RLIMIT_FSIZE)
-    recording = RunRecording(sink(PROGRAM, open_alone(str(path))), str(path))
+    recording = RunRecording(sink(COMPILED, open_alone(str(path))), str(path))
     resource.setrlimit(resource.RLIMIT_FSIZE, (most, before[1]))
     try:
         for log in logs(PROGRAM, FRAMES):
@@ -67,7 +69,7 @@ def test_it_goes_as_far_as_is_said(tmp_path: Path, most: int) -> None:
 @pytest.mark.parametrize("sink", [mcap, Recording])
 def test_one_without_frames_is_none(
     tmp_path: Path,
-    sink: Callable[[Program, ByteFile], Recording | McapRecording],
+    sink: Callable[[Compiled, ByteFile], Recording | McapRecording],
     capsys: pytest.CaptureFixture[str],
 ) -> None:
     path = tmp_path / "run"
@@ -81,5 +83,5 @@ def test_one_without_frames_is_none(
 
 def written_before_frames(path: Path) -> int:
     with open_alone(str(path)) as file:
-        mcap(PROGRAM, file)
+        mcap(COMPILED, file)
     return path.stat().st_size

@@ -1,7 +1,7 @@
 """A whole robot in one process: clock, servers, clients and observer, joined by a transport in virtual time.
 
     clock = VirtualClock()
-    session = Session(compiled, drivers, clock=clock, seed=1)
+    session = VirtualSession(compiled, drivers, clock=clock, seed=1)
     session.run(60_000_000_000)
 
 Whatever ends a run, be it an exception, the robot is stopped and the sinks are closed.

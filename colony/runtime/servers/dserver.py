@@ -15,14 +15,21 @@ from collections.abc import Callable, Iterable, Mapping
 
 import msgspec
 
+from colony.ir.program import in_declared_units
 from colony.ir.types import ScalarValue, Value
-from colony.runtime.arbitration.arbiter import declared_units, timing
+from colony.runtime.arbitration.arbiter import timing
 from colony.runtime.arbitration.ballot import NOBODY, STOPPED
 from colony.runtime.arbitration.stop_latch import StopFollower
 from colony.runtime.frames.assembly import KEPT_MOST
 from colony.runtime.protocol import topics
 from colony.runtime.protocol.calls import Asked, Refused, method
-from colony.runtime.protocol.deployment import DEPLOYMENT_BYTES, Deployment, client_addresses, commanded_by
+from colony.runtime.protocol.deployment import (
+    DEPLOYMENT_BYTES,
+    ActuatorTable,
+    Deployment,
+    client_addresses,
+    commanded_by,
+)
 from colony.runtime.protocol.fields import DSERVER
 from colony.runtime.protocol.messages import (
     Alive,
@@ -41,7 +48,7 @@ from colony.runtime.protocol.messages import (
     WakeAt,
 )
 from colony.runtime.servers.checkpoints import Checkpoints
-from colony.runtime.servers.commanding import CommandDesk, Commanded
+from colony.runtime.servers.commanding import CommandDesk
 from colony.runtime.servers.data_calls import DataCalls
 from colony.runtime.servers.leadership import Leadership
 from colony.runtime.servers.once import Answers
@@ -257,10 +264,10 @@ class DServer:
 
     # --- what is published and set -------------------------------------------------------------------
 
-    def _set(self, commanded: Commanded, values: tuple[ScalarValue, ...], now_ns: int) -> None:
-        declared = declared_units(commanded.actuator, values)
+    def _set(self, actuator: ActuatorTable, values: tuple[ScalarValue, ...], now_ns: int) -> None:
+        declared = in_declared_units(values, actuator.fields)
         assert declared is not None
-        name = commanded.binding.command
+        name = actuator.command
         value = declared[0] if len(declared) == 1 else declared
         self._variables.put(prepared(name, encoded(value)), now_ns)
         self._changed.append(name)
