@@ -26,7 +26,7 @@ from colony.runtime.fields import DSERVER
 from colony.runtime.library import data
 from colony.runtime.library.ask import Ask
 from colony.runtime.messages import Alive, Call, Effect, Fetch, Reply, Send, Tick, Wake
-from colony.runtime.servers.data_calls import MOST_AT_ONCE, MOST_NAMES, MOST_VALUES
+from colony.runtime.servers.data_methods import MOST_AT_ONCE, MOST_NAMES, MOST_VALUES
 from colony.runtime.servers.dserver import DServer
 from colony.runtime.servers.semaphores import MOST as MOST_SEMAPHORES
 from colony.runtime.servers.semaphores import MOST_HELD, MOST_WAITING

@@ -6,7 +6,7 @@ import math
 
 from colony.cli.run_options import Arrival, Options
 from colony.cli.run_way import TOLD_OF_PLATE, Way
-from colony.experiment.run_cameras import camera_driver
+from colony.experiment.run_cameras import run_cameras
 from colony.experiment.runs import AT_GOAL_MM
 from colony.experiment.variants import CEILING_CAMERA, FRONT_CAMERA, OURS, PLANNER, SIDE_CAMERA
 from colony.nav.goal_verification import Verdict
@@ -54,8 +54,8 @@ class Mission:
     def nodes(self, plant: Plant) -> tuple[Node, ...]:
         """The cameras and the scripts."""
         cameras = [
-            CServer(camera_driver(plant, self.site, name, seed=self._seed), keep=self._keep, address=name)
-            for name in _CAMERAS
+            CServer(driver, keep=self._keep, address=name)
+            for name, driver in run_cameras(plant, self.site, _CAMERAS, seed=self._seed).items()
         ]
         return (*cameras, *self._scripts.values())
 

@@ -1,6 +1,8 @@
-"""One robot with its program, its servers and its scripts in one loop: frame after frame in lockstep.
+"""One robot with its program, its servers and its scripts in one loop: frame after frame in lockstep, for runs
+by the thousand.
 
-A frame is what it is among the real servers in virtual time (`runtime/session.py`), in one fixed order: the
+The loop consists of the parts of the real servers (`runtime/servers`), without messages, connections or a
+store. A frame is what it is among the real servers in virtual time (`virtual.py`), in one fixed order: the
 servers publish; the network decides on that, its commands are carried out; cameras grab when it is time;
 scripts go on whose time has come; the world moves on to the next frame. So what a script sets in a frame the
 network reads in the next one, and what the network sets, too.
@@ -8,21 +10,31 @@ network reads in the next one, and what the network sets, too.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping, Sequence
-from typing import NamedTuple
+from collections.abc import Callable, Iterable, Mapping
+from typing import Any, NamedTuple
+
+import msgspec
 
 from colony.experiment.behavior import Behavior
-from colony.experiment.local_cameras import LocalCamera
-from colony.experiment.local_scripts import LocalScripts
-from colony.experiment.local_servers import LocalBase, LocalData, LocalProximity, LocalServer
 from colony.ir.frame import Frame, Outcome, Reading
 from colony.ir.types import ScalarValue, Value
-from colony.runtime.bindings import ActuatorBinding, SensorBinding
+from colony.runtime.bindings import ActuatorBinding
 from colony.runtime.deployment import variables_read
+from colony.runtime.drivers import CameraDriver, Drivers
 from colony.runtime.fields import DSERVER, PSERVER, RSERVER, RUNTIME
 from colony.runtime.kit.script import Script
+from colony.runtime.kit.script_local import LocalScripts, LocalServer
+from colony.runtime.messages import Sample
+from colony.runtime.motion import Speeds
+from colony.runtime.servers.base import Base
+from colony.runtime.servers.cserver import Camera
+from colony.runtime.servers.data_methods import DataMethods, command
+from colony.runtime.servers.pserver import PServer
 from colony.runtime.servers.runtime_server import random_of_frame
-from colony.sim.world import World
+from colony.runtime.servers.semaphores import Semaphores
+from colony.runtime.servers.variables import Variables
+from colony.runtime.store import Journal, MemoryStore
+from colony.runtime.virtual import VirtualClock
 
 _Decided = tuple[tuple[str, str | None, tuple[ScalarValue, ...] | None, str | None], ...]
 """A `Decision` an actuator, as generated code gives it."""
@@ -31,11 +43,48 @@ Watch = Callable[[Frame, Outcome], None]
 """Is shown every frame, after the network has decided and before anything moves."""
 
 
-class _Sense(NamedTuple):
-    sensor: str
-    field: str
-    factor: float
-    within_ns: int | None
+class _Forgetful(Journal):
+    """A journal of what nobody will ever load."""
+
+    def __init__(self) -> None:
+        super().__init__(MemoryStore())
+
+    def put(self, key: object, data: bytes) -> None:
+        """Keep nothing."""
+
+    def drop(self, key: object) -> None:
+        """Drop nothing: nothing is kept."""
+
+
+class LocalData(LocalServer):
+    """DServer's variables and semaphores, called in this process. Mutable: those.
+
+    Args:
+        reads: the variables that frames have, which the network reads.
+    """
+
+    def __init__(self, reads: Iterable[str] = ()) -> None:
+        journal = _Forgetful()
+        self.variables = Variables(journal)
+        self.variables.read_by_program(reads)
+        self.variables.show(reads)
+        methods = DataMethods(self.variables, Semaphores(journal))
+        self.expire = methods.expire
+        super().__init__(DSERVER.name, methods.methods, methods.answers)
+
+    def present(self, name: str) -> Any:
+        """Return the present value of a variable, None if it has none."""
+        found = self.variables.present(name)
+        return None if found is None else msgspec.msgpack.decode(found.data)
+
+
+class LocalCamera(LocalServer):
+    """A camera server, called in this process. Mutable: the camera's image, its lock, the period."""
+
+    def __init__(self, address: str, driver: CameraDriver) -> None:
+        camera = Camera(address, driver)
+        self.tend = camera.tend
+        super().__init__(address, camera.methods, camera.answers, camera.tend)
 
 
 class _Act(NamedTuple):
@@ -45,50 +94,56 @@ class _Act(NamedTuple):
     number: int
     factors: tuple[float, ...]
 
+    def speeds(self, values: tuple[ScalarValue, ...]) -> Speeds:
+        """Return the base's speeds in base units; a field that the actuator does not have is 0."""
+        velocity, turn = (
+            0.0 if i is None else float(values[i]) * self.factors[i] for i in self.binding.places
+        )
+        return Speeds(velocity, turn)
+
 
 class Loop:
-    """Mutable: the world, the servers and scripts, the network's memory, the time.
+    """Mutable: the servers and scripts, the network's memory, the time.
 
     Args:
         behavior: what decides.
-        world: with the robot as its number 0.
+        drivers: the devices; they tell time by `clock`.
         scripts: by name, in the order in which they run in a moment.
-        cameras: the camera servers.
+        clock: the time, which the loop moves on.
+        advance: called at the end of each frame, with the clock at the next one: lets the world catch up.
         seed: of `Runtime.random`.
         variables: of DServer, held as fresh as each frame, in declared units.
         watch: is shown every frame.
-        moving: are told of the seconds of each step of the world, after it, as by `colony.sim.drivers.Plant`.
     """
 
     def __init__(
         self,
         behavior: Behavior,
-        world: World,
+        drivers: Drivers,
         scripts: Mapping[str, Script],
         *,
-        cameras: Iterable[LocalCamera] = (),
+        clock: VirtualClock,
+        advance: Callable[[], object],
         seed: int = 0,
         variables: Mapping[str, Value] | None = None,
         watch: Watch | None = None,
-        moving: Sequence[Callable[[float], None]] = (),
     ) -> None:
-        self.world = world
-        self._moving = tuple(moving)
-        self.base, self.proximity = LocalBase(world), LocalProximity(world)
+        self._clock, self._advance = clock, advance
+        self.base, self._proximity = Base(drivers.base), PServer(drivers.proximity, keep=1)
         self.data = LocalData(variables_read(behavior.bindings))
         self.data.variables.hold(variables or {})
-        self._cameras = tuple(cameras)
-        servers: tuple[LocalServer, ...] = (self.data, self.base, self.proximity, *self._cameras)
-        self.scripts = LocalScripts(scripts, servers)
+        self._cameras = tuple(LocalCamera(name, driver) for name, driver in drivers.cameras.items())
+        base = LocalServer(RSERVER.name, self.base.methods)
+        proximity = LocalServer(PSERVER.name, self._proximity.methods)
+        self.scripts = LocalScripts(scripts, (self.data, base, proximity, *self._cameras))
         self._seed = seed
         self._watch = watch
         self._executor = behavior.executor()
         self._frame_ns = behavior.program.robot.frame_ns
-        self._frame_s = self._frame_ns / 1e9
-        self._sensors = {
-            server: tuple(_sense(b) for b in behavior.bindings.sensors if b.server == server)
-            for server in (PSERVER.name, RSERVER.name, DSERVER.name, RUNTIME.name)
-        }
+        self._sensors = behavior.bindings.sensors
+        rings = {"sonar": self._proximity.sonar, "infrared": self._proximity.infrared}
+        read = dict.fromkeys(b.field for b in self._sensors if b.server == PSERVER.name)
+        self._rings = tuple((field, rings[field]) for field in read)
         acts = [
             _Act(binding, number, tuple(field.factor for field in actuator.fields))
             for number, (actuator, binding) in enumerate(
@@ -98,34 +153,35 @@ class Loop:
         self._drives = tuple(act for act in acts if act.binding.server == RSERVER.name)
         self._sets = tuple(act for act in acts if act.binding.server == DSERVER.name)
         self.k = 0
-        self.now_ns = 0
+
+    @property
+    def now_ns(self) -> int:
+        """The time of the next frame."""
+        return self._clock.now_ns
 
     def frame(self) -> None:
-        """One frame, and on to the beginning of the next.
+        """Run one frame, and go on to the beginning of the next.
 
         Raises:
             ScriptFailed: a script raised.
         """
-        now_ns = self.now_ns
-        frame = Frame(now_ns, self._readings(now_ns))
-        outcome = self._decide(frame)
+        now_ns = self._clock.now_ns
+        outcome = self._decide(Frame(now_ns, self._readings(now_ns)))
         for act in self._sets:
             values = outcome[act.number][2]
             if values is not None:
-                self.data.command(act.binding.command, values, now_ns)
+                command(self.data.variables, act.binding.command, values, now_ns)
         for act in self._drives:
             values = outcome[act.number][2]
             if values is not None:
-                self.base.drive(*_speeds(act, values))
+                self._drive(act.speeds(values))
         self.data.expire(now_ns)
         for camera in self._cameras:
             camera.tend(now_ns)
         self.scripts.run(now_ns)
-        self.world.advance(self._frame_s)
-        for move in self._moving:
-            move(self._frame_s)
         self.k += 1
-        self.now_ns = now_ns + self._frame_ns
+        self._clock.now_ns = now_ns + self._frame_ns
+        self._advance()
 
     def close(self) -> None:
         """Stop the robot and end all scripts."""
@@ -140,35 +196,26 @@ class Loop:
         decisions: _Decided = self._executor.program.step(frame.t_ns, frame.readings)[0]
         return decisions
 
+    def _drive(self, speeds: Speeds) -> None:
+        """Send a command, but not one that goes into a bumper that is pressed."""
+        bumper = self.base.pressed(speeds.velocity)
+        self.base.drive(speeds if bumper is None else Speeds(0.0, speeds.turn))
+
     def _readings(self, now_ns: int) -> dict[str, Reading]:
+        self.base.look()
+        published = {
+            RSERVER.name: self.base.fields(now_ns),
+            PSERVER.name: {field: ring() for field, ring in self._rings},
+            DSERVER.name: self.data.variables.fields(now_ns),
+            RUNTIME.name: {"random": Sample(random_of_frame(self._seed, self.k), now_ns)},
+        }
         readings: dict[str, Reading] = {}
-        base = self.base.fields(now_ns)
-        for sensor, field, factor, _ in self._sensors[RSERVER.name]:
-            readings[sensor] = _in_unit(base[field], factor)
-        for sensor, field, factor, _ in self._sensors[PSERVER.name]:
-            ring: Value = self.proximity.sonar() if field == "sonar" else self.proximity.infrared()
-            readings[sensor] = _in_unit(ring, factor)
-        held = self.data.fields(now_ns)
-        for sensor, field, factor, within_ns in self._sensors[DSERVER.name]:
-            sample = held.get(field)
-            if sample is not None and (within_ns is None or now_ns - sample.t_ns <= within_ns):
-                readings[sensor] = _in_unit(sample.value, factor)
-        for sensor, _, factor, _ in self._sensors[RUNTIME.name]:
-            readings[sensor] = random_of_frame(self._seed, self.k) / factor
+        for b in self._sensors:
+            sample = published[b.server].get(b.field)
+            if sample is not None and (b.within_ns is None or now_ns - sample.t_ns <= b.within_ns):
+                readings[b.sensor] = sample.value if b.factor == 1.0 else _in_unit(sample.value, b.factor)
         return readings
 
 
-def _sense(binding: SensorBinding) -> _Sense:
-    return _Sense(binding.sensor, binding.field, binding.factor, binding.within_ns)
-
-
 def _in_unit(value: Value, factor: float) -> Value:
-    if factor == 1.0:
-        return value
     return tuple(v / factor for v in value) if isinstance(value, tuple) else value / factor
-
-
-def _speeds(act: _Act, values: tuple[ScalarValue, ...]) -> tuple[float, float]:
-    """The base's speeds in base units; a field that the actuator does not have is 0."""
-    velocity, turn = (0.0 if i is None else float(values[i]) * act.factors[i] for i in act.binding.places)
-    return velocity, turn

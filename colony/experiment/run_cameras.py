@@ -1,14 +1,14 @@
-"""The cameras of the robot of a run, each a server."""
+"""The cameras of the robot of a run."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable
 
-from colony.experiment.local_cameras import CeilingShot, LevelShot, LocalCamera, Shot
 from colony.experiment.variants import CEILING_CAMERA, FRONT_CAMERA, SIDE_CAMERA
 from colony.runtime.drivers import CameraDriver
 from colony.sim.camera import Camera, CameraConfig
-from colony.sim.drivers import Plant, SimulatedCamera, SimulatedCeilingCamera
+from colony.sim.ceiling import CeilingCamera
+from colony.sim.drivers import Plant, SimulatedCamera
 from colony.sim.scene import scene_of
 from colony.sim.site import Site
 from colony.vision.level_camera import AHEAD, SIDE
@@ -16,8 +16,8 @@ from colony.vision.level_camera import AHEAD, SIDE
 _LEVEL = {SIDE_CAMERA: SIDE, FRONT_CAMERA: AHEAD}
 
 
-def run_cameras(site: Site, names: Iterable[str], *, seed: int) -> tuple[LocalCamera, ...]:
-    """The cameras of these names: the one that looks up, the one to the left and the one ahead.
+def run_cameras(plant: Plant, site: Site, names: Iterable[str], *, seed: int) -> dict[str, CameraDriver]:
+    """Return the cameras of these names, sorted: the one that looks up, the one to the left and the one ahead.
 
     Args:
         seed: of the noise of those that look along the floor.
@@ -25,25 +25,11 @@ def run_cameras(site: Site, names: Iterable[str], *, seed: int) -> tuple[LocalCa
     Raises:
         ValueError: a robot has no such camera.
     """
-    return tuple(LocalCamera(name, _shutter(site, name, seed)) for name in sorted(names))
+    return {name: SimulatedCamera(plant, 0, _eye(site, name, seed)) for name in sorted(names)}
 
 
-def camera_driver(plant: Plant, site: Site, name: str, *, seed: int) -> CameraDriver:
-    """The same camera for the real server.
-
-    Raises:
-        ValueError: a robot has no such camera.
-    """
-    if name == CEILING_CAMERA:
-        return SimulatedCeilingCamera(plant, 0, site.ceiling)
-    return SimulatedCamera(plant, 0, _level_eye(site, name, seed))
-
-
-def _shutter(site: Site, name: str, seed: int) -> Callable[[int], Shot]:
-    if name == CEILING_CAMERA:
-        return lambda now_ns: CeilingShot(site.ceiling(), site.world, now_ns)
-    eye = _level_eye(site, name, seed)
-    return lambda now_ns: LevelShot(eye(), site.world, now_ns)
+def _eye(site: Site, name: str, seed: int) -> Callable[[], Camera | CeilingCamera]:
+    return site.ceiling if name == CEILING_CAMERA else _level_eye(site, name, seed)
 
 
 def _level_eye(site: Site, name: str, seed: int) -> Callable[[], Camera]:

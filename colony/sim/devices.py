@@ -7,12 +7,13 @@ No I/O, and no clock: times are arguments. `colony.sim.plant_process` connects i
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from typing import assert_never
 
 from colony.sim.camera import Camera
 from colony.sim.ceiling import CeilingCamera
 from colony.sim.compiled import Bytes2
+from colony.sim.drivers import base_state
 from colony.sim.plant_protocol import BaseReading, CameraReading, ProximityReading, Truth
 from colony.sim.world import MAX_STEP_S, World
 
@@ -158,20 +159,8 @@ class Devices:
 
     def base(self, robot: int, number: int = 0) -> BaseReading:
         """What a base reports."""
-        world = self._world
-        pose, speed, bumper = world.odometry(robot), world.speed(robot), world.bumper(robot)
-        return BaseReading(
-            t_ns=self.reached_ns,
-            x=pose.x_mm,
-            y=pose.y_mm,
-            heading=pose.heading_deg,
-            front_bumper=bumper.front,
-            rear_bumper=bumper.rear,
-            speed=speed.velocity_mm_s,
-            turn_rate=speed.turn_deg_s,
-            wheel_speed=world.wheel_speed(robot),
-            number=number,
-        )
+        state = base_state(self._world, robot, self.reached_ns)
+        return BaseReading(**asdict(state), number=number)
 
     def proximity(self, robot: int, number: int = 0) -> ProximityReading:
         """What the rings of a robot report."""

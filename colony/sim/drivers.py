@@ -6,14 +6,13 @@ its devices is read or commanded, so that time passes for all of them alike.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
-from colony.runtime.drivers import BaseDriver, BaseState, Drivers
-from colony.runtime.images import Image
+from colony.runtime.drivers import BaseDriver, BaseState, CameraDriver, Drivers
+from colony.runtime.images import Shot
 from colony.runtime.messages import Sample
-from colony.sim.compiled import Bytes2
 from colony.sim.config import limits_of
 from colony.sim.world import MAX_STEP_S, World
 
@@ -128,37 +127,24 @@ class SimulatedProximity:
 
 
 class SimulatedCamera:
-    """A camera of robot number `robot`; each image is taken when it is grabbed, by what `camera` gives then:
-    there is one a floor."""
+    """A camera of robot number `robot`: each image is taken when it is grabbed, by what `eye` gives then, which
+    may be another one on each floor. Its pixels are drawn when they are read."""
 
-    def __init__(self, plant: Plant, robot: int, camera: Callable[[], Camera]) -> None:
+    def __init__(self, plant: Plant, robot: int, eye: Callable[[], Camera | CeilingCamera]) -> None:
         self._plant = plant
         self._robot = robot
-        self._camera = camera
+        self._eye = eye
 
-    def grab(self) -> Image:
+    def grab(self) -> Shot:
+        from colony.sim.shots import shot_of
+
         now = self._plant.catch_up()
-        return _gray(self._camera().see(self._plant.world, self._robot, now), now)
+        return shot_of(self._eye(), self._plant.world, self._robot, now)
 
 
-class SimulatedCeilingCamera:
-    """A camera of robot number `robot` that looks up; likewise."""
-
-    def __init__(self, plant: Plant, robot: int, camera: Callable[[], CeilingCamera]) -> None:
-        self._plant = plant
-        self._robot = robot
-        self._camera = camera
-
-    def grab(self) -> Image:
-        now = self._plant.catch_up()
-        return _gray(self._camera().image(self._plant.world.true_pose(self._robot), now), now)
-
-
-def _gray(pixels: Bytes2, t_ns: int) -> Image:
-    height, width = pixels.shape
-    return Image(t_ns=t_ns, height=height, width=width, channels=1, pixels=pixels.tobytes())
-
-
-def simulated_drivers(plant: Plant, robot: int = 0) -> Drivers:
-    """All devices of one simulated robot."""
-    return Drivers(base=SimulatedBase(plant, robot), proximity=SimulatedProximity(plant, robot))
+def simulated_drivers(
+    plant: Plant, robot: int = 0, *, cameras: Mapping[str, CameraDriver] | None = None
+) -> Drivers:
+    """Return all devices of one simulated robot; `cameras` by the names of their servers."""
+    base, proximity = SimulatedBase(plant, robot), SimulatedProximity(plant, robot)
+    return Drivers(base=base, proximity=proximity, cameras=cameras or {})

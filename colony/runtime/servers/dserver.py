@@ -43,13 +43,14 @@ from colony.runtime.messages import (
 from colony.runtime.servers.checkpoints import Checkpoints
 from colony.runtime.servers.commanding import CommandDesk, Commanded
 from colony.runtime.servers.data_calls import DataCalls
+from colony.runtime.servers.data_methods import command
 from colony.runtime.servers.leadership import Leadership
 from colony.runtime.servers.once import Answers
 from colony.runtime.servers.publishing import Fields, Publisher
 from colony.runtime.servers.relaying import ActivityRelay
 from colony.runtime.servers.semaphores import Semaphores
 from colony.runtime.servers.showing import Wanted
-from colony.runtime.servers.variables import Variables, encoded, prepared
+from colony.runtime.servers.variables import Variables
 from colony.runtime.servers.watching import Watches
 from colony.runtime.store import Journal, Key, MemoryStore, Store, StoreError
 
@@ -260,10 +261,8 @@ class DServer:
     def _set(self, commanded: Commanded, values: tuple[ScalarValue, ...], now_ns: int) -> None:
         declared = declared_units(commanded.actuator, values)
         assert declared is not None
-        name = commanded.binding.command
-        value = declared[0] if len(declared) == 1 else declared
-        self._variables.put(prepared(name, encoded(value)), now_ns)
-        self._changed.append(name)
+        command(self._variables, commanded.binding.command, declared, now_ns)
+        self._changed.append(commanded.binding.command)
 
     def _deploy(self, asked: Asked, deployed: Deployment, now_ns: int) -> None:
         if not self._leadership.take(asked.caller, deployed):
