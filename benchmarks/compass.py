@@ -17,11 +17,11 @@ from typing import NamedTuple
 import numpy as np
 
 from benchmarks.arguments import picture, whole_number
-from colony.nav.stickrep_reader import load_map
+from colony.nav.maps.stickrep.reader import load_map
 from colony.sim.config import IDEAL
-from colony.sim.hazards import Hazard, Hazards, draw
-from colony.sim.premises import premises_of
-from colony.sim.world import World
+from colony.sim.hazards.hazards import Hazard, Hazards, draw
+from colony.sim.hazards.premises import premises_of
+from colony.sim.world.world import World
 
 MSU = Path(__file__).resolve().parent.parent / "maps" / "msu_engineering_3.stickrep"
 SPEED_MM_S, STEP_S = 500.0, 0.5

@@ -10,12 +10,12 @@ import sys
 from collections.abc import Iterable, Iterator
 from pathlib import Path
 
-from colony.runtime import topics
-from colony.runtime.live.host import Host
-from colony.runtime.live.place import Local
-from colony.runtime.live.run_directory import RobotDirectory
-from colony.runtime.messages import Effect, Message, Ready, Request, Send, Tick
-from colony.runtime.processes.ending import Ending, on_death_of_parent, on_signals
+from colony.runtime.assembly.processes.ending import Ending, on_death_of_parent, on_signals
+from colony.runtime.protocol import topics
+from colony.runtime.protocol.messages import Effect, Message, Ready, Request, Send, Tick
+from colony.runtime.transport.live.host import Host
+from colony.runtime.transport.live.place import Local
+from colony.runtime.transport.live.run_directory import RobotDirectory
 
 ACTUATOR = "drive"
 SERVER = "RServer"

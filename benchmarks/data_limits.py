@@ -19,19 +19,19 @@ from typing import NamedTuple
 
 import msgspec
 
-from colony.runtime import codec
-from colony.runtime.calls import Nothing, Open
-from colony.runtime.deployment import Deployment
-from colony.runtime.fields import DSERVER
 from colony.runtime.library import data
 from colony.runtime.library.ask import Ask
-from colony.runtime.messages import Alive, Call, Effect, Fetch, Reply, Send, Tick, Wake
+from colony.runtime.protocol import codec
+from colony.runtime.protocol.calls import Nothing, Open
+from colony.runtime.protocol.deployment import Deployment
+from colony.runtime.protocol.fields import DSERVER
+from colony.runtime.protocol.messages import Alive, Call, Effect, Fetch, Reply, Send, Tick, Wake
 from colony.runtime.servers.data_methods import MOST_AT_ONCE, MOST_NAMES, MOST_VALUES
 from colony.runtime.servers.dserver import DServer
 from colony.runtime.servers.semaphores import MOST as MOST_SEMAPHORES
 from colony.runtime.servers.semaphores import MOST_HELD, MOST_WAITING
 from colony.runtime.servers.variables import HISTORY_LENGTH, VALUE_BYTES
-from colony.runtime.sqlite_store import SqliteStore
+from colony.runtime.store.sqlite import SqliteStore
 
 Row = dict[str, object]
 

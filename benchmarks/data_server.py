@@ -30,8 +30,8 @@ import zenoh
 from colony.runtime.kit.connection import Session
 from colony.runtime.kit.errors import ConnectionProblem
 from colony.runtime.library import data
-from colony.runtime.live.network import Network
-from colony.runtime.live.place import Local, local
+from colony.runtime.transport.live.network import Network
+from colony.runtime.transport.live.place import Local, local
 
 Row = dict[str, object]
 
@@ -109,9 +109,9 @@ def _start(context: SpawnContext, target: Any, *arguments: Any) -> Any:
 
 
 def _serve_data(folder: Path) -> None:
-    from colony.runtime.live.host import Host
     from colony.runtime.servers.dserver import DServer
-    from colony.runtime.sqlite_store import SqliteStore
+    from colony.runtime.store.sqlite import SqliteStore
+    from colony.runtime.transport.live.host import Host
 
     server = DServer(store=SqliteStore(folder / "state.db"))
     with Host.open(_place(folder), [server], serves=True) as host:

@@ -22,7 +22,7 @@ from statistics import median
 from time import perf_counter_ns
 from typing import Any, NamedTuple
 
-from colony.compile.backends.python import generate, load
+from colony.compile.backends.python.generate import generate, load
 from colony.compile.pipeline import compile_program
 from colony.ir.expression import Binary, BinaryOperation, Constant, Element, Expression, SensorValue
 from colony.ir.program import (

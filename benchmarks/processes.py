@@ -25,24 +25,24 @@ from typing import NamedTuple
 from colony.compile.pipeline import compile_program
 from colony.dsl.load import check_file
 from colony.ir.program import Program
-from colony.runtime import topics
-from colony.runtime.deployment import Deployment, deployment
-from colony.runtime.fields import DSERVER, RSERVER
-from colony.runtime.live.host import Host
-from colony.runtime.live.place import Local
-from colony.runtime.live.run_directory import RunDirectory
-from colony.runtime.messages import Effect, Message, Verdict
-from colony.runtime.observer import FrameLog, Sink
-from colony.runtime.processes.children import Job
-from colony.runtime.processes.compiled import Compiled
-from colony.runtime.processes.crew import CLIENTS as CLIENTS_FIRST
-from colony.runtime.processes.crew import client_jobs, fresh_folder, server_jobs, server_parts
-from colony.runtime.processes.leader import Standings
-from colony.runtime.processes.run import LedRun
-from colony.runtime.processes.spec import Device
-from colony.runtime.processes.window import Window
-from colony.runtime.team import build_observer
-from colony.runtime.topics import CLOCK
+from colony.runtime.assembly.nodes import build_observer
+from colony.runtime.assembly.processes.children import Job
+from colony.runtime.assembly.processes.compiled import Compiled
+from colony.runtime.assembly.processes.crew import CLIENTS as CLIENTS_FIRST
+from colony.runtime.assembly.processes.crew import client_jobs, fresh_folder, server_jobs, server_parts
+from colony.runtime.assembly.processes.leader import Standings
+from colony.runtime.assembly.processes.run import LedRun
+from colony.runtime.assembly.processes.spec import Device
+from colony.runtime.assembly.processes.window import Window
+from colony.runtime.observe.observer import FrameLog, Sink
+from colony.runtime.protocol import topics
+from colony.runtime.protocol.deployment import Deployment, deployment
+from colony.runtime.protocol.fields import DSERVER, RSERVER
+from colony.runtime.protocol.messages import Effect, Message, Verdict
+from colony.runtime.protocol.topics import CLOCK
+from colony.runtime.transport.live.host import Host
+from colony.runtime.transport.live.place import Local
+from colony.runtime.transport.live.run_directory import RunDirectory
 
 Row = dict[str, object]
 

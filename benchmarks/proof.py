@@ -13,7 +13,7 @@ from pathlib import Path
 from time import perf_counter
 
 from benchmarks.networks import chain, ladder, random_program
-from colony.compile.lower import lower
+from colony.compile.lower.lower import lower
 from colony.compile.pipeline import compile_program
 from colony.dsl.load import load_file
 from colony.ir.program import Program

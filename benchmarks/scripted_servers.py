@@ -8,10 +8,10 @@ from __future__ import annotations
 import time
 from contextlib import ExitStack
 
-from colony.runtime.drivers import BaseLimits, BaseState, CameraDriver
-from colony.runtime.messages import Sample
-from colony.runtime.processes.child import main
-from colony.runtime.processes.spec import Device
+from colony.runtime.assembly.processes.child import main
+from colony.runtime.assembly.processes.spec import Device
+from colony.runtime.protocol.messages import Sample
+from colony.runtime.servers.drivers import BaseLimits, BaseState, CameraDriver
 
 RANGES = tuple(500.0 + 50.0 * i for i in range(24))
 

@@ -18,12 +18,12 @@ from pathlib import Path
 
 import numpy as np
 
-from colony.nav.stickrep_geometry import corners, in_free_space
-from colony.nav.stickrep_reader import load_map
-from colony.nav.walls import walls_of
-from colony.sim.ceiling import CeilingCamera
-from colony.sim.hazards import Hazards, draw
-from colony.sim.world import World
+from colony.nav.maps.stickrep.geometry import corners, in_free_space
+from colony.nav.maps.stickrep.reader import load_map
+from colony.nav.maps.walls import walls_of
+from colony.sim.cameras.ceiling import CeilingCamera
+from colony.sim.hazards.hazards import Hazards, draw
+from colony.sim.world.world import World
 
 Row = dict[str, object]
 

@@ -24,13 +24,13 @@ from time import perf_counter_ns
 import msgspec
 import zenoh
 
-from colony.runtime.calls import CallDesk, method
 from colony.runtime.kit.connection import connect
 from colony.runtime.library.ask import Ask
-from colony.runtime.live.host import Host
-from colony.runtime.live.network import Network
-from colony.runtime.live.place import local
-from colony.runtime.messages import Effect, Message
+from colony.runtime.protocol.calls import CallDesk, method
+from colony.runtime.protocol.messages import Effect, Message
+from colony.runtime.transport.live.host import Host
+from colony.runtime.transport.live.network import Network
+from colony.runtime.transport.live.place import local
 
 ROUNDS = 5
 CALLS = 1500

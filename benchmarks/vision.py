@@ -21,20 +21,20 @@ import numpy as np
 from numpy.typing import NDArray
 
 from benchmarks.simulation import calibration
-from colony.nav.signs import Sign, markers_of, plates_of
-from colony.nav.stickrep import Map
-from colony.nav.stickrep_reader import load_map
-from colony.sim.camera import Camera, CameraConfig
-from colony.sim.ceiling import CeilingCamera
-from colony.sim.hazards import Hazards, draw
-from colony.sim.scene import scene_of
-from colony.vision.along_track import Scale
-from colony.vision.ceiling_camera import UPWARD
-from colony.vision.light_track import LightGoal, LightTrack, Seen
-from colony.vision.marker_rows import find_markers
-from colony.vision.plate_detector import find_plates
-from colony.vision.plate_reader import read_plate
-from colony.vision.scan_lines import Lines, ceiling_lights
+from colony.nav.maps.signs import Sign, markers_of, plates_of
+from colony.nav.maps.stickrep.model import Map
+from colony.nav.maps.stickrep.reader import load_map
+from colony.sim.cameras.camera import Camera, CameraConfig
+from colony.sim.cameras.ceiling import CeilingCamera
+from colony.sim.cameras.scene import scene_of
+from colony.sim.hazards.hazards import Hazards, draw
+from colony.vision.lights.along_track import Scale
+from colony.vision.lights.ceiling_camera import UPWARD
+from colony.vision.lights.scan_lines import Lines, ceiling_lights
+from colony.vision.lights.track import LightGoal, LightTrack, Seen
+from colony.vision.markers.rows import find_markers
+from colony.vision.plates.detector import find_plates
+from colony.vision.plates.reader import read_plate
 
 Row = dict[str, object]
 Image = NDArray[np.uint8]

@@ -16,21 +16,21 @@ from collections.abc import Iterator, Mapping
 from typing import NamedTuple
 
 import numpy as np
+from colony.experiment.local_cameras import CeilingShot, LocalCamera
 
 from benchmarks.arguments import whole_number
 from colony.experiment.behavior import behavior_of
 from colony.experiment.lists import PUBLISHED_MAP, published_list
-from colony.experiment.local_cameras import CeilingShot, LocalCamera
 from colony.experiment.loop import Loop
 from colony.experiment.variants import CEILING_CAMERA, OURS, PLANNER
-from colony.nav.building import Building
-from colony.nav.plan import Plan
-from colony.nav.route import plan
-from colony.nav.stickrep_reader import load_map
-from colony.sim.ceiling import CeilingCamera
+from colony.nav.maps.building import Building
+from colony.nav.maps.stickrep.reader import load_map
+from colony.nav.plan.plan import Plan
+from colony.nav.plan.route import plan
+from colony.sim.cameras.ceiling import CeilingCamera
 from colony.sim.config import RobotConfig
-from colony.sim.hazards import Hazards, draw
-from colony.sim.world import World
+from colony.sim.hazards.hazards import Hazards, draw
+from colony.sim.world.world import World
 
 ROBOTS: Mapping[str, RobotConfig] = {
     "as believed": RobotConfig(),

@@ -26,7 +26,6 @@ from typing import TYPE_CHECKING
 __version__ = "0.1.0"
 
 if TYPE_CHECKING:
-    from colony.diagnostics import Failure as Failure
     from colony.ir.frame import Decision as Decision
     from colony.ir.frame import Frame as Frame
     from colony.ir.frame import Outcome as Outcome
@@ -38,9 +37,10 @@ if TYPE_CHECKING:
     from colony.library import loads as loads
     from colony.library import prove as prove
     from colony.library import recorded as recorded
+    from colony.text.diagnostics import Failure as Failure
 
 _HOMES = {
-    "colony.diagnostics": ("Failure",),
+    "colony.text.diagnostics": ("Failure",),
     "colony.ir.frame": ("Decision", "Frame", "Outcome"),
     "colony.library": ("Build", "audit", "build", "compare", "load", "loads", "prove", "recorded"),
 }

@@ -8,15 +8,15 @@ from dataclasses import dataclass
 from os import PathLike
 from typing import TYPE_CHECKING
 
-from colony.diagnostics import Failure, error
-from colony.source import NOWHERE
+from colony.text.diagnostics import Failure, error
+from colony.text.source import NOWHERE
 
 if TYPE_CHECKING:
-    from colony.compile.executor import ClientListExecutor
     from colony.compile.pipeline import Compiled
+    from colony.execute.executor import ClientListExecutor
     from colony.ir.program import Program
     from colony.runtime.recordings.recorded import RecordedFrame, RecordingReader
-    from colony.verify.audit_report import AuditReport
+    from colony.verify.audit.report import AuditReport
     from colony.verify.contracts.results import Result as ContractResult
     from colony.verify.difference.results import Result as Difference
 
@@ -88,13 +88,13 @@ class Build:
 
     def table(self) -> str:
         """Return the clients as a table for people: priorities and guards."""
-        from colony.compile.client_table import client_table
+        from colony.compile.backends.table import client_table
 
         return client_table(self.compiled)
 
     def to_json(self) -> str:
         """Return the clients in the form `colony-clients/1`."""
-        from colony.compile.json_format import to_json
+        from colony.compile.backends.json import to_json
 
         return to_json(self.compiled)
 
@@ -103,13 +103,13 @@ class Build:
 
         `Program().step(t_ns, readings, taken_ns)` decides a frame, as `executor().step` does.
         """
-        from colony.compile.backends.python import generate
+        from colony.compile.backends.python.generate import generate
 
         return generate(self.program, self.compiled.clients)
 
     def graph(self) -> str:
         """Return a picture of the network, as SVG."""
-        from colony.view.graph import to_svg
+        from colony.view.graph.graph import to_svg
 
         return to_svg(self.program)
 
@@ -119,7 +119,7 @@ class Build:
         Raises:
             Failure: P001, a module in Python cannot be imported or built.
         """
-        from colony.compile.executor import ClientListExecutor
+        from colony.execute.executor import ClientListExecutor
 
         return ClientListExecutor(self.program, self.compiled.clients)
 
@@ -173,7 +173,7 @@ def audit(path: str | PathLike[str], program: Program) -> AuditReport:
         Failure: codes A and F, it is no recording, or of another program; P001, a module in Python cannot be
             imported or built.
     """
-    from colony.verify.audit import audit_recording
+    from colony.verify.audit.audit import audit_recording
 
     with _opened(path) as reader:
         return audit_recording(program, reader)

@@ -19,12 +19,12 @@ from collections.abc import Iterator, Sequence
 
 from colony.ir.frame import Frame, Outcome
 from colony.ir.program import Program
-from colony.verify.agreement import Disagreement as Disagreement
-from colony.verify.agreement import disagreement as disagreement
-from colony.verify.agreement import reference
-from colony.verify.strategies import frames as frames
-from colony.verify.strategies import programs as programs
-from colony.verify.strategies import traces as traces
+from colony.verify.testing.agreement import Disagreement as Disagreement
+from colony.verify.testing.agreement import disagreement as disagreement
+from colony.verify.testing.agreement import reference
+from colony.verify.testing.strategies import frames as frames
+from colony.verify.testing.strategies import programs as programs
+from colony.verify.testing.strategies import traces as traces
 
 __all__ = ["Disagreement", "check", "disagreement", "frames", "programs", "traces"]
 

@@ -11,8 +11,8 @@ import time
 
 import msgspec
 
-from colony.runtime.calls import Caller
 from colony.runtime.kit.server import Refused, Server, field, method
+from colony.runtime.protocol.calls import Caller
 
 
 class Charge(msgspec.Struct):

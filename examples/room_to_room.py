@@ -15,12 +15,12 @@ from __future__ import annotations
 import argparse
 import sys
 
-from colony.diagnostics import Failure
 from colony.experiment.live_mission import LiveMission
-from colony.nav.building import load_building
-from colony.nav.route import NoPlan, plan
+from colony.nav.maps.building import load_building
+from colony.nav.plan.route import NoPlan, plan
 from colony.runtime.kit.connection import Session
 from colony.runtime.kit.errors import ConnectionProblem
+from colony.text.diagnostics import Failure
 
 
 def main() -> int:

@@ -12,20 +12,20 @@ from typing import Any, NamedTuple
 
 import msgspec
 
-from colony.runtime.calls import CallDesk, Method
-from colony.runtime.clock import Clock
-from colony.runtime.fields import RSERVER, SERVERS
+from colony.runtime.assembly.processes.leader import LeaderServer
+from colony.runtime.frames.clock import Clock
 from colony.runtime.kit import description
 from colony.runtime.kit.service import Service
 from colony.runtime.library import camera, clock, data, leader, proximity, robot
 from colony.runtime.library.ask import Ask
-from colony.runtime.live import gateway
-from colony.runtime.live.gateway import GatewayNode
-from colony.runtime.processes.leader import LeaderServer
+from colony.runtime.protocol.calls import CallDesk, Method
+from colony.runtime.protocol.fields import RSERVER, SERVERS
 from colony.runtime.servers.cserver import CServer
 from colony.runtime.servers.dserver import DServer
 from colony.runtime.servers.pserver import PServer
 from colony.runtime.servers.rserver import RServer
+from colony.runtime.transport.live import gateway
+from colony.runtime.transport.live.gateway import GatewayNode
 from tests.runtime.scripted import Script
 
 PAGE = Path(__file__).parent.parent / "docs" / "runtime.md"

@@ -13,9 +13,9 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from colony.sim.camera import CameraConfig
-from colony.sim.hazards import Hazards
-from colony.sim.optics import Optics
+from colony.sim.cameras.camera import CameraConfig
+from colony.sim.cameras.optics import Optics
+from colony.sim.hazards.hazards import Hazards
 from tests.pages import COMMANDS, typed
 
 ROOT = Path(__file__).parent.parent

@@ -6,8 +6,8 @@ import json
 
 import pytest
 
-from colony.diagnostics import Failure, error, has_errors, headline, in_order, render, to_json, warning
-from colony.source import Source, Span
+from colony.text.diagnostics import Failure, error, has_errors, headline, in_order, render, to_json, warning
+from colony.text.source import Source, Span
 
 SOURCE = Source("a.colony", "let a = 3\n\tlet bad = unknown + 1\n")
 BAD = Span(SOURCE, 21, 28)

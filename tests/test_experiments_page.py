@@ -9,12 +9,12 @@ from typing import get_args
 
 import pytest
 
-from colony.cli.experiment import command
+from colony.cli.experiment.main import command
 from colony.experiment.conduct import Experiment
 from colony.experiment.lists import PUBLISHED_MAP, published_list
 from colony.experiment.record import Failure
 from colony.experiment.results import COLUMNS
-from colony.sim.hazards import Hazards
+from colony.sim.hazards.hazards import Hazards
 
 ROOT = Path(__file__).parent.parent
 PAGE = (ROOT / "docs" / "experiments.md").read_text(encoding="utf-8")

@@ -9,8 +9,8 @@ from typing import Any
 
 import pytest
 
-from colony.sim import people
-from colony.sim.hazards import Hazard, Hazards
+from colony.sim.hazards.hazards import Hazard, Hazards
+from colony.sim.world import people
 
 ROOT = Path(__file__).parent.parent
 PAGE = (ROOT / "docs" / "hazards.md").read_text(encoding="utf-8")

@@ -13,14 +13,14 @@ ROOT = Path(__file__).parent.parent / "colony"
 
 BASE = {
     "colony",
-    "colony.codes",
+    "colony.text.codes",
     "colony.collector",
-    "colony.diagnostics",
+    "colony.text.diagnostics",
     "colony.files",
     "colony.os_errors",
     "colony.record",
-    "colony.source",
-    "colony.units",
+    "colony.text.source",
+    "colony.text.units",
 }
 ALLOWED: dict[str, set[str]] = {
     "ir": set(),
@@ -111,7 +111,7 @@ def _loaded_by(statement: str) -> set[str]:
     ("statement", "absent"),
     [
         (
-            "import colony.runtime.session",
+            "import colony.runtime.assembly.virtual",
             {"lark", "colony.dsl", "colony.verify", "z3", "hypothesis", "matplotlib"},
         ),
         ("import colony.dsl.ast", {"lark"}),

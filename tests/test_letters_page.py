@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 from pathlib import Path
 
-from colony.vision.letters_network import network
+from colony.vision.letters.network import network
 from colony.vision.training.fonts import learned_fonts
 
 PAGE = Path(__file__).parent.parent / "docs" / "letters.md"

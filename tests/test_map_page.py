@@ -8,18 +8,18 @@ from typing import Any
 
 import pytest
 
-from colony.codes import CODES
-from colony.nav import stickrep_fields as fields
-from colony.nav.building import MAX_MAPS, load_building
-from colony.nav.stickrep import DEFAULT_TOLERANCE_MM, EdgeKind
-from colony.nav.stickrep_fields import Problems
-from colony.nav.stickrep_file import MAX_BYTES
-from colony.nav.stickrep_header import Header
-from colony.nav.stickrep_joints import MAX_ACROSS_MM, MAX_ASIDE_MM, linked_rings
-from colony.nav.stickrep_reader import MAX_LINES, load_map, read_map
-from colony.nav.stickrep_writer import write_map
-from colony.nav.walls import lights_of, walls_of
-from colony.source import Source
+from colony.nav.maps.building import MAX_MAPS, load_building
+from colony.nav.maps.stickrep import fields
+from colony.nav.maps.stickrep.fields import Problems
+from colony.nav.maps.stickrep.file import MAX_BYTES
+from colony.nav.maps.stickrep.header import Header
+from colony.nav.maps.stickrep.joints import MAX_ACROSS_MM, MAX_ASIDE_MM, linked_rings
+from colony.nav.maps.stickrep.model import DEFAULT_TOLERANCE_MM, EdgeKind
+from colony.nav.maps.stickrep.reader import MAX_LINES, load_map, read_map
+from colony.nav.maps.stickrep.writer import write_map
+from colony.nav.maps.walls import lights_of, walls_of
+from colony.text.codes import CODES
+from colony.text.source import Source
 from tests.test_other_codes import typed
 
 DOCS = Path(__file__).parent.parent / "docs"

@@ -6,10 +6,10 @@ from pathlib import Path
 
 import pytest
 
-from colony.nav.building import load_building
-from colony.nav.elevator_calls import Call
-from colony.nav.elevator_prompt import asked_for
-from colony.sim.operator import DELAY_S, RIDE_S, STANDS_S
+from colony.nav.maps.building import load_building
+from colony.nav.missions.elevator_calls import Call
+from colony.nav.missions.elevator_prompt import asked_for
+from colony.sim.world.operator import DELAY_S, RIDE_S, STANDS_S
 from tests.pages import COMMANDS, typed
 
 ROOT = Path(__file__).parents[1]

@@ -13,7 +13,7 @@ from pathlib import Path
 import pytest
 
 from colony.cli.main import main
-from colony.codes import CODES
+from colony.text.codes import CODES
 from tests.dsl.test_error_page import PAGE, ROBOT, Fence, examples
 
 ROOT = Path(__file__).parent.parent
@@ -31,7 +31,7 @@ def sources() -> dict[Path, str]:
     return {
         path: path.read_text(encoding="utf-8")
         for path in SOURCES.rglob("*.py")
-        if "dsl" not in path.relative_to(SOURCES).parts and path != SOURCES / "codes.py"
+        if "dsl" not in path.relative_to(SOURCES).parts and path != SOURCES / "text/codes.py"
     }
 
 

@@ -5,13 +5,13 @@ from __future__ import annotations
 import re
 from pathlib import Path
 
-from colony.cli.experiment import command
+from colony.cli.experiment.main import command
 from colony.experiment.conduct import Experiment
 from colony.experiment.lists import PUBLISHED_MAP, plate_list
-from colony.experiment.plates_record import FINDER_NAMES, PLATE_TABLE
+from colony.experiment.plates.record import FINDER_NAMES, PLATE_TABLE
 from colony.experiment.studies import PLATES
-from colony.nav.published_plates import PUBLISHED_WALKS
-from colony.sim.hazards import Hazards
+from colony.nav.confidence.published_plates import PUBLISHED_WALKS
+from colony.sim.hazards.hazards import Hazards
 
 ROOT = Path(__file__).parent.parent
 PAGE = (ROOT / "docs" / "plates.md").read_text(encoding="utf-8")

@@ -5,15 +5,15 @@ from __future__ import annotations
 import re
 from pathlib import Path
 
-from colony.cli.experiment import command
+from colony.cli.experiment.main import command
 from colony.experiment.conduct import Experiment
 from colony.experiment.lists import PUBLISHED_MAP
-from colony.experiment.sources import NUMBERS, source_list
+from colony.experiment.sources.run import NUMBERS, source_list
 from colony.experiment.studies import SOURCES
-from colony.nav.goal_verification import Verdict
-from colony.nav.pose import PoseEstimate
-from colony.nav.pose_tracker import Source
-from colony.sim.hazards import Hazards
+from colony.nav.missions.goal_verification import Verdict
+from colony.nav.pose.pose import PoseEstimate
+from colony.nav.pose.tracker import Source
+from colony.sim.hazards.hazards import Hazards
 
 ROOT = Path(__file__).parent.parent
 PAGE = (ROOT / "docs" / "pose.md").read_text(encoding="utf-8")

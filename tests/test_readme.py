@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 from pathlib import Path
 
-from colony.compile.client_table import client_table
+from colony.compile.backends.table import client_table
 from colony.compile.pipeline import compile_program
 from colony.dsl.load import check_text
 

@@ -12,16 +12,16 @@ import msgspec
 import pytest
 
 from colony.dsl.load import check_text
-from colony.runtime import assembly, calls, client, clock, codec, deployment, liveness, reserve
-from colony.runtime.arbitration import timing
+from colony.runtime.arbitration.arbiter import timing
+from colony.runtime.clients import client
+from colony.runtime.frames import assembly, clock, liveness
 from colony.runtime.kit import connection, conversation
 from colony.runtime.kit.connection import Session
 from colony.runtime.kit.errors import CallRefused
 from colony.runtime.library import leader, robot
 from colony.runtime.library.ask import Ask
-from colony.runtime.live import border, meter, names, network, waiting
-from colony.runtime.live.place import local
-from colony.runtime.messages import Request, ServerFrame
+from colony.runtime.protocol import calls, codec, deployment
+from colony.runtime.protocol.messages import Request, ServerFrame
 from colony.runtime.servers import (
     base,
     checkpoints,
@@ -35,7 +35,10 @@ from colony.runtime.servers import (
     variables,
     watching,
 )
-from colony.verify.examples import run_examples
+from colony.runtime.store import reserve
+from colony.runtime.transport.live import border, meter, names, network, waiting
+from colony.runtime.transport.live.place import local
+from colony.verify.testing.examples import run_examples
 from tests.examples.stage import ROOT, Machine, Process, machine, until
 from tests.runtime.certificates import Authority, free_port
 from tests.runtime_page_tables import PAGE, commands, page

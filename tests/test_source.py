@@ -6,7 +6,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from colony.source import NOWHERE, Source, Span
+from colony.text.source import NOWHERE, Source, Span
 
 
 @pytest.mark.parametrize(

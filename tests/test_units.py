@@ -9,7 +9,17 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from colony.units import ANGLE, BASE_UNITS, LENGTH, NUMBER, TIME, BadUnit, Dimension, nanoseconds, parse_unit
+from colony.text.units import (
+    ANGLE,
+    BASE_UNITS,
+    LENGTH,
+    NUMBER,
+    TIME,
+    BadUnit,
+    Dimension,
+    nanoseconds,
+    parse_unit,
+)
 
 
 @pytest.mark.parametrize(

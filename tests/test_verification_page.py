@@ -15,7 +15,7 @@ from pathlib import Path
 
 import pytest
 
-from colony.codes import CODES
+from colony.text.codes import CODES
 from tests.pages import COMMANDS, typed
 
 ROOT = Path(__file__).parent.parent

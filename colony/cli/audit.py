@@ -14,12 +14,12 @@ import click
 
 from colony.cli.exit_codes import EXIT_ERRORS
 from colony.cli.reporting import load_program, refuse, report, say
-from colony.cli.run_progress import PATIENCE_S
+from colony.cli.run.progress import PATIENCE_S
 
 if TYPE_CHECKING:
     from colony.ir.program import Program
     from colony.runtime.recordings.recorded import RecordingReader
-    from colony.verify.audit_report import AuditReport
+    from colony.verify.audit.report import AuditReport
 
 
 @click.command("audit", short_help="hold a recorded run against the reference interpreter")
@@ -47,9 +47,9 @@ def command(recording: str, file: str | None, trust: bool, format_: str) -> None
       colony audit run.mcap
       colony audit run.mcap behaviors/changed.colony
     """
-    from colony.diagnostics import Failure
     from colony.runtime.recordings.opening import open_recording, read_recording
-    from colony.verify.audit import audit_recording
+    from colony.text.diagnostics import Failure
+    from colony.verify.audit.audit import audit_recording
 
     try:
         with open_recording(recording) as stream, TemporaryDirectory(prefix="colony-audit-") as folder:
@@ -78,8 +78,8 @@ def _program(reader: RecordingReader, recording: str, file: str | None, folder: 
     if file is not None:
         return load_program(file)
     from colony.cli.recorded_program import recorded_program, unusable
-    from colony.diagnostics import Failure
     from colony.ir.program import PythonModule
+    from colony.text.diagnostics import Failure
 
     if reader.run is None:
         raise Failure([unusable(recording, "JSON lines do not hold the program")])
@@ -96,8 +96,8 @@ def _program(reader: RecordingReader, recording: str, file: str | None, folder: 
 
 def _refuse_empty(recording: str, reader: RecordingReader, result: AuditReport) -> None:
     """Raises Failure: A003, where there was nothing to compare."""
-    from colony.diagnostics import Failure, error
-    from colony.source import Source, Span
+    from colony.text.diagnostics import Failure, error
+    from colony.text.source import Source, Span
 
     if result.frames and result.compared + result.outside + result.holds:
         return

@@ -7,7 +7,7 @@ from collections.abc import Iterator
 from colony.ir.frame import Decision
 from colony.ir.program import Actuator, Program
 from colony.runtime.recordings.recorded import RunInfo
-from colony.verify.audit_report import AuditReport, Difference
+from colony.verify.audit.report import AuditReport, Difference
 
 _PARTS = {"wins": "wins", "active": "active, does not get through", "silent": "not active"}
 

@@ -13,7 +13,7 @@ from colony.cli.reporting import Format, format_option, is_unreadable, one_line,
 from colony.collector import collector_at_rest
 
 if TYPE_CHECKING:
-    from colony.diagnostics import Diagnostic
+    from colony.text.diagnostics import Diagnostic
 
 
 @click.command("check", short_help="find what is wrong in behavior files")
@@ -32,8 +32,8 @@ def command(files: tuple[str, ...], format_: str) -> None:
       colony check --format sarif behaviors/*.colony > check.sarif
     """
     with collector_at_rest():
-        from colony.diagnostics import has_errors
         from colony.dsl.load import check_file
+        from colony.text.diagnostics import has_errors
 
         found: list[Diagnostic] = []
         unreadable = False
@@ -62,6 +62,6 @@ def _written(found: Sequence[Diagnostic], format_: Format) -> str:
         from colony.cli.sarif import sarif
 
         return sarif(found, directory=Path.cwd())
-    from colony.diagnostics import to_json
+    from colony.text.diagnostics import to_json
 
     return to_json(found)

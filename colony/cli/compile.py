@@ -9,9 +9,9 @@ import click
 
 from colony.cli.exit_codes import EXIT_ERRORS, EXIT_MISUSE
 from colony.cli.outputs import check_output, write_whole
-from colony.cli.prover_interruption import interruptions
-from colony.cli.prover_options import ProverSeconds
 from colony.cli.reporting import load_program, report, say
+from colony.cli.verify.prover_interruption import interruptions
+from colony.cli.verify.prover_options import ProverSeconds
 from colony.files import read_file, reason
 
 if TYPE_CHECKING:
@@ -106,15 +106,15 @@ def command(
 def _text(program: Program, compiled: Compiled, format_: str, explain: bool) -> str:
     """The text of a format."""
     if format_ == "python":
-        from colony.compile.backends.python import generate
+        from colony.compile.backends.python.generate import generate
 
         return generate(program, compiled.clients)
     if format_ == "json":
-        from colony.compile.json_format import to_json
+        from colony.compile.backends.json import to_json
 
         return to_json(compiled)
-    from colony.compile.client_table import client_table
-    from colony.compile.explain import explain as explanation
+    from colony.compile.backends.explain import explain as explanation
+    from colony.compile.backends.table import client_table
 
     return explanation(compiled) if explain else client_table(compiled)
 
@@ -127,7 +127,7 @@ def _proof(program: Program, compiled: Compiled, format_: str, text: str, timeou
         return prove(program, compiled, python=text, timeout_ms=timeout_ms)
     if format_ == "json":
         return prove(program, compiled, json=text, timeout_ms=timeout_ms)
-    from colony.compile.lower import lower
+    from colony.compile.lower.lower import lower
 
     return prove(program, compiled, code=lower(program, compiled.clients), timeout_ms=timeout_ms)
 
@@ -156,8 +156,8 @@ def _proof_of(existing: Path, program: Program, compiled: Compiled, timeout_ms: 
 
 def _settle(result: Result, program: Program, of: Path | None) -> None:
     """Say what was proved; where nothing was, say that, and end the command."""
-    from colony.diagnostics import error
-    from colony.source import NOWHERE, Source, Span
+    from colony.text.diagnostics import error
+    from colony.text.source import NOWHERE, Source, Span
     from colony.verify.equivalence import results
 
     place = NOWHERE if of is None else Span(Source(str(of), ""), 0, 0)

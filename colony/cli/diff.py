@@ -8,9 +8,9 @@ import time
 import click
 
 from colony.cli.exit_codes import EXIT_ERRORS, EXIT_MISUSE, EXIT_UNDECIDED
-from colony.cli.prover_interruption import interruptions
-from colony.cli.prover_options import depth_option, timeout_option
 from colony.cli.reporting import load_program, report
+from colony.cli.verify.prover_interruption import interruptions
+from colony.cli.verify.prover_options import depth_option, timeout_option
 
 
 @click.command("diff", short_help="tell whether two behaviors are the same")
@@ -58,7 +58,7 @@ def command(
     """
     pairs = [_pair(text) for text in actuators]
     one, other = load_program(a, EXIT_MISUSE), load_program(b, EXIT_MISUSE)
-    from colony.diagnostics import Failure
+    from colony.text.diagnostics import Failure
     from colony.verify.contracts.results import Options
     from colony.verify.difference import Different, Undecided, difference
     from colony.verify.difference.report import lines, row

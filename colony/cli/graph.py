@@ -38,15 +38,15 @@ def command(file: str, output: Path | None, format_: str | None) -> None:
     program = load_program(file)
     title = Path(file).stem
     if kind == "svg":
-        from colony.view.graph import to_svg
+        from colony.view.graph.graph import to_svg
 
         text = to_svg(program, title)
     elif kind == "dot":
-        from colony.view.graph import to_dot
+        from colony.view.graph.graph import to_dot
 
         text = to_dot(program, title)
     else:
-        from colony.view.graph_networkx import to_graphml
+        from colony.view.graph.networkx import to_graphml
 
         text = to_graphml(program)
     write_whole(target, text)

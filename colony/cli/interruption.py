@@ -8,7 +8,7 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 
 from colony.cli.reporting import say
-from colony.cli.run_progress import PATIENCE_S
+from colony.cli.run.progress import PATIENCE_S
 
 
 def signals_that_end() -> tuple[signal.Signals, ...]:

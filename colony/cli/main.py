@@ -164,8 +164,8 @@ def _report_failure(problem: Exception) -> int:
         Exception: anything else, which is a bug.
     """
     from colony.cli.reporting import report
-    from colony.diagnostics import Failure
     from colony.os_errors import described, is_out_of_memory
+    from colony.text.diagnostics import Failure
 
     if is_out_of_memory(problem):
         _say("colony: error: out of memory")

@@ -12,8 +12,8 @@ from colony.cli.outputs import check_output, write_whole
 from colony.cli.reporting import report
 
 if TYPE_CHECKING:
-    from colony.nav.building import Building
-    from colony.nav.stickrep import Map
+    from colony.nav.maps.building import Building
+    from colony.nav.maps.stickrep.model import Map
 
 
 @click.command("map", short_help="draw a building")
@@ -39,8 +39,8 @@ def command(path: str, output: Path | None, no_picture: bool, format_: str) -> N
       colony map maps/loop.stickrep
       colony map maps/msu_engineering_3.stickrep -o third_floor.svg
     """
-    from colony.diagnostics import Failure
-    from colony.nav.building import load_building
+    from colony.nav.maps.building import load_building
+    from colony.text.diagnostics import Failure
 
     if output is not None and output.suffix.lower() not in (".png", ".svg"):
         message = f"cannot draw into `{output}`; expected a file ending in .png or .svg"
@@ -73,9 +73,9 @@ def _draw(loaded: Map, target: Path) -> None:
 
 
 def _summary(building: Building) -> dict[str, object]:
-    from colony.nav.stickrep import EdgeKind
-    from colony.nav.stickrep_joints import linked_rings
-    from colony.nav.walls import lights_of, walls_of
+    from colony.nav.maps.stickrep.joints import linked_rings
+    from colony.nav.maps.stickrep.model import EdgeKind
+    from colony.nav.maps.walls import lights_of, walls_of
 
     loaded = building.maps[0]
     low_x, low_y, high_x, high_y = walls_of(loaded).bounds

@@ -15,7 +15,7 @@ from colony.cli.reporting import say
 
 if TYPE_CHECKING:
     from colony.runtime.kit.connection import Session
-    from colony.runtime.live.place import Place
+    from colony.runtime.transport.live.place import Place
 
 F = TypeVar("F", bound=Callable[..., object])
 
@@ -43,12 +43,12 @@ def place_of(robot: str, connect: str | None, security: Path | None) -> Place:
         LiveError: the name, the endpoint or the credentials are no good.
         click.UsageError: an endpoint without credentials.
     """
-    from colony.runtime.live.place import Remote, local
+    from colony.runtime.transport.live.place import Remote, local
 
     if connect in (None, HERE):
         return local(robot, os.environ)
-    from colony.runtime.live.endpoint import parse_endpoint
-    from colony.runtime.live.security import read_credentials
+    from colony.runtime.transport.live.endpoint import parse_endpoint
+    from colony.runtime.transport.live.security import read_credentials
 
     assert connect is not None
     parse_endpoint(connect)
@@ -64,7 +64,7 @@ def session_with(place: Place) -> Session:
         LiveError, ServerNotFound: it cannot be reached, or is not there.
     """
     from colony.runtime.kit.connection import Session
-    from colony.runtime.live.place import Remote
+    from colony.runtime.transport.live.place import Remote
 
     if isinstance(place, Remote):
         return Session.open(place.robot, gateway=place.endpoint, credentials=place.credentials)
@@ -85,7 +85,7 @@ def expect_robot_with_endpoint(robot: str | None, connect: str | None) -> None:
 def problems_told() -> Iterator[None]:
     """What is wrong with reaching a robot is said in a line, and is exit code 2."""
     from colony.runtime.kit.errors import ConnectionProblem
-    from colony.runtime.live.errors import LiveError
+    from colony.runtime.transport.live.errors import LiveError
 
     try:
         yield
@@ -96,7 +96,7 @@ def problems_told() -> Iterator[None]:
 
 def running_robots(environment: Mapping[str, str] = os.environ) -> dict[str, Mapping[str, int]]:
     """The robots of this machine of which something runs: the names of that, with the ids of processes."""
-    from colony.runtime.live.run_directory import RunDirectory
+    from colony.runtime.transport.live.run_directory import RunDirectory
 
     directory = RunDirectory.find(environment)
     found = {name: directory.robot(name).running() for name in directory.robots()}

@@ -12,9 +12,9 @@ from colony.cli.outputs import check_output, write_whole
 from colony.cli.reporting import report, say
 
 if TYPE_CHECKING:
-    from colony.nav.building import Building
-    from colony.nav.plan import Place, Plan, Segment
-    from colony.nav.stickrep import Travel
+    from colony.nav.maps.building import Building
+    from colony.nav.maps.stickrep.model import Travel
+    from colony.nav.plan.plan import Place, Plan, Segment
 
 
 @click.command("plan", short_help="plan a path from room to room")
@@ -52,9 +52,9 @@ def command(
       colony plan maps/msu_engineering_3.stickrep 350R 376L
       colony plan maps/loop.stickrep 201 216 -o plan.png
     """
-    from colony.diagnostics import Failure
-    from colony.nav.building import load_building
-    from colony.nav.route import NoPlan, plan
+    from colony.nav.maps.building import load_building
+    from colony.nav.plan.route import NoPlan, plan
+    from colony.text.diagnostics import Failure
 
     if output is not None and output.suffix.lower() not in (".png", ".svg"):
         message = f"cannot draw into `{output}`; expected a file ending in .png or .svg"
@@ -96,8 +96,8 @@ _SEED = 1994
 
 def _confidence(planned: Plan) -> tuple[float, float, float] | None:
     """The confidence by the published automaton and its interval; None for a path that it has not."""
-    from colony.nav.confidence import PUBLISHED, PUBLISHED_ARCS
-    from colony.nav.confidence_estimate import PUBLISHED_COUNTS, string_interval
+    from colony.nav.confidence.automaton import PUBLISHED, PUBLISHED_ARCS
+    from colony.nav.confidence.estimate import PUBLISHED_COUNTS, string_interval
 
     confidence = PUBLISHED.confidence(planned.modes)
     interval = string_interval(PUBLISHED_COUNTS, planned.modes, seed=_SEED, arcs=PUBLISHED_ARCS)
@@ -137,7 +137,7 @@ def _place(place: Place) -> dict[str, object]:
 
 
 def _text(planned: Plan) -> str:
-    from colony.nav.confidence import RIDE
+    from colony.nav.confidence.automaton import RIDE
 
     floors = len({place.floor for s in planned.segments for place in (s.start, s.end)}) > 1
     confidence = _confidence(planned)

@@ -6,13 +6,13 @@ import os
 from pathlib import Path
 
 from colony.cli.python_sources import python_sources
-from colony.diagnostics import Diagnostic, Failure, error, has_errors, headline
 from colony.dsl.check.program import check_program
 from colony.dsl.files import SourceTree, load_tree
 from colony.ir.program import Program, PythonModule
 from colony.os_errors import naming
 from colony.runtime.recordings.recorded import RunInfo, SourceFile
-from colony.source import Source, Span
+from colony.text.diagnostics import Diagnostic, Failure, error, has_errors, headline
+from colony.text.source import Source, Span
 
 
 def program_sources(path: str, program: Program) -> tuple[str, tuple[SourceFile, ...]]:

@@ -13,7 +13,7 @@ from colony.os_errors import limit_advice
 if TYPE_CHECKING:
     from colony.compile.clients import ClientList
     from colony.ir.program import Program
-    from colony.runtime.observer import FrameLog
+    from colony.runtime.observe.observer import FrameLog
     from colony.runtime.recordings.lines import Recording
     from colony.runtime.recordings.mcap_writer import McapRecording
 

@@ -12,8 +12,8 @@ from typing import TYPE_CHECKING, Literal
 import click
 
 from colony.cli.exit_codes import EXIT_ERRORS, EXIT_MISUSE
-from colony.diagnostics import Diagnostic, headline, render
 from colony.ir.program import Program
+from colony.text.diagnostics import Diagnostic, headline, render
 
 if TYPE_CHECKING:
     from colony.dsl.load import Checked

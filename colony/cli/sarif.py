@@ -18,10 +18,10 @@ from typing import NamedTuple
 from urllib.parse import quote
 
 from colony import __version__
-from colony.codes import CODES
-from colony.diagnostics import Diagnostic, in_order
 from colony.dsl.errors import CODES as FRONT_END_CODES
-from colony.source import NOWHERE, Span
+from colony.text.codes import CODES
+from colony.text.diagnostics import Diagnostic, in_order
+from colony.text.source import NOWHERE, Span
 
 SCHEMA = "https://docs.oasis-open.org/sarif/sarif/v2.1.0/errata01/os/schemas/sarif-schema-2.1.0.json"
 _UNREADABLE = "E001"

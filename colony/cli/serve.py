@@ -75,9 +75,9 @@ def command(
       colony serve Simulator --robot rome --map maps/loop.stickrep
       colony serve RServer --robot rome
     """
-    from colony.cli.run_options import BadOption, BrokenOff, Misuse, cameras
-    from colony.diagnostics import Failure
-    from colony.runtime.live.place import local
+    from colony.cli.run.options import BadOption, BrokenOff, Misuse, cameras
+    from colony.runtime.transport.live.place import local
+    from colony.text.diagnostics import Failure
 
     _check_choice(server, map_path, hazards, camera_texts, listen, security)
     try:

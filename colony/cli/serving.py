@@ -9,19 +9,19 @@ from pathlib import Path
 
 from colony.cli.interruption import interruptible
 from colony.cli.reporting import say
-from colony.cli.run_options import BrokenOff, Misuse
+from colony.cli.run.options import BrokenOff, Misuse
 from colony.cli.simulated_robot import SimulatedRobot, device_of, jobs_of, plant_spec
-from colony.runtime.live.place import Local
-from colony.runtime.live.run_directory import in_run_directory
-from colony.runtime.processes import child
-from colony.runtime.processes.children import Children, told
-from colony.runtime.processes.crew import SERVERS, expect_room, fresh_folder, job_of, server_parts
-from colony.runtime.processes.ending import Ending, on_signals
-from colony.runtime.processes.run import ENDING_S, LOOK_S
-from colony.runtime.processes.spec import GatewayPart, Part, Spec, name_of, said_of
-from colony.runtime.store import StoreError
-from colony.sim.child import PlantDevices
-from colony.sim.plant_child import SIMULATOR, Look, NoRoom, serve
+from colony.runtime.assembly.processes import child
+from colony.runtime.assembly.processes.children import Children, told
+from colony.runtime.assembly.processes.crew import SERVERS, expect_room, fresh_folder, job_of, server_parts
+from colony.runtime.assembly.processes.ending import Ending, on_signals
+from colony.runtime.assembly.processes.run import ENDING_S, LOOK_S
+from colony.runtime.assembly.processes.spec import GatewayPart, Part, Spec, name_of, said_of
+from colony.runtime.store.store import StoreError
+from colony.runtime.transport.live.place import Local
+from colony.runtime.transport.live.run_directory import in_run_directory
+from colony.sim.plant.child import SIMULATOR, Look, NoRoom, serve
+from colony.sim.plant.servers import PlantDevices
 
 SUPERVISOR = "Supervisor"
 """Under what name `serve all` claims a robot."""
@@ -86,7 +86,7 @@ def serve_all(place: Local, settings: Settings) -> None:
         Failure: the map is bad, which is said before anything is started.
         BrokenOff: one of them cannot live.
     """
-    from colony.nav.stickrep_reader import load_map
+    from colony.nav.maps.stickrep.reader import load_map
 
     assert settings.map_path is not None
     load_map(settings.map_path)

@@ -8,18 +8,18 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from colony.cli.driven_path import DrivenPath
+from colony.cli.run.driven_path import DrivenPath
 from colony.ir.types import Value
-from colony.runtime.live.place import Local
-from colony.runtime.processes.children import Job
-from colony.runtime.processes.crew import HARDWARE, server_jobs, server_parts
-from colony.runtime.processes.spec import Device, write_spec
-from colony.runtime.summary import Travel
-from colony.sim.plant_child import SIMULATOR, Look, PlantSpec, plant_socket
-from colony.sim.plant_control import PlantControl
+from colony.runtime.assembly.processes.children import Job
+from colony.runtime.assembly.processes.crew import HARDWARE, server_jobs, server_parts
+from colony.runtime.assembly.processes.spec import Device, write_spec
+from colony.runtime.observe.summary import Travel
+from colony.runtime.transport.live.place import Local
+from colony.sim.plant.child import SIMULATOR, Look, PlantSpec, plant_socket
+from colony.sim.plant.control import PlantControl
 
-PLANT = "colony.sim.plant_child"
-SERVERS_OF_PLANT = "colony.sim.child"
+PLANT = "colony.sim.plant.child"
+SERVERS_OF_PLANT = "colony.sim.plant.servers"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

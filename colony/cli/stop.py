@@ -77,7 +77,7 @@ def _robots(robot: str | None, connect: str | None) -> list[str]:
 def _command(name: str, release: bool, connect: str | None, security: Path | None) -> int:
     """Stop or release one robot; return the exit code for it."""
     from colony.runtime.kit.errors import ConnectionProblem
-    from colony.runtime.live.errors import LiveError
+    from colony.runtime.transport.live.errors import LiveError
 
     try:
         session = session_with(place_of(name, connect, security))
@@ -108,7 +108,7 @@ def _stop(name: str, session: Session) -> bool:
 
 def _release(name: str, session: Session) -> bool:
     from colony.runtime.library.clock import release
-    from colony.runtime.topics import CLOCK
+    from colony.runtime.protocol.topics import CLOCK
 
     with session.connect(CLOCK, name="colony stop") as clock:
         clock.do(release())
@@ -128,7 +128,7 @@ def _circumstances(session: Session) -> tuple[str, str]:
     """Return phrases for who stopped the robot first and for the run that goes on, empty if unknown."""
     from colony.runtime.kit.errors import ConnectionProblem
     from colony.runtime.library.clock import who
-    from colony.runtime.topics import CLOCK
+    from colony.runtime.protocol.topics import CLOCK
 
     if CLOCK not in session.servers():
         return "", ""

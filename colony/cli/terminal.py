@@ -8,7 +8,7 @@ import termios
 from contextlib import suppress
 from typing import TextIO
 
-from colony.nav.elevator_prompt import Heard
+from colony.nav.missions.elevator_prompt import Heard
 
 
 class Terminal:

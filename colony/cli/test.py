@@ -13,7 +13,7 @@ from colony.cli.exit_codes import EXIT_ERRORS, EXIT_MISUSE
 from colony.cli.reporting import check_to_run, is_unreadable, one_line, report, say
 
 if TYPE_CHECKING:
-    from colony.diagnostics import Diagnostic
+    from colony.text.diagnostics import Diagnostic
 
 
 @click.command("test", short_help="run the tests that behavior files contain")
@@ -28,7 +28,7 @@ def command(files: tuple[str, ...], format_: str) -> None:
     Example:
       colony test behaviors/wander.colony
     """
-    from colony.diagnostics import to_json
+    from colony.text.diagnostics import to_json
 
     passed = failed = 0
     unreadable = False
@@ -65,8 +65,8 @@ class _Tested(NamedTuple):
 
 
 def _test(file: str) -> _Tested:
-    from colony.diagnostics import Failure
-    from colony.verify.examples import failures_as_diagnostics, run_examples
+    from colony.text.diagnostics import Failure
+    from colony.verify.testing.examples import failures_as_diagnostics, run_examples
 
     checked = check_to_run(file)
     if checked.program is None:

@@ -20,7 +20,7 @@ from colony.files import bounded_lines, open_regular, reason
 if TYPE_CHECKING:
     from colony.ir.frame import Executor, Frame, Outcome
     from colony.ir.program import Program
-    from colony.runtime.monitor import Keyframe
+    from colony.runtime.observe.monitor import Keyframe
 
 
 @click.command("trace", short_help="decide recorded frames, with any of the executors")
@@ -54,8 +54,8 @@ def command(file: str, input_: str, backend: str, output: Path | None) -> None:
     if output is not None:
         check_output(output, [file, input_])
     program = load_program(file)
-    from colony.diagnostics import Failure
     from colony.runtime.recordings.replay import outcome_line
+    from colony.text.diagnostics import Failure
 
     lines = io.StringIO()
     name = "<stdin>" if input_ == "-" else input_
@@ -126,7 +126,7 @@ class _Decider:
     the executor, what was damaged, and how many frames were not decided."""
 
     def __init__(self, program: Program, backend: str) -> None:
-        from colony.verify.resuming import Resuming
+        from colony.verify.audit.resuming import Resuming
 
         self._program = program
         self._backend = backend
@@ -193,16 +193,16 @@ def _unreadable(name: str, why: str) -> NoReturn:
 
 def _executor(program: Program, backend: str) -> Executor:
     if backend == "network":
-        from colony.verify.interpreter import Interpreter
+        from colony.verify.reference.interpreter import Interpreter
 
         return Interpreter(program)
     from colony.compile.pipeline import compile_program
 
     clients = compile_program(program).clients
     if backend == "clients":
-        from colony.compile.executor import ClientListExecutor
+        from colony.execute.executor import ClientListExecutor
 
         return ClientListExecutor(program, clients)
-    from colony.compile.backends.python import generate, load
+    from colony.compile.backends.python.generate import generate, load
 
     return load(generate(program, clients))

@@ -5,10 +5,10 @@ from __future__ import annotations
 from colony.cli.virtual_robot import RUN, VirtualRobot
 from colony.compile.pipeline import Compiled
 from colony.ir.frame import Decision, Frame, Outcome
-from colony.runtime import topics
-from colony.runtime.messages import Tick
-from colony.runtime.observer import FrameLog
-from colony.runtime.virtual import VirtualClock, VirtualTransport
+from colony.runtime.observe.observer import FrameLog
+from colony.runtime.protocol import topics
+from colony.runtime.protocol.messages import Tick
+from colony.runtime.transport.virtual import VirtualClock, VirtualTransport
 
 _BETWEEN_NS = 1_000_000_000
 """From the last frame of a trace to the first one of the next."""

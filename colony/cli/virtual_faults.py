@@ -19,14 +19,14 @@ from colony.compile.pipeline import Compiled
 from colony.ir.frame import Decision, Frame, Outcome, Reading
 from colony.ir.program import Actuator, Program
 from colony.ir.types import ScalarValue
-from colony.runtime.clock import Clock
-from colony.runtime.faults import Faults, Rates
-from colony.runtime.fields import DSERVER
-from colony.runtime.messages import Message, ServerFrame, Tick
-from colony.runtime.topics import CLOCK, activity, module_of
-from colony.runtime.virtual import Delay, VirtualClock, VirtualTransport
-from colony.verify.agreement import Disagreement
-from colony.verify.interpreter import Interpreter
+from colony.runtime.frames.clock import Clock
+from colony.runtime.protocol.fields import DSERVER
+from colony.runtime.protocol.messages import Message, ServerFrame, Tick
+from colony.runtime.protocol.topics import CLOCK, activity, module_of
+from colony.runtime.transport.faults import Faults, Rates
+from colony.runtime.transport.virtual import Delay, VirtualClock, VirtualTransport
+from colony.verify.reference.interpreter import Interpreter
+from colony.verify.testing.agreement import Disagreement
 
 MS = 1_000_000
 FRAMES = 24

@@ -15,19 +15,19 @@ from colony.compile.clients import ClientList
 from colony.ir.frame import Reading
 from colony.ir.program import Program
 from colony.ir.types import ScalarValue
-from colony.runtime import topics
-from colony.runtime.arbitration import Dispatch, declared_units, timing
-from colony.runtime.assembly import frames_kept
-from colony.runtime.bindings import ActuatorBinding, Bindings, SensorBinding
-from colony.runtime.deployment import Deployment, commanded_by, deployment
-from colony.runtime.fields import DSERVER
-from colony.runtime.messages import Effect, Fetch, Message, Node, Request, Sample, Tick, Wake
-from colony.runtime.observer import FrameLog, Observer
+from colony.runtime.arbitration.arbiter import Dispatch, declared_units, timing
+from colony.runtime.assembly.nodes import build_announcer, build_client, build_observer, members
+from colony.runtime.frames.assembly import frames_kept
+from colony.runtime.observe.observer import FrameLog, Observer
+from colony.runtime.protocol import topics
+from colony.runtime.protocol.bindings import ActuatorBinding, Bindings, SensorBinding
+from colony.runtime.protocol.deployment import Deployment, commanded_by, deployment
+from colony.runtime.protocol.fields import DSERVER
+from colony.runtime.protocol.messages import Effect, Fetch, Message, Node, Request, Sample, Tick, Wake
 from colony.runtime.servers.commanding import CommandDesk, Commanded
 from colony.runtime.servers.dserver import DServer
 from colony.runtime.servers.publishing import Fields, Publisher
-from colony.runtime.store import MemoryStore
-from colony.runtime.team import build_announcer, build_client, build_observer, members
+from colony.runtime.store.store import MemoryStore
 
 RUN = "examples"
 SENSING = ("Sensors0", "Sensors1")

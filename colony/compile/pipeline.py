@@ -8,11 +8,11 @@ from typing import Any
 
 from colony.collector import collector_at_rest
 from colony.compile.clients import ClientList
-from colony.compile.elaborate import elaborate
-from colony.compile.eliminate_inhibition import eliminate_inhibition
-from colony.compile.forward_traversal import forward_traversal
 from colony.compile.network import Network
-from colony.compile.simplify import simplify
+from colony.compile.passes.elaborate import elaborate
+from colony.compile.passes.eliminate_inhibition import eliminate_inhibition
+from colony.compile.passes.forward_traversal import forward_traversal
+from colony.compile.passes.simplify import simplify
 from colony.compile.suppression import SuppressionNetwork
 from colony.ir.program import Program
 

@@ -7,12 +7,12 @@ import os
 from dataclasses import replace
 from pathlib import Path
 
-from colony.diagnostics import Diagnostic, error
 from colony.dsl import ast
 from colony.dsl.parse import parse
 from colony.files import read_file, reason, size_text
 from colony.record import Record, record
-from colony.source import Source, Span
+from colony.text.diagnostics import Diagnostic, error
+from colony.text.source import Source, Span
 
 MAX_BYTES = 4 * 1024 * 1024
 MAX_FILES = 1000

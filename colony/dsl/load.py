@@ -5,10 +5,10 @@ from __future__ import annotations
 from pathlib import Path
 from typing import NamedTuple
 
-from colony.diagnostics import Diagnostic, Failure
 from colony.dsl.check.program import check_program
 from colony.dsl.files import load_tree
 from colony.ir.program import Program
+from colony.text.diagnostics import Diagnostic, Failure
 
 
 class Checked(NamedTuple):

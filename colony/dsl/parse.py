@@ -13,12 +13,12 @@ from functools import cache
 from lark import Lark
 from lark.exceptions import UnexpectedInput
 
-from colony.diagnostics import Diagnostic, error
 from colony.dsl import ast, tables
 from colony.dsl.build import Builder
 from colony.ir.expression import NESTING_LIMIT
 from colony.record import Record, record
-from colony.source import Source, Span
+from colony.text.diagnostics import Diagnostic, error
+from colony.text.source import Source, Span
 
 MAX_SYNTAX_ERRORS = 20
 

@@ -6,10 +6,10 @@ import re
 
 from lark.exceptions import UnexpectedInput, UnexpectedToken
 
-from colony.diagnostics import Diagnostic, error
 from colony.dsl.recovery import declaration_begun, offset_of
 from colony.dsl.syntax_hints import DECLARATION_STARTS, hint_for
-from colony.source import Source, Span
+from colony.text.diagnostics import Diagnostic, error
+from colony.text.source import Source, Span
 
 _OPERATORS = frozenset(
     "PLUS MINUS TIMES OVER LESS AT_MOST GREATER AT_LEAST EQUAL UNEQUAL AND OR IMPLIES IN BY IS "

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 
-from colony.units import BASE_UNITS
+from colony.text.units import BASE_UNITS
 
 RESERVED = frozenset(
     "and or not implies if then else in is by suppresses inhibits true false missing".split()

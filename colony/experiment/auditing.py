@@ -1,7 +1,7 @@
 """A run of an experiment, held against the reference interpreter: every frame must be decided alike.
 
 Experiments run generated Python for its speed. An audit lets the interpreter, which executes the program wire
-by wire as it was written, decide on the same readings in lockstep, bit for bit (`verify/agreement.py`).
+by wire as it was written, decide on the same readings in lockstep, bit for bit (`verify/testing/agreement.py`).
 """
 
 from __future__ import annotations
@@ -13,7 +13,7 @@ from colony.experiment.record import RunKey
 from colony.experiment.runs import Run, RunSpec
 from colony.experiment.variants import VARIANTS
 from colony.ir.frame import Frame, Outcome
-from colony.verify.interpreter import Interpreter
+from colony.verify.reference.interpreter import Interpreter
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

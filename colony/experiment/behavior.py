@@ -6,12 +6,12 @@ from dataclasses import dataclass
 from functools import lru_cache
 from pathlib import Path
 
-from colony.compile.backends.python import generate, load
-from colony.compile.backends.python_executor import PythonExecutor
+from colony.compile.backends.python.executor import PythonExecutor
+from colony.compile.backends.python.generate import generate, load
 from colony.compile.pipeline import compile_program
 from colony.dsl.load import load_file
 from colony.ir.program import Program
-from colony.runtime.bindings import Bindings, bind
+from colony.runtime.protocol.bindings import Bindings, bind
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)

@@ -15,8 +15,8 @@ from colony.experiment.record import RunKey
 from colony.experiment.results import R, Results
 from colony.experiment.runs import RunSpec, building_at
 from colony.experiment.variants import CEILING_CAMERA, SIDE_CAMERA, VARIANTS, VariantName
-from colony.nav.pose_tracker import ALL, Source
-from colony.sim.hazards import Hazard, Hazards
+from colony.nav.pose.tracker import ALL, Source
+from colony.sim.hazards.hazards import Hazard, Hazards
 
 _KINDS = (".py", ".npz")
 """Of files that results depend on: programs, and the weights of the reader."""

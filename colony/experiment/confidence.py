@@ -6,8 +6,8 @@ from collections.abc import Sequence
 
 from colony.experiment.record import RunResult
 from colony.experiment.tables import markdown
-from colony.nav.confidence import PUBLISHED, TABLE_6_5
-from colony.nav.confidence_estimate import (
+from colony.nav.confidence.automaton import PUBLISHED, TABLE_6_5
+from colony.nav.confidence.estimate import (
     Count,
     RunModes,
     clopper_pearson,

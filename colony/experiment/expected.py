@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from colony.nav.plan import Plan
+from colony.nav.plan.plan import Plan
 
 CORNER_S = 10.0
 """What a corner is expected to take besides the way; so are the beginning and the end together."""

@@ -7,9 +7,9 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from colony.experiment.record import RunResult
-from colony.nav.confidence import RIDE
-from colony.nav.confidence_estimate import Count, clopper_pearson, wilson
-from colony.nav.published_runs import PUBLISHED_RUNS, Wing
+from colony.nav.confidence.automaton import RIDE
+from colony.nav.confidence.estimate import Count, clopper_pearson, wilson
+from colony.nav.confidence.published_runs import PUBLISHED_RUNS, Wing
 
 MM_S_TO_M_MIN = 0.06
 

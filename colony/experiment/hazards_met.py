@@ -7,10 +7,10 @@ from collections import Counter
 import numpy as np
 from numpy.typing import NDArray
 
-from colony.nav.plan import Plan
-from colony.nav.walls import walls_of
-from colony.sim.scenery import Scenery
-from colony.sim.site import Site
+from colony.nav.maps.walls import walls_of
+from colony.nav.plan.plan import Plan
+from colony.sim.hazards.scenery import Scenery
+from colony.sim.world.site import Site
 
 _BESIDE_MM = 3000.0
 """A door or a person farther than this from the way is in another corridor."""

@@ -10,11 +10,11 @@ from io import StringIO
 from pathlib import Path
 
 from colony.files import read_file, reason
-from colony.nav.building import Building
-from colony.nav.published_plates import PUBLISHED_WALKS
-from colony.nav.published_runs import PUBLISHED_RUNS, PublishedRun
-from colony.nav.route import JAMBS, NoPlan, plan
-from colony.nav.stickrep import EdgeKind, Map
+from colony.nav.confidence.published_plates import PUBLISHED_WALKS
+from colony.nav.confidence.published_runs import PUBLISHED_RUNS, PublishedRun
+from colony.nav.maps.building import Building
+from colony.nav.maps.stickrep.model import EdgeKind, Map
+from colony.nav.plan.route import JAMBS, NoPlan, plan
 
 PUBLISHED = "thesis"
 """What the list of the published runs is called."""

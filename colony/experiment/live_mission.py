@@ -16,9 +16,9 @@ from types import TracebackType
 from typing import Any
 
 from colony.experiment.variants import CEILING_CAMERA, FRONT_CAMERA, OURS, PLANNER, SIDE_CAMERA
-from colony.nav.building import Building
-from colony.nav.goal_verification import Verdict
-from colony.nav.plan import Plan
+from colony.nav.maps.building import Building
+from colony.nav.missions.goal_verification import Verdict
+from colony.nav.plan.plan import Plan
 from colony.nav.shared import ELEVATOR_CALL, FLOOR, FLOOR_REACHED, GOAL_TYPE, GoalKind
 from colony.runtime.kit.connection import Connection, Session
 from colony.runtime.kit.errors import CallRefused, ConnectionProblem, ServerNotFound

@@ -18,23 +18,23 @@ import msgspec
 from colony.experiment.behavior import Behavior
 from colony.ir.frame import Frame, Outcome, Reading
 from colony.ir.types import ScalarValue, Value
-from colony.runtime.bindings import ActuatorBinding
-from colony.runtime.deployment import variables_read
-from colony.runtime.drivers import CameraDriver, Drivers
-from colony.runtime.fields import DSERVER, PSERVER, RSERVER, RUNTIME
+from colony.runtime.arbitration.motion import Speeds
 from colony.runtime.kit.script import Script
 from colony.runtime.kit.script_local import LocalScripts, LocalServer
-from colony.runtime.messages import Sample
-from colony.runtime.motion import Speeds
+from colony.runtime.protocol.bindings import ActuatorBinding
+from colony.runtime.protocol.deployment import variables_read
+from colony.runtime.protocol.fields import DSERVER, PSERVER, RSERVER, RUNTIME
+from colony.runtime.protocol.messages import Sample
 from colony.runtime.servers.base import Base
 from colony.runtime.servers.cserver import Camera
 from colony.runtime.servers.data_methods import DataMethods, command
+from colony.runtime.servers.drivers import CameraDriver, Drivers
 from colony.runtime.servers.pserver import PServer
 from colony.runtime.servers.runtime_server import random_of_frame
 from colony.runtime.servers.semaphores import Semaphores
 from colony.runtime.servers.variables import Variables
-from colony.runtime.store import Journal, MemoryStore
-from colony.runtime.virtual import VirtualClock
+from colony.runtime.store.store import Journal, MemoryStore
+from colony.runtime.transport.virtual import VirtualClock
 
 _Decided = tuple[tuple[str, str | None, tuple[ScalarValue, ...] | None, str | None], ...]
 """A `Decision` an actuator, as generated code gives it."""

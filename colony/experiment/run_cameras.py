@@ -5,12 +5,12 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable
 
 from colony.experiment.variants import CEILING_CAMERA, FRONT_CAMERA, SIDE_CAMERA
-from colony.runtime.drivers import CameraDriver
-from colony.sim.camera import Camera, CameraConfig
-from colony.sim.ceiling import CeilingCamera
+from colony.runtime.servers.drivers import CameraDriver
+from colony.sim.cameras.camera import Camera, CameraConfig
+from colony.sim.cameras.ceiling import CeilingCamera
+from colony.sim.cameras.scene import scene_of
 from colony.sim.drivers import Plant, SimulatedCamera
-from colony.sim.scene import scene_of
-from colony.sim.site import Site
+from colony.sim.world.site import Site
 from colony.vision.level_camera import AHEAD, SIDE
 
 _LEVEL = {SIDE_CAMERA: SIDE, FRONT_CAMERA: AHEAD}

@@ -23,19 +23,19 @@ from colony.experiment.record import Failure, RunKey, RunResult
 from colony.experiment.run_cameras import run_cameras
 from colony.experiment.variants import CEILING_CAMERA, PLANNER, VARIANTS, Variant
 from colony.experiment.watching import Watcher
-from colony.nav.building import Building, load_building
-from colony.nav.plan import Plan
-from colony.nav.pose_tracker import ALL, Source
-from colony.nav.published_runs import PUBLISHED_RUNS
-from colony.nav.route import plan
+from colony.nav.confidence.published_runs import PUBLISHED_RUNS
+from colony.nav.maps.building import Building, load_building
+from colony.nav.plan.plan import Plan
+from colony.nav.plan.route import plan
+from colony.nav.pose.tracker import ALL, Source
 from colony.runtime.kit.script import Script
 from colony.runtime.kit.script_local import ScriptFailed
-from colony.runtime.virtual import VirtualClock
+from colony.runtime.transport.virtual import VirtualClock
 from colony.sim.drivers import Plant, simulated_drivers
-from colony.sim.hazards import Hazards
-from colony.sim.operator import operator
-from colony.sim.scenery import Scenery
-from colony.sim.site import Site
+from colony.sim.hazards.hazards import Hazards
+from colony.sim.hazards.scenery import Scenery
+from colony.sim.world.operator import operator
+from colony.sim.world.site import Site
 
 AT_GOAL_MM = 1000.0
 """A robot that is farther from the goal has not reached it, whatever it believes."""

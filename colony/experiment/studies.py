@@ -11,17 +11,17 @@ from dataclasses import asdict, dataclass
 from typing import Any, Generic
 
 from colony.experiment.figures import Target
-from colony.experiment.light_results import LIGHT_TABLE, LightResult, light_tables, light_targets
-from colony.experiment.lights import run_with_witness
+from colony.experiment.lights.results import LIGHT_TABLE, LightResult, light_tables, light_targets
+from colony.experiment.lights.run import run_with_witness
 from colony.experiment.lists import ListedRun, plate_list, published_list
-from colony.experiment.plates import run_with_finders
-from colony.experiment.plates_figures import plate_targets
-from colony.experiment.plates_record import PLATE_TABLE, PlateResult
-from colony.experiment.plates_tables import plate_tables
+from colony.experiment.plates.figures import plate_targets
+from colony.experiment.plates.record import PLATE_TABLE, PlateResult
+from colony.experiment.plates.run import run_with_finders
+from colony.experiment.plates.tables import plate_tables
 from colony.experiment.results import R, Table
 from colony.experiment.runs import RunSpec
-from colony.experiment.source_results import SOURCE_TABLE, SourceResult, source_tables, source_targets
-from colony.experiment.sources import run_with_sources, source_list
+from colony.experiment.sources.results import SOURCE_TABLE, SourceResult, source_tables, source_targets
+from colony.experiment.sources.run import run_with_sources, source_list
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from colony.experiment.figures import MM_S_TO_M_MIN, Target, percentile, targets
 from colony.experiment.lists import ListedRun
 from colony.experiment.record import MODES, RunResult
-from colony.nav.published_runs import PublishedRun
+from colony.nav.confidence.published_runs import PublishedRun
 
 
 def table(runs: Sequence[ListedRun], results: Sequence[RunResult]) -> str:

@@ -7,22 +7,22 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Literal
 
-from colony.nav.building import Building
-from colony.nav.clerk import clerk
-from colony.nav.goal_verification import plate_at
-from colony.nav.local_mapper import local_mapper
-from colony.nav.plan import Plan
-from colony.nav.planner import OnSegment, OnVerdict, planner
-from colony.nav.pose_estimate import pose_estimator
-from colony.nav.pose_tracker import ALL, Source
-from colony.nav.signs import markers_of, plates_of
-from colony.nav.walls import walls_of
+from colony.nav.mapping.local_mapper import local_mapper
+from colony.nav.maps.building import Building
+from colony.nav.maps.signs import markers_of, plates_of
+from colony.nav.maps.walls import walls_of
+from colony.nav.missions.clerk import clerk
+from colony.nav.missions.goal_verification import plate_at
+from colony.nav.plan.plan import Plan
+from colony.nav.plan.planner import OnSegment, OnVerdict, planner
+from colony.nav.pose.estimate import pose_estimator
+from colony.nav.pose.tracker import ALL, Source
 from colony.runtime.kit.script import Script
 from colony.sim.config import RobotConfig
-from colony.vision.light_tracker import light_tracker
+from colony.vision.lights.tracker import light_tracker
 
 if TYPE_CHECKING:
-    from colony.vision.plate_finder import OnPlate
+    from colony.vision.plates.finder import OnPlate
 
 VariantName = Literal["ours", "thesis"]
 
@@ -98,12 +98,12 @@ def _finders(
     """Those of door plates and of elevators' markers, where there is a camera for them."""
     found: dict[str, Script] = {}
     if SIDE_CAMERA in cameras:
-        from colony.vision.plate_finder import plate_finder
+        from colony.vision.plates.finder import plate_finder
 
         plates = None if thesis else {floor.name: plates_of(floor) for floor in building.maps}
         found["plates"] = plate_finder(plates, camera=SIDE_CAMERA, thesis=thesis, on_plate=on_plate)
     if FRONT_CAMERA in cameras and not thesis:
-        from colony.vision.marker_finder import marker_finder
+        from colony.vision.markers.finder import marker_finder
 
         markers = {floor.name: markers_of(floor) for floor in building.maps}
         found["markers"] = marker_finder(markers, camera=FRONT_CAMERA)

@@ -12,7 +12,7 @@ from enum import Enum, unique
 
 from colony.ir.types import Type, Value
 from colony.record import Record, record
-from colony.source import NOWHERE, Span
+from colony.text.source import NOWHERE, Span
 
 
 @record

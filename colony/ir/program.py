@@ -12,7 +12,7 @@ from typing import Literal
 from colony.ir.expression import Expression
 from colony.ir.types import Enum, Scalar, ScalarValue, Type
 from colony.record import Record, record
-from colony.source import NOWHERE, Span
+from colony.text.source import NOWHERE, Span
 
 
 @record

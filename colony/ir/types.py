@@ -8,7 +8,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Literal
 
-from colony.units import ANGLE, LENGTH, NUMBER, TIME, Dimension
+from colony.text.units import ANGLE, LENGTH, NUMBER, TIME, Dimension
 
 
 @dataclass(frozen=True, slots=True)

@@ -20,7 +20,7 @@ starts downs what one before it has upped and nobody took.
 
 Three more variables belong to the Navigator alone: GoalNumber, GoalReached and GoalAnswered. It is a compiled
 network, which knows variables and no semaphores, and a clerk that takes and gives these in its place
-(`colony/nav/clerk.py`). TrackStart is CTracker's own (`colony/vision/track_goals.py`).
+(`colony/nav/missions/clerk.py`). TrackStart is CTracker's own (`colony/vision/lights/track_goals.py`).
 """
 
 from __future__ import annotations
@@ -72,11 +72,11 @@ FLOOR = "Floor"
 """Set by the Planner: the name of the map of the floor that the robot is on."""
 
 POSE = "Pose"
-"""Set by the pose estimator (`colony/nav/pose_estimate.py`): where the robot is, as far as all sources know
+"""Set by the pose estimator (`colony/nav/pose/estimate.py`): where the robot is, as far as all sources know
 together, and how sure that is."""
 
 LIGHT_FIX = "LightFix"
-"""Set by CTracker at each valid light: a `Fix` (`colony/nav/fixes.py`) as a list."""
+"""Set by CTracker at each valid light: a `Fix` (`colony/nav/pose/fixes.py`) as a list."""
 
 PLATE_FIX = "PlateFix"
 """Set by the plate finder at each plate that it knows from the map: likewise."""
@@ -90,7 +90,7 @@ what is written on it, and where its middle is, x and y in mm."""
 
 GOAL_VERIFIED = "GoalVerified"
 """Set by the Planner at the end of a plan, if it was told which plate hangs at the goal: a `Verdict`
-(`colony/nav/goal_verification.py`) as a number."""
+(`colony/nav/missions/goal_verification.py`) as a number."""
 
 MARKER_BEARING = "MarkerBearing"
 """Set by the marker finder: where the elevator's marker is seen, in degrees counterclockwise from ahead."""

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass, fields
 
-from colony.runtime.drivers import BaseLimits
+from colony.runtime.servers.drivers import BaseLimits
 
 CHANNELS = 24
 """Sonars, and infrared channels, 15 degrees apart counterclockwise: 12 ahead, 18 left, 0 back, 6 right."""

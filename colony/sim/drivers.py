@@ -10,22 +10,22 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
-from colony.runtime.drivers import BaseDriver, BaseState, CameraDriver, Drivers
-from colony.runtime.images import Shot
-from colony.runtime.messages import Sample
+from colony.runtime.protocol.messages import Sample
+from colony.runtime.servers.drivers import BaseDriver, BaseState, CameraDriver, Drivers
+from colony.runtime.servers.images import Shot
 from colony.sim.config import limits_of
-from colony.sim.world import MAX_STEP_S, World
+from colony.sim.world.world import MAX_STEP_S, World
 
 if TYPE_CHECKING:  # a kernel less to load for who has no camera
-    from colony.sim.camera import Camera
-    from colony.sim.ceiling import CeilingCamera
+    from colony.sim.cameras.camera import Camera
+    from colony.sim.cameras.ceiling import CeilingCamera
 
 
 class Plant:
     """A world in step with a clock, which gives nanoseconds. Mutable: up to when time has passed.
 
     `moving` are told of the seconds of each step after it: what moves besides robots and people, such as
-    `colony.sim.elevators.Elevators.advance`.
+    `colony.sim.world.elevators.Elevators.advance`.
     """
 
     def __init__(

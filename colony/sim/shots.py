@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from colony.runtime.images import Image
-from colony.sim.camera import Camera
-from colony.sim.ceiling import CeilingCamera
+from colony.runtime.servers.images import Image
+from colony.sim.cameras.camera import Camera
+from colony.sim.cameras.ceiling import CeilingCamera
 from colony.sim.compiled import Bytes2
-from colony.sim.world import World
+from colony.sim.world.world import World
 
 
 class CeilingShot:

@@ -19,9 +19,9 @@ from matplotlib.font_manager import FontProperties
 from matplotlib.textpath import TextPath
 from numpy.typing import NDArray
 
-from colony.nav.stickrep import EdgeKind, Map
-from colony.nav.stickrep_geometry import Point, corners
-from colony.nav.walls import walls_of
+from colony.nav.maps.stickrep.geometry import Point, corners
+from colony.nav.maps.stickrep.model import EdgeKind, Map
+from colony.nav.maps.walls import walls_of
 
 FONT_POINTS = 8.0
 _APART_POINTS = 3.0

@@ -25,9 +25,9 @@ from matplotlib.patches import PathPatch
 from matplotlib.path import Path as Outline
 from numpy.typing import NDArray
 
-from colony.nav.stickrep import EdgeKind, Map
-from colony.nav.stickrep_geometry import Point, corners, link_places, shared_lights
-from colony.nav.walls import Walls, lights_of, walls_of
+from colony.nav.maps.stickrep.geometry import Point, corners, link_places, shared_lights
+from colony.nav.maps.stickrep.model import EdgeKind, Map
+from colony.nav.maps.walls import Walls, lights_of, walls_of
 from colony.view.map_names import FONT_POINTS, WEIGHTS, Box, Name, Rank, place_names
 
 PictureFormat = Literal["png", "svg"]

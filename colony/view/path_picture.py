@@ -11,7 +11,7 @@ from matplotlib.collections import LineCollection
 from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
 
-from colony.nav.stickrep import Map
+from colony.nav.maps.stickrep.model import Map
 from colony.view.map_picture import draw_map, encode_picture
 
 _REACHED, _FAILED, _INK, _PAPER = "#1769d6", "#c2335f", "#2b2f36", "#eceef1"

@@ -6,9 +6,9 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from colony.nav.plan import Plan, Segment
+from colony.nav.maps.stickrep.model import Map
+from colony.nav.plan.plan import Plan, Segment
 from colony.nav.shared import GoalKind
-from colony.nav.stickrep import Map
 from colony.view.map_picture import draw_map
 
 _COLORS = {

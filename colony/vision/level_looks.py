@@ -8,7 +8,7 @@ from typing import Any
 from colony.runtime.kit.script import Step, do
 from colony.runtime.library import camera
 from colony.vision.level_camera import LevelCamera
-from colony.vision.light_looks import SILENT, hurry
+from colony.vision.lights.looks import SILENT, hurry
 
 
 def made_ready(name: str, geometry: LevelCamera, period_s: float) -> Generator[Step, Any, bool]:

@@ -8,7 +8,7 @@ from __future__ import annotations
 import math
 from typing import NamedTuple
 
-from colony.nav.signs import (
+from colony.nav.maps.signs import (
     PLATE_HEIGHT_MM,
     SIGN_HEIGHT_MM,
     STRIPE_HEIGHT_MM,
@@ -17,9 +17,9 @@ from colony.nav.signs import (
     markers_of,
     plates_of,
 )
-from colony.nav.stickrep import Map
-from colony.nav.stickrep_geometry import Point, direction
-from colony.nav.walls import free_distance, walls_of
+from colony.nav.maps.stickrep.geometry import Point, direction
+from colony.nav.maps.stickrep.model import Map
+from colony.nav.maps.walls import free_distance, walls_of
 from colony.vision.level_camera import LevelCamera
 from colony.vision.sightings import Corner
 

@@ -13,9 +13,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from colony.nav.signs import MARKER_BITS
-from colony.vision.ceiling_camera import LIGHT_LENGTH_MM, UPWARD, CeilingCamera
+from colony.nav.maps.signs import MARKER_BITS
 from colony.vision.gray_images import LEAST_PIXELS, Gray, gray_image
+from colony.vision.lights.ceiling_camera import LIGHT_LENGTH_MM, UPWARD, CeilingCamera
 from colony.vision.sightings import Corner, Reading
 
 MOST_COLUMNS, MOST_ROWS = 640, 2560
@@ -87,8 +87,8 @@ def _scaled(spot: Spot, across: float, down: float) -> Spot:
 
 
 def _plates(gray: Gray) -> tuple[Spot, ...]:
-    from colony.vision.plate_detector import find_plates
-    from colony.vision.plate_reader import read_plate
+    from colony.vision.plates.detector import find_plates
+    from colony.vision.plates.reader import read_plate
 
     found: list[Spot] = []
     for box in find_plates(gray):
@@ -98,7 +98,7 @@ def _plates(gray: Gray) -> tuple[Spot, ...]:
 
 
 def _markers(gray: Gray) -> tuple[Spot, ...]:
-    from colony.vision.marker_rows import find_markers
+    from colony.vision.markers.rows import find_markers
 
     found: list[Spot] = []
     for box in find_markers(gray):
@@ -109,7 +109,7 @@ def _markers(gray: Gray) -> tuple[Spot, ...]:
 
 
 def _lights(gray: Gray) -> tuple[Spot, ...]:
-    from colony.vision.scan_lines import ceiling_lights
+    from colony.vision.lights.scan_lines import ceiling_lights
 
     found: list[Spot] = []
     for light in ceiling_lights(gray[list(UPWARD.scan_rows)], UPWARD):

@@ -15,10 +15,10 @@ import signal
 from contextlib import ExitStack
 from threading import Event
 
-from colony.nav.stickrep_reader import load_map
-from colony.runtime.live.place import local
-from colony.sim.plant_child import SIMULATOR, plant_socket
-from colony.sim.plant_process import PlantOptions, serve_plant
+from colony.nav.maps.stickrep.reader import load_map
+from colony.runtime.transport.live.place import local
+from colony.sim.plant.child import SIMULATOR, plant_socket
+from colony.sim.plant.process import PlantOptions, serve_plant
 
 Pose = tuple[float, float, float]
 

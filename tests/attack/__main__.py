@@ -15,8 +15,8 @@ from pathlib import Path
 from colony.runtime.kit.connection import Session
 from colony.runtime.kit.emergency import StopButton
 from colony.runtime.library.clock import release
-from colony.runtime.live.errors import NotReached
-from colony.runtime.live.network import local_user
+from colony.runtime.transport.live.errors import NotReached
+from colony.runtime.transport.live.network import local_user
 from tests.attack.after import after
 from tests.attack.damage import cost, costs, flips, record
 from tests.attack.flood import KINDS, Kind, flood

@@ -9,10 +9,10 @@ from collections.abc import Iterator
 import msgspec
 import zenoh
 
-from colony.runtime import codec
-from colony.runtime.calls import Open
 from colony.runtime.library.robot import Drive
-from colony.runtime.messages import Call, Ready, Request, Right, Sent, Tick
+from colony.runtime.protocol import codec
+from colony.runtime.protocol.calls import Open
+from colony.runtime.protocol.messages import Call, Ready, Request, Right, Sent, Tick
 from tests.attack.intruder import ABUSERS, Attack
 from tests.attack.lab import MARK
 from tests.cli.machine import ROBOT

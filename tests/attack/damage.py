@@ -23,11 +23,11 @@ from mcap.data_stream import RecordBuilder
 from mcap.records import Chunk
 from mcap.stream_reader import StreamReader
 
-from colony.diagnostics import Failure
 from colony.dsl.load import load_file
 from colony.ir.program import Program
 from colony.runtime.recordings.opening import read_recording
-from colony.verify.audit import audit_recording
+from colony.text.diagnostics import Failure
+from colony.verify.audit.audit import audit_recording
 
 ROOT = Path(__file__).parents[2]
 BEHAVIOR = ROOT / "behaviors" / "wander.colony"

@@ -19,15 +19,15 @@ from typing import Literal, get_args
 import msgspec
 import zenoh
 
-from colony.runtime import codec
-from colony.runtime.calls import Nothing, Open
-from colony.runtime.codec import LARGEST
+from colony.runtime.assembly.processes.spec import Here, There, place_of, said_of
 from colony.runtime.library.robot import Drive
-from colony.runtime.live import configuration
-from colony.runtime.live.network import local_user
-from colony.runtime.live.place import Place, Remote, local
-from colony.runtime.messages import Call, Fetch, Right
-from colony.runtime.processes.spec import Here, There, place_of, said_of
+from colony.runtime.protocol import codec
+from colony.runtime.protocol.calls import Nothing, Open
+from colony.runtime.protocol.codec import LARGEST
+from colony.runtime.protocol.messages import Call, Fetch, Right
+from colony.runtime.transport.live import configuration
+from colony.runtime.transport.live.network import local_user
+from colony.runtime.transport.live.place import Place, Remote, local
 from tests.attack.lab import Lab
 from tests.cli.machine import ROBOT
 

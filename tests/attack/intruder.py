@@ -12,7 +12,7 @@ from typing import Any
 
 import zenoh
 
-from colony.runtime.live.place import Credentials
+from colony.runtime.transport.live.place import Credentials
 from tests.attack.lab import MARK, USERS, Lab
 from tests.runtime.certificates import Authority, free_port
 

@@ -13,9 +13,9 @@ from pathlib import Path
 import zenoh
 
 from colony.runtime.kit.connection import Session
-from colony.runtime.live.network import Network
-from colony.runtime.live.place import Credentials, local
-from colony.runtime.live.security import Permission
+from colony.runtime.transport.live.network import Network
+from colony.runtime.transport.live.place import Credentials, local
+from colony.runtime.transport.live.security import Permission
 from tests.cli.machine import MAP, ROBOT, Machine, children_of, until
 from tests.runtime.certificates import Authority, free_port
 

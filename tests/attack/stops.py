@@ -9,12 +9,12 @@ from typing import NamedTuple
 
 import zenoh
 
-from colony.runtime import codec, topics
 from colony.runtime.kit.connection import Session
 from colony.runtime.kit.emergency import StopButton
 from colony.runtime.library import clock
-from colony.runtime.live import keys
-from colony.runtime.messages import Verdict
+from colony.runtime.protocol import codec, topics
+from colony.runtime.protocol.messages import Verdict
+from colony.runtime.transport.live import keys
 from tests.cli.machine import ROBOT, until
 
 PATIENCE_S = 60.0

@@ -10,8 +10,8 @@ from contextlib import contextmanager
 import pytest
 
 from colony.runtime.library import robot
-from colony.runtime.live.network import Network
-from colony.runtime.live.place import Remote
+from colony.runtime.transport.live.network import Network
+from colony.runtime.transport.live.place import Remote
 from tests.attack.flood import KINDS, Kind, flood
 from tests.attack.lab import Lab
 from tests.attack.stops import stop_times

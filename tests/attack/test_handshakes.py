@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import pytest
 
-from colony.runtime.live.errors import NotReached
-from colony.runtime.live.gateway import whoami
+from colony.runtime.transport.live.errors import NotReached
+from colony.runtime.transport.live.gateway import whoami
 from tests.attack.handshakes import HalfOpen
 from tests.attack.lab import Lab
 from tests.cli.machine import until

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from colony.runtime.kit.emergency import StopButton
-from colony.runtime.live.network import local_user
+from colony.runtime.transport.live.network import local_user
 from tests.attack.lab import Lab
 from tests.attack.weights import SERVERS, bear, weights
 from tests.cli.machine import until

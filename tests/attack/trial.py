@@ -7,7 +7,7 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 from pathlib import Path
 
-from colony.runtime.live.gateway import whoami
+from colony.runtime.transport.live.gateway import whoami
 from tests.attack import attempts
 from tests.attack.intruder import REFUSED, STRANGER, Attack, Intruder, attacks
 from tests.attack.lab import MARK, SERVED, Lab, Witness

@@ -10,13 +10,23 @@ from typing import NamedTuple
 import msgspec
 import zenoh
 
-from colony.runtime.calls import Open
-from colony.runtime.codec import LARGEST, VERSION
+from colony.runtime.assembly.processes.state import STATUS
 from colony.runtime.kit.connection import Session
 from colony.runtime.kit.emergency import StopButton
 from colony.runtime.library import clock, data
-from colony.runtime.messages import Call, Checkpoint, Fetch, Request, Sample, Sent, ServerFrame, Tick, Verdict
-from colony.runtime.processes.state import STATUS
+from colony.runtime.protocol.calls import Open
+from colony.runtime.protocol.codec import LARGEST, VERSION
+from colony.runtime.protocol.messages import (
+    Call,
+    Checkpoint,
+    Fetch,
+    Request,
+    Sample,
+    Sent,
+    ServerFrame,
+    Tick,
+    Verdict,
+)
 from tests.cli.machine import ROBOT
 
 SERVERS = ("RServer", "Clock", "DServer")

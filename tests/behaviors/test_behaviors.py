@@ -13,15 +13,15 @@ from typing import Any
 import pytest
 
 from colony.cli.main import main
-from colony.compile.executor import ClientListExecutor
 from colony.compile.pipeline import compile_program
 from colony.dsl.load import check_file, load_file
+from colony.execute.executor import ClientListExecutor
 from colony.ir.frame import Frame, Reading
 from colony.ir.program import Program, Sensor
 from colony.ir.types import Array, Bool
-from colony.runtime.bindings import bind
-from colony.verify.examples import failures_as_diagnostics, run_examples
-from colony.verify.interpreter import Interpreter
+from colony.runtime.protocol.bindings import bind
+from colony.verify.reference.interpreter import Interpreter
+from colony.verify.testing.examples import failures_as_diagnostics, run_examples
 
 ROOT = Path(__file__).parents[2]
 FILES = sorted((ROOT / "behaviors").glob("*.colony"))

@@ -1,6 +1,6 @@
 """Properties of a behavior, tested the way its author would: with hypothesis, over traces of its sensors.
 
-    from colony.verify.strategies import frames, traces
+    from colony.verify.testing.strategies import frames, traces
 
 A trace is a tuple of frames: a time in nanoseconds, and readings by sensor in declared units. What fails is
 shrunk to few frames with plain readings before it is shown.
@@ -17,8 +17,8 @@ from hypothesis import strategies as st
 
 from colony.dsl.load import load_file, load_text
 from colony.ir.frame import Decision, Frame
-from colony.verify.agreement import reference
-from colony.verify.strategies import frames, traces
+from colony.verify.testing.agreement import reference
+from colony.verify.testing.strategies import frames, traces
 
 ROOT = Path(__file__).parent.parent.parent
 WANDER = load_file(ROOT / "behaviors" / "wander.colony")

@@ -18,11 +18,11 @@ from colony.runtime.kit.connection import Session
 from colony.runtime.kit.errors import ConnectionProblem
 from colony.runtime.library import clock as clock_library
 from colony.runtime.library.leader import LEADER, RunStatus, run_status
-from colony.runtime.live.run_directory import RobotDirectory, RunDirectory
-from colony.runtime.topics import CLOCK
-from colony.sim.plant_child import plant_socket
-from colony.sim.plant_control import PlantControl
-from colony.sim.plant_protocol import Truth
+from colony.runtime.protocol.topics import CLOCK
+from colony.runtime.transport.live.run_directory import RobotDirectory, RunDirectory
+from colony.sim.plant.child import plant_socket
+from colony.sim.plant.control import PlantControl
+from colony.sim.plant.protocol import Truth
 
 ROOT = Path(__file__).parents[2]
 MAP = str(ROOT / "maps" / "loop.stickrep")

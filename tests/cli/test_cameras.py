@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from colony.cli.run_options import BadOption, cameras
+from colony.cli.run.options import BadOption, cameras
 from colony.runtime.kit.connection import Connection
 from colony.runtime.kit.errors import CallRefused
 from colony.runtime.library import camera

@@ -95,7 +95,7 @@ def test_a_mistake_in_the_emitted_python_emits_nothing(
     colony: Colony, behavior: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """In the text alone: what it was made from is right."""
-    from colony.compile.backends import python
+    from colony.compile.backends.python import generate as python
 
     generate = python.generate
     calls = []

@@ -11,12 +11,12 @@ from pathlib import Path
 import pytest
 from sarif_kit.validate import validation_errors
 
-from colony.cli.examples import bug, findings, lines, refuted, reports, row, traces
 from colony.cli.sarif import sarif
+from colony.cli.verify.examples import bug, findings, lines, refuted, reports, row, traces
 from colony.dsl.load import load_file, load_text
 from colony.ir.program import Program
-from colony.verify.differential import Report
-from colony.verify.interpreter import Interpreter
+from colony.verify.reference.interpreter import Interpreter
+from colony.verify.testing.differential import Report
 from tests.cli.conftest import Colony
 
 TEXT = """
@@ -117,7 +117,7 @@ def test_with_faults(of: Program) -> None:
 def test_a_mistake_in_the_compiler_is_told_as_a_bug_of_colony(
     of: Program, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    from colony.compile import executor
+    from colony.execute import executor
 
     def last_one(self: object, actuator: object) -> object:
         clients: Sequence[object] = actuator.clients  # type: ignore[attr-defined]
@@ -157,7 +157,7 @@ def test_the_command_tells_and_leaves_nothing_behind(colony: Colony, tmp_path: P
 
 def test_hypothesis_is_not_loaded() -> None:
     """Drawing needs none of it: it would take time, and leave a folder behind."""
-    code = "import colony.cli.examples, sys; print('hypothesis' in sys.modules, 'z3' in sys.modules)"
+    code = "import colony.cli.verify.examples, sys; print('hypothesis' in sys.modules, 'z3' in sys.modules)"
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert done.stdout.split() == ["False", "False"]
 

@@ -13,8 +13,8 @@ from pathlib import Path
 
 import pytest
 
-from colony.cli import experiment_outputs
-from colony.cli.experiment_outputs import Found
+from colony.cli.experiment import outputs as experiment_outputs
+from colony.cli.experiment.outputs import Found
 from colony.experiment.auditing import AuditedRun
 from colony.experiment.record import RunKey
 from tests.cli.conftest import Colony

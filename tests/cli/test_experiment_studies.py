@@ -8,10 +8,10 @@ from pathlib import Path
 
 import pytest
 
-from colony.cli.experiment_progress import described, is_bad
+from colony.cli.experiment.progress import described, is_bad
 from colony.experiment.conduct import conduct
 from colony.experiment.record import RunKey
-from colony.experiment.source_results import ALL_SOURCES, PoseErrors, SourceOutcome, SourceResult
+from colony.experiment.sources.results import ALL_SOURCES, PoseErrors, SourceOutcome, SourceResult
 from tests.cli.conftest import Colony
 
 QUICK = ("lights", "--runs", "29", "--seeds", "2", "--no-hazards", "--engine", "serial")
@@ -76,7 +76,7 @@ def test_ctrl_c_loses_no_run_that_was_finished(
 
         conduct(asked, *rest, tell=stop)  # type: ignore[arg-type]
 
-    monkeypatch.setattr("colony.cli.experiment_studies.conduct", interrupted)
+    monkeypatch.setattr("colony.cli.experiment.studies.conduct", interrupted)
     result = colony("experiment", *QUICK, "-o", str(kept))
     assert result.code == 130
     assert "lights, ours/no-hazards: 1 of 2 runs" in result.out

@@ -12,7 +12,7 @@ from functools import partial
 
 import pytest
 
-from colony.cli.prover_interruption import interruptions
+from colony.cli.verify.prover_interruption import interruptions
 
 
 class Interrupted:

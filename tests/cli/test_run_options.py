@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from colony.cli.run_options import BadOption, duration_ns, variables
+from colony.cli.run.options import BadOption, duration_ns, variables
 from colony.ir.program import Program, Robot, Sensor
 from colony.ir.types import BOOL, DISTANCE, PLAIN, Array, Enum, Type
 

@@ -7,7 +7,7 @@ import time
 
 import pytest
 
-from colony.cli.run_progress import told_if_slow
+from colony.cli.run.progress import told_if_slow
 
 
 def test_slow_work_is_announced_on_a_terminal(

@@ -10,10 +10,10 @@ import pytest
 from sarif_kit.validate import validation_errors
 
 from colony.cli.sarif import TraceStep, sarif
-from colony.codes import CODES
-from colony.diagnostics import Diagnostic, error, warning
 from colony.dsl.errors import CODES as FRONT_END_CODES
-from colony.source import NOWHERE, Source, Span
+from colony.text.codes import CODES
+from colony.text.diagnostics import Diagnostic, error, warning
+from colony.text.source import NOWHERE, Source, Span
 from tests.cli.conftest import Colony
 
 TEXT = "robot r { sensor sonar : mm from P.s }\nlet a = sonnar\n"

@@ -9,10 +9,10 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from colony.nav.standing import standing_before
-from colony.sim.camera import CameraConfig
-from colony.sim.hazards import Hazards, draw
-from colony.sim.snapshot import snapshot
+from colony.nav.maps.standing import standing_before
+from colony.sim.cameras.camera import CameraConfig
+from colony.sim.cameras.snapshot import snapshot
+from colony.sim.hazards.hazards import Hazards, draw
 from tests.cli.conftest import Colony
 from tests.sim.buildings import MAPS, MSU
 

@@ -9,12 +9,12 @@ from pathlib import Path
 import pytest
 
 from colony.cli.simulated_robot import TruthLog
-from colony.runtime.live.place import Local
-from colony.runtime.live.run_directory import RobotDirectory
-from colony.runtime.summary import Travel
-from colony.sim.plant_child import plant_socket
-from colony.sim.plant_control import PlantControl
-from colony.sim.plant_protocol import AttachBase, Attached, BaseReading, Drive, pack
+from colony.runtime.observe.summary import Travel
+from colony.runtime.transport.live.place import Local
+from colony.runtime.transport.live.run_directory import RobotDirectory
+from colony.sim.plant.child import plant_socket
+from colony.sim.plant.control import PlantControl
+from colony.sim.plant.protocol import AttachBase, Attached, BaseReading, Drive, pack
 from tests.sim.plants import PlantProcess, wait_for
 from tests.sim.test_plant_process import START, Line, is_frozen
 

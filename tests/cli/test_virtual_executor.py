@@ -17,13 +17,13 @@ from colony.cli.virtual_faults import with_faults
 from colony.compile.pipeline import Compiled, compile_program
 from colony.dsl.load import load_file
 from colony.ir.frame import Frame
-from colony.runtime.arbitration import Arbiter
-from colony.runtime.assembly import Assembled, FrameAssembler
+from colony.runtime.arbitration.arbiter import Arbiter
+from colony.runtime.frames.assembly import Assembled, FrameAssembler
 from colony.runtime.servers.publishing import Publisher
-from colony.verify.agreement import disagreement, reference
-from colony.verify.strategies import run_of_seed
-from colony.verify.strategies_drawing import Choices
-from colony.verify.strategies_frames import draw_trace
+from colony.verify.testing.agreement import disagreement, reference
+from colony.verify.testing.drawing import Choices
+from colony.verify.testing.frames import draw_trace
+from colony.verify.testing.strategies import run_of_seed
 from tests.verify.stepping import program
 
 ROOT = Path(__file__).parent.parent.parent

@@ -6,7 +6,7 @@ from math import inf, nan
 
 import pytest
 
-from colony.compile import arithmetic as a
+from colony.execute import arithmetic as a
 
 
 @pytest.mark.parametrize(

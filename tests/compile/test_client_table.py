@@ -3,7 +3,7 @@ from __future__ import annotations
 from dataclasses import replace
 
 from benchmarks.networks import chain
-from colony.compile.client_table import client_table
+from colony.compile.backends.table import client_table
 from colony.compile.pipeline import compile_program
 from tests.compile.wiring_notation import program
 

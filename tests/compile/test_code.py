@@ -6,7 +6,7 @@ from math import inf, nan
 
 import pytest
 
-from colony.compile.code import (
+from colony.execute.code import (
     Apply,
     Cell,
     FrameTime,
@@ -20,7 +20,7 @@ from colony.compile.code import (
     operands,
     remapped,
 )
-from colony.compile.operators import FUNCTIONS, Operator
+from colony.execute.operators import FUNCTIONS, Operator
 
 OPS = (
     Literal(1.0),

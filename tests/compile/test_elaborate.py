@@ -5,8 +5,8 @@ from dataclasses import replace
 import pytest
 
 from benchmarks.networks import chain
-from colony.compile.elaborate import elaborate
 from colony.compile.network import Inhibitor, ModuleLeaf, Network, Suppressor
+from colony.compile.passes.elaborate import elaborate
 from colony.ir.expression import Binary, BinaryOperation, IsActive, WonBy
 from colony.ir.program import Contract, Example, Step, Use, Wire
 from colony.ir.types import BOOL

@@ -1,12 +1,12 @@
 from __future__ import annotations
 
 from benchmarks.networks import chain, ladder
-from colony.compile.elaborate import elaborate
-from colony.compile.eliminate_inhibition import eliminate_inhibition
-from colony.compile.forward_traversal import forward_traversal
-from colony.compile.guard_text import GuardText
+from colony.compile.backends.guard_text import GuardText
 from colony.compile.guards import Recently
 from colony.compile.network import Inhibitor, ModuleLeaf, Network, Suppressor
+from colony.compile.passes.elaborate import elaborate
+from colony.compile.passes.eliminate_inhibition import eliminate_inhibition
+from colony.compile.passes.forward_traversal import forward_traversal
 from colony.compile.suppression import GatedSuppressor, Link, SuppressionNetwork
 from tests.compile.wiring_notation import program
 

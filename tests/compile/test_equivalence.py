@@ -7,12 +7,12 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from benchmarks.networks import chain, ladder, random_program
-from colony.compile.elaborate import elaborate
-from colony.compile.eliminate_inhibition import eliminate_inhibition
-from colony.compile.forward_traversal import forward_traversal
 from colony.compile.network import Network
+from colony.compile.passes.elaborate import elaborate
+from colony.compile.passes.eliminate_inhibition import eliminate_inhibition
+from colony.compile.passes.forward_traversal import forward_traversal
+from colony.compile.passes.simplify import simplify
 from colony.compile.pipeline import compile_network, compile_program
-from colony.compile.simplify import simplify
 from tests.compile.network_semantics import History, all_valuations, assert_same, histories, networks
 
 SETTINGS = settings(max_examples=150, deadline=None, derandomize=True)

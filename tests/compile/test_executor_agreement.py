@@ -5,10 +5,10 @@ from __future__ import annotations
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from colony.compile.backends.python import generate, load
+from colony.compile.backends.python.generate import generate, load
 from colony.compile.pipeline import compile_program
-from colony.verify.agreement import client_disagreement, disagreement
-from colony.verify.strategies import networks, programs, traces
+from colony.verify.testing.agreement import client_disagreement, disagreement
+from colony.verify.testing.strategies import networks, programs, traces
 
 
 @given(data=st.data())

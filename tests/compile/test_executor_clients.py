@@ -8,13 +8,13 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from colony.compile.executor import ClientExecutor, ClientMemory
 from colony.compile.pipeline import compile_program
 from colony.dsl.load import load_text
+from colony.execute.executor import ClientExecutor, ClientMemory
 from colony.ir.frame import Frame
 from colony.ir.program import Program
-from colony.verify.interpreter import Interpreter
-from colony.verify.strategies import networks, programs, traces
+from colony.verify.reference.interpreter import Interpreter
+from colony.verify.testing.strategies import networks, programs, traces
 
 TEXT = """
 robot r {

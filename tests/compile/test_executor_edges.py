@@ -7,13 +7,13 @@ from dataclasses import replace
 
 import pytest
 
-from colony.compile.executor import ClientExecutor, ClientListExecutor, ClientMemory, NotExclusive
-from colony.compile.executor_machine import build
-from colony.compile.lower import lower
+from colony.compile.lower.lower import lower
 from colony.compile.pipeline import compile_program
-from colony.diagnostics import Failure
 from colony.dsl.load import load_text
+from colony.execute.executor import ClientExecutor, ClientListExecutor, ClientMemory, NotExclusive
+from colony.execute.machine import build
 from colony.ir.frame import Frame
+from colony.text.diagnostics import Failure
 from tests.runtime.runtime_programs import roam
 
 MS = 1_000_000
@@ -32,7 +32,7 @@ network {{ out = m }}
 """
 GO = "actuator go { velocity : mm/s, turn : deg/s } to DServer.go idle hold"
 MOODY = f"""{ROBOT}
-module m from python "colony.verify.strategies_python:Moody" {{ param seed = 1 reads b commands go rate 1 s }}
+module m from python "colony.verify.testing.python_modules:Moody" {{ param seed = 1 reads b commands go rate 1 s }}
 module n {{ when b do out(v = 1) }}
 network {{ out = n  go = m }}
 """.replace("actuator out", f"{GO}\n  actuator out")
@@ -93,8 +93,8 @@ def test_a_class_that_cannot_be_built_is_named_with_what_to_do() -> None:
     (call,) = lower(program, compile_program(program).clients).python
     cases = (
         ({"module_path": "colony.nowhere"}, "colony.nowhere:Moody", "ModuleNotFoundError"),
-        ({"class_name": "Nobody"}, "colony.verify.strategies_python:Nobody", "AttributeError"),
-        ({"params": (("color", 1.0),)}, "colony.verify.strategies_python:Moody", "TypeError"),
+        ({"class_name": "Nobody"}, "colony.verify.testing.python_modules:Nobody", "AttributeError"),
+        ({"params": (("color", 1.0),)}, "colony.verify.testing.python_modules:Moody", "TypeError"),
         (
             {"module_path": "tests.verify.scripted_modules", "class_name": "Leaving", "params": ()},
             "tests.verify.scripted_modules:Leaving",

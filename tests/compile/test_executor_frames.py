@@ -7,12 +7,12 @@ from typing import Any
 
 import pytest
 
-from colony.compile.backends.python import generate, load
-from colony.compile.executor import ClientListExecutor, NotExclusive
+from colony.compile.backends.python.generate import generate, load
 from colony.compile.pipeline import compile_program
 from colony.dsl.load import load_text
+from colony.execute.executor import ClientListExecutor, NotExclusive
 from colony.ir.frame import Decision, Frame, Outcome, Record
-from colony.verify.interpreter import Interpreter
+from colony.verify.reference.interpreter import Interpreter
 
 
 def _executors(text: str) -> dict[str, Any]:

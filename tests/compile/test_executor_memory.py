@@ -4,12 +4,12 @@ from __future__ import annotations
 
 from typing import Any
 
-from colony.compile.backends.python import generate, load
-from colony.compile.executor import ClientListExecutor
+from colony.compile.backends.python.generate import generate, load
 from colony.compile.pipeline import compile_program
 from colony.dsl.load import load_text
+from colony.execute.executor import ClientListExecutor
 from colony.ir.frame import Frame
-from colony.verify.interpreter import Interpreter
+from colony.verify.reference.interpreter import Interpreter
 
 ROBOT = """
 robot r {

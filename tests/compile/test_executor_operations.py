@@ -7,12 +7,12 @@ from math import cos, inf, nan, pi, sin
 
 import pytest
 
-from colony.compile.backends.python import generate, load
-from colony.compile.executor import ClientListExecutor
+from colony.compile.backends.python.generate import generate, load
 from colony.compile.pipeline import compile_program
 from colony.dsl.load import load_text
+from colony.execute.executor import ClientListExecutor
 from colony.ir.frame import Frame
-from colony.verify.interpreter import Interpreter
+from colony.verify.reference.interpreter import Interpreter
 
 FRAME = {
     "x": 2.5,

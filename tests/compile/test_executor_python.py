@@ -8,13 +8,13 @@ from typing import Any, ClassVar
 
 import pytest
 
-from colony.compile.backends.python import generate, load
-from colony.compile.executor import ClientExecutor, ClientListExecutor
+from colony.compile.backends.python.generate import generate, load
 from colony.compile.pipeline import compile_program
-from colony.diagnostics import Failure
 from colony.dsl.load import load_text
+from colony.execute.executor import ClientExecutor, ClientListExecutor
 from colony.ir.frame import Decision, Frame, Outcome
-from colony.verify.interpreter import Interpreter
+from colony.text.diagnostics import Failure
+from colony.verify.reference.interpreter import Interpreter
 
 
 class Told:

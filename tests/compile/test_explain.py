@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from benchmarks.networks import chain, ladder, random_program
-from colony.compile.explain import DEEPEST, MOST_LINES, explain, wiring_text
+from colony.compile.backends.explain import DEEPEST, MOST_LINES, explain, wiring_text
 from colony.compile.pipeline import compile_program
 from colony.ir.program import Chain, Use
 from tests.compile.wiring_notation import program

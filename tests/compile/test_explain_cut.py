@@ -7,10 +7,10 @@ from pathlib import Path
 import pytest
 
 from benchmarks.networks import chain, random_program
-from colony.compile import explain as explaining
-from colony.compile.client_table import definitions, legend, rows, wrapped
-from colony.compile.explain import MOST_LINES, explain, wiring_text
-from colony.compile.guard_text import GuardText
+from colony.compile.backends import explain as explaining
+from colony.compile.backends.explain import MOST_LINES, explain, wiring_text
+from colony.compile.backends.guard_text import GuardText
+from colony.compile.backends.table import definitions, legend, rows, wrapped
 from colony.compile.pipeline import compile_program
 from colony.ir.program import Chain, Use
 from tests.compile.wiring_notation import program

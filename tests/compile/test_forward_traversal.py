@@ -3,11 +3,11 @@ from __future__ import annotations
 import pytest
 
 from benchmarks.networks import chain, ladder
+from colony.compile.backends.guard_text import GuardText
 from colony.compile.clients import Client, ClientList
-from colony.compile.elaborate import elaborate
-from colony.compile.eliminate_inhibition import eliminate_inhibition
-from colony.compile.forward_traversal import forward_traversal
-from colony.compile.guard_text import GuardText
+from colony.compile.passes.elaborate import elaborate
+from colony.compile.passes.eliminate_inhibition import eliminate_inhibition
+from colony.compile.passes.forward_traversal import forward_traversal
 from tests.compile.wiring_notation import program
 
 

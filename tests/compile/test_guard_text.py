@@ -2,7 +2,7 @@ from __future__ import annotations
 
 import pytest
 
-from colony.compile.guard_text import INLINE, GuardText, duration_text
+from colony.compile.backends.guard_text import INLINE, GuardText, duration_text
 from colony.compile.guards import Always, And, Guard, ModuleActive, Never, Not, Or, Recently
 
 MS = 1_000_000

@@ -9,7 +9,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from colony.compile.guard_text import INLINE, OWN, GuardText, duration_text
+from colony.compile.backends.guard_text import INLINE, OWN, GuardText, duration_text
 from colony.compile.guards import Always, And, Guard, ModuleActive, Never, Not, Or, Recently
 
 NAMES = ("a", "b", "c", "d")

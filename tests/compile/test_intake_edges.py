@@ -9,14 +9,14 @@ from itertools import product
 
 import pytest
 
-from colony.compile.backends.python import generate
-from colony.compile.backends.python_intake import _if
-from colony.compile.executor_sensors import members, stand_in
+from colony.compile.backends.python.generate import generate
+from colony.compile.backends.python.intake import _if
 from colony.compile.pipeline import compile_program
 from colony.dsl.load import load_text
+from colony.execute.sensors import members, stand_in
 from colony.ir.frame import Frame
 from colony.ir.program import Program
-from colony.verify.agreement import client_disagreement, disagreement
+from colony.verify.testing.agreement import client_disagreement, disagreement
 
 TEXT = """
 enum goal {{ none = 0, corner = 67, light = -3 }}

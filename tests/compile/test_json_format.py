@@ -6,7 +6,7 @@ import pytest
 from hypothesis import given
 
 from benchmarks.networks import random_program
-from colony.compile.json_format import BadFormat, clients_to_json, from_json, to_json
+from colony.compile.backends.json import BadFormat, clients_to_json, from_json, to_json
 from colony.compile.network import Network
 from colony.compile.pipeline import compile_network, compile_program
 from tests.compile.network_semantics import networks

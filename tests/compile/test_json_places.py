@@ -9,7 +9,7 @@ from typing import Any
 
 import pytest
 
-from colony.compile.json_format import BadFormat, from_json
+from colony.compile.backends.json import BadFormat, from_json
 
 WHOLE: dict[str, Any] = {
     "format": "colony-clients/1",

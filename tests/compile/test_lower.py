@@ -7,12 +7,12 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from benchmarks.networks import chain, random_program
-from colony.compile.code import Apply, Code, Kind, Literal, OldCell, PythonActive, SensorFresh, operands
-from colony.compile.executor import ClientListExecutor
-from colony.compile.lower import lower, lower_client
-from colony.compile.operators import Operator
+from colony.compile.lower.lower import lower, lower_client
 from colony.compile.pipeline import compile_program
 from colony.dsl.load import load_text
+from colony.execute.code import Apply, Code, Kind, Literal, OldCell, PythonActive, SensorFresh, operands
+from colony.execute.executor import ClientListExecutor
+from colony.execute.operators import Operator
 from colony.ir.expression import (
     NESTING_LIMIT,
     Binary,
@@ -26,7 +26,7 @@ from colony.ir.expression import (
 from colony.ir.frame import Frame
 from colony.ir.program import Actuator, ActuatorField, Command, Let, Module, Program, Robot, Sensor, Use, Wire
 from colony.ir.types import BOOL, PLAIN
-from colony.verify.strategies import programs
+from colony.verify.testing.strategies import programs
 
 
 def _lowered(text: str) -> Code:

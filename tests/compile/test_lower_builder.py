@@ -7,11 +7,11 @@ import math
 import pytest
 
 from colony.compile.clients import ActuatorClients, Client, ClientList
-from colony.compile.code import Apply, FrameTime, Kind, Literal, SensorElement, SensorFresh
 from colony.compile.guards import ModuleActive, Not
-from colony.compile.lower_builder import Builder
-from colony.compile.operators import FUNCTIONS, Operator
-from colony.compile.simplify import simplify
+from colony.compile.lower.builder import Builder
+from colony.compile.passes.simplify import simplify
+from colony.execute.code import Apply, FrameTime, Kind, Literal, SensorElement, SensorFresh
+from colony.execute.operators import FUNCTIONS, Operator
 
 BOOLS = {
     *(Operator.LESS, Operator.LESS_EQUAL, Operator.EQUAL, Operator.NOT_EQUAL, Operator.FINITE),

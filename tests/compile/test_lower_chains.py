@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from colony.compile.lower import lower, lower_client
+from colony.compile.lower.lower import lower, lower_client
 from colony.compile.pipeline import compile_program
 from colony.dsl.load import load_text
 

@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 from colony.compile.clients import ClientList
-from colony.compile.code import Apply, Kind, Literal, OutsideActive
 from colony.compile.guards import Always, And, Guard, ModuleActive, Never, Not, Or
-from colony.compile.lower_builder import Builder
-from colony.compile.lower_guards import GuardLowering
-from colony.compile.operators import Operator
+from colony.compile.lower.builder import Builder
+from colony.compile.lower.guards import GuardLowering
+from colony.execute.code import Apply, Kind, Literal, OutsideActive
+from colony.execute.operators import Operator
 
 
 class Lowered:

@@ -6,17 +6,17 @@ from dataclasses import replace
 
 import pytest
 
-from colony.compile.backends.python import generate, load
-from colony.compile.code import Code, Kind, OutsideActive, PythonField
-from colony.compile.executor import ClientListExecutor
-from colony.compile.lower import lower, lower_client
+from colony.compile.backends.python.generate import generate, load
+from colony.compile.lower.lower import lower, lower_client
 from colony.compile.pipeline import compile_program
 from colony.dsl.load import load_text
+from colony.execute.code import Code, Kind, OutsideActive, PythonField
+from colony.execute.executor import ClientListExecutor
 from colony.ir import expression as e
 from colony.ir.frame import Frame
 from colony.ir.program import Let, Program
 from colony.ir.types import PLAIN, Array, Value
-from colony.verify.interpreter import Interpreter
+from colony.verify.reference.interpreter import Interpreter
 
 ROBOT = """
 robot r {

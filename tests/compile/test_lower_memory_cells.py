@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import pytest
 
-from colony.compile.code import Code, Kind
-from colony.compile.lower import lower
+from colony.compile.lower.lower import lower
 from colony.compile.pipeline import compile_program
 from colony.dsl.load import load_text
+from colony.execute.code import Code, Kind
 
 TEXT = """
 robot r {

@@ -5,7 +5,7 @@ import gc
 import pytest
 
 from benchmarks.networks import chain, ladder, random_program
-from colony.compile.elaborate import elaborate
+from colony.compile.passes.elaborate import elaborate
 from colony.compile.pipeline import PASSES, compile_network, compile_program
 
 

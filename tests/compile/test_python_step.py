@@ -7,7 +7,7 @@ from collections.abc import Callable
 
 import pytest
 
-from colony.compile.python_step import PythonStep, Snapshot
+from colony.execute.python_step import PythonStep, Snapshot
 
 FIELDS: tuple[tuple[str, object], ...] = (("on", False), ("v", None), ("g", (0.0, 67.0)))
 GOOD = {"on": True, "v": 2, "g": 67}

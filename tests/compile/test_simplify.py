@@ -5,8 +5,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from benchmarks.networks import chain, ladder, random_program
+from colony.compile.backends.guard_text import GuardText
 from colony.compile.clients import ActuatorClients, Client, ClientList
-from colony.compile.guard_text import GuardText
 from colony.compile.guards import (
     Always,
     And,
@@ -18,8 +18,8 @@ from colony.compile.guards import (
     Recently,
     operands,
 )
+from colony.compile.passes.simplify import simplify
 from colony.compile.pipeline import compile_program
-from colony.compile.simplify import simplify
 from tests.compile.network_semantics import GuardRun, History, histories
 
 MS = 1_000_000

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import pytest
 
-from colony.compile.elaborate import elaborate
-from colony.compile.ways import by_several_ways
+from colony.compile.passes.elaborate import elaborate
+from colony.compile.passes.ways import by_several_ways
 from tests.compile.wiring_notation import program
 
 

@@ -15,18 +15,18 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from colony.compile.backends.python import generate
-from colony.compile.client_table import client_table
+from colony.compile.backends.explain import explain
+from colony.compile.backends.json import to_json
+from colony.compile.backends.python.generate import generate
+from colony.compile.backends.table import client_table
 from colony.compile.clients import ClientList
-from colony.compile.code import Code
-from colony.compile.explain import explain
-from colony.compile.json_format import to_json
-from colony.compile.lower import lower, lower_client
+from colony.compile.lower.lower import lower, lower_client
 from colony.compile.pipeline import compile_program
 from colony.dsl.load import load_text
+from colony.execute.code import Code
 from colony.ir.program import Program
-from colony.verify.agreement import client_disagreement, disagreement
-from colony.verify.strategies import traces
+from colony.verify.testing.agreement import client_disagreement, disagreement
+from colony.verify.testing.strategies import traces
 
 LONGEST = 1000
 """Programs with more ops are not listed op by op."""

@@ -10,8 +10,8 @@ from pathlib import Path
 
 import pytest
 
-from colony.diagnostics import render
 from colony.dsl.load import check_file
+from colony.text.diagnostics import render
 
 CASES = sorted((Path(__file__).parent / "cases").glob("*.colony"))
 _EXPECTED = re.compile(r"([EW]\d{3}) at (\d+)")

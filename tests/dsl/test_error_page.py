@@ -11,9 +11,9 @@ from typing import NamedTuple
 import pytest
 
 import colony.dsl
-from colony.diagnostics import Diagnostic, render
 from colony.dsl.errors import CODES
 from colony.dsl.load import check_file
+from colony.text.diagnostics import Diagnostic, render
 
 SOURCES = Path(colony.dsl.__file__).parent
 PAGE = Path(__file__).parent.parent.parent / "docs" / "errors.md"

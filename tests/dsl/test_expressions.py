@@ -6,7 +6,7 @@ import pytest
 
 from colony.ir import expression as e
 from colony.ir.types import Array, Bool, Quantity
-from colony.units import LENGTH
+from colony.text.units import LENGTH
 from tests.dsl.texts import expression, findings, type_of
 
 BEFORE = """

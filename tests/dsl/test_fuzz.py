@@ -8,8 +8,8 @@ import re
 from hypothesis import given
 from hypothesis import strategies as st
 
-from colony.diagnostics import has_errors, render
 from colony.dsl.load import check_text
+from colony.text.diagnostics import has_errors, render
 from tests.dsl.texts import MODULES, ROBOT
 
 GOOD = (

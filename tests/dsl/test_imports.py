@@ -6,11 +6,11 @@ from pathlib import Path
 
 import pytest
 
-from colony.diagnostics import headline, render
 from colony.dsl.load import check_file, check_text, load_file
 from colony.ir import expression as e
 from colony.ir.program import Chain, Let, Module, Program, PythonModule, Use
 from colony.ir.types import DISTANCE
+from colony.text.diagnostics import headline, render
 from tests.dsl.texts import ROBOT
 
 MODULE = "module {0} {{ param near = 1 m when sonar[12] < near do drive(velocity = 0, turn = 0) }}\n"

@@ -9,7 +9,7 @@ import pytest
 from colony.dsl.recovery import WORDS as KEYWORDS
 from colony.dsl.syntax_hints import RESERVED
 from colony.dsl.tables import GRAMMAR
-from colony.units import BASE_UNITS
+from colony.text.units import BASE_UNITS
 from tests.dsl.texts import findings
 
 CONTEXTUAL = re.findall(r"^([A-Z_]+)\.2: /(\w+)\\b/", GRAMMAR.read_text(encoding="utf-8"), re.MULTILINE)

@@ -7,12 +7,12 @@ from pathlib import Path
 
 import pytest
 
-from colony.diagnostics import headline
 from colony.dsl.check.calls import FUNCTION_NAMES
 from colony.dsl.load import check_file
 from colony.dsl.syntax_hints import RESERVED
-from colony.units import BASE_UNITS
-from colony.verify.examples import failures_as_diagnostics, run_examples
+from colony.text.diagnostics import headline
+from colony.text.units import BASE_UNITS
+from colony.verify.testing.examples import failures_as_diagnostics, run_examples
 
 PAGE = (Path(__file__).parent.parent.parent / "docs" / "language.md").read_text(encoding="utf-8")
 FENCES = re.findall(r"^```colony ?([^\n]*)\n(.*?)^```$", PAGE, re.MULTILINE | re.DOTALL)

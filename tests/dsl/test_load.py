@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import pytest
 
-from colony.diagnostics import Failure
 from colony.dsl.load import check_text, load_file, load_text
 from colony.ir import expression as e
 from colony.ir.program import Let, Machine, Module, PythonModule, State
 from colony.ir.types import Array, Bool, Enum, Quantity
-from colony.units import ANGLE, LENGTH, NUMBER, TIME, Dimension
+from colony.text.diagnostics import Failure
+from colony.text.units import ANGLE, LENGTH, NUMBER, TIME, Dimension
 from tests.dsl.texts import MODULES, ROBOT, expression, findings, named, program
 
 SPEED = Quantity(LENGTH.over(TIME))

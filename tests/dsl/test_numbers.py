@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 from colony.dsl.check.constants import literal
 from colony.ir import expression as e
 from colony.ir.program import Let
-from colony.units import BASE_UNITS
+from colony.text.units import BASE_UNITS
 from tests.dsl.texts import expression, findings, named, type_of, value_of
 
 

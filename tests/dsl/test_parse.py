@@ -6,7 +6,7 @@ import pytest
 
 from colony.dsl import ast
 from colony.dsl.parse import parse
-from colony.source import Source
+from colony.text.source import Source
 
 
 def tree(text: str) -> ast.File:

@@ -8,8 +8,8 @@ from hypothesis import given
 from colony.dsl import ast
 from colony.dsl.parse import parse
 from colony.dsl.printer import print_expression, print_file
-from colony.source import Source
-from colony.verify.strategies import texts
+from colony.text.source import Source
+from colony.verify.testing.strategies import texts
 
 BEHAVIORS = sorted((Path(__file__).parent.parent.parent / "behaviors").glob("*.colony"))
 

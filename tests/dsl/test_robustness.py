@@ -7,9 +7,9 @@ from pathlib import Path
 
 import pytest
 
-from colony.diagnostics import headline, render
 from colony.dsl.files import MAX_BYTES
 from colony.dsl.load import Checked, check_file, check_text
+from colony.text.diagnostics import headline, render
 from tests.dsl.texts import MODULES, ROBOT, findings, messages
 
 MANY = 20_000

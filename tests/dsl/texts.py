@@ -7,10 +7,10 @@ from __future__ import annotations
 
 from typing import TypeVar
 
-from colony.diagnostics import render
 from colony.dsl.load import check_text
 from colony.ir import expression as ir
 from colony.ir.program import Let, Machine, Module, Program, PythonModule, State
+from colony.text.diagnostics import render
 
 ROBOT = """
 robot rome {

@@ -18,9 +18,9 @@ from contextlib import contextmanager
 from pathlib import Path
 
 from colony.runtime.kit.connection import Session
-from colony.runtime.live.place import local
-from colony.sim.plant_child import plant_socket
-from colony.sim.plant_control import PlantControl
+from colony.runtime.transport.live.place import local
+from colony.sim.plant.child import plant_socket
+from colony.sim.plant.control import PlantControl
 
 ROOT = Path(__file__).resolve().parents[2]
 

@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from colony.dsl.load import check_file
-from colony.verify.examples import run_examples
+from colony.verify.testing.examples import run_examples
 from tests.examples.stage import ROOT
 
 BEHAVIORS = sorted((ROOT / "examples").rglob("*.colony"))

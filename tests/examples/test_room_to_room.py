@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import math
 
-from colony.nav.route import plan
-from colony.nav.stickrep_reader import load_map
+from colony.nav.maps.stickrep.reader import load_map
+from colony.nav.plan.route import plan
 from tests.examples.stage import ROOT, machine
 
 MAP = "maps/msu_engineering_3.stickrep"

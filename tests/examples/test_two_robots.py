@@ -7,8 +7,8 @@ import threading
 from collections.abc import Iterator
 from contextlib import contextmanager
 
-from colony.sim.plant_control import PlantControl
-from colony.sim.plant_protocol import Truth
+from colony.sim.plant.control import PlantControl
+from colony.sim.plant.protocol import Truth
 from tests.examples.stage import ROOT, Machine, Process, machine, until
 
 HERE = ROOT / "examples" / "two_robots"

@@ -4,21 +4,22 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 
+from colony.experiment.local_cameras import LocalCamera
+
 from colony.compile.pipeline import compile_program
 from colony.dsl.load import load_text
 from colony.experiment.behavior import behavior_from
-from colony.experiment.local_cameras import LocalCamera
 from colony.experiment.loop import Loop
 from colony.ir.frame import Decision, Frame
-from colony.runtime.images import Image
+from colony.runtime.assembly.virtual import Session
 from colony.runtime.kit.script import Script
 from colony.runtime.kit.script_node import ScriptNode
-from colony.runtime.observer import FrameLog
+from colony.runtime.observe.observer import FrameLog
 from colony.runtime.servers.cserver import CServer
-from colony.runtime.session import Session
-from colony.runtime.virtual import VirtualClock
+from colony.runtime.servers.images import Image
+from colony.runtime.transport.virtual import VirtualClock
 from colony.sim.drivers import Plant, simulated_drivers
-from colony.sim.world import World
+from colony.sim.world.world import World
 
 PROGRAM = """
 robot tester {

@@ -10,7 +10,7 @@ from colony.experiment.lists import PUBLISHED_MAP
 from colony.experiment.parallel import SerialEngine, WorkersLost
 from colony.experiment.record import RunKey
 from colony.experiment.runs import RunSpec, run
-from colony.sim.hazards import Hazards
+from colony.sim.hazards.hazards import Hazards
 
 pytest.importorskip("distributed")
 

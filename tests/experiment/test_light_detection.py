@@ -7,17 +7,17 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from colony.experiment.light_detection import NEAR_MM, LightDetection, LightWatch
-from colony.experiment.light_results import LIGHT_TABLE, LightResult, light_tables, light_targets
+from colony.experiment.lights.detection import NEAR_MM, LightDetection, LightWatch
+from colony.experiment.lights.results import LIGHT_TABLE, LightResult, light_tables, light_targets
 from colony.experiment.lists import published_list
 from colony.experiment.record import RunKey
 from colony.experiment.results import Results
-from colony.sim.ceiling import CeilingCamera
-from colony.sim.scenery import CeilingLight, bare
-from colony.sim.world import Pose
-from colony.vision.ceiling_camera import UPWARD
-from colony.vision.light_looks import Look
-from colony.vision.scan_lines import Light, ceiling_lights
+from colony.sim.cameras.ceiling import CeilingCamera
+from colony.sim.hazards.scenery import CeilingLight, bare
+from colony.sim.world.world import Pose
+from colony.vision.lights.ceiling_camera import UPWARD
+from colony.vision.lights.looks import Look
+from colony.vision.lights.scan_lines import Light, ceiling_lights
 
 NORTH = CeilingLight(x_mm=0.0, y_mm=5_000.0, heading_deg=0.0)
 

@@ -16,8 +16,8 @@ from colony.experiment.lists import (
     random_list,
     rooms_of,
 )
-from colony.nav.building import Building, load_building
-from colony.nav.route import plan
+from colony.nav.maps.building import Building, load_building
+from colony.nav.plan.route import plan
 from colony.nav.shared import GoalKind
 
 BUILDING = load_building(PUBLISHED_MAP)

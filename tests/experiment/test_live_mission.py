@@ -6,8 +6,8 @@ import pytest
 
 from colony.experiment.lists import PUBLISHED_MAP
 from colony.experiment.live_mission import LiveMission
-from colony.nav.building import load_building
-from colony.nav.route import plan
+from colony.nav.maps.building import load_building
+from colony.nav.plan.route import plan
 from colony.nav.shared import ELEVATOR_CALL, FLOOR
 from colony.runtime.kit.connection import Session
 from colony.runtime.kit.errors import ServerNotFound

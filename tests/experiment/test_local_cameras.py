@@ -4,14 +4,14 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-
 from colony.experiment.local_cameras import CeilingShot, LevelShot, Shot
-from colony.sim.camera import Camera, CameraConfig
-from colony.sim.ceiling import CeilingCamera
+
+from colony.sim.cameras.camera import Camera, CameraConfig
+from colony.sim.cameras.ceiling import CeilingCamera
+from colony.sim.cameras.scene import scene_of
 from colony.sim.config import IDEAL
-from colony.sim.hazards import Hazards, draw
-from colony.sim.scene import scene_of
-from colony.sim.world import World
+from colony.sim.hazards.hazards import Hazards, draw
+from colony.sim.world.world import World
 from tests.sim.buildings import LOOP
 
 SCENERY = draw(Hazards(person_spacing_mm=5000.0), LOOP, 2)

@@ -5,9 +5,9 @@ from __future__ import annotations
 from collections.abc import Mapping
 
 import pytest
-
 from colony.experiment.local_scripts import LocalScripts, ScriptFailed
 from colony.experiment.local_servers import LocalData
+
 from colony.runtime.kit.errors import CallRefused, ServerNotFound
 from colony.runtime.kit.script import Script, do, sleep
 from colony.runtime.library import data, robot

@@ -11,7 +11,7 @@ from colony.ir.frame import Frame, Outcome
 from colony.runtime.kit.script import Script, do, sleep
 from colony.runtime.library import data, robot
 from colony.sim.config import IDEAL
-from colony.sim.world import World
+from colony.sim.world.world import World
 from tests.experiment.conformance_stage import PROGRAM, WALLS
 
 

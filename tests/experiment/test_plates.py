@@ -7,12 +7,12 @@ from pathlib import Path
 import pytest
 
 from colony.experiment.lists import PUBLISHED_MAP
-from colony.experiment.plates import PlateRun
-from colony.experiment.plates_record import FINDERS, PlateResult, tally
+from colony.experiment.plates.record import FINDERS, PlateResult, tally
+from colony.experiment.plates.run import PlateRun
 from colony.experiment.record import RunKey
 from colony.experiment.runs import Run, RunSpec
 from colony.experiment.variants import CEILING_CAMERA
-from colony.sim.hazards import Hazards
+from colony.sim.hazards.hazards import Hazards
 
 SPEC = RunSpec(
     key=RunKey("short", 1, 1, "ours"),

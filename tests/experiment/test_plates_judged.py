@@ -7,12 +7,12 @@ import math
 from hypothesis import given
 from hypothesis import strategies as st
 
-from colony.experiment.plates_judged import LONG_ENOUGH_NS, NEAR_MM, Sighting, judged, true_place
-from colony.experiment.plates_passed import Pass
-from colony.experiment.plates_record import Outcome, Tally, tally
-from colony.nav.signs import Plate
-from colony.nav.stickrep_geometry import Point
-from colony.sim.world import Pose
+from colony.experiment.plates.judged import LONG_ENOUGH_NS, NEAR_MM, Sighting, judged, true_place
+from colony.experiment.plates.passed import Pass
+from colony.experiment.plates.record import Outcome, Tally, tally
+from colony.nav.maps.signs import Plate
+from colony.nav.maps.stickrep.geometry import Point
+from colony.sim.world.world import Pose
 
 _PLATES = tuple(
     Plate(

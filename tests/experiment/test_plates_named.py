@@ -7,14 +7,14 @@ from dataclasses import replace
 import numpy as np
 
 from colony.experiment.lists import PUBLISHED_MAP
-from colony.experiment.plates_judged import Sighting
-from colony.experiment.plates_named import names_in
-from colony.nav.stickrep import EdgeKind
-from colony.nav.stickrep_geometry import Point
-from colony.nav.stickrep_reader import load_map
-from colony.nav.walls import walls_of
-from colony.sim.posters import BLACK_KINDS, OTHER_KINDS
-from colony.sim.scenery import Extinguisher, Poster, bare
+from colony.experiment.plates.judged import Sighting
+from colony.experiment.plates.named import names_in
+from colony.nav.maps.stickrep.geometry import Point
+from colony.nav.maps.stickrep.model import EdgeKind
+from colony.nav.maps.stickrep.reader import load_map
+from colony.nav.maps.walls import walls_of
+from colony.sim.cameras.posters import BLACK_KINDS, OTHER_KINDS
+from colony.sim.hazards.scenery import Extinguisher, Poster, bare
 
 FLOOR = load_map(PUBLISHED_MAP)
 WALLS = walls_of(FLOOR)

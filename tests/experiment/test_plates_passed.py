@@ -5,10 +5,10 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from colony.experiment.plates_passed import Pass, PassWatch
-from colony.nav.signs import PLATE_WIDTH_MM, Plate
-from colony.nav.stickrep_geometry import Point
-from colony.sim.world import Pose
+from colony.experiment.plates.passed import Pass, PassWatch
+from colony.nav.maps.signs import PLATE_WIDTH_MM, Plate
+from colony.nav.maps.stickrep.geometry import Point
+from colony.sim.world.world import Pose
 
 STEP_MM, STEP_NS = 50.0, 100_000_000
 

@@ -8,12 +8,12 @@ from pathlib import Path
 import pytest
 
 from colony.experiment.lists import plate_list
-from colony.experiment.plates_figures import events, plate_targets, taken_for_plates, total, walks
-from colony.experiment.plates_record import PLATE_TABLE, Finder, Kind, Outcome, PlateResult, Tally
-from colony.experiment.plates_tables import plate_tables
+from colony.experiment.plates.figures import events, plate_targets, taken_for_plates, total, walks
+from colony.experiment.plates.record import PLATE_TABLE, Finder, Kind, Outcome, PlateResult, Tally
+from colony.experiment.plates.tables import plate_tables
 from colony.experiment.record import RunKey
 from colony.experiment.results import RUN_TABLE, Results
-from colony.nav.confidence_estimate import Count
+from colony.nav.confidence.estimate import Count
 from tests.experiment.stage import REACHED
 
 

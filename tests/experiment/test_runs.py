@@ -21,14 +21,14 @@ from colony.experiment.results import RUN_TABLE, Results
 from colony.experiment.runs import Run, RunSpec, chance_of, run
 from colony.experiment.variants import OURS, SIDE_CAMERA, Variant
 from colony.ir.frame import Decision, Frame, Outcome
-from colony.nav.building import Building
-from colony.nav.plan import Plan
-from colony.nav.planner import OnSegment
-from colony.nav.pose_tracker import ALL, Source
+from colony.nav.maps.building import Building
+from colony.nav.plan.plan import Plan
+from colony.nav.plan.planner import OnSegment
+from colony.nav.pose.tracker import ALL, Source
 from colony.runtime.kit.script import Script, do, sleep
 from colony.runtime.library import robot
-from colony.sim.hazards import Hazard, Hazards
-from colony.verify.interpreter import Interpreter
+from colony.sim.hazards.hazards import Hazard, Hazards
+from colony.verify.reference.interpreter import Interpreter
 
 
 def _spec(number: int = 29, seed: int = 1, hazards: Hazards | None = None) -> RunSpec:

@@ -8,12 +8,12 @@ from pathlib import Path
 
 import pytest
 
-from colony.experiment import sources
 from colony.experiment.lists import PUBLISHED_MAP, ListedRun
 from colony.experiment.record import RunKey
 from colony.experiment.results import Results
 from colony.experiment.runs import RunSpec
-from colony.experiment.source_results import (
+from colony.experiment.sources import run as sources
+from colony.experiment.sources.results import (
     ALL_SOURCES,
     ODOMETRY,
     SOURCE_TABLE,
@@ -23,12 +23,12 @@ from colony.experiment.source_results import (
     source_tables,
     source_targets,
 )
-from colony.experiment.sources import CHOICES, run_with_sources, source_list, with_look
+from colony.experiment.sources.run import CHOICES, run_with_sources, source_list, with_look
 from colony.experiment.variants import CEILING_CAMERA, SIDE_CAMERA
-from colony.nav.pose import PoseEstimate
-from colony.nav.pose_tracker import ALL, Source
-from colony.sim.hazards import Hazards
-from colony.sim.world import Pose
+from colony.nav.pose.pose import PoseEstimate
+from colony.nav.pose.tracker import ALL, Source
+from colony.sim.hazards.hazards import Hazards
+from colony.sim.world.world import Pose
 
 KEY = RunKey("sources", 29, 1, "ours")
 ESTIMATE = PoseEstimate(0, 1_000.0, 2_000.0, 359.0, 400.0, 0.0, 0.0, 900.0, 0.0, 1.0)

@@ -13,13 +13,13 @@ from colony.experiment.behavior import behavior_from
 from colony.experiment.loop import Loop
 from colony.experiment.record import Contacts, LightCount
 from colony.experiment.watching import Watcher, mode_of
-from colony.nav.plan import Place, Plan, Segment
+from colony.nav.plan.plan import Place, Plan, Segment
 from colony.nav.shared import CEILING_LIGHT, GoalKind
 from colony.runtime.kit.script import Script, do, sleep
 from colony.runtime.library import data
 from colony.sim.config import IDEAL
-from colony.sim.scenery import Joint, Scenery, Slip, bare
-from colony.sim.world import World
+from colony.sim.hazards.scenery import Joint, Scenery, Slip, bare
+from colony.sim.world.world import World
 from tests.experiment.conformance_stage import PROGRAM
 
 

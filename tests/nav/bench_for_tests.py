@@ -11,16 +11,16 @@ import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
-from colony.nav.stickrep import EdgeKind
-from colony.nav.walls import Walls
-from colony.runtime.drivers import BaseState
+from colony.nav.maps.stickrep.model import EdgeKind
+from colony.nav.maps.walls import Walls
 from colony.runtime.kit.errors import CallRefused
 from colony.runtime.kit.script import Do, Script, Sleep, Step
 from colony.runtime.library import data
 from colony.runtime.library.proximity import SonarReading
 from colony.runtime.library.robot import PoseArguments, Position
-from colony.runtime.virtual_position import Odometer, Pose
-from colony.sim.world import World
+from colony.runtime.servers.drivers import BaseState
+from colony.runtime.servers.virtual_position import Odometer, Pose
+from colony.sim.world.world import World
 
 Floats = NDArray[np.float64]
 

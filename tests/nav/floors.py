@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from colony.nav.building import Building, load_building
+from colony.nav.maps.building import Building, load_building
 
 _FLOOR = """stickrep 1
 map    {name}

@@ -9,8 +9,8 @@ from typing import get_args
 
 from hypothesis import strategies as st
 
-from colony.nav.stickrep import Edge, EdgeKind, Light, LightOffsets, Map, Node, Pose, Ring, Travel
-from colony.nav.stickrep_fields import LENGTH_UNITS
+from colony.nav.maps.stickrep.fields import LENGTH_UNITS
+from colony.nav.maps.stickrep.model import Edge, EdgeKind, Light, LightOffsets, Map, Node, Pose, Ring, Travel
 
 HEADER = "stickrep 1\nmap room\nstart 50 50 0\n"
 ROOM = HEADER + (

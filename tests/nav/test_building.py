@@ -4,8 +4,8 @@ from pathlib import Path
 
 import pytest
 
-from colony.diagnostics import Failure, headline
-from colony.nav.building import MAX_MAPS, Building, Landing, Ride, load_building
+from colony.nav.maps.building import MAX_MAPS, Building, Landing, Ride, load_building
+from colony.text.diagnostics import Failure, headline
 
 MAPS = Path(__file__).resolve().parents[2] / "maps"
 

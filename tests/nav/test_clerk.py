@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from colony.nav.clerk import TRACKER_S, clerk
+from colony.nav.missions.clerk import TRACKER_S, clerk
 from colony.nav.shared import (
     CEILING_LIGHT,
     GOAL_ANSWERED,

@@ -7,7 +7,7 @@ from fractions import Fraction
 
 import pytest
 
-from colony.nav.confidence import (
+from colony.nav.confidence.automaton import (
     ALL_ARCS,
     PUBLISHED,
     PUBLISHED_WITHOUT_TROUBLE,
@@ -18,7 +18,7 @@ from colony.nav.confidence import (
     powers_of,
     product,
 )
-from colony.nav.published_runs import PUBLISHED_RUNS
+from colony.nav.confidence.published_runs import PUBLISHED_RUNS
 
 PRINTED: dict[str, list[list[float]]] = {
     "c": [[0, 0, 0.9620, 0], [0, 0, 0.9802, 0], [0, 0, 0.9620, 0], [0, 0, 0, 0]],

@@ -7,8 +7,8 @@ import math
 import numpy as np
 import pytest
 
-from colony.nav.confidence import PUBLISHED, Event
-from colony.nav.confidence_estimate import (
+from colony.nav.confidence.automaton import PUBLISHED, Event
+from colony.nav.confidence.estimate import (
     PUBLISHED_COUNTS,
     Count,
     RunModes,

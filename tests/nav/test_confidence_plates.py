@@ -7,7 +7,7 @@ from itertools import product
 
 import pytest
 
-from colony.nav.confidence_plates import TABLE_6_6, PlateEvents
+from colony.nav.confidence.plates import TABLE_6_6, PlateEvents
 
 
 def test_every_row_is_a_distribution() -> None:

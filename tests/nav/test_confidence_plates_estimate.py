@@ -6,9 +6,9 @@ from fractions import Fraction
 
 import pytest
 
-from colony.nav.confidence_estimate import Count
-from colony.nav.confidence_plates import TABLE_6_6
-from colony.nav.confidence_plates_estimate import EVENT_NAMES, TABLE_6_6_COUNTS, plate_counts, plate_events
+from colony.nav.confidence.estimate import Count
+from colony.nav.confidence.plates import TABLE_6_6
+from colony.nav.confidence.plates_estimate import EVENT_NAMES, TABLE_6_6_COUNTS, plate_counts, plate_events
 
 
 def test_events_of_two_walks() -> None:

@@ -9,11 +9,11 @@ from pathlib import Path
 import pytest
 from hypothesis import given, settings
 
-from colony.nav.corridors import Corridor, corridors_of, crossing, turning_spaces_of
-from colony.nav.stickrep import Map
-from colony.nav.stickrep_geometry import Point
-from colony.nav.stickrep_reader import load_map, read_map
-from colony.source import Source
+from colony.nav.maps.corridors import Corridor, corridors_of, crossing, turning_spaces_of
+from colony.nav.maps.stickrep.geometry import Point
+from colony.nav.maps.stickrep.model import Map
+from colony.nav.maps.stickrep.reader import load_map, read_map
+from colony.text.source import Source
 from tests.nav.maps_for_tests import sound_maps
 
 FLOORS = ("narrow", "atrium", "msu_engineering_2", "msu_engineering_3", "loop", "hallway")

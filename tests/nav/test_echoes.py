@@ -6,12 +6,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from colony.nav.echoes import CHANNELS, Mirrors, Ring, SonarModel, mirrors_of
-from colony.nav.stickrep_reader import load_map, read_map
-from colony.nav.walls import walls_of
+from colony.nav.maps.stickrep.reader import load_map, read_map
+from colony.nav.maps.walls import walls_of
+from colony.nav.pose.echoes import CHANNELS, Mirrors, Ring, SonarModel, mirrors_of
 from colony.sim.config import IDEAL
-from colony.sim.world import World
-from colony.source import Source
+from colony.sim.world.world import World
+from colony.text.source import Source
 from tests.nav.maps_for_tests import ROOM
 
 LOOP = Path(__file__).resolve().parents[2] / "maps" / "loop.stickrep"

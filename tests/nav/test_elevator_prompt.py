@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from colony.nav.building import Building, load_building
-from colony.nav.elevator_calls import Call
-from colony.nav.elevator_prompt import Heard, asked_for, elevator_prompt
+from colony.nav.maps.building import Building, load_building
+from colony.nav.missions.elevator_calls import Call
+from colony.nav.missions.elevator_prompt import Heard, asked_for, elevator_prompt
 from colony.nav.shared import ELEVATOR_CALL, FLOOR_REACHED
 from tests.nav.floors import two_floors
 from tests.nav.script_stage import Stage

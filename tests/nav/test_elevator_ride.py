@@ -6,29 +6,29 @@ import math
 from pathlib import Path
 
 import pytest
+from colony.experiment.local_cameras import CeilingShot, LevelShot, LocalCamera
 
 from colony.experiment.behavior import behavior_of
-from colony.experiment.local_cameras import CeilingShot, LevelShot, LocalCamera
 from colony.experiment.loop import Loop
-from colony.nav.building import Building
-from colony.nav.clerk import clerk
-from colony.nav.plan import Plan
-from colony.nav.planner import planner
-from colony.nav.route import plan
+from colony.nav.maps.building import Building
+from colony.nav.maps.signs import markers_of
+from colony.nav.maps.stickrep.model import Map
+from colony.nav.missions.clerk import clerk
+from colony.nav.plan.plan import Plan
+from colony.nav.plan.planner import planner
+from colony.nav.plan.route import plan
 from colony.nav.shared import GoalKind
-from colony.nav.signs import markers_of
-from colony.nav.stickrep import Map
 from colony.runtime.kit.script import Script, do
 from colony.runtime.library import robot
-from colony.sim.camera import Camera, CameraConfig
-from colony.sim.elevators import CABIN_DEPTH_MM, cabin_of
-from colony.sim.hazards import Hazards
-from colony.sim.operator import operator
-from colony.sim.scene import scene_of
-from colony.sim.scenery import Scenery
-from colony.sim.site import Site
-from colony.vision.light_tracker import light_tracker
-from colony.vision.marker_finder import marker_finder
+from colony.sim.cameras.camera import Camera, CameraConfig
+from colony.sim.cameras.scene import scene_of
+from colony.sim.hazards.hazards import Hazards
+from colony.sim.hazards.scenery import Scenery
+from colony.sim.world.elevators import CABIN_DEPTH_MM, cabin_of
+from colony.sim.world.operator import operator
+from colony.sim.world.site import Site
+from colony.vision.lights.tracker import light_tracker
+from colony.vision.markers.finder import marker_finder
 from tests.nav.floors import two_floors
 
 NAVIGATOR = Path(__file__).resolve().parents[2] / "behaviors" / "navigator.colony"

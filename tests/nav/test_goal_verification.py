@@ -8,9 +8,16 @@ from pathlib import Path
 
 import pytest
 
-from colony.nav.goal_verification import NEAR_MM, SeenPlate, Verdict, plate_at, seen_plate, verdict_of
-from colony.nav.signs import plates_of
-from colony.nav.stickrep_reader import load_map
+from colony.nav.maps.signs import plates_of
+from colony.nav.maps.stickrep.reader import load_map
+from colony.nav.missions.goal_verification import (
+    NEAR_MM,
+    SeenPlate,
+    Verdict,
+    plate_at,
+    seen_plate,
+    verdict_of,
+)
 
 FLOOR = load_map(Path(__file__).resolve().parents[2] / "maps" / "msu_engineering_3.stickrep")
 PLATE = next(plate for plate in plates_of(FLOOR) if plate.door == "376")

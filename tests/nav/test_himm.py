@@ -5,8 +5,8 @@ import math
 import numpy as np
 import pytest
 
-from colony.nav.echoes import CHANNELS
-from colony.nav.himm import MOST, HimmMap, HimmSetting, LocalPose
+from colony.nav.mapping.himm import MOST, HimmMap, HimmSetting, LocalPose
+from colony.nav.pose.echoes import CHANNELS
 
 SILENT = 10_000.0
 ORIGIN = LocalPose(0.0, 0.0, 0.0)

@@ -5,8 +5,8 @@ import math
 import numpy as np
 import pytest
 
-from colony.nav.himm import Cells
-from colony.nav.hough import HoughSetting, Line, lines_in
+from colony.nav.mapping.himm import Cells
+from colony.nav.mapping.hough import HoughSetting, Line, lines_in
 
 
 def cells_along(

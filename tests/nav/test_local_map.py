@@ -7,11 +7,11 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from colony.nav.echoes import CHANNELS
-from colony.nav.himm import HimmSetting, LocalPose
-from colony.nav.local_map import Trail, beyond, local_pose, seen_from
-from colony.nav.steps import Step
-from colony.nav.stickrep import Pose
+from colony.nav.mapping.himm import HimmSetting, LocalPose
+from colony.nav.mapping.local_map import Trail, beyond, local_pose, seen_from
+from colony.nav.maps.stickrep.model import Pose
+from colony.nav.pose.echoes import CHANNELS
+from colony.nav.pose.steps import Step
 
 coordinates = st.floats(-5_000.0, 5_000.0)
 local_poses = st.builds(LocalPose, coordinates, coordinates, st.floats(-3.0, 3.0))

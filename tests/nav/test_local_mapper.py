@@ -6,11 +6,11 @@ from pathlib import Path
 
 import pytest
 
-from colony.nav.local_mapper import local_mapper
-from colony.nav.stickrep_reader import load_map
-from colony.nav.walls import walls_of
+from colony.nav.mapping.local_mapper import local_mapper
+from colony.nav.maps.stickrep.reader import load_map
+from colony.nav.maps.walls import walls_of
 from colony.sim.config import RobotConfig
-from colony.sim.world import World
+from colony.sim.world.world import World
 from tests.nav.bench_for_tests import Bench, drive
 
 LOOP = Path(__file__).resolve().parents[2] / "maps" / "loop.stickrep"

@@ -9,12 +9,12 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from colony.nav.echoes import CHANNELS, Floats, Ring, SonarModel, mirrors_of
-from colony.nav.himm import MOST, Cells, HimmMap, HimmSetting, LocalPose
-from colony.nav.hough import HoughSetting, lines_in
-from colony.nav.pose_tracker import Correction, PoseTracker
-from colony.nav.stickrep import EdgeKind
-from colony.nav.walls import Walls
+from colony.nav.mapping.himm import MOST, Cells, HimmMap, HimmSetting, LocalPose
+from colony.nav.mapping.hough import HoughSetting, lines_in
+from colony.nav.maps.stickrep.model import EdgeKind
+from colony.nav.maps.walls import Walls
+from colony.nav.pose.echoes import CHANNELS, Floats, Ring, SonarModel, mirrors_of
+from colony.nav.pose.tracker import Correction, PoseTracker
 from colony.runtime.library.robot import Position
 
 RING = Ring(SonarModel())

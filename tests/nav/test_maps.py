@@ -7,16 +7,16 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from colony.nav.building import load_building
-from colony.nav.corridors import corridors_of
-from colony.nav.published_runs import PUBLISHED_RUNS
-from colony.nav.stickrep import EdgeKind, Map
-from colony.nav.stickrep_geometry import corners
-from colony.nav.stickrep_joints import linked_rings
-from colony.nav.stickrep_reader import load_map, read_map
-from colony.nav.stickrep_writer import write_map
-from colony.nav.walls import lights_of, walls_of
-from colony.source import Source
+from colony.nav.confidence.published_runs import PUBLISHED_RUNS
+from colony.nav.maps.building import load_building
+from colony.nav.maps.corridors import corridors_of
+from colony.nav.maps.stickrep.geometry import corners
+from colony.nav.maps.stickrep.joints import linked_rings
+from colony.nav.maps.stickrep.model import EdgeKind, Map
+from colony.nav.maps.stickrep.reader import load_map, read_map
+from colony.nav.maps.stickrep.writer import write_map
+from colony.nav.maps.walls import lights_of, walls_of
+from colony.text.source import Source
 
 PATHS = sorted((Path(__file__).resolve().parents[2] / "maps").glob("*.stickrep"))
 MAPS = {path.stem: load_map(path) for path in PATHS}

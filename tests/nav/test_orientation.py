@@ -4,7 +4,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from colony.nav.orientation import directed, wrapped
+from colony.nav.mapping.orientation import directed, wrapped
 
 angles = st.floats(-720.0, 720.0).map(lambda angle: round(angle * 8) / 8)  # so that sums are exact
 

@@ -9,9 +9,11 @@ from typing import Any
 
 import pytest
 
-from colony.nav.goal_verification import Verdict
-from colony.nav.plan import Place, Plan, Segment
-from colony.nav.planner import INTO_ELEVATOR_MM, Goal, goal_of, landing, planner, progress_along
+from colony.nav.maps.signs import Plate
+from colony.nav.maps.stickrep.geometry import Point
+from colony.nav.missions.goal_verification import Verdict
+from colony.nav.plan.plan import Place, Plan, Segment
+from colony.nav.plan.planner import INTO_ELEVATOR_MM, Goal, goal_of, landing, planner, progress_along
 from colony.nav.shared import (
     CEILING_LIGHT,
     ELEVATOR_CALL,
@@ -31,8 +33,6 @@ from colony.nav.shared import (
     TRACK_DATA,
     GoalKind,
 )
-from colony.nav.signs import Plate
-from colony.nav.stickrep_geometry import Point
 from colony.runtime.kit.script import Script, do
 from colony.runtime.library import data
 from tests.nav.script_stage import Stage

@@ -10,9 +10,9 @@ import pytest
 
 from colony.compile.pipeline import compile_program
 from colony.dsl.load import load_text
-from colony.nav.clerk import clerk
-from colony.nav.plan import Place, Plan, Segment
-from colony.nav.planner import Positions, planner
+from colony.nav.missions.clerk import clerk
+from colony.nav.plan.plan import Place, Plan, Segment
+from colony.nav.plan.planner import Positions, planner
 from colony.nav.shared import (
     CEILING_LIGHT,
     END_L_MODE,
@@ -21,13 +21,13 @@ from colony.nav.shared import (
     TRACK_DATA,
     GoalKind,
 )
+from colony.runtime.assembly.virtual import Session
 from colony.runtime.kit.script import Script, Step, do, sleep
 from colony.runtime.kit.script_node import ScriptNode
 from colony.runtime.library import data, robot
-from colony.runtime.session import Session
-from colony.runtime.virtual import VirtualClock
+from colony.runtime.transport.virtual import VirtualClock
 from colony.sim.drivers import Plant, simulated_drivers
-from colony.sim.world import World
+from colony.sim.world.world import World
 
 # Turns to the goal's direction, and drives on until the distance is covered, or the lights are counted.
 NAVIGATOR = """

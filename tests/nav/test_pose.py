@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from colony.nav.pose import PoseEstimate, pose_list, pose_of
+from colony.nav.pose.pose import PoseEstimate, pose_list, pose_of
 
 numbers = st.floats(allow_nan=False, allow_infinity=False)
 POSE = PoseEstimate(5, 1.0, 2.0, 90.0, 400.0, 30.0, 0.0, 100.0, 0.0, 0.25)

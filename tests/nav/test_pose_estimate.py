@@ -13,13 +13,13 @@ import msgspec
 import numpy as np
 import pytest
 
-from colony.nav.fixes import Fix, Row, fix_list
-from colony.nav.pose import pose_of
-from colony.nav.pose_estimate import pose_estimator
-from colony.nav.pose_tracker import Source
+from colony.nav.maps.stickrep.reader import load_map
+from colony.nav.maps.walls import Walls, walls_of
+from colony.nav.pose.estimate import pose_estimator
+from colony.nav.pose.fixes import Fix, Row, fix_list
+from colony.nav.pose.pose import pose_of
+from colony.nav.pose.tracker import Source
 from colony.nav.shared import LIGHT_FIX, MARKER_FIX, PLATE_FIX, GoalKind
-from colony.nav.stickrep_reader import load_map
-from colony.nav.walls import Walls, walls_of
 from colony.runtime.kit.errors import (
     CallRefused,
     ConnectionLost,
@@ -32,8 +32,8 @@ from colony.runtime.library import proximity
 from colony.runtime.library import robot as robot_asks
 from colony.runtime.library.robot import Position
 from colony.sim.config import IDEAL, RobotConfig
-from colony.sim.hazards import Hazards, draw
-from colony.sim.world import World
+from colony.sim.hazards.hazards import Hazards, draw
+from colony.sim.world.world import World
 from tests.nav.bench_for_tests import Bench, drive, with_doors_open
 
 LOOP = Path(__file__).resolve().parents[2] / "maps" / "loop.stickrep"

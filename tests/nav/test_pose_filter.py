@@ -7,13 +7,13 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from colony.nav.echoes import CHANNELS, Floats, Ring, SonarModel, mirrors_of
-from colony.nav.fixes import Row
-from colony.nav.pose_filter import Leap, PoseFilter, Uncertainty
-from colony.nav.steps import Since, Step
-from colony.nav.stickrep_reader import read_map
-from colony.nav.walls import walls_of
-from colony.source import Source
+from colony.nav.maps.stickrep.reader import read_map
+from colony.nav.maps.walls import walls_of
+from colony.nav.pose.echoes import CHANNELS, Floats, Ring, SonarModel, mirrors_of
+from colony.nav.pose.filter import Leap, PoseFilter, Uncertainty
+from colony.nav.pose.fixes import Row
+from colony.nav.pose.steps import Since, Step
+from colony.text.source import Source
 from tests.nav.maps_for_tests import ROOM
 
 RING = Ring(SonarModel())

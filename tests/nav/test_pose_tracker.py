@@ -4,7 +4,7 @@ import math
 
 import pytest
 
-from colony.nav.pose_tracker import Correction, position_at, step_between
+from colony.nav.pose.tracker import Correction, position_at, step_between
 from colony.runtime.library.robot import Position
 
 HERE = Position(x=1_000.0, y=2_000.0, heading=90.0, t_ns=1_000)

@@ -7,12 +7,12 @@ from pathlib import Path
 
 import pytest
 
-from colony.nav.plan import Segment
-from colony.nav.published_plates import PUBLISHED_WALKS, PublishedWalk
-from colony.nav.route import plan
-from colony.nav.signs import Plate, plates_of
-from colony.nav.stickrep_geometry import direction
-from colony.nav.stickrep_reader import load_map
+from colony.nav.confidence.published_plates import PUBLISHED_WALKS, PublishedWalk
+from colony.nav.maps.signs import Plate, plates_of
+from colony.nav.maps.stickrep.geometry import direction
+from colony.nav.maps.stickrep.reader import load_map
+from colony.nav.plan.plan import Segment
+from colony.nav.plan.route import plan
 
 FLOOR = load_map(Path(__file__).parents[2] / "maps" / "msu_engineering_3.stickrep")
 PLATES = plates_of(FLOOR)

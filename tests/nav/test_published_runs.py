@@ -6,7 +6,7 @@ import math
 
 import pytest
 
-from colony.nav.published_runs import PUBLISHED_RUNS
+from colony.nav.confidence.published_runs import PUBLISHED_RUNS
 
 
 def test_forty_runs_five_of_which_failed() -> None:

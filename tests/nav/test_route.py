@@ -9,15 +9,15 @@ from pathlib import Path
 
 import pytest
 
-from colony.nav.building import Building, Landing, Ride, load_building
-from colony.nav.confidence import TABLE_6_5
-from colony.nav.corridors import corridors_of
-from colony.nav.plan import Plan
-from colony.nav.published_runs import PUBLISHED_RUNS, PublishedRun
-from colony.nav.route import NoPlan, plan
+from colony.nav.confidence.automaton import TABLE_6_5
+from colony.nav.confidence.published_runs import PUBLISHED_RUNS, PublishedRun
+from colony.nav.maps.building import Building, Landing, Ride, load_building
+from colony.nav.maps.corridors import corridors_of
+from colony.nav.maps.stickrep.geometry import corners, in_free_space
+from colony.nav.maps.stickrep.model import EdgeKind, Map, Ring
+from colony.nav.plan.plan import Plan
+from colony.nav.plan.route import NoPlan, plan
 from colony.nav.shared import GoalKind
-from colony.nav.stickrep import EdgeKind, Map, Ring
-from colony.nav.stickrep_geometry import corners, in_free_space
 
 MAPS = Path(__file__).resolve().parents[2] / "maps"
 FLOORS = ("narrow", "atrium", "msu_engineering_2", "msu_engineering_3", "loop", "hallway")

@@ -14,18 +14,18 @@ import pytest
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
-from colony.nav.corridors import corridors_of, turning_spaces_of
-from colony.nav.plan import Plan, Segment
-from colony.nav.published_runs import PUBLISHED_RUNS
-from colony.nav.route import plan
-from colony.nav.route_legs import LIGHT_AHEAD_MM
+from colony.nav.confidence.published_runs import PUBLISHED_RUNS
+from colony.nav.maps.corridors import corridors_of, turning_spaces_of
+from colony.nav.maps.stickrep.geometry import corners, direction
+from colony.nav.maps.stickrep.model import Edge, EdgeKind, Light, Map, Node, Pose, Ring
+from colony.nav.maps.stickrep.reader import load_map, read_map
+from colony.nav.maps.stickrep.writer import write_map
+from colony.nav.maps.walls import lights_of
+from colony.nav.plan.legs import LIGHT_AHEAD_MM
+from colony.nav.plan.plan import Plan, Segment
+from colony.nav.plan.route import plan
 from colony.nav.shared import GoalKind
-from colony.nav.stickrep import Edge, EdgeKind, Light, Map, Node, Pose, Ring
-from colony.nav.stickrep_geometry import corners, direction
-from colony.nav.stickrep_reader import load_map, read_map
-from colony.nav.stickrep_writer import write_map
-from colony.nav.walls import lights_of
-from colony.source import Source
+from colony.text.source import Source
 
 MAPS = Path(__file__).resolve().parents[2] / "maps"
 DOOR_MM = 900.0

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import pytest
 
-from colony.nav.corridors import STAND_MM, Corridor
-from colony.nav.route_legs import LEAVE_MM, LIGHT_AHEAD_MM, Apart, Leg, legs_of, segments_of
-from colony.nav.stickrep_geometry import Point
+from colony.nav.maps.corridors import STAND_MM, Corridor
+from colony.nav.maps.stickrep.geometry import Point
+from colony.nav.plan.legs import LEAVE_MM, LIGHT_AHEAD_MM, Apart, Leg, legs_of, segments_of
 
 
 def corridor(start: tuple[float, float], end: tuple[float, float], width: float = 2000.0) -> Corridor:

@@ -7,9 +7,9 @@ from pathlib import Path
 
 import pytest
 
-from colony.nav.sides import sides_of
-from colony.nav.stickrep_reader import load_map, read_map
-from colony.source import Source
+from colony.nav.maps.sides import sides_of
+from colony.nav.maps.stickrep.reader import load_map, read_map
+from colony.text.source import Source
 
 MAPS = Path(__file__).resolve().parents[2] / "maps"
 

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from colony.nav.signs import (
+from colony.nav.maps.signs import (
     CHARACTERS,
     MARKER_CODES,
     PLATE_WIDTH_MM,
@@ -18,10 +18,10 @@ from colony.nav.signs import (
     plate_text,
     plates_of,
 )
-from colony.nav.stickrep import EdgeKind, Map
-from colony.nav.stickrep_geometry import Point, direction
-from colony.nav.stickrep_reader import load_map
-from colony.nav.walls import free_distance, walls_of
+from colony.nav.maps.stickrep.geometry import Point, direction
+from colony.nav.maps.stickrep.model import EdgeKind, Map
+from colony.nav.maps.stickrep.reader import load_map
+from colony.nav.maps.walls import free_distance, walls_of
 
 MAPS = sorted((Path(__file__).parents[2] / "maps").glob("*.stickrep"))
 

@@ -6,11 +6,11 @@ import math
 
 import pytest
 
-from colony.nav.signs import plates_of
-from colony.nav.standing import NoPlace, standing_at, standing_before
-from colony.nav.stickrep import EdgeKind
-from colony.nav.stickrep_geometry import Point
-from colony.nav.walls import free_distance, walls_of
+from colony.nav.maps.signs import plates_of
+from colony.nav.maps.standing import NoPlace, standing_at, standing_before
+from colony.nav.maps.stickrep.geometry import Point
+from colony.nav.maps.stickrep.model import EdgeKind
+from colony.nav.maps.walls import free_distance, walls_of
 from tests.sim.buildings import MSU
 
 

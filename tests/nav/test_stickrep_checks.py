@@ -2,7 +2,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from colony.nav.stickrep_checks import crossing_pairs
+from colony.nav.maps.stickrep.checks import crossing_pairs
 
 
 def pairs(*segments: tuple[float, float, float, float]) -> list[tuple[int, int]]:

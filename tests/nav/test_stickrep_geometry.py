@@ -6,10 +6,17 @@ from dataclasses import replace
 import pytest
 from hypothesis import HealthCheck, given, settings
 
-from colony.nav.stickrep import Edge, EdgeKind, Light, Map, Ring
-from colony.nav.stickrep_geometry import corners, direction, in_free_space, projections, shared_lights, trace
-from colony.nav.stickrep_reader import read_map
-from colony.source import Source
+from colony.nav.maps.stickrep.geometry import (
+    corners,
+    direction,
+    in_free_space,
+    projections,
+    shared_lights,
+    trace,
+)
+from colony.nav.maps.stickrep.model import Edge, EdgeKind, Light, Map, Ring
+from colony.nav.maps.stickrep.reader import read_map
+from colony.text.source import Source
 from tests.nav.maps_for_tests import ROOM, sound_maps
 
 INCH = 25.4

@@ -2,9 +2,9 @@ from __future__ import annotations
 
 import pytest
 
-from colony.nav.stickrep_fields import Problems, lines_of_words
-from colony.nav.stickrep_header import Header
-from colony.source import Source
+from colony.nav.maps.stickrep.fields import Problems, lines_of_words
+from colony.nav.maps.stickrep.header import Header
+from colony.text.source import Source
 
 
 def header(text: str) -> tuple[Header, list[bool]]:

@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import pytest
 
-from colony.diagnostics import Failure
-from colony.nav.stickrep import ElevatorLink, Link, Map, Site
-from colony.nav.stickrep_geometry import Point, link_places
-from colony.nav.stickrep_joints import linked_rings
-from colony.nav.stickrep_reader import read_map
-from colony.nav.stickrep_writer import write_map
-from colony.source import Source
+from colony.nav.maps.stickrep.geometry import Point, link_places
+from colony.nav.maps.stickrep.joints import linked_rings
+from colony.nav.maps.stickrep.model import ElevatorLink, Link, Map, Site
+from colony.nav.maps.stickrep.reader import read_map
+from colony.nav.maps.stickrep.writer import write_map
+from colony.text.diagnostics import Failure
+from colony.text.source import Source
 
 BLOCKS = """stickrep 1
 map blocks

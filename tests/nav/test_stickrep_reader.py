@@ -8,11 +8,11 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from colony.diagnostics import Failure, headline, render
-from colony.nav.stickrep import EdgeKind, Light, Map, Pose
-from colony.nav.stickrep_file import MAX_BYTES
-from colony.nav.stickrep_reader import load_map, read_map
-from colony.source import Source
+from colony.nav.maps.stickrep.file import MAX_BYTES
+from colony.nav.maps.stickrep.model import EdgeKind, Light, Map, Pose
+from colony.nav.maps.stickrep.reader import load_map, read_map
+from colony.text.diagnostics import Failure, headline, render
+from colony.text.source import Source
 from tests.nav.maps_for_tests import HEADER, ROOM
 
 MAPS = Path(__file__).resolve().parents[2] / "maps"

@@ -6,10 +6,10 @@ from pathlib import Path
 import pytest
 from hypothesis import HealthCheck, given, settings
 
-from colony.nav.stickrep import Map, Pose
-from colony.nav.stickrep_reader import load_map, read_map
-from colony.nav.stickrep_writer import write_map
-from colony.source import Source
+from colony.nav.maps.stickrep.model import Map, Pose
+from colony.nav.maps.stickrep.reader import load_map, read_map
+from colony.nav.maps.stickrep.writer import write_map
+from colony.text.source import Source
 from tests.nav.maps_for_tests import ROOM, sound_maps
 
 MAPS = Path(__file__).resolve().parents[2] / "maps"

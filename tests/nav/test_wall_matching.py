@@ -5,11 +5,11 @@ import math
 import numpy as np
 import pytest
 
-from colony.nav.echoes import Mirrors, mirrors_of
-from colony.nav.hough import Line
-from colony.nav.stickrep import EdgeKind, Pose
-from colony.nav.wall_matching import Sighting, WallMatch, combined, matched, sighted
-from colony.nav.walls import Walls
+from colony.nav.mapping.hough import Line
+from colony.nav.mapping.wall_matching import Sighting, WallMatch, combined, matched, sighted
+from colony.nav.maps.stickrep.model import EdgeKind, Pose
+from colony.nav.maps.walls import Walls
+from colony.nav.pose.echoes import Mirrors, mirrors_of
 
 NORTH = Pose(0.0, 0.0, 0.0)
 """In the middle of a hallway 2.4 m wide that leads north, and ends 6 m ahead."""

@@ -5,10 +5,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from colony.nav.stickrep import EdgeKind
-from colony.nav.stickrep_reader import load_map, read_map
-from colony.nav.walls import lights_of, walls_of
-from colony.source import Source
+from colony.nav.maps.stickrep.model import EdgeKind
+from colony.nav.maps.stickrep.reader import load_map, read_map
+from colony.nav.maps.walls import lights_of, walls_of
+from colony.text.source import Source
 from tests.nav.maps_for_tests import ROOM
 
 MAPS = Path(__file__).resolve().parents[2] / "maps"

@@ -8,8 +8,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from colony.nav.steps import NOW, Step
-from colony.nav.way_back import KEPT_NS, WayBack
+from colony.nav.pose.steps import NOW, Step
+from colony.nav.pose.way_back import KEPT_NS, WayBack
 
 steps = st.lists(
     st.builds(Step, st.floats(-100, 100), st.floats(-20, 20), st.floats(-0.5, 0.5)), min_size=1, max_size=20

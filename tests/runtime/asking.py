@@ -7,9 +7,20 @@ from typing import TypeVar
 
 import msgspec
 
-from colony.runtime.calls import Open
 from colony.runtime.library.ask import Ask
-from colony.runtime.messages import Alive, Call, Effect, Node, Problem, Reply, Right, Send, Wake, WakeAt
+from colony.runtime.protocol.calls import Open
+from colony.runtime.protocol.messages import (
+    Alive,
+    Call,
+    Effect,
+    Node,
+    Problem,
+    Reply,
+    Right,
+    Send,
+    Wake,
+    WakeAt,
+)
 
 T = TypeVar("T")
 

@@ -9,13 +9,12 @@ from typing import Any
 
 import msgspec
 
-from colony.runtime import topics
-from colony.runtime.calls import Nothing, Open
-from colony.runtime.deployment import ActuatorTable, Deployment, FieldTable
-from colony.runtime.drivers import BaseLimits, BaseState
-from colony.runtime.latch import StopLatch
+from colony.runtime.arbitration.stop_latch import StopLatch
 from colony.runtime.library.ask import Ask
-from colony.runtime.messages import (
+from colony.runtime.protocol import topics
+from colony.runtime.protocol.calls import Nothing, Open
+from colony.runtime.protocol.deployment import ActuatorTable, Deployment, FieldTable
+from colony.runtime.protocol.messages import (
     Alive,
     Call,
     Effect,
@@ -30,6 +29,7 @@ from colony.runtime.messages import (
     Wake,
     WakeAt,
 )
+from colony.runtime.servers.drivers import BaseLimits, BaseState
 from colony.runtime.servers.rserver import RServer
 
 MS = 1_000_000

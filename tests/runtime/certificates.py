@@ -9,8 +9,8 @@ from pathlib import Path
 
 import trustme
 
-from colony.runtime.live.place import Credentials
-from colony.runtime.live.security import Permission
+from colony.runtime.transport.live.place import Credentials
+from colony.runtime.transport.live.security import Permission
 
 EXPIRED = datetime(2020, 1, 1, tzinfo=UTC)
 

@@ -10,14 +10,14 @@ import msgspec
 
 from colony.compile.pipeline import compile_program
 from colony.ir.program import Program
-from colony.runtime.bindings import bind
-from colony.runtime.calls import Nothing, Open
-from colony.runtime.clock import Clock
-from colony.runtime.deployment import Deployment, deployment
+from colony.runtime.frames.clock import Clock
 from colony.runtime.library import clock as library
 from colony.runtime.library.ask import Ask
 from colony.runtime.library.clock import Who
-from colony.runtime.messages import (
+from colony.runtime.protocol.bindings import bind
+from colony.runtime.protocol.calls import Nothing, Open
+from colony.runtime.protocol.deployment import Deployment, deployment
+from colony.runtime.protocol.messages import (
     Alive,
     Call,
     Effect,

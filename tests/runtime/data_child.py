@@ -11,10 +11,10 @@ import os
 import sys
 import time
 
-from colony.runtime import codec
-from colony.runtime.messages import Reply, Send
+from colony.runtime.protocol import codec
+from colony.runtime.protocol.messages import Reply, Send
 from colony.runtime.servers.dserver import DServer
-from colony.runtime.sqlite_store import SqliteStore
+from colony.runtime.store.sqlite import SqliteStore
 
 
 def framed(data: bytes) -> bytes:

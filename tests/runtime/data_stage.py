@@ -7,12 +7,12 @@ from typing import Any, TypeVar
 
 import msgspec
 
-from colony.runtime import topics
-from colony.runtime.calls import Nothing, Open
-from colony.runtime.fields import DSERVER
 from colony.runtime.library.ask import Ask
 from colony.runtime.library.data import Change
-from colony.runtime.messages import (
+from colony.runtime.protocol import topics
+from colony.runtime.protocol.calls import Nothing, Open
+from colony.runtime.protocol.fields import DSERVER
+from colony.runtime.protocol.messages import (
     Alive,
     Call,
     Effect,
@@ -27,7 +27,7 @@ from colony.runtime.messages import (
     WakeAt,
 )
 from colony.runtime.servers.dserver import DServer
-from colony.runtime.store import Key, MemoryStore, Store, StoreFull
+from colony.runtime.store.store import Key, MemoryStore, Store, StoreFull
 
 T = TypeVar("T")
 MS = 1_000_000

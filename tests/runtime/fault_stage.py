@@ -22,13 +22,13 @@ from typing import NamedTuple
 
 import zenoh
 
-from colony.cli.run_processes import PLANT_S
-from colony.runtime import codec, topics
-from colony.runtime.live.network import Network, local_time
-from colony.runtime.live.place import local
-from colony.runtime.messages import Tick, Verdict
-from colony.sim.plant_child import plant_socket
-from colony.sim.plant_control import PlantControl
+from colony.cli.run.processes import PLANT_S
+from colony.runtime.protocol import codec, topics
+from colony.runtime.protocol.messages import Tick, Verdict
+from colony.runtime.transport.live.network import Network, local_time
+from colony.runtime.transport.live.place import local
+from colony.sim.plant.child import plant_socket
+from colony.sim.plant.control import PlantControl
 from tests.cli.machine import MAP, ROBOT, WANDER, Machine, Started, children_of, until
 
 FRAME_NS = 50_000_000

@@ -9,8 +9,8 @@ import json
 import sys
 from pathlib import Path
 
-from colony.runtime.sqlite_store import SqliteStore
-from colony.runtime.store import Key, StoreError
+from colony.runtime.store.sqlite import SqliteStore
+from colony.runtime.store.store import Key, StoreError
 
 
 def main(path: str) -> None:

@@ -15,13 +15,11 @@ from typing import Any, get_args
 
 import msgspec
 
-from colony.runtime import codec, topics
-from colony.runtime.calls import CallDesk, Method, Open
-from colony.runtime.clock import Clock
-from colony.runtime.codec import LARGEST, NotAMessage
-from colony.runtime.images import Image
-from colony.runtime.live.keys import CallKey, check_call, takes_calls
-from colony.runtime.messages import (
+from colony.runtime.frames.clock import Clock
+from colony.runtime.protocol import codec, topics
+from colony.runtime.protocol.calls import CallDesk, Method, Open
+from colony.runtime.protocol.codec import LARGEST, NotAMessage
+from colony.runtime.protocol.messages import (
     Announcement,
     Call,
     Checkpoint,
@@ -48,9 +46,11 @@ from colony.runtime.messages import (
 )
 from colony.runtime.servers.cserver import CServer
 from colony.runtime.servers.dserver import DServer
+from colony.runtime.servers.images import Image
 from colony.runtime.servers.pserver import PServer
 from colony.runtime.servers.rserver import RServer
 from colony.runtime.servers.runtime_server import RuntimeServer
+from colony.runtime.transport.live.keys import CallKey, check_call, takes_calls
 from tests.runtime.base_stage import CLIENTS, FRAME, RollingBase, deployed
 from tests.runtime.nonsense import Grammar, Hints, Vandal, tree_bytes
 

@@ -12,9 +12,9 @@ from pathlib import Path
 
 import msgspec
 
-from colony.runtime.calls import Caller, Nothing, Refused
 from colony.runtime.kit.server import Field, Method, Server, field, method
 from colony.runtime.library.ask import Ask
+from colony.runtime.protocol.calls import Caller, Nothing, Refused
 from tests.runtime.live_stage import ROBOT, until
 
 BATTERY = "Battery"

@@ -11,9 +11,9 @@ from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 
-from colony.runtime.live.host import Host
-from colony.runtime.live.place import Local, local
-from colony.runtime.messages import Effect, Message, Node
+from colony.runtime.protocol.messages import Effect, Message, Node
+from colony.runtime.transport.live.host import Host
+from colony.runtime.transport.live.place import Local, local
 
 ROBOT = "rome"
 PATIENCE_S = 20.0

@@ -33,18 +33,18 @@ from typing import Literal, NamedTuple
 
 from colony.cli.virtual_robot import SENSING, Sent
 from colony.compile.clients import ClientList
-from colony.compile.executor import ClientExecutor
 from colony.compile.pipeline import compile_program
+from colony.execute.executor import ClientExecutor
 from colony.ir.frame import Decision, Frame, Reading
 from colony.ir.program import Program
-from colony.runtime import topics
-from colony.runtime.client import ClientNode
-from colony.runtime.faults import Faults, Rates
-from colony.runtime.memory import decode_memory
-from colony.runtime.messages import Message, Tick
-from colony.runtime.topics import module_of
-from colony.verify.interpreter import Interpreter
-from colony.verify.strategies import run_of_seed
+from colony.runtime.clients.client import ClientNode
+from colony.runtime.clients.memory import decode_memory
+from colony.runtime.protocol import topics
+from colony.runtime.protocol.messages import Message, Tick
+from colony.runtime.protocol.topics import module_of
+from colony.runtime.transport.faults import Faults, Rates
+from colony.verify.reference.interpreter import Interpreter
+from colony.verify.testing.strategies import run_of_seed
 from tests.runtime.loss_stage import Robot, Seen
 
 MS = 1_000_000

@@ -11,10 +11,11 @@ from colony.cli.virtual_robot import SERVERS, Sent, VirtualRobot
 from colony.compile.clients import ClientList
 from colony.ir.frame import Frame
 from colony.ir.program import Program
-from colony.runtime import topics
-from colony.runtime.clock import Clock
-from colony.runtime.fields import DSERVER
-from colony.runtime.messages import (
+from colony.runtime.assembly.nodes import members
+from colony.runtime.frames.clock import Clock
+from colony.runtime.protocol import topics
+from colony.runtime.protocol.fields import DSERVER
+from colony.runtime.protocol.messages import (
     Checkpoint,
     Message,
     Node,
@@ -23,8 +24,7 @@ from colony.runtime.messages import (
     Tick,
     Verdict,
 )
-from colony.runtime.team import members
-from colony.runtime.virtual import Delay, Link, VirtualClock, VirtualTransport
+from colony.runtime.transport.virtual import Delay, Link, VirtualClock, VirtualTransport
 
 
 @dataclass(frozen=True, slots=True)

@@ -16,7 +16,7 @@ from typing import Any
 import msgspec
 from msgspec import inspect
 
-from colony.runtime.codec import VERSION
+from colony.runtime.protocol.codec import VERSION
 
 INTEGERS = (0, 1, -1, 2, 255, 256, -129, 2**31, 2**53, 2**63 - 1, -(2**63), 2**64 - 1)
 FLOATS = (0.0, -0.0, 0.5, -1.5, 1e9, 1e308, 5e-324, math.nan, math.inf, -math.inf)

@@ -30,7 +30,7 @@ from colony.ir.program import (
     Wire,
 )
 from colony.ir.types import BOOL, DISTANCE, PLAIN, Array, Value
-from colony.runtime.fields import SPEED, TURN_RATE
+from colony.runtime.protocol.fields import SPEED, TURN_RATE
 
 SONAR = Array(DISTANCE, 24)
 

@@ -7,11 +7,11 @@ from dataclasses import dataclass, field
 
 from colony.compile.pipeline import compile_program
 from colony.ir.program import Program
-from colony.runtime.drivers import BaseLimits, BaseState, Drivers
-from colony.runtime.messages import Sample
-from colony.runtime.observer import FrameLog
-from colony.runtime.session import Session
-from colony.runtime.virtual import VirtualClock
+from colony.runtime.assembly.virtual import Session
+from colony.runtime.observe.observer import FrameLog
+from colony.runtime.protocol.messages import Sample
+from colony.runtime.servers.drivers import BaseLimits, BaseState, Drivers
+from colony.runtime.transport.virtual import VirtualClock
 
 FAR = (5000.0,) * 24
 LIMITS = BaseLimits(velocity=600.0, turn=90.0, acceleration=800.0, turn_acceleration=240.0)

@@ -24,7 +24,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from colony.runtime.messages import Verdict
+from colony.runtime.protocol.messages import Verdict
 from tests.cli.machine import Machine, until
 from tests.runtime.chaos import Chaos, schedule
 from tests.runtime.fault_stage import UNHEARD, Run

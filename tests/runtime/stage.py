@@ -8,12 +8,13 @@ from colony.compile.pipeline import compile_program
 from colony.ir.frame import Decision, Frame
 from colony.ir.program import Program
 from colony.ir.types import ScalarValue
-from colony.runtime import topics
-from colony.runtime.arbitration import Timing
-from colony.runtime.bindings import ActuatorBinding, Bindings, SensorBinding
-from colony.runtime.deployment import commanded_by, deployment
-from colony.runtime.fields import DSERVER
-from colony.runtime.messages import (
+from colony.runtime.arbitration.arbiter import Timing
+from colony.runtime.assembly.nodes import build_announcer, build_client, build_observer, members
+from colony.runtime.protocol import topics
+from colony.runtime.protocol.bindings import ActuatorBinding, Bindings, SensorBinding
+from colony.runtime.protocol.deployment import commanded_by, deployment
+from colony.runtime.protocol.fields import DSERVER
+from colony.runtime.protocol.messages import (
     Announcement,
     Effect,
     Fetch,
@@ -29,8 +30,7 @@ from colony.runtime.messages import (
 from colony.runtime.servers.commanding import CommandDesk, Commanded
 from colony.runtime.servers.publishing import Fields, Publisher
 from colony.runtime.servers.relaying import ActivityRelay
-from colony.runtime.team import build_announcer, build_client, build_observer, members
-from colony.runtime.virtual import Link, VirtualClock, VirtualTransport, perfect
+from colony.runtime.transport.virtual import Link, VirtualClock, VirtualTransport, perfect
 from tests.runtime.scripted import Log
 
 TIMES = Timing(deadline_ns=40_000_000, grace_ns=5_000_000)

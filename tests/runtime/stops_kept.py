@@ -29,14 +29,14 @@ from typing import Literal, get_args
 
 import pytest
 
+from colony.runtime.arbitration.stop_file import FILE_BYTES, Kept, StopFile
 from colony.runtime.kit.connection import Session
 from colony.runtime.kit.emergency import StopButton
 from colony.runtime.kit.errors import ConnectionProblem
 from colony.runtime.library import clock
 from colony.runtime.library.clock import Who
-from colony.runtime.messages import Stopped
-from colony.runtime.stop_file import FILE_BYTES, Kept, StopFile
-from colony.runtime.topics import CLOCK
+from colony.runtime.protocol.messages import Stopped
+from colony.runtime.protocol.topics import CLOCK
 from tests.cli.machine import ROBOT, Machine, Started, release, until
 from tests.small_disk import SmallDisk, small_disk
 

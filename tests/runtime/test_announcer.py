@@ -4,9 +4,9 @@ for a new epoch."""
 from __future__ import annotations
 
 from colony.ir.frame import Frame
-from colony.runtime.announcer import Announcer
-from colony.runtime.assembly import FrameAssembler
-from colony.runtime.messages import Announcement, Fetch, Message, Ready, Restart, Send, Sent, Tick
+from colony.runtime.clients.announcer import Announcer
+from colony.runtime.frames.assembly import FrameAssembler
+from colony.runtime.protocol.messages import Announcement, Fetch, Message, Ready, Restart, Send, Sent, Tick
 
 ADDRESS = "DServer/activity/pulse"
 KEEP = 4

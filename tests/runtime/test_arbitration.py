@@ -8,10 +8,18 @@ import pytest
 
 from colony.ir.program import Actuator, ActuatorField
 from colony.ir.types import BOOL
-from colony.runtime.arbitration import AHEAD, LONGEST_NOTE, MOST_NOTES, Arbiter, Dispatch, Timing, timing
-from colony.runtime.ballot import Ballot, Others, Outside, Places, malformed
-from colony.runtime.fields import SPEED
-from colony.runtime.messages import Request, Tick, Verdict
+from colony.runtime.arbitration.arbiter import (
+    AHEAD,
+    LONGEST_NOTE,
+    MOST_NOTES,
+    Arbiter,
+    Dispatch,
+    Timing,
+    timing,
+)
+from colony.runtime.arbitration.ballot import Ballot, Others, Outside, Places, malformed
+from colony.runtime.protocol.fields import SPEED
+from colony.runtime.protocol.messages import Request, Tick, Verdict
 
 MS = 1_000_000
 TIMES = Timing(deadline_ns=40 * MS, grace_ns=5 * MS)

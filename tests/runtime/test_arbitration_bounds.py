@@ -8,7 +8,7 @@ import pytest
 
 from colony.ir.program import ActuatorField
 from colony.ir.types import BOOL
-from colony.runtime.arbitration import (
+from colony.runtime.arbitration.arbiter import (
     AHEAD,
     LONGEST_NOTE,
     MOST_NOTES,
@@ -18,9 +18,9 @@ from colony.runtime.arbitration import (
     declared_units,
     timing,
 )
-from colony.runtime.ballot import Ballot, Choice, Others, Outside, Places, malformed
-from colony.runtime.fields import SPEED
-from colony.runtime.messages import Request, Tick, Verdict
+from colony.runtime.arbitration.ballot import Ballot, Choice, Others, Outside, Places, malformed
+from colony.runtime.protocol.fields import SPEED
+from colony.runtime.protocol.messages import Request, Tick, Verdict
 from tests.runtime.test_arbitration import DRIVE, MS, PLACES, TIMES, arbiter, request, tick
 
 

@@ -10,12 +10,12 @@ import math
 import msgspec
 import pytest
 
-from colony.runtime import topics
-from colony.runtime.calls import Nothing
 from colony.runtime.library import clock as clock_library
 from colony.runtime.library import emergency, robot
 from colony.runtime.library.ask import Ask
-from colony.runtime.messages import Call, Malformed, Send, Tick, Verdict
+from colony.runtime.protocol import topics
+from colony.runtime.protocol.calls import Nothing
+from colony.runtime.protocol.messages import Call, Malformed, Send, Tick, Verdict
 from tests.runtime.base_stage import CLIENTS, FRAME, MS, Stage, bid, deployed, silent
 
 IDLE = (0.0, 0.0)

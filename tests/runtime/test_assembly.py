@@ -6,9 +6,9 @@ import itertools
 from typing import Any
 
 from colony.ir.frame import Frame
-from colony.runtime.assembly import FrameAssembler
-from colony.runtime.bindings import SensorBinding
-from colony.runtime.messages import Fetch, Sample, Send, ServerFrame, Tick
+from colony.runtime.frames.assembly import FrameAssembler
+from colony.runtime.protocol.bindings import SensorBinding
+from colony.runtime.protocol.messages import Fetch, Sample, Send, ServerFrame, Tick
 
 MS = 1_000_000
 SONAR = SensorBinding(sensor="sonar", server="P", field="sonar", within_ns=300 * MS, factor=1.0)

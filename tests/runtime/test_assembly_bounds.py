@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import pytest
 
-from colony.runtime import assembly
-from colony.runtime.assembly import FrameAssembler, frames_kept
-from colony.runtime.bindings import SensorBinding
-from colony.runtime.messages import Fetch, Sample, Send, ServerFrame, Tick
+from colony.runtime.frames import assembly
+from colony.runtime.frames.assembly import FrameAssembler, frames_kept
+from colony.runtime.protocol.bindings import SensorBinding
+from colony.runtime.protocol.messages import Fetch, Sample, Send, ServerFrame, Tick
 from tests.runtime.test_assembly import BUMPER, MS, PULSE, SONAR, active, base, frames, proximity, tick
 
 

@@ -6,12 +6,12 @@ from dataclasses import replace
 
 import pytest
 
-from colony.diagnostics import Failure, render
 from colony.ir.program import Actuator, ActuatorField, Program, Sensor
 from colony.ir.types import BOOL, DEGREES, DISTANCE, PLAIN, Array, Enum, Type
-from colony.runtime.bindings import bind, did_you_mean
-from colony.runtime.fields import SPEED, TURN_RATE
-from colony.source import Source, Span
+from colony.runtime.protocol.bindings import bind, did_you_mean
+from colony.runtime.protocol.fields import SPEED, TURN_RATE
+from colony.text.diagnostics import Failure, render
+from colony.text.source import Source, Span
 from tests.runtime.runtime_programs import drive, roam, robot
 
 

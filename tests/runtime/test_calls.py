@@ -8,8 +8,8 @@ from typing import Any
 import msgspec
 import pytest
 
-from colony.runtime import calls
-from colony.runtime.calls import (
+from colony.runtime.protocol import calls
+from colony.runtime.protocol.calls import (
     ANSWER_BYTES_KEPT,
     ANSWERS_KEPT,
     ARGUMENT_BYTES,
@@ -24,7 +24,7 @@ from colony.runtime.calls import (
     Status,
     method,
 )
-from colony.runtime.messages import (
+from colony.runtime.protocol.messages import (
     Alive,
     Call,
     Effect,

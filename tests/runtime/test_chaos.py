@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from itertools import pairwise
 
-from colony.runtime.processes.restarts import STEADY_NS
+from colony.runtime.assembly.processes.restarts import STEADY_NS
 from tests.runtime.chaos import FIRST_DEATH_S, FREEZE_S, schedule
 
 SERVERS = {"Clock": 0.1, "RServer": 0.1}

@@ -7,15 +7,16 @@ from collections.abc import Iterable
 
 import pytest
 
-from colony.compile.executor import ClientMemory
 from colony.compile.pipeline import compile_program
+from colony.execute.executor import ClientMemory
 from colony.ir.program import Program
-from colony.runtime.assembly import frames_kept
-from colony.runtime.bindings import bind
-from colony.runtime.client import RECALL_NS, ClientNode
-from colony.runtime.membership import READY_AGAIN_NS
-from colony.runtime.memory import encode_memory
-from colony.runtime.messages import (
+from colony.runtime.assembly.nodes import build_client
+from colony.runtime.clients.client import RECALL_NS, ClientNode
+from colony.runtime.clients.memory import encode_memory
+from colony.runtime.frames.assembly import frames_kept
+from colony.runtime.frames.membership import READY_AGAIN_NS
+from colony.runtime.protocol.bindings import bind
+from colony.runtime.protocol.messages import (
     Checkpoint,
     Effect,
     Fetch,
@@ -30,7 +31,6 @@ from colony.runtime.messages import (
     ServerFrame,
     Tick,
 )
-from colony.runtime.team import build_client
 from tests.runtime.runtime_programs import roam
 from tests.runtime.test_session import pulsing
 

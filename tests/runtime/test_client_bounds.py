@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import pytest
 
-from colony.compile.executor import ClientMemory
-from colony.runtime.memory import BadMemory, decode_memory, encode_memory
-from colony.runtime.messages import Checkpoint, Fetch, Ready, Recall, Request
+from colony.execute.executor import ClientMemory
+from colony.runtime.clients.memory import BadMemory, decode_memory, encode_memory
+from colony.runtime.protocol.messages import Checkpoint, Fetch, Ready, Recall, Request
 from tests.runtime.test_client import ADDRESS, FRAME, KEPT, MS, back_off, base, only, saved, take, tick
 
 

@@ -8,10 +8,10 @@ from dataclasses import replace
 import msgspec
 import pytest
 
-from colony.runtime.clock import GATHER_NS, IDLE_FRAME_NS
-from colony.runtime.deployment import Deployment
-from colony.runtime.liveness import Answers, Liveness, lease
-from colony.runtime.messages import (
+from colony.runtime.frames.clock import GATHER_NS, IDLE_FRAME_NS
+from colony.runtime.frames.liveness import Answers, Liveness, lease
+from colony.runtime.protocol.deployment import Deployment
+from colony.runtime.protocol.messages import (
     Announcement,
     Fetch,
     Ready,

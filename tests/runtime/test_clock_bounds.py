@@ -5,13 +5,22 @@ from __future__ import annotations
 import msgspec
 
 from colony.ir.program import Actuator, Program
-from colony.runtime import topics
-from colony.runtime.clock import GATHER_NS, IDLE_FRAME_NS, Clock
-from colony.runtime.deployment import Deployment
+from colony.runtime.frames.clock import GATHER_NS, IDLE_FRAME_NS, Clock
+from colony.runtime.frames.liveness import Answers, Liveness
+from colony.runtime.frames.registry import Roll
 from colony.runtime.library import clock as library
-from colony.runtime.liveness import Answers, Liveness
-from colony.runtime.messages import Announcement, Fetch, Ready, Restart, Send, ServerFrame, Wake, WakeAt
-from colony.runtime.roll import Roll
+from colony.runtime.protocol import topics
+from colony.runtime.protocol.deployment import Deployment
+from colony.runtime.protocol.messages import (
+    Announcement,
+    Fetch,
+    Ready,
+    Restart,
+    Send,
+    ServerFrame,
+    Wake,
+    WakeAt,
+)
 from tests.runtime.clock_stage import CLIENTS, MS, Leader, Stage, deployed, verdict
 from tests.runtime.runtime_programs import drive, roam, robot
 

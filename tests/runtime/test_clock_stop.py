@@ -8,13 +8,13 @@ from typing import Any
 import msgspec
 import pytest
 
-from colony.runtime.calls import Nothing
-from colony.runtime.clock import Clock
+from colony.runtime.arbitration.stop_file import FILE_BYTES
+from colony.runtime.frames.clock import Clock
 from colony.runtime.library import clock as clock_library
 from colony.runtime.library import emergency
-from colony.runtime.messages import Call, ServerFrame, Stopped, Tick, WakeAt
-from colony.runtime.plausibility import check_plausible
-from colony.runtime.stop_file import FILE_BYTES
+from colony.runtime.protocol.calls import Nothing
+from colony.runtime.protocol.messages import Call, ServerFrame, Stopped, Tick, WakeAt
+from colony.runtime.protocol.plausibility import check_plausible
 from tests.runtime.clock_stage import MS, Leader, S, Stage
 
 

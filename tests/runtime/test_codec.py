@@ -11,8 +11,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from colony.runtime.codec import LARGEST, VERSION, NotAMessage, decode, encode, largest
-from colony.runtime.messages import (
+from colony.runtime.protocol.codec import LARGEST, VERSION, NotAMessage, decode, encode, largest
+from colony.runtime.protocol.messages import (
     Alive,
     Announcement,
     Call,

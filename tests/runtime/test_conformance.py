@@ -8,13 +8,13 @@ from collections.abc import Iterable
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from colony.compile.executor import ClientListExecutor
 from colony.compile.pipeline import compile_program
+from colony.execute.executor import ClientListExecutor
 from colony.ir.frame import Decision, Frame, Outcome
 from colony.ir.program import Program
-from colony.runtime.messages import Message, Wake
-from colony.verify.interpreter import Interpreter
-from colony.verify.strategies import networks, programs, traces
+from colony.runtime.protocol.messages import Message, Wake
+from colony.verify.reference.interpreter import Interpreter
+from colony.verify.testing.strategies import networks, programs, traces
 from tests.runtime.stage import play
 
 QUIET = (HealthCheck.too_slow, HealthCheck.data_too_large, HealthCheck.filter_too_much)

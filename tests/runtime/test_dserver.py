@@ -6,12 +6,12 @@ from typing import Any
 
 import pytest
 
-from colony.runtime.calls import Nothing, Status
-from colony.runtime.deployment import ActuatorTable, Deployment, FieldTable
-from colony.runtime.fields import DSERVER
 from colony.runtime.library import data
 from colony.runtime.library.ask import Ask
-from colony.runtime.messages import (
+from colony.runtime.protocol.calls import Nothing, Status
+from colony.runtime.protocol.deployment import ActuatorTable, Deployment, FieldTable
+from colony.runtime.protocol.fields import DSERVER
+from colony.runtime.protocol.messages import (
     Announcement,
     Checkpoint,
     Effect,
@@ -27,8 +27,8 @@ from colony.runtime.messages import (
     Wake,
 )
 from colony.runtime.servers.dserver import DServer
-from colony.runtime.sqlite_store import SqliteStore
-from colony.runtime.store import Key, MemoryStore, StoreError
+from colony.runtime.store.sqlite import SqliteStore
+from colony.runtime.store.store import Key, MemoryStore, StoreError
 from tests.runtime.data_stage import MS, Connection, DataStage, Failed, S
 
 

@@ -6,9 +6,9 @@ from typing import Any
 
 import pytest
 
-from colony.runtime.deployment import Deployment
 from colony.runtime.library import data
 from colony.runtime.library.ask import Ask
+from colony.runtime.protocol.deployment import Deployment
 from colony.runtime.servers.showing import LONGEST_LIST, MOST_ASKED, MOST_EACH
 from tests.runtime.data_stage import MS, Connection, DataStage, Failed, S
 

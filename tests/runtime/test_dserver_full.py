@@ -6,12 +6,12 @@ from typing import Any
 
 import pytest
 
-from colony.runtime.calls import Nothing, Status
 from colony.runtime.library import data
 from colony.runtime.library.ask import Ask
-from colony.runtime.messages import Request, Send, Tick, Verdict
+from colony.runtime.protocol.calls import Nothing, Status
+from colony.runtime.protocol.messages import Request, Send, Tick, Verdict
 from colony.runtime.servers.dserver import ROOM_NS
-from colony.runtime.store import StoreFull
+from colony.runtime.store.store import StoreFull
 from tests.runtime.data_stage import Connection, Cramped, DataStage, Failed, S
 from tests.runtime.test_dserver import DRIVE, LAMP, POSE, checkpoint, deploy, program, recalled
 

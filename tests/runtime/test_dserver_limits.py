@@ -9,12 +9,12 @@ import pytest
 
 from colony.runtime.library import data
 from colony.runtime.library.ask import Ask
-from colony.runtime.messages import Wake, WakeAt
+from colony.runtime.protocol.messages import Wake, WakeAt
 from colony.runtime.servers import once, semaphores, variables, watching
 from colony.runtime.servers.naming import Names
 from colony.runtime.servers.once import Answers
 from colony.runtime.servers.telling import PAUSE_NS, SLICE, SLICE_BYTES
-from colony.runtime.store import Journal, MemoryStore
+from colony.runtime.store.store import Journal, MemoryStore
 from tests.runtime.data_stage import Connection, DataStage, Failed
 
 

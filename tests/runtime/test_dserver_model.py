@@ -10,10 +10,10 @@ import msgspec
 from hypothesis import settings
 from hypothesis.stateful import RuleBasedStateMachine, initialize, invariant, precondition, rule
 
-from colony.runtime.calls import LEASE_NS
 from colony.runtime.library import data
 from colony.runtime.library.ask import Ask
-from colony.runtime.messages import Effect
+from colony.runtime.protocol.calls import LEASE_NS
+from colony.runtime.protocol.messages import Effect
 from colony.runtime.servers.data_calls import RETURN_NS
 from tests.runtime.data_model import CallOf, Model, Outcome
 from tests.runtime.data_stage import Connection, DataStage, S

@@ -9,7 +9,7 @@ import pytest
 from colony.runtime.library import data
 from colony.runtime.library.ask import Ask
 from colony.runtime.servers.once import CONNECTIONS, KEPT, Answers
-from colony.runtime.store import Journal, MemoryStore
+from colony.runtime.store.store import Journal, MemoryStore
 from tests.runtime.data_stage import Connection, DataStage, Failed, S
 
 

@@ -9,7 +9,7 @@ import pytest
 from colony.runtime.library import data
 from colony.runtime.library.ask import Ask
 from colony.runtime.library.data import SemaphoreState
-from colony.runtime.messages import Effect
+from colony.runtime.protocol.messages import Effect
 from colony.runtime.servers.data_calls import RETURN_NS
 from tests.runtime.data_stage import MS, Connection, DataStage, Failed, S
 

@@ -11,11 +11,11 @@ from typing import Any
 
 import msgspec
 
-from colony.runtime import codec
-from colony.runtime.calls import Open
 from colony.runtime.library import data
 from colony.runtime.library.ask import Ask
-from colony.runtime.messages import Call, Reply
+from colony.runtime.protocol import codec
+from colony.runtime.protocol.calls import Open
+from colony.runtime.protocol.messages import Call, Reply
 from tests.runtime.data_child import framed, split
 
 ROOT = Path(__file__).parent.parent.parent

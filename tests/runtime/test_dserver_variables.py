@@ -8,13 +8,13 @@ from typing import Any
 import msgspec
 import pytest
 
-from colony.runtime.calls import Refused
 from colony.runtime.library import data
 from colony.runtime.library.ask import Ask
-from colony.runtime.messages import Wake
+from colony.runtime.protocol.calls import Refused
+from colony.runtime.protocol.messages import Wake
 from colony.runtime.servers.variables import VALUE_BYTES, Variables, prepared
 from colony.runtime.servers.watching import KEPT_NS
-from colony.runtime.store import Journal, MemoryStore
+from colony.runtime.store.store import Journal, MemoryStore
 from tests.runtime.data_stage import MS, Connection, DataStage, Failed, S
 
 

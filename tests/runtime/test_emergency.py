@@ -8,14 +8,14 @@ from pathlib import Path
 import msgspec
 import pytest
 
-from colony.runtime import topics
-from colony.runtime.calls import Nothing, Open
+from colony.runtime.assembly.virtual import Session
 from colony.runtime.kit.emergency import StopButton
 from colony.runtime.kit.errors import CallRefused
 from colony.runtime.library import clock as clock_library
 from colony.runtime.library import data, emergency
-from colony.runtime.messages import Call
-from colony.runtime.session import Session
+from colony.runtime.protocol import topics
+from colony.runtime.protocol.calls import Nothing, Open
+from colony.runtime.protocol.messages import Call
 from tests.cli.machine import MAP, ROBOT, WANDER, Machine, release, until
 from tests.runtime.data_stage import MS, DataStage
 from tests.runtime.runtime_programs import roam

@@ -8,11 +8,11 @@ from pathlib import Path
 
 import pytest
 
-from colony.runtime.processes.ending import EXIT_FAILED, EXIT_FINAL
+from colony.runtime.assembly.processes.ending import EXIT_FAILED, EXIT_FINAL
 
 BEGIN = """
 import sys
-from colony.runtime.processes.ending import drop_what_cannot_be_printed, give_up, give_up_without, say
+from colony.runtime.assembly.processes.ending import drop_what_cannot_be_printed, give_up, give_up_without, say
 drop_what_cannot_be_printed()
 print("from a module", end="", flush=True)
 print("from a module", file=sys.stderr)

@@ -17,7 +17,7 @@ import pytest
 
 from colony.runtime.kit.connection import Session
 from colony.runtime.library import data, robot
-from colony.sim.devices import WATCHDOG_NS
+from colony.sim.plant.devices import WATCHDOG_NS
 from tests.cli.machine import Machine, until
 from tests.runtime.fault_child import COUNTER, HELD, PRIORITY, QUEUE
 from tests.runtime.fault_stage import FRAME_NS, UNHEARD, Run, Speed, child

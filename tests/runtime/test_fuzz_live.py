@@ -13,19 +13,19 @@ from random import Random
 import pytest
 import zenoh
 
-from colony.runtime import codec, topics
-from colony.runtime.calls import Nothing, Status
-from colony.runtime.codec import LARGEST, NotAMessage
 from colony.runtime.kit.connection import Session
 from colony.runtime.library import clock as clock_library
 from colony.runtime.library import proximity, robot
 from colony.runtime.library.ask import Ask
-from colony.runtime.live.inbox import LONGEST_SLEEP_S, Inbox
-from colony.runtime.live.network import Network
-from colony.runtime.live.outbox import publish
-from colony.runtime.live.place import local
-from colony.runtime.live.waiting import WaitingRoom
-from colony.runtime.messages import Reply, Right, Sent, Tick
+from colony.runtime.protocol import codec, topics
+from colony.runtime.protocol.calls import Nothing, Status
+from colony.runtime.protocol.codec import LARGEST, NotAMessage
+from colony.runtime.protocol.messages import Reply, Right, Sent, Tick
+from colony.runtime.transport.live.inbox import LONGEST_SLEEP_S, Inbox
+from colony.runtime.transport.live.network import Network
+from colony.runtime.transport.live.outbox import publish
+from colony.runtime.transport.live.place import local
+from colony.runtime.transport.live.waiting import WaitingRoom
 from tests.cli.machine import MAP, ROBOT, Machine, until
 from tests.runtime.fuzz_stage import BUILD, Stage
 

@@ -19,11 +19,11 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from colony.runtime import codec
-from colony.runtime.calls import LEASE_NS, WAITING_EACH, Nothing, Open
-from colony.runtime.clock import IDLE_FRAME_NS
-from colony.runtime.deployment import LONGEST_FRAME_NS, SHORTEST_FRAME_NS
-from colony.runtime.messages import Checkpoint, Recall, Request
+from colony.runtime.frames.clock import IDLE_FRAME_NS
+from colony.runtime.protocol import codec
+from colony.runtime.protocol.calls import LEASE_NS, WAITING_EACH, Nothing, Open
+from colony.runtime.protocol.deployment import LONGEST_FRAME_NS, SHORTEST_FRAME_NS
+from colony.runtime.protocol.messages import Checkpoint, Recall, Request
 from colony.runtime.servers import checkpoints
 from colony.runtime.servers.dserver import DServer
 from colony.runtime.servers.rserver import RServer

@@ -9,10 +9,10 @@ from typing import Any
 import msgspec
 import pytest
 
-from colony.runtime.calls import Nothing
 from colony.runtime.kit import aio
 from colony.runtime.kit.errors import CallRefused, ConnectionLost, ServerNotFound, TimedOut
 from colony.runtime.library.ask import Ask
+from colony.runtime.protocol.calls import Nothing
 from tests.runtime.kit_stage import BATTERY, battery_process, battery_thread, charge, gone, level, plain
 from tests.runtime.live_stage import ROBOT, hosted, run_directory
 from tests.runtime.test_kit_connection import _Telling

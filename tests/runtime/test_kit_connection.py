@@ -11,12 +11,12 @@ from collections.abc import Iterator, Mapping
 import msgspec
 import pytest
 
-from colony.runtime import topics
-from colony.runtime.calls import Asked, CallDesk, Nothing, method
 from colony.runtime.kit.connection import Connection, Session, connect
 from colony.runtime.kit.errors import CallRefused, ConnectionLost, ServerNotFound, TimedOut
 from colony.runtime.library.ask import Ask
-from colony.runtime.messages import Effect, Message
+from colony.runtime.protocol import topics
+from colony.runtime.protocol.calls import Asked, CallDesk, Nothing, method
+from colony.runtime.protocol.messages import Effect, Message
 from tests.runtime.kit_stage import (
     BATTERY,
     battery_process,

@@ -8,8 +8,6 @@ from itertools import count
 import msgspec
 import pytest
 
-from colony.runtime.calls import EMERGENCY_STOP, Nothing
-from colony.runtime.codec import LARGEST
 from colony.runtime.kit.conversation import (
     AGAIN_NS,
     ALIVE_NS,
@@ -25,7 +23,9 @@ from colony.runtime.kit.conversation import (
 )
 from colony.runtime.kit.errors import CallRefused, ConnectionLost
 from colony.runtime.library.ask import Ask
-from colony.runtime.messages import Alive, Call, Notice, Problem, Reply
+from colony.runtime.protocol.calls import EMERGENCY_STOP, Nothing
+from colony.runtime.protocol.codec import LARGEST
+from colony.runtime.protocol.messages import Alive, Call, Notice, Problem, Reply
 
 MS = 1_000_000
 

@@ -8,20 +8,20 @@ from collections.abc import Iterator, Mapping
 
 import pytest
 
-from colony.diagnostics import Failure
 from colony.ir.program import Program, Sensor
 from colony.ir.types import BOOL, PLAIN, Array, Quantity
-from colony.runtime import topics
-from colony.runtime.bindings import SensorBinding, bind
-from colony.runtime.fields import SERVERS, FieldSpec
 from colony.runtime.kit.connection import Session, connect
 from colony.runtime.kit.description import Description, FieldDescription, describe, field_type, server_spec
 from colony.runtime.kit.discovery import discover
 from colony.runtime.kit.errors import CallRefused
 from colony.runtime.kit.server import Server, field
-from colony.runtime.live.errors import AlreadyRunning
-from colony.runtime.messages import Effect, Fetch, Message, Send, ServerFrame, Tick, Wake, WakeAt
-from colony.units import LENGTH, TIME
+from colony.runtime.protocol import topics
+from colony.runtime.protocol.bindings import SensorBinding, bind
+from colony.runtime.protocol.fields import SERVERS, FieldSpec
+from colony.runtime.protocol.messages import Effect, Fetch, Message, Send, ServerFrame, Tick, Wake, WakeAt
+from colony.runtime.transport.live.errors import AlreadyRunning
+from colony.text.diagnostics import Failure
+from colony.text.units import LENGTH, TIME
 from tests.runtime.kit_stage import BATTERY, Battery, battery_process, battery_thread, level, plain
 from tests.runtime.live_stage import ROBOT, Recorder, hosted, run_directory, until
 from tests.runtime.runtime_programs import robot

@@ -11,9 +11,9 @@ from zlib import crc32
 
 import pytest
 
-from colony.runtime.latch import LONGEST_BY, UNREADABLE, StopFollower, StopLatch
-from colony.runtime.messages import Stopped, Tick
-from colony.runtime.stop_file import FILE_BYTES
+from colony.runtime.arbitration.stop_file import FILE_BYTES
+from colony.runtime.arbitration.stop_latch import LONGEST_BY, UNREADABLE, StopFollower, StopLatch
+from colony.runtime.protocol.messages import Stopped, Tick
 
 ANN = Stopped(by="ann/1", t_ns=5)
 BOB = Stopped(by="bob/1", t_ns=6)

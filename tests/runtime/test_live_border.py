@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import pytest
 
-from colony.runtime.live.border import CALLS, FETCHES, STOPS, Border
-from colony.runtime.live.meter import BYTES_A_TOKEN, SENDERS, Meter, Rate
+from colony.runtime.transport.live.border import CALLS, FETCHES, STOPS, Border
+from colony.runtime.transport.live.meter import BYTES_A_TOKEN, SENDERS, Meter, Rate
 
 S = 1_000_000_000
 

@@ -8,12 +8,9 @@ from typing import Any
 import msgspec
 import pytest
 
-from colony.runtime import codec, topics
-from colony.runtime.codec import NotAMessage
-from colony.runtime.live import keys
-from colony.runtime.live.network import Network
-from colony.runtime.live.place import local
-from colony.runtime.messages import (
+from colony.runtime.protocol import codec, topics
+from colony.runtime.protocol.codec import NotAMessage
+from colony.runtime.protocol.messages import (
     Alive,
     Call,
     Checkpoint,
@@ -28,6 +25,9 @@ from colony.runtime.messages import (
     ServerFrame,
     Tick,
 )
+from colony.runtime.transport.live import keys
+from colony.runtime.transport.live.network import Network
+from colony.runtime.transport.live.place import local
 from tests.runtime.live_stage import ROBOT, Recorder, hosted, run_directory, until
 from tests.runtime.test_live_gateway import _Lab, _put, lab
 

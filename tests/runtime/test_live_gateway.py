@@ -12,21 +12,12 @@ import msgspec
 import pytest
 import zenoh
 
-from colony.runtime import codec, topics
-from colony.runtime.calls import Open
+from colony.runtime.assembly.processes import child
 from colony.runtime.kit.connection import Session, connect
 from colony.runtime.kit.errors import CallRefused, ServerNotFound
-from colony.runtime.live import configuration, gateway, keys
-from colony.runtime.live.errors import GatewayFull, NotReached, SecurityError
-from colony.runtime.live.gateway import GatewayNode, open_gateway
-from colony.runtime.live.host import Host
-from colony.runtime.live.limits import MIDDLE
-from colony.runtime.live.network import Network
-from colony.runtime.live.outbox import Haste, publish
-from colony.runtime.live.place import Credentials, Remote
-from colony.runtime.live.robot_time import learned_time
-from colony.runtime.live.security import Permission, read_security
-from colony.runtime.messages import (
+from colony.runtime.protocol import codec, topics
+from colony.runtime.protocol.calls import Open
+from colony.runtime.protocol.messages import (
     Alive,
     Call,
     Effect,
@@ -40,7 +31,16 @@ from colony.runtime.messages import (
     Wake,
     WakeAt,
 )
-from colony.runtime.processes import child
+from colony.runtime.transport.live import configuration, gateway, keys
+from colony.runtime.transport.live.errors import GatewayFull, NotReached, SecurityError
+from colony.runtime.transport.live.gateway import GatewayNode, open_gateway
+from colony.runtime.transport.live.host import Host
+from colony.runtime.transport.live.limits import MIDDLE
+from colony.runtime.transport.live.network import Network
+from colony.runtime.transport.live.outbox import Haste, publish
+from colony.runtime.transport.live.place import Credentials, Remote
+from colony.runtime.transport.live.robot_time import learned_time
+from colony.runtime.transport.live.security import Permission, read_security
 from tests.runtime.certificates import Authority, free_port
 from tests.runtime.kit_stage import BATTERY, battery_thread, charge, halt, level
 from tests.runtime.live_stage import ROBOT, Recorder, hosted, place, run_directory, running, until

@@ -13,17 +13,11 @@ from pathlib import Path
 import msgspec
 import pytest
 
-from colony.runtime import codec, topics
-from colony.runtime.calls import EMERGENCY_STOP
-from colony.runtime.codec import LARGEST
-from colony.runtime.live import keys
-from colony.runtime.live.configuration import BLOCKED_US
-from colony.runtime.live.errors import AlreadyRunning
-from colony.runtime.live.host import Host
-from colony.runtime.live.network import Network
-from colony.runtime.live.outbox import publish
-from colony.runtime.live.waiting import CALLS_EACH
-from colony.runtime.messages import (
+from colony.runtime.assembly.processes.children import ONE_THREAD
+from colony.runtime.protocol import codec, topics
+from colony.runtime.protocol.calls import EMERGENCY_STOP
+from colony.runtime.protocol.codec import LARGEST
+from colony.runtime.protocol.messages import (
     Alive,
     Call,
     Effect,
@@ -40,7 +34,13 @@ from colony.runtime.messages import (
     Wake,
     WakeAt,
 )
-from colony.runtime.processes.children import ONE_THREAD
+from colony.runtime.transport.live import keys
+from colony.runtime.transport.live.configuration import BLOCKED_US
+from colony.runtime.transport.live.errors import AlreadyRunning
+from colony.runtime.transport.live.host import Host
+from colony.runtime.transport.live.network import Network
+from colony.runtime.transport.live.outbox import publish
+from colony.runtime.transport.live.waiting import CALLS_EACH
 from tests.runtime.live_stage import ROBOT, Recorder, hosted, place, run_directory, running, until
 
 SERVER = "RServer"
@@ -342,10 +342,10 @@ def test_nodes_of_a_direct_host_hear_each_other(environment: Mapping[str, str], 
 
 LARGE = """
 import os, signal, sys
-from colony.runtime import topics
-from colony.runtime.live.host import Host
-from colony.runtime.live.place import local
-from colony.runtime.messages import Checkpoint, Send
+from colony.runtime.protocol import topics
+from colony.runtime.transport.live.host import Host
+from colony.runtime.transport.live.place import local
+from colony.runtime.protocol.messages import Checkpoint, Send
 from tests.runtime.live_stage import Recorder
 
 def save(message, now_ns):
@@ -386,9 +386,9 @@ def test_with_one_thread_for_the_network_a_large_checkpoint_gets_through(
 
 FROZEN = """
 import os, signal, sys
-from colony.runtime import topics
-from colony.runtime.live.host import Host
-from colony.runtime.live.place import local
+from colony.runtime.protocol import topics
+from colony.runtime.transport.live.host import Host
+from colony.runtime.transport.live.place import local
 from tests.runtime.live_stage import Recorder
 
 with Host.open(local("rome", os.environ), [Recorder("drive/frozen", topics.frames("PServer"))]) as host:
@@ -431,8 +431,8 @@ def test_a_reader_that_is_frozen_does_not_hold_up_a_server(environment: Mapping[
 
 PROCESS = """
 import os, signal, sys
-from colony.runtime.live.host import Host
-from colony.runtime.live.place import local
+from colony.runtime.transport.live.host import Host
+from colony.runtime.transport.live.place import local
 from tests.runtime.live_stage import Recorder
 
 class Node(Recorder):

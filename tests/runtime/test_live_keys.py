@@ -6,11 +6,11 @@ import msgspec
 import pytest
 import zenoh
 
-from colony.runtime import topics
-from colony.runtime.codec import NotAMessage
-from colony.runtime.live import keys
-from colony.runtime.live.keys import CallKey
-from colony.runtime.messages import Alive, Call, Fetch, Ready, Reply, Right, Sent, Tick
+from colony.runtime.protocol import topics
+from colony.runtime.protocol.codec import NotAMessage
+from colony.runtime.protocol.messages import Alive, Call, Fetch, Ready, Reply, Right, Sent, Tick
+from colony.runtime.transport.live import keys
+from colony.runtime.transport.live.keys import CallKey
 
 
 def _call(right: Right = "command", connection: str = "ada/7") -> Call:

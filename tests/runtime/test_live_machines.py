@@ -12,12 +12,12 @@ from pathlib import Path
 
 import pytest
 
-from colony.runtime.clock import Clock
-from colony.runtime.drivers import BaseLimits, BaseState
-from colony.runtime.live.gateway import open_gateway
-from colony.runtime.live.network import local_time
-from colony.runtime.live.security import read_security
+from colony.runtime.frames.clock import Clock
+from colony.runtime.servers.drivers import BaseLimits, BaseState
 from colony.runtime.servers.rserver import RServer
+from colony.runtime.transport.live.gateway import open_gateway
+from colony.runtime.transport.live.network import local_time
+from colony.runtime.transport.live.security import read_security
 from tests.runtime.certificates import Authority, free_port
 from tests.runtime.live_stage import ROBOT, hosted, place, run_directory, running, until
 
@@ -30,7 +30,7 @@ from pathlib import Path
 from colony.runtime.kit.connection import connect
 from colony.runtime.kit.errors import ConnectionProblem
 from colony.runtime.library import robot
-from colony.runtime.live.security import read_credentials
+from colony.runtime.transport.live.security import read_credentials
 
 endpoint, login = sys.argv[1], Path(sys.argv[2])
 arguments = dict(robot="rome", gateway=endpoint, credentials=read_credentials(login), timeout_s=1.0)

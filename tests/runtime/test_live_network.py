@@ -8,15 +8,15 @@ from pathlib import Path
 
 import pytest
 
-from colony.runtime.live.network import DESCRIPTORS
+from colony.runtime.transport.live.network import DESCRIPTORS
 
 ROOT = Path(__file__).parents[2]
 
 OPEN = """
 import os, resource, sys
-from colony.runtime.live import network
-from colony.runtime.live.errors import NotReached
-from colony.runtime.live.place import local
+from colony.runtime.transport.live import network
+from colony.runtime.transport.live.errors import NotReached
+from colony.runtime.transport.live.place import local
 place = local("rome", {"COLONY_RUN_DIR": sys.argv[1]})
 if sys.argv[2] == "unchecked":
     network._expect_descriptors = lambda: None

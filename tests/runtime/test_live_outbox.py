@@ -7,11 +7,11 @@ from collections.abc import Iterator
 import pytest
 import zenoh
 
-from colony.runtime import codec, topics
-from colony.runtime.live import keys, outbox
-from colony.runtime.live.network import Network
-from colony.runtime.live.outbox import IDLE_NS, Outbox
-from colony.runtime.messages import Reply, Tick
+from colony.runtime.protocol import codec, topics
+from colony.runtime.protocol.messages import Reply, Tick
+from colony.runtime.transport.live import keys, outbox
+from colony.runtime.transport.live.network import Network
+from colony.runtime.transport.live.outbox import IDLE_NS, Outbox
 from tests.runtime.live_stage import ROBOT, place, run_directory, until
 
 

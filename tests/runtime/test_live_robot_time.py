@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import random
 
-from colony.runtime.live.robot_time import DRIFT, LearnedTime
+from colony.runtime.transport.live.robot_time import DRIFT, LearnedTime
 
 MS = 1_000_000
 

@@ -11,9 +11,9 @@ from pathlib import Path
 import msgspec
 import pytest
 
-from colony.runtime.live import run_directory as module
-from colony.runtime.live.errors import AlreadyRunning, RunDirectoryError
-from colony.runtime.live.run_directory import (
+from colony.runtime.transport.live import run_directory as module
+from colony.runtime.transport.live.errors import AlreadyRunning, RunDirectoryError
+from colony.runtime.transport.live.run_directory import (
     CLAIM_BYTES,
     LONGEST_SOCKET,
     RobotDirectory,
@@ -148,7 +148,7 @@ def test_the_claim_of_a_process_that_was_killed_is_free(tmp_path: Path) -> None:
     robot = _robot(tmp_path)
     script = (
         "import os, signal, sys; from pathlib import Path\n"
-        "from colony.runtime.live.run_directory import RunDirectory\n"
+        "from colony.runtime.transport.live.run_directory import RunDirectory\n"
         "claim = RunDirectory(Path(sys.argv[1])).robot('rome').claim('RServer')\n"
         "os.kill(os.getpid(), signal.SIGKILL)\n"
     )
@@ -165,7 +165,7 @@ def test_time_begins_once_for_all_processes(tmp_path: Path) -> None:
     assert robot.base_ns(monotonic=lambda: 2000) == 1000
     script = (
         "import sys; from pathlib import Path\n"
-        "from colony.runtime.live.run_directory import RunDirectory\n"
+        "from colony.runtime.transport.live.run_directory import RunDirectory\n"
         "print(RunDirectory(Path(sys.argv[1])).robot(sys.argv[2]).base_ns())\n"
     )
     run = [

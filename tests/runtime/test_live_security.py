@@ -6,11 +6,11 @@ from pathlib import Path
 
 import pytest
 
-from colony.runtime.live.access import access_control
-from colony.runtime.live.endpoint import Endpoint, parse_endpoint
-from colony.runtime.live.errors import SecurityError
-from colony.runtime.live.names import local_user
-from colony.runtime.live.security import (
+from colony.runtime.transport.live.access import access_control
+from colony.runtime.transport.live.endpoint import Endpoint, parse_endpoint
+from colony.runtime.transport.live.errors import SecurityError
+from colony.runtime.transport.live.names import local_user
+from colony.runtime.transport.live.security import (
     PERMISSIONS,
     check_credentials,
     read_credentials,

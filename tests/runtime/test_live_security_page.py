@@ -10,11 +10,11 @@ from pathlib import Path
 
 import pytest
 
-from colony.runtime.codec import LARGEST
 from colony.runtime.kit.connection import Session
-from colony.runtime.live import limits
-from colony.runtime.live.gateway import GROWTH_BYTES, open_gateway
-from colony.runtime.live.security import PERMISSIONS, read_credentials, read_security
+from colony.runtime.protocol.codec import LARGEST
+from colony.runtime.transport.live import limits
+from colony.runtime.transport.live.gateway import GROWTH_BYTES, open_gateway
+from colony.runtime.transport.live.security import PERMISSIONS, read_credentials, read_security
 from tests.runtime.certificates import free_port
 from tests.runtime.kit_stage import BATTERY, battery_thread, charge, level
 from tests.runtime.live_stage import ROBOT, place, run_directory, running, until

@@ -6,8 +6,8 @@ import msgspec
 from hypothesis import given
 from hypothesis import strategies as st
 
-from colony.runtime.live.waiting import STOPS_EACH, GivenUp, Waiting, WaitingRoom
-from colony.runtime.messages import Alive, Call, Malformed, Right
+from colony.runtime.protocol.messages import Alive, Call, Malformed, Right
+from colony.runtime.transport.live.waiting import STOPS_EACH, GivenUp, Waiting, WaitingRoom
 
 CALLS = "RServer/call"
 

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import pytest
 
-from colony.runtime.calls import Asked, Caller, Refused
-from colony.runtime.locks import LockQueue
+from colony.runtime.arbitration.locks import LockQueue
+from colony.runtime.protocol.calls import Asked, Caller, Refused
 
 S = 1_000_000_000
 

@@ -8,9 +8,10 @@ from collections.abc import Callable, Iterator
 
 import pytest
 
-from colony.runtime import client, liveness
-from colony.runtime.assembly import Assembled, FrameAssembler
-from colony.runtime.messages import Effect, Tick
+from colony.runtime.clients import client
+from colony.runtime.frames import liveness
+from colony.runtime.frames.assembly import Assembled, FrameAssembler
+from colony.runtime.protocol.messages import Effect, Tick
 from colony.runtime.servers.publishing import Publisher
 from tests.runtime.loss_policy import run
 

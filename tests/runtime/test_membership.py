@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from colony.runtime import topics
-from colony.runtime.membership import ALIVE_AGAIN_NS, READY_AGAIN_NS, Membership
-from colony.runtime.messages import Ready, Restart, Send, Tick
+from colony.runtime.frames.membership import ALIVE_AGAIN_NS, READY_AGAIN_NS, Membership
+from colony.runtime.protocol import topics
+from colony.runtime.protocol.messages import Ready, Restart, Send, Tick
 
 READY = Send(topics.READY, Ready(client="drive/avoid", run="run"))
 

@@ -10,8 +10,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from colony.compile.executor import ClientMemory
-from colony.runtime.memory import BadMemory, decode_memory, encode_memory
+from colony.execute.executor import ClientMemory
+from colony.runtime.clients.memory import BadMemory, decode_memory, encode_memory
 
 CELLS = st.dictionaries(
     st.text(max_size=10), st.floats() | st.booleans() | st.integers(-(2**63), 2**63 - 1), max_size=5

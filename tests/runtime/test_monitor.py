@@ -5,8 +5,8 @@ from __future__ import annotations
 import pytest
 
 from colony.ir.frame import Decision, Frame, Outcome
-from colony.runtime.messages import Verdict
-from colony.runtime.monitor import Monitor
+from colony.runtime.observe.monitor import Monitor
+from colony.runtime.protocol.messages import Verdict
 
 EXPECTED = Decision("drive", "avoid", (80.0, 30.0))
 

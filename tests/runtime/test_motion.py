@@ -7,8 +7,8 @@ from itertools import pairwise
 
 import pytest
 
-from colony.runtime import motion
-from colony.runtime.motion import (
+from colony.runtime.arbitration import motion
+from colony.runtime.arbitration.motion import (
     STILL,
     Arc,
     Drive,
@@ -25,7 +25,7 @@ from colony.runtime.motion import (
     mode,
     step,
 )
-from colony.runtime.virtual_position import Pose
+from colony.runtime.servers.virtual_position import Pose
 
 DT = 0.05
 AT_ONCE = Speeds(1e9, 1e9)

@@ -4,10 +4,12 @@ from __future__ import annotations
 
 from colony.ir.frame import Decision, Frame, Outcome
 from colony.ir.memory import ProgramMemory
-from colony.runtime import topics
-from colony.runtime.assembly import KEPT_NS, FrameAssembler
-from colony.runtime.bindings import SensorBinding
-from colony.runtime.messages import (
+from colony.runtime.frames.assembly import KEPT_NS, FrameAssembler
+from colony.runtime.observe.monitor import Monitor
+from colony.runtime.observe.observer import Observer
+from colony.runtime.protocol import topics
+from colony.runtime.protocol.bindings import SensorBinding
+from colony.runtime.protocol.messages import (
     Effect,
     Message,
     Request,
@@ -18,8 +20,6 @@ from colony.runtime.messages import (
     Tick,
     Verdict,
 )
-from colony.runtime.monitor import Monitor
-from colony.runtime.observer import Observer
 from tests.runtime.scripted import Log
 
 KEEP = 4

@@ -6,9 +6,9 @@ import math
 
 import pytest
 
-from colony.runtime.calls import Caller, Refused
-from colony.runtime.motion import STILL, Drive
-from colony.runtime.outside import LONGEST_LEASE_S, Outsiders, lease_end
+from colony.runtime.arbitration.motion import STILL, Drive
+from colony.runtime.arbitration.outside import LONGEST_LEASE_S, Outsiders, lease_end
+from colony.runtime.protocol.calls import Caller, Refused
 
 PLACES = {3: "back_off", 1: "cruise"}
 

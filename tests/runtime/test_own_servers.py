@@ -3,12 +3,12 @@ everyone when they are down."""
 
 from __future__ import annotations
 
-from colony.runtime import topics
-from colony.runtime.clock import Clock
-from colony.runtime.deployment import Deployment
+from colony.runtime.frames.clock import Clock
 from colony.runtime.kit.service import Service, field
-from colony.runtime.messages import Message, Send, ServerFrame, Tick
-from colony.runtime.virtual import VirtualClock, VirtualTransport
+from colony.runtime.protocol import topics
+from colony.runtime.protocol.deployment import Deployment
+from colony.runtime.protocol.messages import Message, Send, ServerFrame, Tick
+from colony.runtime.transport.virtual import VirtualClock, VirtualTransport
 
 FRAME_NS = 50_000_000
 READS_BATTERY = Deployment(

@@ -5,8 +5,8 @@ from __future__ import annotations
 import msgspec
 import pytest
 
-from colony.runtime.codec import NotAMessage
-from colony.runtime.messages import (
+from colony.runtime.protocol.codec import NotAMessage
+from colony.runtime.protocol.messages import (
     Announcement,
     Checkpoint,
     Fetch,
@@ -19,7 +19,7 @@ from colony.runtime.messages import (
     Tick,
     Verdict,
 )
-from colony.runtime.plausibility import AHEAD_NS, MOST_NAMES, NUMBER_NS, check_plausible
+from colony.runtime.protocol.plausibility import AHEAD_NS, MOST_NAMES, NUMBER_NS, check_plausible
 
 NOW_NS = 60_000_000_000
 HIGHEST = (NOW_NS + AHEAD_NS) // NUMBER_NS

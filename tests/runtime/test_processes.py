@@ -14,20 +14,28 @@ import pytest
 from colony.compile.pipeline import compile_program
 from colony.ir.frame import Frame, Outcome
 from colony.ir.program import Program
-from colony.runtime.bindings import bind
-from colony.runtime.calls import Nothing, Open
-from colony.runtime.deployment import Deployment, deployment
+from colony.runtime.assembly.processes.compiled import Compiled, NotOurs, read_compiled, write_compiled
+from colony.runtime.assembly.processes.crew import client_jobs, fresh_folder, server_parts
+from colony.runtime.assembly.processes.leader import LeaderServer, Standings
+from colony.runtime.assembly.processes.parts import nodes_of, serves
+from colony.runtime.assembly.processes.spec import (
+    Device,
+    Spec,
+    name_of,
+    place_of,
+    read_spec,
+    said_of,
+    write_spec,
+)
+from colony.runtime.assembly.processes.window import Window
 from colony.runtime.library.leader import LEADER, RunStatus
-from colony.runtime.live.place import Credentials, Local, Remote
-from colony.runtime.live.run_directory import RobotDirectory
-from colony.runtime.messages import Call, Fate, Reply, Send, Tick, Verdict
-from colony.runtime.observer import FrameLog
-from colony.runtime.processes.compiled import Compiled, NotOurs, read_compiled, write_compiled
-from colony.runtime.processes.crew import client_jobs, fresh_folder, server_parts
-from colony.runtime.processes.leader import LeaderServer, Standings
-from colony.runtime.processes.parts import nodes_of, serves
-from colony.runtime.processes.spec import Device, Spec, name_of, place_of, read_spec, said_of, write_spec
-from colony.runtime.processes.window import Window
+from colony.runtime.observe.observer import FrameLog
+from colony.runtime.protocol.bindings import bind
+from colony.runtime.protocol.calls import Nothing, Open
+from colony.runtime.protocol.deployment import Deployment, deployment
+from colony.runtime.protocol.messages import Call, Fate, Reply, Send, Tick, Verdict
+from colony.runtime.transport.live.place import Credentials, Local, Remote
+from colony.runtime.transport.live.run_directory import RobotDirectory
 from tests.runtime.runtime_programs import roam
 from tests.runtime.scripted import Log
 
@@ -122,11 +130,11 @@ def test_a_server_of_hardware_wants_a_driver(tmp_path: Path) -> None:
     ("module", "absent"),
     [
         (
-            "colony.runtime.processes.child, colony.runtime.team",
+            "colony.runtime.assembly.processes.child, colony.runtime.assembly.nodes",
             {"lark", "colony.dsl", "colony.verify", "numpy", "numba", "matplotlib", "sqlite3", "subprocess"},
         ),
-        ("colony.sim.child", {"lark", "colony.dsl", "numpy", "numba", "matplotlib"}),
-        ("colony.sim.plant_child", {"lark", "colony.dsl", "colony.compile", "matplotlib"}),
+        ("colony.sim.plant.servers", {"lark", "colony.dsl", "numpy", "numba", "matplotlib"}),
+        ("colony.sim.plant.child", {"lark", "colony.dsl", "colony.compile", "matplotlib"}),
     ],
 )
 def test_processes_load_no_more_than_they_need(module: str, absent: set[str]) -> None:

@@ -13,14 +13,14 @@ from pathlib import Path
 
 import pytest
 
-from colony.runtime.processes.children import Children, Death, Job, last_lines, told
-from colony.runtime.processes.restarts import LONGEST_NS, QUICK_DEATHS, STEADY_NS, Restarts
+from colony.runtime.assembly.processes.children import Children, Death, Job, last_lines, told
+from colony.runtime.assembly.processes.restarts import LONGEST_NS, QUICK_DEATHS, STEADY_NS, Restarts
 
 PATIENCE_S = 10.0
 
 OBEYS = """
 import sys
-from colony.runtime.processes.ending import Ending, on_death_of_parent, on_signals
+from colony.runtime.assembly.processes.ending import Ending, on_death_of_parent, on_signals
 ending = Ending()
 with on_signals(ending):
     on_death_of_parent(ending)
@@ -39,7 +39,7 @@ while True: time.sleep(1)
 FAILS = "raise OSError('no such luck')"
 
 WRONG = """
-from colony.runtime.processes.ending import give_up
+from colony.runtime.assembly.processes.ending import give_up
 give_up("no such robot")
 """
 
@@ -68,7 +68,7 @@ time.sleep(60)
 PARENT = """
 import sys, time
 from pathlib import Path
-from colony.runtime.processes.children import Children, Job
+from colony.runtime.assembly.processes.children import Children, Job
 children = Children()
 log = Path(sys.argv[1]) / "obeys.log"
 children.start(Job(name="obeys", module="obeys", arguments=(), log=log, wave=0, essential=True))

@@ -6,9 +6,9 @@ import math
 
 import pytest
 
-from colony.runtime.fields import PSERVER
 from colony.runtime.library import proximity
-from colony.runtime.messages import Malformed, Sample, Send, ServerFrame, Tick
+from colony.runtime.protocol.fields import PSERVER
+from colony.runtime.protocol.messages import Malformed, Sample, Send, ServerFrame, Tick
 from colony.runtime.servers.pserver import PServer
 from tests.runtime.asking import Asker, Trouble
 

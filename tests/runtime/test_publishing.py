@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 
-from colony.runtime.messages import Announcement, Effect, Fetch, Sample, Send, ServerFrame, Tick
+from colony.runtime.protocol.messages import Announcement, Effect, Fetch, Sample, Send, ServerFrame, Tick
 from colony.runtime.servers.publishing import (
     KEPT_BYTES,
     REPUBLISHED_BYTES,

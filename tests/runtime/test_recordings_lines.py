@@ -11,17 +11,17 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from colony.compile.executor import ClientListExecutor
 from colony.compile.pipeline import compile_program
-from colony.diagnostics import Failure
+from colony.execute.executor import ClientListExecutor
 from colony.ir.frame import Decision, Frame, Outcome, Reading
 from colony.ir.program import Actuator, ActuatorField, Program, Sensor
 from colony.ir.types import BOOL, PLAIN, Array
-from colony.runtime.messages import Sample, Tick, Verdict
-from colony.runtime.observer import FrameLog
+from colony.runtime.observe.observer import FrameLog
+from colony.runtime.protocol.messages import Sample, Tick, Verdict
 from colony.runtime.recordings.lines import Recording, encoder, seconds_text, summed
 from colony.runtime.recordings.replay import Rows, has_right_sum, read_frames
-from colony.units import nanoseconds
+from colony.text.diagnostics import Failure
+from colony.text.units import nanoseconds
 from tests.runtime.runtime_programs import roam
 from tests.runtime.scripted import FAR, Log, Script, session
 

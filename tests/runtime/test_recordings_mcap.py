@@ -26,14 +26,14 @@ from mcap.reader import make_reader
 from mcap.records import Chunk, McapRecord, Message
 from mcap.stream_reader import StreamReader
 
-from colony.diagnostics import Failure
 from colony.dsl.load import load_text
 from colony.ir.frame import Frame, Outcome
-from colony.runtime.messages import Request
-from colony.runtime.observer import FrameLog
+from colony.runtime.observe.observer import FrameLog
+from colony.runtime.protocol.messages import Request
 from colony.runtime.recordings.mcap_reader import McapReader
 from colony.runtime.recordings.mcap_writer import McapRecording, checksum
 from colony.runtime.recordings.recorded import RecordedFrame, SourceFile
+from colony.text.diagnostics import Failure
 from tests.verify.recorded_runs import MS, Kept, as_mcap, logs, read_mcap, run_info, written
 
 ROOT = Path(__file__).parents[2]

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import pytest
 
-from colony.runtime.calls import Refused
-from colony.runtime.locks import LockQueue
-from colony.runtime.motion import STILL, Drive
-from colony.runtime.outside import LONGEST_LEASE_S, Outsiders, lease_end
+from colony.runtime.arbitration.locks import LockQueue
+from colony.runtime.arbitration.motion import STILL, Drive
+from colony.runtime.arbitration.outside import LONGEST_LEASE_S, Outsiders, lease_end
+from colony.runtime.protocol.calls import Refused
 from tests.runtime.test_locks import S, asked, names
 from tests.runtime.test_outside import PLACES, caller
 

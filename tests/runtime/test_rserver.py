@@ -5,9 +5,9 @@ from __future__ import annotations
 import msgspec
 import pytest
 
-from colony.runtime.fields import RSERVER
 from colony.runtime.library import robot
-from colony.runtime.messages import Malformed, Tick
+from colony.runtime.protocol.fields import RSERVER
+from colony.runtime.protocol.messages import Malformed, Tick
 from tests.runtime.base_stage import FRAME, MS, Stage, bid, deployed, silent
 
 

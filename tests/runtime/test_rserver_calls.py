@@ -8,9 +8,9 @@ from typing import Any
 
 import pytest
 
-from colony.runtime.drivers import BaseState
 from colony.runtime.library import emergency, robot
 from colony.runtime.library.ask import Ask
+from colony.runtime.servers.drivers import BaseState
 from tests.runtime.base_stage import FRAME, RollingBase, Stage, deployed, silent
 
 

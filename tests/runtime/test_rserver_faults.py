@@ -15,7 +15,7 @@ import pytest
 
 from colony.runtime.library import emergency, robot
 from colony.runtime.library.ask import Ask
-from colony.runtime.messages import Alive, Call, Fate, Malformed, Tick
+from colony.runtime.protocol.messages import Alive, Call, Fate, Malformed, Tick
 from tests.runtime.base_stage import CLIENTS, FRAME, RollingBase, Stage, bid, deployed
 
 PEOPLE = tuple(f"op/{i}" for i in range(6))

@@ -5,9 +5,9 @@ from __future__ import annotations
 import msgspec
 import pytest
 
-from colony.runtime.clock import Clock
+from colony.runtime.frames.clock import Clock
 from colony.runtime.library.clock import deploy
-from colony.runtime.messages import Send, ServerFrame, Tick
+from colony.runtime.protocol.messages import Send, ServerFrame, Tick
 from colony.runtime.servers.runtime_server import RuntimeServer, random_of_frame
 from tests.runtime.asking import Asker, Trouble
 from tests.runtime.clock_stage import deployed

@@ -9,8 +9,8 @@ from colony.runtime.kit.script import Script, do, sleep
 from colony.runtime.kit.script_node import ScriptNode
 from colony.runtime.library import data
 from colony.runtime.servers.dserver import DServer
-from colony.runtime.store import MemoryStore
-from colony.runtime.virtual import VirtualClock, VirtualTransport
+from colony.runtime.store.store import MemoryStore
+from colony.runtime.transport.virtual import VirtualClock, VirtualTransport
 
 S = 1_000_000_000
 

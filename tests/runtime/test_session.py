@@ -21,7 +21,7 @@ from colony.ir.program import (
     Wire,
 )
 from colony.ir.types import BOOL, PLAIN
-from colony.runtime.messages import Announcement, Message, Sample, ServerFrame
+from colony.runtime.protocol.messages import Announcement, Message, Sample, ServerFrame
 from colony.runtime.servers.runtime_server import random_of_frame
 from tests.runtime.runtime_programs import go, number, roam, robot
 from tests.runtime.scripted import FAR, Log, Script, session

@@ -10,9 +10,9 @@ import pytest
 from colony.ir.expression import Binary, BinaryOperation, SensorValue, StateValue
 from colony.ir.program import Chain, Module, Program, State, Use, Wire
 from colony.ir.types import BOOL
-from colony.runtime.messages import Malformed, Message, Ready, Request, Sample, ServerFrame, Tick
-from colony.runtime.virtual import Link
-from colony.verify.interpreter import Interpreter
+from colony.runtime.protocol.messages import Malformed, Message, Ready, Request, Sample, ServerFrame, Tick
+from colony.runtime.transport.virtual import Link
+from colony.verify.reference.interpreter import Interpreter
 from tests.runtime.runtime_programs import drive, go, less, nearest, roam
 from tests.runtime.scripted import FAR, Log, Script, session
 from tests.runtime.test_session import MS, S, pulsing, run, script

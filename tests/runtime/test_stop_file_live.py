@@ -11,7 +11,7 @@ import pytest
 from colony.runtime.kit.errors import ConnectionProblem
 from colony.runtime.library import clock
 from colony.runtime.library.clock import Who
-from colony.runtime.topics import CLOCK
+from colony.runtime.protocol.topics import CLOCK
 from tests.cli.machine import ROBOT, Machine, Started, until
 from tests.small_disk import SmallDisk, small_disk
 

@@ -12,9 +12,9 @@ from pathlib import Path
 
 import pytest
 
-from colony.runtime.aside import damages, kept_aside
-from colony.runtime.sqlite_store import SqliteStore
-from colony.runtime.store import Journal, Key, MemoryStore, Store, StoreError
+from colony.runtime.store.quarantine import damages, kept_aside
+from colony.runtime.store.sqlite import SqliteStore
+from colony.runtime.store.store import Journal, Key, MemoryStore, Store, StoreError
 from tests.small_disk import small_disk
 
 ROOT = Path(__file__).parents[2]
@@ -156,7 +156,7 @@ def test_a_database_that_dies_while_it_is_made_is_made_again(tmp_path: Path) -> 
 
 def test_no_room_for_a_new_database(tmp_path: Path) -> None:
     with small_disk(tmp_path / "disk", "64k") as disk:
-        script = "import sys; from colony.runtime.sqlite_store import SqliteStore; SqliteStore(sys.argv[1])"
+        script = "import sys; from colony.runtime.store.sqlite import SqliteStore; SqliteStore(sys.argv[1])"
         command = [*disk.inside, sys.executable, "-c", script, str(disk.path / "state.db")]
         environment = {**os.environ, "PYTHONPATH": str(ROOT)}
         disk.fill()
@@ -278,7 +278,7 @@ def test_nothing_is_overwritten_by_what_is_kept_aside(tmp_path: Path) -> None:
 def test_a_damaged_file_that_another_server_has_open_stays_where_it_is(tmp_path: Path) -> None:
     path = filled(tmp_path / "state.db")
     script = (
-        "import sys; from colony.runtime.sqlite_store import SqliteStore; "
+        "import sys; from colony.runtime.store.sqlite import SqliteStore; "
         "store = SqliteStore(sys.argv[1]); print('open', flush=True); sys.stdin.read()"
     )
     with subprocess.Popen(

@@ -12,8 +12,8 @@ from typing import Any
 
 import pytest
 
-from colony.runtime.reserve import RESERVE_BYTES
-from colony.runtime.store import Journal, Key, StoreFull, UnmadeStore
+from colony.runtime.store.reserve import RESERVE_BYTES
+from colony.runtime.store.store import Journal, Key, StoreFull, UnmadeStore
 from tests.runtime.data_stage import Cramped
 from tests.small_disk import SmallDisk, small_disk
 

@@ -11,11 +11,11 @@ from colony.compile.pipeline import compile_program
 from colony.ir.expression import SensorValue
 from colony.ir.program import Command, Limit, Module, Program, Use, Wire
 from colony.ir.types import BOOL
-from colony.runtime.messages import Hold, Message, Request, Sample
-from colony.runtime.observer import FrameLog
-from colony.runtime.summary import RunSummary, Tally, Travel, render
-from colony.runtime.team import places_of
-from colony.runtime.virtual import Link, perfect
+from colony.runtime.assembly.nodes import places_of
+from colony.runtime.observe.observer import FrameLog
+from colony.runtime.observe.summary import RunSummary, Tally, Travel, render
+from colony.runtime.protocol.messages import Hold, Message, Request, Sample
+from colony.runtime.transport.virtual import Link, perfect
 from tests.runtime.runtime_programs import go, number, roam
 from tests.runtime.scripted import FAR, Script, session
 

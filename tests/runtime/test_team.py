@@ -7,10 +7,17 @@ from dataclasses import replace
 import pytest
 
 from colony.compile.pipeline import compile_program
-from colony.diagnostics import Failure
 from colony.ir.program import PythonModule
-from colony.runtime.bindings import bind
-from colony.runtime.team import Members, build_announcer, build_client, build_observer, members, places_of
+from colony.runtime.assembly.nodes import (
+    Members,
+    build_announcer,
+    build_client,
+    build_observer,
+    members,
+    places_of,
+)
+from colony.runtime.protocol.bindings import bind
+from colony.text.diagnostics import Failure
 from tests.runtime.runtime_programs import roam
 from tests.runtime.test_session import pulsing
 

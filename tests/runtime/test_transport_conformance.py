@@ -9,13 +9,9 @@ from typing import Protocol
 import msgspec
 import pytest
 
-from colony.runtime import codec, topics
-from colony.runtime.codec import LARGEST, NotAMessage
-from colony.runtime.live import keys
-from colony.runtime.live.host import Host
-from colony.runtime.live.network import Network
-from colony.runtime.live.outbox import publish
-from colony.runtime.messages import (
+from colony.runtime.protocol import codec, topics
+from colony.runtime.protocol.codec import LARGEST, NotAMessage
+from colony.runtime.protocol.messages import (
     Alive,
     Call,
     Effect,
@@ -30,7 +26,11 @@ from colony.runtime.messages import (
     Wake,
     WakeAt,
 )
-from colony.runtime.virtual import VirtualClock, VirtualTransport
+from colony.runtime.transport.live import keys
+from colony.runtime.transport.live.host import Host
+from colony.runtime.transport.live.network import Network
+from colony.runtime.transport.live.outbox import publish
+from colony.runtime.transport.virtual import VirtualClock, VirtualTransport
 from tests.runtime.live_stage import Recorder, Running, place, run_directory, until
 
 ELSEWHERE = topics.frames(topics.CLOCK)

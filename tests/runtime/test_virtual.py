@@ -6,9 +6,9 @@ from collections.abc import Iterable
 
 import pytest
 
-from colony.runtime.faults import Faults, Rates
-from colony.runtime.messages import Effect, Fetch, Malformed, Message, Send, Tick, Wake, WakeAt
-from colony.runtime.virtual import VirtualClock, VirtualTransport
+from colony.runtime.protocol.messages import Effect, Fetch, Malformed, Message, Send, Tick, Wake, WakeAt
+from colony.runtime.transport.faults import Faults, Rates
+from colony.runtime.transport.virtual import VirtualClock, VirtualTransport
 
 
 class Echo:

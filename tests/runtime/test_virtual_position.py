@@ -7,8 +7,8 @@ import random
 
 import pytest
 
-from colony.runtime.drivers import BaseState
-from colony.runtime.virtual_position import Odometer, Pose, VirtualAxis
+from colony.runtime.servers.drivers import BaseState
+from colony.runtime.servers.virtual_position import Odometer, Pose, VirtualAxis
 
 HALF = 1 << 15
 

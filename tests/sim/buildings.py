@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from colony.nav.stickrep_reader import load_map
+from colony.nav.maps.stickrep.reader import load_map
 
 MAPS = Path(__file__).resolve().parents[2] / "maps"
 LOOP = load_map(MAPS / "loop.stickrep")

@@ -10,10 +10,10 @@ import sys
 import threading
 from pathlib import Path
 
-from colony.nav.stickrep_reader import load_map
-from colony.sim.camera import CameraConfig
+from colony.nav.maps.stickrep.reader import load_map
+from colony.sim.cameras.camera import CameraConfig
 from colony.sim.config import IDEAL
-from colony.sim.plant_process import PlantOptions, serve_plant
+from colony.sim.plant.process import PlantOptions, serve_plant
 
 
 def main(path: str, building: str, robots: str, logical_ns: str | None = None) -> None:

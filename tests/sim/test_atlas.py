@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from colony.sim.atlas import Picture, atlas_of
-from colony.sim.camera import Camera, CameraConfig
-from colony.sim.optics import PINHOLE
-from colony.sim.surfaces import PEOPLE, Hung, atlas_with, scene
+from colony.sim.cameras.atlas import Picture, atlas_of
+from colony.sim.cameras.camera import Camera, CameraConfig
+from colony.sim.cameras.optics import PINHOLE
+from colony.sim.cameras.surfaces import PEOPLE, Hung, atlas_with, scene
 
 WIDE, HIGH = 1000.0, 600.0
 EYE = 1350.0

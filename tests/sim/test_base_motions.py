@@ -7,14 +7,14 @@ from typing import Any
 
 import pytest
 
-from colony.runtime.drivers import BaseState
 from colony.runtime.library import robot
 from colony.runtime.library.ask import Ask
-from colony.runtime.messages import Reply
-from colony.runtime.virtual import VirtualClock
+from colony.runtime.protocol.messages import Reply
+from colony.runtime.servers.drivers import BaseState
+from colony.runtime.transport.virtual import VirtualClock
 from colony.sim.config import IDEAL, RobotConfig
 from colony.sim.drivers import Plant, RegisterBase, SimulatedBase
-from colony.sim.world import World
+from colony.sim.world.world import World
 from tests.runtime.base_stage import Stage
 
 WALLS = [[-60_000.0, 4000.0, 5000.0, 4000.0]]

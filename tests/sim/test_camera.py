@@ -9,15 +9,15 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from colony.nav.walls import walls_of
-from colony.sim.camera import Camera, CameraConfig
+from colony.nav.maps.walls import walls_of
+from colony.sim.cameras.camera import Camera, CameraConfig
+from colony.sim.cameras.optics import PINHOLE, Optics
+from colony.sim.cameras.scene import scene_of
+from colony.sim.cameras.silhouettes import PERSON_WIDTH_MM
+from colony.sim.cameras.surfaces import CEILING_MM, Panel, Scene, scene
 from colony.sim.config import IDEAL
-from colony.sim.hazards import Hazard, Hazards, draw
-from colony.sim.optics import PINHOLE, Optics
-from colony.sim.scene import scene_of
-from colony.sim.silhouettes import PERSON_WIDTH_MM
-from colony.sim.surfaces import CEILING_MM, Panel, Scene, scene
-from colony.sim.world import World
+from colony.sim.hazards.hazards import Hazard, Hazards, draw
+from colony.sim.world.world import World
 from tests.sim.buildings import HALLWAY
 
 ROOM = [

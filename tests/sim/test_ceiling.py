@@ -7,12 +7,12 @@ import math
 import numpy as np
 import pytest
 
-from colony.runtime.virtual import VirtualClock
-from colony.sim.ceiling import CeilingCamera, CeilingCameraConfig
+from colony.runtime.transport.virtual import VirtualClock
+from colony.sim.cameras.ceiling import CeilingCamera, CeilingCameraConfig
 from colony.sim.drivers import Plant, SimulatedCeilingCamera
-from colony.sim.hazards import Hazard, Hazards, draw
-from colony.sim.scenery import CeilingLight, Scenery, SunBand
-from colony.sim.world import World
+from colony.sim.hazards.hazards import Hazard, Hazards, draw
+from colony.sim.hazards.scenery import CeilingLight, Scenery, SunBand
+from colony.sim.world.world import World
 from tests.sim.buildings import MSU
 
 NO_WALLS = np.zeros((0, 4))

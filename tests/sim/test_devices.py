@@ -8,13 +8,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from colony.sim.camera import Camera, CameraConfig
-from colony.sim.ceiling import CeilingCamera
+from colony.sim.cameras.camera import Camera, CameraConfig
+from colony.sim.cameras.ceiling import CeilingCamera
+from colony.sim.cameras.surfaces import scene
 from colony.sim.config import IDEAL
-from colony.sim.devices import MOST_BEHIND_NS, WATCHDOG_NS, Devices
-from colony.sim.scenery import CeilingLight, bare
-from colony.sim.surfaces import scene
-from colony.sim.world import World
+from colony.sim.hazards.scenery import CeilingLight, bare
+from colony.sim.plant.devices import MOST_BEHIND_NS, WATCHDOG_NS, Devices
+from colony.sim.world.world import World
 
 MS = 1_000_000
 S = 1_000_000_000

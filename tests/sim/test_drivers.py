@@ -5,12 +5,12 @@ from __future__ import annotations
 import pytest
 
 from colony.runtime.library.camera import array
-from colony.runtime.virtual import VirtualClock
-from colony.sim.camera import Camera, CameraConfig
+from colony.runtime.transport.virtual import VirtualClock
+from colony.sim.cameras.camera import Camera, CameraConfig
+from colony.sim.cameras.surfaces import scene
 from colony.sim.config import IDEAL
 from colony.sim.drivers import Plant, RegisterBase, SimulatedCamera, simulated_drivers
-from colony.sim.surfaces import scene
-from colony.sim.world import World
+from colony.sim.world.world import World
 
 S = 1_000_000_000
 

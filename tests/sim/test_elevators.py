@@ -6,13 +6,13 @@ import math
 
 import pytest
 
-from colony.nav.building import load_building
-from colony.runtime.virtual import VirtualClock
+from colony.nav.maps.building import load_building
+from colony.runtime.transport.virtual import VirtualClock
 from colony.sim.config import IDEAL
 from colony.sim.drivers import Plant
-from colony.sim.elevators import CABIN_DEPTH_MM, CABIN_WIDTH_MM, SLIDE_S, Elevators, cabin_of
-from colony.sim.hazards import Hazards, draw
-from colony.sim.world import World
+from colony.sim.hazards.hazards import Hazards, draw
+from colony.sim.world.elevators import CABIN_DEPTH_MM, CABIN_WIDTH_MM, SLIDE_S, Elevators, cabin_of
+from colony.sim.world.world import World
 from tests.sim.buildings import LOOP, MAPS
 
 BUILDING = load_building(MAPS / "msu_engineering_3.stickrep")

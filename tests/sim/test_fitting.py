@@ -7,19 +7,19 @@ import math
 import numpy as np
 import pytest
 
-from colony.nav.building import load_building
-from colony.nav.signs import markers_of, plates_of
-from colony.nav.stickrep import EdgeKind
-from colony.nav.walls import walls_of
-from colony.sim.camera import Camera, CameraConfig
+from colony.nav.maps.building import load_building
+from colony.nav.maps.signs import markers_of, plates_of
+from colony.nav.maps.stickrep.model import EdgeKind
+from colony.nav.maps.walls import walls_of
+from colony.sim.cameras.camera import Camera, CameraConfig
+from colony.sim.cameras.fitting import fitted
+from colony.sim.cameras.optics import PINHOLE
+from colony.sim.cameras.scene import scene_of
 from colony.sim.compiled import Bytes2
 from colony.sim.config import IDEAL
-from colony.sim.elevators import SLIDE_S, Elevators, cabin_of
-from colony.sim.fitting import fitted
-from colony.sim.hazards import Hazard, Hazards, draw
-from colony.sim.optics import PINHOLE
-from colony.sim.scene import scene_of
-from colony.sim.world import World
+from colony.sim.hazards.hazards import Hazard, Hazards, draw
+from colony.sim.world.elevators import SLIDE_S, Elevators, cabin_of
+from colony.sim.world.world import World
 from tests.sim.buildings import LOOP, MAPS, MSU
 
 NODE = "acs.elev.L"

@@ -8,13 +8,13 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
-from colony.nav.signs import plates_of
-from colony.nav.stickrep import EdgeKind, Map
-from colony.nav.walls import walls_of
-from colony.sim.hazards import Hazards, draw
-from colony.sim.posters import BLACK_KINDS, POSTERS_MM, posters
-from colony.sim.scenery import Scenery
-from colony.sim.silhouettes import EXTINGUISHER_MM
+from colony.nav.maps.signs import plates_of
+from colony.nav.maps.stickrep.model import EdgeKind, Map
+from colony.nav.maps.walls import walls_of
+from colony.sim.cameras.posters import BLACK_KINDS, POSTERS_MM, posters
+from colony.sim.cameras.silhouettes import EXTINGUISHER_MM
+from colony.sim.hazards.hazards import Hazards, draw
+from colony.sim.hazards.scenery import Scenery
 from tests.sim.buildings import HALLWAY, LOOP, MSU
 
 RUNS = 60

@@ -9,12 +9,12 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from colony.nav.stickrep import Map
-from colony.nav.walls import walls_of
+from colony.nav.maps.stickrep.model import Map
+from colony.nav.maps.walls import walls_of
 from colony.sim.compiled import Floats2
-from colony.sim.hazards import Hazard, Hazards, draw
-from colony.sim.premises import premises_of
-from colony.sim.scenery import Scenery
+from colony.sim.hazards.hazards import Hazard, Hazards, draw
+from colony.sim.hazards.premises import premises_of
+from colony.sim.hazards.scenery import Scenery
 from tests.sim.buildings import HALLWAY, LOOP, MSU
 
 RUNS = 400

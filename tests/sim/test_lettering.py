@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from colony.nav.signs import (
+from colony.nav.maps.signs import (
     CHARACTER_HEIGHT_MM,
     CHARACTERS,
     MARKER_CODES,
@@ -14,9 +14,9 @@ from colony.nav.signs import (
     PLATE_WIDTH_MM,
     STRIPE_MM,
 )
-from colony.sim.lettering import TEXEL_MM, font_file, marker, plate
-from colony.sim.posters import posters
-from colony.sim.silhouettes import LOOKS, extinguisher, people
+from colony.sim.cameras.lettering import TEXEL_MM, font_file, marker, plate
+from colony.sim.cameras.posters import posters
+from colony.sim.cameras.silhouettes import LOOKS, extinguisher, people
 
 
 @pytest.mark.parametrize("text", ["376", "A372", "MEN", "LAB", "WWWWW", "I", "1"])

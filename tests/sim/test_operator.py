@@ -4,14 +4,14 @@ from __future__ import annotations
 
 import pytest
 
-from colony.nav.building import load_building
-from colony.nav.elevator_calls import call_of
+from colony.nav.maps.building import load_building
+from colony.nav.missions.elevator_calls import call_of
 from colony.nav.shared import ELEVATOR_CALL, FLOOR_REACHED
 from colony.sim.config import IDEAL
-from colony.sim.elevators import CABIN_DEPTH_MM, SLIDE_S, Elevators, cabin_of
-from colony.sim.hazards import Hazards, draw
-from colony.sim.operator import DELAY_S, LOOK_S, RIDE_S, STANDS_S, operator
-from colony.sim.world import World
+from colony.sim.hazards.hazards import Hazards, draw
+from colony.sim.world.elevators import CABIN_DEPTH_MM, SLIDE_S, Elevators, cabin_of
+from colony.sim.world.operator import DELAY_S, LOOK_S, RIDE_S, STANDS_S, operator
+from colony.sim.world.world import World
 from tests.nav.script_stage import Stage
 from tests.sim.buildings import MAPS
 

@@ -7,12 +7,12 @@ import math
 import numpy as np
 import pytest
 
-from colony.nav.walls import walls_of
+from colony.nav.maps.walls import walls_of
 from colony.sim.config import IDEAL
-from colony.sim.hazards import Hazard, Hazards, draw
-from colony.sim.people import LONGEST_STOP_S
-from colony.sim.scenery import PERSON_RADIUS_MM, Person, Scenery, Track
-from colony.sim.world import World
+from colony.sim.hazards.hazards import Hazard, Hazards, draw
+from colony.sim.hazards.scenery import PERSON_RADIUS_MM, Person, Scenery, Track
+from colony.sim.world.people import LONGEST_STOP_S
+from colony.sim.world.world import World
 from tests.sim.buildings import LOOP, MSU
 
 LENGTH, HALF = 30_000.0, 1500.0

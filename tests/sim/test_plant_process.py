@@ -12,9 +12,9 @@ from pathlib import Path
 
 import pytest
 
-from colony.sim.plant_control import PlantControl
-from colony.sim.plant_process import PlantInUse, PlantOptions, serve_plant
-from colony.sim.plant_protocol import (
+from colony.sim.plant.control import PlantControl
+from colony.sim.plant.process import PlantInUse, PlantOptions, serve_plant
+from colony.sim.plant.protocol import (
     LARGEST_FROM_PLANT,
     LARGEST_TO_PLANT,
     Attach,

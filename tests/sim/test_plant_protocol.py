@@ -7,7 +7,7 @@ import random
 
 import pytest
 
-from colony.sim.plant_protocol import (
+from colony.sim.plant.protocol import (
     LARGEST_TO_PLANT,
     AttachBase,
     BadBytes,

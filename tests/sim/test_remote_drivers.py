@@ -13,14 +13,14 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from colony.runtime.images import Image
 from colony.runtime.library.camera import array
-from colony.sim.camera import Camera, CameraConfig
+from colony.runtime.servers.images import Image
+from colony.sim.cameras.camera import Camera, CameraConfig
+from colony.sim.cameras.scene import scene_of
 from colony.sim.config import IDEAL
-from colony.sim.plant_control import PlantControl
-from colony.sim.plant_protocol import Attached, BaseReading, Refusal, pack
-from colony.sim.remote_drivers import FRESH_NS, RemoteBase, RemoteCamera, RemoteProximity
-from colony.sim.scene import scene_of
+from colony.sim.plant.control import PlantControl
+from colony.sim.plant.drivers import FRESH_NS, RemoteBase, RemoteCamera, RemoteProximity
+from colony.sim.plant.protocol import Attached, BaseReading, Refusal, pack
 from tests.sim.buildings import HALLWAY
 from tests.sim.plants import GENEROUS_S, PlantProcess, wait_for
 
@@ -255,7 +255,7 @@ def test_in_logical_time_each_command_is_a_frame(tmp_path: Path) -> None:
 
 
 def test_drivers_load_neither_the_simulator_nor_numpy() -> None:
-    code = "import colony.sim.remote_drivers, sys; print(*sys.modules)"
+    code = "import colony.sim.plant.drivers, sys; print(*sys.modules)"
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     loaded = set(done.stdout.split())
-    assert not loaded & {"numpy", "numba", "colony.sim.world", "zenoh", "lark"}
+    assert not loaded & {"numpy", "numba", "colony.sim.world.world", "zenoh", "lark"}

@@ -8,20 +8,20 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from colony.nav.signs import SIGN_HEIGHT_MM, markers_of, plates_of
-from colony.nav.stickrep import EdgeKind, Map
-from colony.nav.stickrep_reader import load_map, read_map
-from colony.nav.walls import walls_of
-from colony.sim import textures
-from colony.sim.atlas import Picture
-from colony.sim.camera import Camera, CameraConfig
-from colony.sim.hazards import Hazards, draw
-from colony.sim.lighting import lighting_of
-from colony.sim.posters import posters
-from colony.sim.scene import scene_of
-from colony.sim.scenery import CeilingLight
-from colony.sim.surfaces import CEILING_MM, PEOPLE, Panel, scene
-from colony.source import Source
+from colony.nav.maps.signs import SIGN_HEIGHT_MM, markers_of, plates_of
+from colony.nav.maps.stickrep.model import EdgeKind, Map
+from colony.nav.maps.stickrep.reader import load_map, read_map
+from colony.nav.maps.walls import walls_of
+from colony.sim.cameras import textures
+from colony.sim.cameras.atlas import Picture
+from colony.sim.cameras.camera import Camera, CameraConfig
+from colony.sim.cameras.lighting import lighting_of
+from colony.sim.cameras.posters import posters
+from colony.sim.cameras.scene import scene_of
+from colony.sim.cameras.surfaces import CEILING_MM, PEOPLE, Panel, scene
+from colony.sim.hazards.hazards import Hazards, draw
+from colony.sim.hazards.scenery import CeilingLight
+from colony.text.source import Source
 from tests.sim.buildings import LOOP, MAPS, MSU
 
 HEADER = """stickrep 1

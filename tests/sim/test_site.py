@@ -6,10 +6,10 @@ from pathlib import Path
 
 import numpy as np
 
-from colony.nav.building import load_building
-from colony.nav.route import plan
-from colony.sim.hazards import Hazards
-from colony.sim.site import Site
+from colony.nav.maps.building import load_building
+from colony.nav.plan.route import plan
+from colony.sim.hazards.hazards import Hazards
+from colony.sim.world.site import Site
 from tests.nav.floors import two_floors
 from tests.sim.buildings import MAPS
 

@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 
 from colony.sim.config import IDEAL, RobotConfig
-from colony.sim.sonar import RAY_STEP_DEG, corner_reflectors, fan_of, wall_table
-from colony.sim.world import World
+from colony.sim.sensors.sonar import RAY_STEP_DEG, corner_reflectors, fan_of, wall_table
+from colony.sim.world.world import World
 
 RING = IDEAL.sonar_ring_mm
 FULL = IDEAL.sonar_range_mm

@@ -9,10 +9,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from colony.nav.stickrep_reader import load_map
-from colony.nav.walls import walls_of
+from colony.nav.maps.stickrep.reader import load_map
+from colony.nav.maps.walls import walls_of
 from colony.sim.config import IDEAL
-from colony.sim.world import World
+from colony.sim.world.world import World
 
 LOOP = load_map(Path(__file__).resolve().parents[2] / "maps" / "loop.stickrep")
 WALLS = walls_of(LOOP).segments

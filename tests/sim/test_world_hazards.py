@@ -8,12 +8,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from colony.nav.walls import walls_of
-from colony.sim.compass import disturbance_deg
+from colony.nav.maps.walls import walls_of
 from colony.sim.config import IDEAL, RobotConfig
-from colony.sim.hazards import Hazard, Hazards, draw
-from colony.sim.scenery import Iron, Joint, Scenery, Slip, bare
-from colony.sim.world import World
+from colony.sim.hazards.hazards import Hazard, Hazards, draw
+from colony.sim.hazards.scenery import Iron, Joint, Scenery, Slip, bare
+from colony.sim.sensors.compass import disturbance_deg
+from colony.sim.world.world import World
 from tests.sim.buildings import LOOP, MSU
 from tests.sim.test_world import history
 

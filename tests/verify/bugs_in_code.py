@@ -10,10 +10,12 @@ from typing import Any
 
 import pytest
 
-from colony.compile import executor, executor_decisions, executor_machine, python_step
-from colony.compile.code import Apply, Code, Kind, Literal, Op, SensorFresh
-from colony.compile.operators import FUNCTIONS, Operator
-from colony.verify import agreement
+from colony.execute import decisions as executor_decisions
+from colony.execute import executor, python_step
+from colony.execute import machine as executor_machine
+from colony.execute.code import Apply, Code, Kind, Literal, Op, SensorFresh
+from colony.execute.operators import FUNCTIONS, Operator
+from colony.verify.testing import agreement
 from tests.verify.bugs_in_passes import Plant
 
 # --- code ----------------------------------------------------------------------------------------
@@ -139,7 +141,7 @@ def rounded_up(x: float) -> float:
 
 
 def bad_commands_sent(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("colony.compile.settle.isfinite", lambda x: True)
+    monkeypatch.setattr("colony.execute.settle.isfinite", lambda x: True)
 
 
 def range_before_limits(monkeypatch: pytest.MonkeyPatch) -> None:

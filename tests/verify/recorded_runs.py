@@ -9,16 +9,16 @@ from typing import Any
 from colony.compile.pipeline import compile_program
 from colony.ir.frame import Frame
 from colony.ir.program import Program
-from colony.runtime.messages import Fate, Tick, Verdict
-from colony.runtime.monitor import Monitor
-from colony.runtime.observer import KEYFRAME_NS, FrameLog, Sink
+from colony.runtime.clients.slices import whole_executor
+from colony.runtime.observe.monitor import Monitor
+from colony.runtime.observe.observer import KEYFRAME_NS, FrameLog, Sink
+from colony.runtime.protocol.messages import Fate, Tick, Verdict
 from colony.runtime.recordings.lines import Recording
 from colony.runtime.recordings.mcap_reader import McapReader
 from colony.runtime.recordings.mcap_writer import McapRecording
 from colony.runtime.recordings.reader import LinesReader
 from colony.runtime.recordings.recorded import RecordedFrame, RunInfo, SourceFile, places
-from colony.runtime.slices import whole_executor
-from colony.verify.interpreter import Interpreter
+from colony.verify.reference.interpreter import Interpreter
 
 MS = 1_000_000
 

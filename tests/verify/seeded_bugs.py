@@ -10,7 +10,7 @@ from dataclasses import dataclass, replace
 
 from colony.compile.guards import Always, And, Not, Or, Recently
 from colony.compile.network import Inhibitor, Suppressor
-from colony.compile.operators import Operator
+from colony.execute.operators import Operator
 from tests.verify.bugs_in_code import (
     answers_at_once,
     bad_commands_sent,

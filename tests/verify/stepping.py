@@ -9,7 +9,7 @@ from colony.ir.expression import DerivedValue
 from colony.ir.frame import Frame, Outcome, Reading
 from colony.ir.program import Let, Program
 from colony.ir.types import Value
-from colony.verify.interpreter import Interpreter
+from colony.verify.reference.interpreter import Interpreter
 
 MS = 1_000_000
 

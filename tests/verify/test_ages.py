@@ -8,9 +8,9 @@ from hypothesis import strategies as st
 
 from colony.dsl.load import load_text
 from colony.ir.frame import Frame, Record
-from colony.verify.agreement import EXECUTORS, disagreement
-from colony.verify.interpreter import Interpreter
-from colony.verify.strategies import Run, runs
+from colony.verify.reference.interpreter import Interpreter
+from colony.verify.testing.agreement import EXECUTORS, disagreement
+from colony.verify.testing.strategies import Run, runs
 
 MS = 1_000_000
 PROGRAM = load_text("""

@@ -11,9 +11,9 @@ from hypothesis import given
 from colony.compile.pipeline import Compiled
 from colony.ir.frame import Decision, Executor, Frame, Outcome
 from colony.ir.program import Program
-from colony.verify.agreement import EXECUTORS, client_disagreement, disagreement
-from colony.verify.interpreter import Interpreter
-from colony.verify.strategies import Run, network_runs, runs
+from colony.verify.reference.interpreter import Interpreter
+from colony.verify.testing.agreement import EXECUTORS, client_disagreement, disagreement
+from colony.verify.testing.strategies import Run, network_runs, runs
 from tests.verify.stepping import every, program
 
 

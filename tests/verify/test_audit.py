@@ -17,11 +17,11 @@ from hypothesis import strategies as st
 
 from colony.dsl.load import load_file, load_text
 from colony.ir.frame import Frame, Outcome
-from colony.runtime.observer import FrameLog
-from colony.verify.audit import Auditor, audit
-from colony.verify.strategies import Run, network_runs, run_of_seed, runs
-from colony.verify.strategies_drawing import Choices
-from colony.verify.strategies_frames import draw_trace
+from colony.runtime.observe.observer import FrameLog
+from colony.verify.audit.audit import Auditor, audit
+from colony.verify.testing.drawing import Choices
+from colony.verify.testing.frames import draw_trace
+from colony.verify.testing.strategies import Run, network_runs, run_of_seed, runs
 from tests.verify.recorded_runs import MS, as_lines, as_mcap, logs, read_lines, read_mcap
 
 BEHAVIORS = sorted((Path(__file__).parents[2] / "behaviors").glob("*.colony"))

@@ -10,10 +10,10 @@ import pytest
 
 from colony.ir.frame import Frame
 from colony.ir.program import Program
-from colony.runtime.observer import FrameLog
+from colony.runtime.observe.observer import FrameLog
 from colony.runtime.recordings.recorded import RecordedFrame
-from colony.verify.audit import Auditor
-from colony.verify.audit_report import AuditReport, DamagedSpan
+from colony.verify.audit.audit import Auditor
+from colony.verify.audit.report import AuditReport, DamagedSpan
 from tests.verify.recorded_runs import MS, Kept, as_lines, as_mcap, logs, read_lines, read_mcap
 from tests.verify.stepping import program
 from tests.verify.test_audit import DEGRADING

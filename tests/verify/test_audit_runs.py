@@ -9,9 +9,9 @@ from dataclasses import replace
 import pytest
 
 from colony.ir.program import Program
-from colony.runtime.messages import Message, Request, Sample, ServerFrame
-from colony.runtime.session import Session
-from colony.verify.audit import AuditReport, audit
+from colony.runtime.assembly.virtual import Session
+from colony.runtime.protocol.messages import Message, Request, Sample, ServerFrame
+from colony.verify.audit.audit import AuditReport, audit
 from tests.runtime.runtime_programs import drive, roam
 from tests.runtime.scripted import FAR, Log, Script, session
 from tests.verify.recorded_runs import MS, as_lines, as_mcap, read_lines, read_mcap

@@ -9,9 +9,9 @@ import pytest
 from colony.compile.pipeline import Compiled
 from colony.ir.frame import Executor, Frame, Outcome
 from colony.ir.program import Program
-from colony.verify.agreement import ALL_EXECUTORS, Disagreement
-from colony.verify.differential import Report, examples
-from colony.verify.interpreter import Interpreter
+from colony.verify.reference.interpreter import Interpreter
+from colony.verify.testing.agreement import ALL_EXECUTORS, Disagreement
+from colony.verify.testing.differential import Report, examples
 from tests.verify.stepping import program
 
 BACKS_OFF = """
@@ -202,7 +202,7 @@ def test_modules_in_python_that_are_steady_agree_everywhere() -> None:
 
 @pytest.mark.parametrize("seed", range(4))
 def test_drawn_programs_agree(seed: int) -> None:
-    from colony.verify.strategies import run_of_seed
+    from colony.verify.testing.strategies import run_of_seed
 
     of, _ = run_of_seed(seed)
     report = last(of, 15, seed)

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import pytest
 
-from colony.diagnostics import headline, render
 from colony.dsl.load import load_text
-from colony.verify.examples import ExampleResult, failures_as_diagnostics, run_examples
+from colony.text.diagnostics import headline, render
+from colony.verify.testing.examples import ExampleResult, failures_as_diagnostics, run_examples
 from tests.verify.stepping import ROBOT
 
 BEHAVIOR = """

@@ -12,7 +12,7 @@ from colony.ir.expression import Constant
 from colony.ir.frame import Decision, Frame, Outcome, Reading, Record
 from colony.ir.program import Chain, Module, Program, Use, Wire
 from colony.ir.types import BOOL
-from colony.verify.interpreter import Interpreter
+from colony.verify.reference.interpreter import Interpreter
 from tests.verify.stepping import MS, ROBOT, Shot, every, program, run, value, values, winners
 
 T, F = True, False

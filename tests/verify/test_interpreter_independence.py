@@ -21,7 +21,7 @@ def test_imports(path: Path) -> None:
         elif isinstance(node, ast.ImportFrom):
             imported.add(node.module or "")
     ours = {name for name in imported if name.startswith("colony")}
-    allowed = ("colony.ir", "colony.verify.interpreter_", "colony.diagnostics", "colony.source")
+    allowed = ("colony.ir", "colony.verify.interpreter_", "colony.text.diagnostics", "colony.text.source")
     assert all(name.startswith(allowed) for name in ours), ours
 
 

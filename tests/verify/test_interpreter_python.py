@@ -7,9 +7,9 @@ from typing import Any
 
 import pytest
 
-from colony.diagnostics import Failure
 from colony.ir.frame import Decision, Outcome, Record
-from colony.verify.interpreter import Interpreter
+from colony.text.diagnostics import Failure
+from colony.verify.reference.interpreter import Interpreter
 from tests.verify.scripted_modules import Scripted
 from tests.verify.stepping import Shot, every, program, run
 

@@ -7,13 +7,13 @@ import math
 import pytest
 from hypothesis import given
 
-from colony.compile.executor import ClientListExecutor
 from colony.compile.pipeline import traverse
+from colony.execute.executor import ClientListExecutor
 from colony.ir.frame import Frame
 from colony.ir.memory import ProgramMemory
-from colony.verify.interpreter import Interpreter
-from colony.verify.resuming import Resuming
-from colony.verify.strategies import Run, network_runs, run_of_seed, runs
+from colony.verify.audit.resuming import Resuming
+from colony.verify.reference.interpreter import Interpreter
+from colony.verify.testing.strategies import Run, network_runs, run_of_seed, runs
 from tests.verify.stepping import program
 
 

@@ -8,12 +8,12 @@ from random import Random
 
 import pytest
 
-from colony.compile.executor import ClientExecutor
 from colony.compile.pipeline import compile_program
+from colony.execute.executor import ClientExecutor
 from colony.ir.frame import Frame
 from colony.ir.program import Program
-from colony.verify.interpreter import Interpreter
-from colony.verify.strategies import run_of_seed
+from colony.verify.reference.interpreter import Interpreter
+from colony.verify.testing.strategies import run_of_seed
 from tests.verify.stepping import MS, program
 
 Losses = tuple[frozenset[str], ...]

@@ -11,8 +11,8 @@ from functools import cache
 import pytest
 
 from colony.ir.frame import Outcome
-from colony.verify.agreement import EXECUTORS, Factory, disagreement, reference
-from colony.verify.strategies import Run, run_of_seed
+from colony.verify.testing.agreement import EXECUTORS, Factory, disagreement, reference
+from colony.verify.testing.strategies import Run, run_of_seed
 from tests.verify.seeded_bugs import BUGS, Bug
 
 NETWORKS = 200

@@ -6,9 +6,9 @@ import math
 from random import Random
 
 from colony.ir.frame import Frame, Reading
-from colony.verify.shrinking import shrunk
-from colony.verify.strategies_drawing import Choices
-from colony.verify.strategies_frames import draw_trace
+from colony.verify.testing.drawing import Choices
+from colony.verify.testing.frames import draw_trace
+from colony.verify.testing.shrinking import shrunk
 from tests.verify.stepping import MS, program
 
 OF = program("module m { when a do out(v = 1) }\nnetwork { out = m }")

@@ -15,11 +15,19 @@ from hypothesis import strategies as st
 from colony.dsl.load import check_text, load_file
 from colony.ir.frame import Frame
 from colony.ir.program import Chain, Program, Wiring
-from colony.verify.interpreter import Interpreter
-from colony.verify.strategies import frames, network_runs, networks, programs, run_of_seed, texts, traces
-from colony.verify.strategies_drawing import Choices
-from colony.verify.strategies_frames import draw_trace
-from colony.verify.strategies_text import draw_text
+from colony.verify.reference.interpreter import Interpreter
+from colony.verify.testing.drawing import Choices
+from colony.verify.testing.frames import draw_trace
+from colony.verify.testing.program_text import draw_text
+from colony.verify.testing.strategies import (
+    frames,
+    network_runs,
+    networks,
+    programs,
+    run_of_seed,
+    texts,
+    traces,
+)
 from tests.verify.stepping import program
 
 

@@ -9,11 +9,11 @@ from random import Random
 from colony.ir.expression import StateValue
 from colony.ir.frame import Frame
 from colony.ir.types import PLAIN
-from colony.verify.example_frames import frames_of
-from colony.verify.interpreter import Interpreter
-from colony.verify.strategies_drawing import Choices
-from colony.verify.strategies_frames import draw_trace
-from colony.verify.strategies_guided import LONGEST, Guide
+from colony.verify.reference.interpreter import Interpreter
+from colony.verify.testing.drawing import Choices
+from colony.verify.testing.example_frames import frames_of
+from colony.verify.testing.frames import draw_trace
+from colony.verify.testing.guided import LONGEST, Guide
 from tests.verify.stepping import MS, program
 
 Learn = Callable[[Sequence[Frame], Sequence[Hashable]], object]

@@ -7,10 +7,10 @@ import xml.etree.ElementTree as ET
 import pytest
 
 from benchmarks.networks import chain, ladder, random_program
-from colony.compile.elaborate import elaborate
 from colony.compile.network import Inhibitor, ModuleLeaf, Network, Suppressor
-from colony.view.graph import to_dot, to_svg
-from colony.view.graph_layout import Diagram, Place, layout
+from colony.compile.passes.elaborate import elaborate
+from colony.view.graph.graph import to_dot, to_svg
+from colony.view.graph.layout import Diagram, Place, layout
 
 WANDER = Network(
     nodes=(

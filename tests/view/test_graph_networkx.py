@@ -7,7 +7,7 @@ import pytest
 
 from colony.compile.network import Inhibitor, ModuleLeaf, Network, Suppressor
 from colony.dsl.load import load_file
-from colony.view.graph_networkx import to_graphml, to_networkx
+from colony.view.graph.networkx import to_graphml, to_networkx
 
 BEHAVIORS = sorted((Path(__file__).parent.parent.parent / "behaviors").glob("*.colony"))
 

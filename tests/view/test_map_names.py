@@ -4,10 +4,10 @@ from pathlib import Path
 
 import pytest
 
-from colony.nav.stickrep import EdgeKind
-from colony.nav.stickrep_geometry import corners, in_free_space
-from colony.nav.stickrep_reader import load_map
-from colony.nav.walls import walls_of
+from colony.nav.maps.stickrep.geometry import corners, in_free_space
+from colony.nav.maps.stickrep.model import EdgeKind
+from colony.nav.maps.stickrep.reader import load_map
+from colony.nav.maps.walls import walls_of
 from colony.view.map_names import Box, place_names
 
 MAPS = Path(__file__).resolve().parents[2] / "maps"

@@ -7,8 +7,8 @@ import pytest
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.collections import LineCollection
 
-from colony.nav.stickrep_geometry import link_places
-from colony.nav.stickrep_reader import load_map
+from colony.nav.maps.stickrep.geometry import link_places
+from colony.nav.maps.stickrep.reader import load_map
 from colony.view.map_picture import draw_map, encode_picture, picture_format
 
 MAPS = Path(__file__).resolve().parents[2] / "maps"

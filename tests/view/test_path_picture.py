@@ -6,7 +6,7 @@ from pathlib import Path
 
 from matplotlib.collections import LineCollection
 
-from colony.nav.stickrep_reader import load_map
+from colony.nav.maps.stickrep.reader import load_map
 from colony.view.path_picture import Drive, draw_errors, draw_paths, encode
 
 FLOOR = load_map(Path(__file__).parents[2] / "maps" / "hallway.stickrep")

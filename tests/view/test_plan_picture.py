@@ -8,9 +8,9 @@ from pathlib import Path
 import numpy as np
 from matplotlib.colors import to_hex
 
-from colony.nav.building import Building, load_building
-from colony.nav.plan import Plan
-from colony.nav.route import plan
+from colony.nav.maps.building import Building, load_building
+from colony.nav.plan.plan import Plan
+from colony.nav.plan.route import plan
 from colony.view.map_picture import encode_picture
 from colony.view.plan_picture import draw_plan
 

@@ -15,11 +15,11 @@ from typing import Any
 
 import msgspec
 import numpy as np
-from numpy.typing import NDArray
-
 from colony.experiment.local_cameras import LocalCamera
 from colony.experiment.local_scripts import LocalScripts
 from colony.experiment.local_servers import Granted, Handler, LocalData
+from numpy.typing import NDArray
+
 from colony.nav.shared import (
     CEILING_LIGHT,
     END_L_MODE,
@@ -29,12 +29,12 @@ from colony.nav.shared import (
     OVERSHOOT,
     TRACK_DATA,
 )
-from colony.runtime.calls import Asked, Caller, Refused
-from colony.runtime.images import Image
 from colony.runtime.kit.errors import CallRefused
 from colony.runtime.kit.script import Script, do, sleep
 from colony.runtime.library import data, robot
-from colony.vision.ceiling_camera import UPWARD, CeilingCamera
+from colony.runtime.protocol.calls import Asked, Caller, Refused
+from colony.runtime.servers.images import Image
+from colony.vision.lights.ceiling_camera import UPWARD, CeilingCamera
 
 FRAME_S = 0.05
 ASKED = Asked(Caller("local/test", "test", 0, "local"), 1)

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from colony.nav.signs import MARKER_BITS, MARKER_WIDTH_MM, STRIPE_HEIGHT_MM, STRIPE_MM
+from colony.nav.maps.signs import MARKER_BITS, MARKER_WIDTH_MM, STRIPE_HEIGHT_MM, STRIPE_MM
 from colony.vision.level_camera import AHEAD, LevelCamera
 
 _FINE = 4  # rays a pixel in each direction

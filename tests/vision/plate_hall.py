@@ -8,18 +8,18 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 import msgspec
-
 from colony.experiment.local_cameras import LocalCamera
 from colony.experiment.local_scripts import LocalScripts
 from colony.experiment.local_servers import Granted, Handler, LocalData
-from colony.nav.signs import Plate
-from colony.nav.stickrep_geometry import Point
-from colony.runtime.calls import Asked, Caller, Refused
-from colony.runtime.images import Image
+
+from colony.nav.maps.signs import Plate
+from colony.nav.maps.stickrep.geometry import Point
 from colony.runtime.kit.script import Script
 from colony.runtime.library import data, proximity, robot
+from colony.runtime.protocol.calls import Asked, Caller, Refused
+from colony.runtime.servers.images import Image
 from colony.vision.level_camera import SIDE
-from colony.vision.plate_geometry import WallView
+from colony.vision.plates.geometry import WallView
 from tests.vision.plate_walls import Board, wall_image
 
 FRAME_NS = 50_000_000

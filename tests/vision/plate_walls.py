@@ -12,10 +12,10 @@ from numpy.typing import NDArray
 from PIL import Image as Pictures
 from PIL import ImageDraw, ImageFont
 
-from colony.nav.signs import CHARACTER_HEIGHT_MM, PLATE_HEIGHT_MM, PLATE_WIDTH_MM, SIGN_HEIGHT_MM
+from colony.nav.maps.signs import CHARACTER_HEIGHT_MM, PLATE_HEIGHT_MM, PLATE_WIDTH_MM, SIGN_HEIGHT_MM
 from colony.vision.gray_images import Gray
 from colony.vision.level_camera import SIDE, LevelCamera
-from colony.vision.plate_geometry import WallView
+from colony.vision.plates.geometry import WallView
 
 _MM = 2.5  # of wall a pixel of its texture
 _BELOW_MM, _ABOVE_MM = 500.0, 2600.0

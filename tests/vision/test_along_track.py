@@ -5,7 +5,7 @@ import math
 import numpy as np
 import pytest
 
-from colony.vision.along_track import Reckoning, Scale
+from colony.vision.lights.along_track import Reckoning, Scale
 
 LANDMARK_MM2 = 20.0**2
 

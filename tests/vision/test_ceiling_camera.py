@@ -5,8 +5,8 @@ import math
 import numpy as np
 import pytest
 
-from colony.sim.ceiling import LIGHT_ACROSS_MM, LIGHT_ALONG_MM, CeilingCameraConfig, lens_of
-from colony.vision.ceiling_camera import LIGHT_LENGTH_MM, LIGHT_WIDTH_MM, UPWARD, CeilingCamera
+from colony.sim.cameras.ceiling import LIGHT_ACROSS_MM, LIGHT_ALONG_MM, CeilingCameraConfig, lens_of
+from colony.vision.lights.ceiling_camera import LIGHT_LENGTH_MM, LIGHT_WIDTH_MM, UPWARD, CeilingCamera
 
 
 def test_the_image_covers_what_the_thesis_says() -> None:

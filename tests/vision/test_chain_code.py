@@ -6,7 +6,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from colony.vision.chain_code import LEAST_CORNERNESS, Border, cornerness, corners, traced
+from colony.vision.plates.chain_code import LEAST_CORNERNESS, Border, cornerness, corners, traced
 
 _STEPS = ((1, 0), (1, -1), (0, -1), (-1, -1), (-1, 0), (-1, 1), (0, 1), (1, 1))
 

@@ -8,10 +8,10 @@ import math
 import numpy as np
 import pytest
 
-from colony.nav.signs import CHARACTERS
-from colony.vision.letters_decoding import likely_texts, log_probabilities_of
-from colony.vision.letters_network import BLANK, CLASSES
-from colony.vision.letters_prior import ANYTHING_SHARE, SHAPES, WORD_SHARE, log_prior
+from colony.nav.maps.signs import CHARACTERS
+from colony.vision.letters.decoding import likely_texts, log_probabilities_of
+from colony.vision.letters.network import BLANK, CLASSES
+from colony.vision.letters.prior import ANYTHING_SHARE, SHAPES, WORD_SHARE, log_prior
 
 
 def _columns(rows: list[dict[str, float]]) -> np.ndarray:

@@ -7,13 +7,13 @@ from typing import Any
 import numpy as np
 import pytest
 
-from colony.runtime.images import Image
 from colony.runtime.kit.errors import CallRefused, TimedOut
 from colony.runtime.kit.script import Do, Step
 from colony.runtime.library import camera
-from colony.vision.ceiling_camera import UPWARD
-from colony.vision.light_looks import LIGHT_SEEN, LIGHT_TOKEN, Look, camera_child, cameras_looker
-from colony.vision.light_tracker import light_tracker, parent
+from colony.runtime.servers.images import Image
+from colony.vision.lights.ceiling_camera import UPWARD
+from colony.vision.lights.looks import LIGHT_SEEN, LIGHT_TOKEN, Look, camera_child, cameras_looker
+from colony.vision.lights.tracker import light_tracker, parent
 from tests.vision.corridors import Ceiling, Robot, Stage, rendered
 
 LIGHTS = (2000.0, 7500.0)

@@ -6,11 +6,12 @@ from typing import Any
 
 import numpy as np
 import pytest
-
 from colony.experiment.local_scripts import ScriptFailed
-from colony.nav.fixes import fix_of
-from colony.nav.pose_estimate import pose_estimator
-from colony.nav.pose_tracker import Source
+
+from colony.nav.maps.walls import Walls
+from colony.nav.pose.estimate import pose_estimator
+from colony.nav.pose.fixes import fix_of
+from colony.nav.pose.tracker import Source
 from colony.nav.shared import (
     CEILING_LIGHT,
     END_L_MODE,
@@ -23,12 +24,11 @@ from colony.nav.shared import (
     TRACK_START,
     GoalKind,
 )
-from colony.nav.walls import Walls
 from colony.runtime.kit.errors import CallRefused
 from colony.runtime.kit.script import Script, sleep
 from colony.runtime.library.robot import Position
-from colony.vision.ceiling_camera import UPWARD
-from colony.vision.light_tracker import light_tracker, position_at
+from colony.vision.lights.ceiling_camera import UPWARD
+from colony.vision.lights.tracker import light_tracker, position_at
 from tests.vision.corridors import Ceiling, Robot, Stage
 
 PLACES = tuple(2500.0 + 5500.0 * i for i in range(5))

@@ -9,8 +9,10 @@ import pytest
 
 from colony.compile.pipeline import compile_program
 from colony.dsl.load import load_text
-from colony.nav.pose_estimate import pose_estimator
-from colony.nav.pose_tracker import Source
+from colony.nav.maps.stickrep.model import EdgeKind
+from colony.nav.maps.walls import Walls
+from colony.nav.pose.estimate import pose_estimator
+from colony.nav.pose.tracker import Source
 from colony.nav.shared import (
     CEILING_LIGHT,
     END_L_MODE,
@@ -21,21 +23,19 @@ from colony.nav.shared import (
     OVERSHOOT,
     TRACK_DATA,
 )
-from colony.nav.stickrep import EdgeKind
-from colony.nav.walls import Walls
-from colony.runtime.images import Image
+from colony.runtime.assembly.virtual import Session
 from colony.runtime.kit.script import Script, do, sleep
 from colony.runtime.kit.script_node import ScriptNode
 from colony.runtime.library import data, robot
 from colony.runtime.servers.cserver import CServer
-from colony.runtime.session import Session
-from colony.runtime.virtual import VirtualClock
-from colony.sim.ceiling import CeilingCamera
+from colony.runtime.servers.images import Image
+from colony.runtime.transport.virtual import VirtualClock
+from colony.sim.cameras.ceiling import CeilingCamera
 from colony.sim.drivers import Plant, simulated_drivers
-from colony.sim.scenery import CeilingLight, bare
-from colony.sim.world import World
-from colony.vision.light_looks import camera_child
-from colony.vision.light_tracker import light_tracker, parent
+from colony.sim.hazards.scenery import CeilingLight, bare
+from colony.sim.world.world import World
+from colony.vision.lights.looks import camera_child
+from colony.vision.lights.tracker import light_tracker, parent
 
 PROGRAM = """
 robot tester {

@@ -9,11 +9,14 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-
 from colony.experiment.local_cameras import LevelShot, LocalCamera
 from colony.experiment.local_scripts import LocalScripts, ScriptFailed
 from colony.experiment.local_servers import LocalBase, LocalData
-from colony.nav.fixes import fix_of
+
+from colony.nav.maps.signs import Marker, markers_of
+from colony.nav.maps.stickrep.geometry import Point
+from colony.nav.maps.stickrep.reader import load_map
+from colony.nav.pose.fixes import fix_of
 from colony.nav.shared import (
     ELEVATOR_CALL,
     FLOOR,
@@ -25,18 +28,15 @@ from colony.nav.shared import (
     MARKER_FIX,
     GoalKind,
 )
-from colony.nav.signs import Marker, markers_of
-from colony.nav.stickrep_geometry import Point
-from colony.nav.stickrep_reader import load_map
-from colony.runtime.calls import Refused
 from colony.runtime.kit.script import Script, do, sleep
 from colony.runtime.library import data
-from colony.sim.camera import Camera, CameraConfig
-from colony.sim.hazards import Hazards, draw
-from colony.sim.scene import scene_of
-from colony.sim.world import World
+from colony.runtime.protocol.calls import Refused
+from colony.sim.cameras.camera import Camera, CameraConfig
+from colony.sim.cameras.scene import scene_of
+from colony.sim.hazards.hazards import Hazards, draw
+from colony.sim.world.world import World
 from colony.vision.level_camera import AHEAD, LevelCamera
-from colony.vision.marker_finder import marker_finder
+from colony.vision.markers.finder import marker_finder
 
 NAME = "msu_engineering_3"
 MAP = load_map(Path(__file__).parents[2] / "maps" / f"{NAME}.stickrep")

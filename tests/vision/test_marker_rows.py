@@ -9,15 +9,15 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from colony.nav.signs import MARKER_CODES, MARKER_WIDTH_MM, Sign, markers_of, plates_of
-from colony.nav.stickrep_reader import load_map
-from colony.sim.camera import Camera, CameraConfig
-from colony.sim.hazards import Hazards, draw
-from colony.sim.scene import scene_of
-from colony.sim.snapshot import snapshot
+from colony.nav.maps.signs import MARKER_CODES, MARKER_WIDTH_MM, Sign, markers_of, plates_of
+from colony.nav.maps.stickrep.reader import load_map
+from colony.sim.cameras.camera import Camera, CameraConfig
+from colony.sim.cameras.scene import scene_of
+from colony.sim.cameras.snapshot import snapshot
+from colony.sim.hazards.hazards import Hazards, draw
 from colony.vision.level_camera import AHEAD
-from colony.vision.marker_pose import edge_units
-from colony.vision.marker_rows import find_markers
+from colony.vision.markers.pose import edge_units
+from colony.vision.markers.rows import find_markers
 from colony.vision.sightings import MarkerBox
 from tests.vision.marker_views import View, picture
 

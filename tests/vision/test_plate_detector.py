@@ -11,8 +11,8 @@ from hypothesis.extra import numpy as arrays
 
 from colony.vision.gray_images import Gray
 from colony.vision.level_camera import SIDE, LevelCamera
-from colony.vision.plate_detector import find_plates
-from colony.vision.plate_geometry import WallView
+from colony.vision.plates.detector import find_plates
+from colony.vision.plates.geometry import WallView
 from colony.vision.sightings import PlateBox
 from tests.vision.plate_walls import Board, corners_of, plate, wall_image
 

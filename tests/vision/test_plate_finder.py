@@ -4,16 +4,16 @@ from dataclasses import replace
 from typing import Any
 
 import pytest
-
 from colony.experiment.local_scripts import ScriptFailed
-from colony.nav.fixes import fix_of
+
+from colony.nav.pose.fixes import fix_of
 from colony.nav.shared import FLOOR, GOAL_DIRECTION, PLATE_FIX, PLATE_SEEN
-from colony.runtime.calls import Asked, Caller, Nothing, Refused
 from colony.runtime.library import camera as cameras
+from colony.runtime.protocol.calls import Asked, Caller, Nothing, Refused
 from colony.runtime.servers.cserver import PERIOD_NS
 from colony.vision.level_camera import LevelCamera
-from colony.vision.plate_finder import plate_finder
-from colony.vision.plate_sights import PlateSight
+from colony.vision.plates.finder import plate_finder
+from colony.vision.plates.sights import PlateSight
 from tests.vision.plate_hall import Hall, Stage, known
 from tests.vision.plate_walls import plate
 

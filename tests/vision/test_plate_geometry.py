@@ -7,7 +7,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from colony.vision.level_camera import SIDE, LevelCamera
-from colony.vision.plate_geometry import WallView, is_too_steep, overlap_mm, starting_column
+from colony.vision.plates.geometry import WallView, is_too_steep, overlap_mm, starting_column
 
 distances = st.floats(300.0, 4000.0)
 tilts = st.floats(-49.9, 49.9)

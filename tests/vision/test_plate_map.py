@@ -2,11 +2,11 @@ from __future__ import annotations
 
 import pytest
 
-from colony.nav.signs import Plate
-from colony.nav.stickrep import Pose
-from colony.nav.stickrep_geometry import Point
-from colony.vision.plate_map import LEAST_GATE_MM, MOST_GATE_MM, gate_mm, known_plate
-from colony.vision.plate_sights import Seen
+from colony.nav.maps.signs import Plate
+from colony.nav.maps.stickrep.geometry import Point
+from colony.nav.maps.stickrep.model import Pose
+from colony.vision.plates.map import LEAST_GATE_MM, MOST_GATE_MM, gate_mm, known_plate
+from colony.vision.plates.sights import Seen
 from colony.vision.sightings import Reading
 
 

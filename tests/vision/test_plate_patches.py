@@ -3,10 +3,10 @@ from __future__ import annotations
 import pytest
 
 from colony.vision.level_camera import SIDE
-from colony.vision.plate_candidates import candidates
-from colony.vision.plate_geometry import WallView
-from colony.vision.plate_lines import lines_of_text, outline_about
-from colony.vision.plate_patches import Patch, agreed
+from colony.vision.plates.candidates import candidates
+from colony.vision.plates.geometry import WallView
+from colony.vision.plates.lines import lines_of_text, outline_about
+from colony.vision.plates.patches import Patch, agreed
 from tests.vision.plate_walls import corners_of, plate, wall_image
 
 

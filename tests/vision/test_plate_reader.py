@@ -8,8 +8,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from colony.vision.letters_network import Network, network, packed, unpacked
-from colony.vision.plate_reader import combined, read_plate
+from colony.vision.letters.network import Network, network, packed, unpacked
+from colony.vision.plates.reader import combined, read_plate
 from colony.vision.sightings import Corner, PlateBox, Reading
 from colony.vision.training.fonts import learned_fonts, unseen_fonts
 from colony.vision.training.samples import Look, junk_look, plate_look

@@ -8,12 +8,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from colony.nav.signs import PLATE_HEIGHT_MM, PLATE_WIDTH_MM, SIGN_HEIGHT_MM, Plate, plates_of
-from colony.nav.stickrep_reader import load_map
-from colony.sim.camera import Camera, CameraConfig
-from colony.sim.scene import scene_of
+from colony.nav.maps.signs import PLATE_HEIGHT_MM, PLATE_WIDTH_MM, SIGN_HEIGHT_MM, Plate, plates_of
+from colony.nav.maps.stickrep.reader import load_map
+from colony.sim.cameras.camera import Camera, CameraConfig
+from colony.sim.cameras.scene import scene_of
 from colony.vision.level_camera import SIDE
-from colony.vision.plate_reader import read_plate
+from colony.vision.plates.reader import read_plate
 from colony.vision.sightings import Corner, PlateBox
 
 FLOOR = load_map(Path(__file__).parents[2] / "maps" / "msu_engineering_3.stickrep")

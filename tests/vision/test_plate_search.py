@@ -5,13 +5,13 @@ from dataclasses import replace
 
 import pytest
 
-from colony.nav.signs import Plate
-from colony.nav.stickrep import Pose
+from colony.nav.maps.signs import Plate
+from colony.nav.maps.stickrep.model import Pose
 from colony.vision.gray_images import Gray
 from colony.vision.level_camera import SIDE
-from colony.vision.plate_geometry import WallView
-from colony.vision.plate_search import SETTLED_LOOKS, Known, PlateSearch, ThesisSearch, View
-from colony.vision.plate_sights import PlateSight
+from colony.vision.plates.geometry import WallView
+from colony.vision.plates.search import SETTLED_LOOKS, Known, PlateSearch, ThesisSearch, View
+from colony.vision.plates.sights import PlateSight
 from colony.vision.sightings import PlateBox, Reading
 from tests.vision.plate_hall import Hall, known
 from tests.vision.plate_walls import Board, plate, wall_image

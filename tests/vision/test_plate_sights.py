@@ -7,14 +7,14 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from colony.nav.echoes import Ring, SonarModel
-from colony.nav.pose_filter import Leap, PoseFilter, Uncertainty
-from colony.nav.signs import Plate
-from colony.nav.stickrep import Pose
-from colony.nav.stickrep_geometry import Point
+from colony.nav.maps.signs import Plate
+from colony.nav.maps.stickrep.geometry import Point
+from colony.nav.maps.stickrep.model import Pose
+from colony.nav.pose.echoes import Ring, SonarModel
+from colony.nav.pose.filter import Leap, PoseFilter, Uncertainty
 from colony.vision.level_camera import SIDE
-from colony.vision.plate_geometry import WallView
-from colony.vision.plate_sights import Seen, fix_of_plate, seen_of
+from colony.vision.plates.geometry import WallView
+from colony.vision.plates.sights import Seen, fix_of_plate, seen_of
 from colony.vision.sightings import PlateBox, Reading
 from tests.vision.plate_walls import corners_of, plate
 

@@ -5,10 +5,10 @@ from collections.abc import Sequence
 
 import pytest
 
-from colony.nav.stickrep import Pose
+from colony.nav.maps.stickrep.model import Pose
 from colony.vision.level_camera import SIDE
-from colony.vision.plate_sights import Seen
-from colony.vision.plate_tracks import FORGET_MM, PlateTracks
+from colony.vision.plates.sights import Seen
+from colony.vision.plates.tracks import FORGET_MM, PlateTracks
 from colony.vision.sightings import Reading
 
 WALL_MM = 1500.0

@@ -5,8 +5,8 @@ import math
 import numpy as np
 import pytest
 
-from colony.vision.ceiling_camera import UPWARD
-from colony.vision.scan_lines import Light, Lines, ceiling_lights, line_lights
+from colony.vision.lights.ceiling_camera import UPWARD
+from colony.vision.lights.scan_lines import Light, Lines, ceiling_lights, line_lights
 from tests.vision.corridors import Ceiling, rendered
 
 LIT = Ceiling(lights=((0.0, 240.0),))

@@ -12,13 +12,13 @@ from typing import NamedTuple
 import numpy as np
 import pytest
 
-from colony.nav.stickrep import Map
-from colony.nav.stickrep_reader import load_map
-from colony.sim.ceiling import CeilingCamera
-from colony.sim.hazards import Hazards, draw
-from colony.sim.scenery import CeilingLight, Scenery
-from colony.vision.ceiling_camera import UPWARD
-from colony.vision.scan_lines import ceiling_lights
+from colony.nav.maps.stickrep.model import Map
+from colony.nav.maps.stickrep.reader import load_map
+from colony.sim.cameras.ceiling import CeilingCamera
+from colony.sim.hazards.hazards import Hazards, draw
+from colony.sim.hazards.scenery import CeilingLight, Scenery
+from colony.vision.lights.ceiling_camera import UPWARD
+from colony.vision.lights.scan_lines import ceiling_lights
 
 MAP = Path(__file__).parents[2] / "maps" / "msu_engineering_3.stickrep"
 LOOK_S = 0.25

@@ -12,7 +12,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from colony.nav.signs import PLATE_HEIGHT_MM, PLATE_WIDTH_MM
+from colony.nav.maps.signs import PLATE_HEIGHT_MM, PLATE_WIDTH_MM
 from colony.vision.level_camera import LevelCamera
 from colony.vision.spotting import Detector, Spot
 from tests.vision.second_renderer import measure

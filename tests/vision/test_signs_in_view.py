@@ -8,11 +8,11 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from colony.nav.signs import Marker, Plate, markers_of, plates_of
-from colony.nav.stickrep_reader import load_map
-from colony.sim.camera import Camera, CameraConfig
-from colony.sim.optics import Optics
-from colony.sim.scene import scene_of
+from colony.nav.maps.signs import Marker, Plate, markers_of, plates_of
+from colony.nav.maps.stickrep.reader import load_map
+from colony.sim.cameras.camera import Camera, CameraConfig
+from colony.sim.cameras.optics import Optics
+from colony.sim.cameras.scene import scene_of
 from colony.vision.level_camera import LevelCamera
 from colony.vision.signs_in_view import corners_of, signs_in_view
 from tests.sim.buildings import LOOP, MAPS, MSU

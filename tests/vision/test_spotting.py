@@ -15,12 +15,12 @@ from hypothesis.extra import numpy as arrays
 from PIL import Image
 
 from colony.vision.annotate import annotate, encode_png
-from colony.vision.ceiling_camera import UPWARD
 from colony.vision.image_files import decode_image
-from colony.vision.marker_rows import find_markers
-from colony.vision.plate_detector import find_plates
-from colony.vision.plate_reader import read_plate
-from colony.vision.scan_lines import ceiling_lights
+from colony.vision.lights.ceiling_camera import UPWARD
+from colony.vision.lights.scan_lines import ceiling_lights
+from colony.vision.markers.rows import find_markers
+from colony.vision.plates.detector import find_plates
+from colony.vision.plates.reader import read_plate
 from colony.vision.sightings import PlateBox
 from colony.vision.spotting import Detector, Spot, spots
 from tests.vision.second_renderer.measure import CORPUS, overlap

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from colony.vision.level_camera import SIDE, LevelCamera
-from colony.vision.plate_geometry import WallView
-from colony.vision.thesis_plates import MIDDLE_LEVEL, scan_band, stretched, thesis_plates
+from colony.vision.plates.geometry import WallView
+from colony.vision.plates.thesis import MIDDLE_LEVEL, scan_band, stretched, thesis_plates
 from tests.vision.plate_walls import Board, corners_of, plate, wall_image
 
 FACED = WallView(1500.0, 0.0)

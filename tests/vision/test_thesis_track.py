@@ -1,8 +1,8 @@
 from __future__ import annotations
 
-from colony.vision.light_track import LightGoal, Passing, Seen
-from colony.vision.scan_lines import Light
-from colony.vision.thesis_track import ThesisTrack
+from colony.vision.lights.scan_lines import Light
+from colony.vision.lights.thesis_track import ThesisTrack
+from colony.vision.lights.track import LightGoal, Passing, Seen
 
 GOAL = LightGoal(direction_deg=0.0, x_mm=0.0, y_mm=0.0, lights_mm=(2000.0, 7500.0, 13000.0))
 

@@ -7,8 +7,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from colony.vision.letters_network import CLASSES
-from colony.vision.plate_reader import reading_of
+from colony.vision.letters.network import CLASSES
+from colony.vision.plates.reader import reading_of
 from colony.vision.training import __main__ as command
 from colony.vision.training import fonts as fonts_module
 from colony.vision.training.ctc import ctc_loss

@@ -11,7 +11,7 @@ from colony.dsl.check.compatibility import article, listed, unify
 from colony.dsl.check.scope import Broken, LetSymbol, SensorSymbol
 from colony.ir import expression as ir
 from colony.ir.types import BOOL, DEGREES, DURATION, PLAIN, Array, Bool, Quantity, Scalar, element_type
-from colony.units import ANGLE, NUMBER, Dimension
+from colony.text.units import ANGLE, NUMBER, Dimension
 
 if TYPE_CHECKING:
     from colony.dsl.check.expressions import Checker

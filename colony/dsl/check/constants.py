@@ -8,7 +8,7 @@ from fractions import Fraction
 
 from colony.ir import expression as ir
 from colony.ir.types import ScalarValue
-from colony.units import BadUnit, Unit, parse_unit
+from colony.text.units import BadUnit, Unit, parse_unit
 
 _NUMBER = re.compile(r"(\d+)(?:\.(\d+))?(?:[eE]([+-]?\d+))?")
 _SIGNIFICANT = 1100

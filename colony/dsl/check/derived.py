@@ -19,7 +19,7 @@ from colony.dsl.check.scope import (
 from colony.ir import program as ir
 from colony.ir.expression import Expression
 from colony.ir.types import BOOL, Enum, Scalar, ScalarValue
-from colony.units import BASE_UNITS
+from colony.text.units import BASE_UNITS
 
 
 def check_param(checker: Checker, node: ast.ParamDecl) -> ParamSymbol | Broken:

@@ -31,8 +31,8 @@ from colony.ir.types import (
     Type,
     element_type,
 )
-from colony.source import Span
-from colony.units import TIME, BadUnit, nanoseconds
+from colony.text.source import Span
+from colony.text.units import TIME, BadUnit, nanoseconds
 
 MAX_DURATION_NS = 10**18
 """So that sums of times fit 64 bits in every executor."""

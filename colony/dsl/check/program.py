@@ -9,7 +9,6 @@ from __future__ import annotations
 from collections.abc import Iterator
 from typing import TypeVar
 
-from colony.diagnostics import Diagnostic, has_errors, in_order, warning
 from colony.dsl import ast
 from colony.dsl.check.declare import MODULE_DECLARATIONS, declare_names
 from colony.dsl.check.derived import (
@@ -39,6 +38,7 @@ from colony.dsl.check.wiring import PendingWire, check_outputs, check_wires, rea
 from colony.dsl.files import SourceTree
 from colony.ir import program as ir
 from colony.ir.types import ScalarValue
+from colony.text.diagnostics import Diagnostic, has_errors, in_order, warning
 
 _Node = TypeVar("_Node", bound=ast.Node)
 

@@ -9,7 +9,7 @@ from colony.dsl.check.expressions import Checker
 from colony.dsl.check.scope import ActuatorSymbol, Broken, EnumSymbol, SensorSymbol
 from colony.ir import program as ir
 from colony.ir.types import BOOL, PLAIN, Array, Enum, Quantity, Scalar, ScalarValue
-from colony.units import BadUnit
+from colony.text.units import BadUnit
 
 MAX_ELEMENTS = 4096
 # What lines of recordings and traces use beside sensors, actuators and their fields:

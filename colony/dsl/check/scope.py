@@ -10,13 +10,13 @@ from collections.abc import Iterable
 from dataclasses import dataclass, field, replace
 from itertools import islice
 
-from colony.diagnostics import Diagnostic, error
 from colony.dsl import ast
 from colony.dsl.files import SourceFile
 from colony.ir import program as ir
 from colony.ir.types import Enum, Scalar, Type, Value
 from colony.record import Record, record
-from colony.source import Span
+from colony.text.diagnostics import Diagnostic, error
+from colony.text.source import Span
 
 
 @record

@@ -27,8 +27,8 @@ from colony.runtime.kit.conversation import Outcome
 from colony.runtime.kit.errors import ConnectionProblem
 from colony.runtime.kit.hub import Hub
 from colony.runtime.library.ask import Ask
-from colony.runtime.live.place import Credentials
-from colony.runtime.messages import Notice
+from colony.runtime.protocol.messages import Notice
+from colony.runtime.transport.live.place import Credentials
 
 T = TypeVar("T")
 

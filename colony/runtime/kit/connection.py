@@ -32,9 +32,9 @@ from colony.runtime.kit.errors import ConnectionProblem, TimedOut
 from colony.runtime.kit.hub import Hub
 from colony.runtime.kit.wire import Wire
 from colony.runtime.library.ask import Ask
-from colony.runtime.live.place import Credentials
-from colony.runtime.live.robot_time import time_of
-from colony.runtime.messages import Notice
+from colony.runtime.protocol.messages import Notice
+from colony.runtime.transport.live.place import Credentials
+from colony.runtime.transport.live.robot_time import time_of
 
 T = TypeVar("T")
 

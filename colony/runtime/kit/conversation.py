@@ -17,11 +17,11 @@ from typing import Any, NamedTuple
 
 import msgspec
 
-from colony.runtime.calls import EMERGENCY_STOP, Nothing, Open
-from colony.runtime.codec import LARGEST
 from colony.runtime.kit.errors import CallRefused, ConnectionLost, ConnectionProblem
 from colony.runtime.library.ask import Ask
-from colony.runtime.messages import Alive, Call, Notice, Reply, Right
+from colony.runtime.protocol.calls import EMERGENCY_STOP, Nothing, Open
+from colony.runtime.protocol.codec import LARGEST
+from colony.runtime.protocol.messages import Alive, Call, Notice, Reply, Right
 
 ALIVE_NS = 150_000_000
 """After so long without sending anything a sign of life is due. Asked every 100 ms, it is never late."""

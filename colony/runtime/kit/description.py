@@ -8,11 +8,11 @@ from typing import Literal
 import msgspec
 
 from colony.ir.types import BOOL, Array, Quantity, Scalar, Type
-from colony.runtime.calls import Nothing
-from colony.runtime.fields import FieldSpec, ServerSpec
 from colony.runtime.library.ask import Ask
-from colony.runtime.messages import Right
-from colony.units import NUMBER, parse_unit
+from colony.runtime.protocol.calls import Nothing
+from colony.runtime.protocol.fields import FieldSpec, ServerSpec
+from colony.runtime.protocol.messages import Right
+from colony.text.units import NUMBER, parse_unit
 
 
 class FieldDescription(msgspec.Struct, frozen=True, kw_only=True):

@@ -5,9 +5,9 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 
-from colony.runtime.fields import ServerSpec
 from colony.runtime.kit.connection import Session
 from colony.runtime.kit.description import describe, server_spec
+from colony.runtime.protocol.fields import ServerSpec
 
 
 def discover(session: Session, names: Iterable[str]) -> tuple[ServerSpec, ...]:

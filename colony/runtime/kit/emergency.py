@@ -20,8 +20,8 @@ from colony.runtime.kit.connection import Session
 from colony.runtime.kit.conversation import Outcome, Pending
 from colony.runtime.kit.errors import ConnectionProblem
 from colony.runtime.library import emergency
-from colony.runtime.live.place import Local
-from colony.runtime.topics import CLOCK
+from colony.runtime.protocol.topics import CLOCK
+from colony.runtime.transport.live.place import Local
 
 AGAIN_S = 0.03
 """Seconds after which a stop without an acknowledgement is sent again: on its way it may be dropped where

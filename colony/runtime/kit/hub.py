@@ -16,20 +16,20 @@ from uuid import uuid4
 import msgspec
 import zenoh
 
-from colony.runtime import codec
-from colony.runtime.codec import NotAMessage
 from colony.runtime.kit.conversation import Outcome
 from colony.runtime.kit.errors import ConnectionProblem, ServerNotFound
 from colony.runtime.kit.wire import Wire
-from colony.runtime.live import keys
-from colony.runtime.live.endpoint import parse_endpoint
-from colony.runtime.live.errors import NotReached
-from colony.runtime.live.gateway import GATEWAY, Admitted, whoami
-from colony.runtime.live.network import Network
-from colony.runtime.live.place import Credentials, Local, Place, Remote, local
-from colony.runtime.live.run_directory import RobotDirectory, RunDirectory
-from colony.runtime.live.security import check_credentials, rights
-from colony.runtime.messages import Notice, Reply, Right
+from colony.runtime.protocol import codec
+from colony.runtime.protocol.codec import NotAMessage
+from colony.runtime.protocol.messages import Notice, Reply, Right
+from colony.runtime.transport.live import keys
+from colony.runtime.transport.live.endpoint import parse_endpoint
+from colony.runtime.transport.live.errors import NotReached
+from colony.runtime.transport.live.gateway import GATEWAY, Admitted, whoami
+from colony.runtime.transport.live.network import Network
+from colony.runtime.transport.live.place import Credentials, Local, Place, Remote, local
+from colony.runtime.transport.live.run_directory import RobotDirectory, RunDirectory
+from colony.runtime.transport.live.security import check_credentials, rights
 
 LOGIN_S = 2.0
 """Seconds in which a gateway has to answer which rights a user has."""

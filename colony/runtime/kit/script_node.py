@@ -6,13 +6,13 @@ from collections.abc import Iterator
 from functools import partial
 from typing import Any
 
-from colony.runtime import topics
 from colony.runtime.kit.answers import TIMEOUT_S, read_result, waiting_time
 from colony.runtime.kit.conversation import Begin, Conversation, Outcome, Pending, Resolve, Tell, Transmit
 from colony.runtime.kit.conversation import Effect as Said
 from colony.runtime.kit.errors import ConnectionProblem, ServerNotFound, TimedOut
 from colony.runtime.kit.script import Do, Script, Sleep
-from colony.runtime.messages import Effect, Message, Notice, Reply, Send, Wake, WakeAt
+from colony.runtime.protocol import topics
+from colony.runtime.protocol.messages import Effect, Message, Notice, Reply, Send, Wake, WakeAt
 
 TEND_NS = 100_000_000
 """How often connections are seen to."""

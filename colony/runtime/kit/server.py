@@ -21,11 +21,11 @@ import sys
 from collections.abc import Iterable, Mapping
 from types import TracebackType
 
-from colony.runtime.calls import Method, Refused
 from colony.runtime.kit.service import Field, Report, Service, field, method
-from colony.runtime.live.host import Host
-from colony.runtime.live.network import Network, local_time
-from colony.runtime.live.place import Local, local
+from colony.runtime.protocol.calls import Method, Refused
+from colony.runtime.transport.live.host import Host
+from colony.runtime.transport.live.network import Network, local_time
+from colony.runtime.transport.live.place import Local, local
 
 __all__ = ["Field", "Method", "Refused", "Server", "field", "method"]
 

@@ -9,10 +9,10 @@ from typing import Any, NamedTuple, TypeVar
 import msgspec
 
 from colony.ir.types import Value
-from colony.runtime import calls, topics
-from colony.runtime.calls import Asked, CallDesk, Caller, Method, Nothing, Refused
 from colony.runtime.kit.description import Description, FieldDescription, MethodDescription, field_type
-from colony.runtime.messages import Effect, Fetch, Message, Right, Sample, Send, ServerFrame, Tick
+from colony.runtime.protocol import calls, topics
+from colony.runtime.protocol.calls import Asked, CallDesk, Caller, Method, Nothing, Refused
+from colony.runtime.protocol.messages import Effect, Fetch, Message, Right, Sample, Send, ServerFrame, Tick
 from colony.runtime.servers.publishing import Fields, Publisher
 
 A = TypeVar("A", bound=msgspec.Struct)

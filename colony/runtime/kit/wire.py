@@ -14,7 +14,6 @@ from typing import Any
 
 import zenoh
 
-from colony.runtime import codec, topics
 from colony.runtime.kit.conversation import (
     Begin,
     Conversation,
@@ -28,10 +27,11 @@ from colony.runtime.kit.conversation import (
 )
 from colony.runtime.kit.errors import CallRefused
 from colony.runtime.library.ask import Ask
-from colony.runtime.live import keys
-from colony.runtime.live.network import Network
-from colony.runtime.live.outbox import haste_of, publish
-from colony.runtime.messages import Alive, Call, Notice, Reply, Right
+from colony.runtime.protocol import codec, topics
+from colony.runtime.protocol.messages import Alive, Call, Notice, Reply, Right
+from colony.runtime.transport.live import keys
+from colony.runtime.transport.live.network import Network
+from colony.runtime.transport.live.outbox import haste_of, publish
 
 monotonic = time.monotonic_ns
 

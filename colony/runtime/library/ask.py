@@ -13,7 +13,7 @@ from typing import Any, Generic, NamedTuple, TypeVar
 
 import msgspec
 
-from colony.runtime.messages import Right
+from colony.runtime.protocol.messages import Right
 
 T = TypeVar("T")
 

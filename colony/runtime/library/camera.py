@@ -10,9 +10,9 @@ from typing import TYPE_CHECKING
 
 import msgspec
 
-from colony.runtime.calls import Nothing
-from colony.runtime.images import Image
 from colony.runtime.library.ask import Ask
+from colony.runtime.protocol.calls import Nothing
+from colony.runtime.servers.images import Image
 
 if TYPE_CHECKING:
     import numpy as np

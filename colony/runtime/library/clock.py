@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import msgspec
 
-from colony.runtime.calls import Nothing
-from colony.runtime.deployment import Deployment
 from colony.runtime.library.ask import Ask
-from colony.runtime.messages import Stopped
+from colony.runtime.protocol.calls import Nothing
+from colony.runtime.protocol.deployment import Deployment
+from colony.runtime.protocol.messages import Stopped
 
 
 class ServerWho(msgspec.Struct, frozen=True, kw_only=True):

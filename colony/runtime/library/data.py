@@ -24,7 +24,7 @@ from typing import Any, TypeVar, overload
 import msgspec
 
 from colony.runtime.library.ask import Ask
-from colony.runtime.messages import Notice
+from colony.runtime.protocol.messages import Notice
 
 T = TypeVar("T")
 

@@ -8,9 +8,9 @@ stop a whole robot, and to know that it is stopped, use `colony.runtime.kit.emer
 
 from __future__ import annotations
 
-from colony.runtime.calls import EMERGENCY_STOP, Nothing
-from colony.runtime.fields import SERVERS
 from colony.runtime.library.ask import Ask
+from colony.runtime.protocol.calls import EMERGENCY_STOP, Nothing
+from colony.runtime.protocol.fields import SERVERS
 
 ACTUATOR_SERVERS = tuple(s.name for s in SERVERS if s.commands or s.open_fields)
 """The servers that actuators can be bound to."""

@@ -6,8 +6,8 @@ from typing import Literal
 
 import msgspec
 
-from colony.runtime.calls import Nothing
 from colony.runtime.library.ask import Ask
+from colony.runtime.protocol.calls import Nothing
 
 LEADER = "Leader"
 """Its name among the servers of a robot."""

@@ -9,8 +9,8 @@ from collections.abc import Sequence
 
 import msgspec
 
-from colony.runtime.calls import Nothing
 from colony.runtime.library.ask import Ask
+from colony.runtime.protocol.calls import Nothing
 
 
 class SonarReading(msgspec.Struct, frozen=True, kw_only=True):

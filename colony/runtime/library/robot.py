@@ -21,13 +21,13 @@ from typing import TYPE_CHECKING
 
 import msgspec
 
-from colony.runtime.calls import Nothing
+from colony.runtime.arbitration.motion import Mode
 from colony.runtime.library.ask import Ask
-from colony.runtime.messages import Stopped
-from colony.runtime.motion import Mode
+from colony.runtime.protocol.calls import Nothing
+from colony.runtime.protocol.messages import Stopped
 
 if TYPE_CHECKING:
-    from colony.runtime.deployment import Deployment
+    from colony.runtime.protocol.deployment import Deployment
 
 LEASE_S = 0.5
 """For how long a command holds that is not told again."""

@@ -21,8 +21,8 @@ from collections.abc import Callable
 from typing import Protocol
 
 from colony.ir.program import Actuator, Program
-from colony.runtime.messages import Verdict
-from colony.runtime.observer import FrameLog
+from colony.runtime.observe.observer import FrameLog
+from colony.runtime.protocol.messages import Verdict
 from colony.runtime.recordings.json_text import seconds_text, sensor_members
 from colony.runtime.recordings.keyframes import keyframe_members
 

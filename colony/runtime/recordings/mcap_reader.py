@@ -15,12 +15,11 @@ from typing import Any, BinaryIO, Literal, NoReturn
 import msgspec
 from mcap.records import Attachment, Channel, Metadata
 
-from colony.diagnostics import Failure, error
 from colony.files import size_text
 from colony.ir.frame import Frame
 from colony.ir.program import Actuator, Program
-from colony.runtime.messages import Tick, Verdict
-from colony.runtime.monitor import Keyframe
+from colony.runtime.observe.monitor import Keyframe
+from colony.runtime.protocol.messages import Tick, Verdict
 from colony.runtime.recordings.keyframes import read_keyframe
 from colony.runtime.recordings.mcap_records import (
     BrokenOff,
@@ -41,7 +40,8 @@ from colony.runtime.recordings.mcap_writer import (
 from colony.runtime.recordings.reader import BREAKS_OFF, command
 from colony.runtime.recordings.recorded import RecordedFrame, RunInfo, SourceFile
 from colony.runtime.recordings.schemas import CONTRACTS, FRAMES, KEYFRAMES, VERDICTS
-from colony.source import Source, Span
+from colony.text.diagnostics import Failure, error
+from colony.text.source import Source, Span
 
 SOURCES_BYTES = 32 * 1024 * 1024
 """Bytes of all the files of a program together."""

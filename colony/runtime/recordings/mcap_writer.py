@@ -30,9 +30,9 @@ from mcap.writer import CompressionType, IndexType, Writer
 
 from colony.ir.program import Actuator, Program
 from colony.ir.types import ScalarValue
-from colony.runtime.arbitration import declared_units
-from colony.runtime.messages import Bid, Fate, Hold, Request, Verdict
-from colony.runtime.observer import KEYFRAME_NS, FrameLog
+from colony.runtime.arbitration.arbiter import declared_units
+from colony.runtime.observe.observer import KEYFRAME_NS, FrameLog
+from colony.runtime.protocol.messages import Bid, Fate, Hold, Request, Verdict
 from colony.runtime.recordings.json_text import seconds_text, sensor_members
 from colony.runtime.recordings.keyframes import keyframe_members
 from colony.runtime.recordings.lines import ByteFile, write_all

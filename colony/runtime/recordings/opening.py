@@ -4,12 +4,12 @@ from __future__ import annotations
 
 from typing import BinaryIO, NoReturn
 
-from colony.diagnostics import Failure, error
 from colony.files import open_regular, reason
 from colony.runtime.recordings.reader import MAGIC, LinesReader
 from colony.runtime.recordings.recorded import RecordingReader
 from colony.runtime.recordings.replay import SUM_BEGINS
-from colony.source import Source, Span
+from colony.text.diagnostics import Failure, error
+from colony.text.source import Source, Span
 
 _HEAD_BYTES = 64 * 1024
 """Bytes in which a recording in lines has a checksum, if it is one and damaged at its beginning."""

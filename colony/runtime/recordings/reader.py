@@ -11,14 +11,14 @@ from typing import Any, BinaryIO
 
 import msgspec
 
-from colony.diagnostics import Failure, error
 from colony.files import bounded_lines, reason
 from colony.ir.program import Actuator, Program
-from colony.runtime.messages import Fate, Hold, Tick, Verdict
+from colony.runtime.protocol.messages import Fate, Hold, Tick, Verdict
 from colony.runtime.recordings.keyframes import read_keyframe
 from colony.runtime.recordings.recorded import RecordedFrame
 from colony.runtime.recordings.replay import LINE_BYTES, Row, Rows, located
-from colony.source import Source, Span
+from colony.text.diagnostics import Failure, error
+from colony.text.source import Source, Span
 
 MAGIC = b"\x89MCAP0\r\n"
 """How MCAP begins."""

@@ -9,8 +9,8 @@ from typing import Literal, Protocol
 from colony.compile.clients import ClientList
 from colony.ir.frame import Frame
 from colony.ir.program import Program
-from colony.runtime.messages import Tick, Verdict
-from colony.runtime.monitor import Keyframe
+from colony.runtime.observe.monitor import Keyframe
+from colony.runtime.protocol.messages import Tick, Verdict
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -19,13 +19,13 @@ from decimal import Decimal
 from itertools import chain, islice
 from typing import Any, NamedTuple
 
-from colony.diagnostics import Diagnostic, Failure, error
 from colony.ir.frame import Decision, Frame, Outcome
 from colony.ir.program import Program
 from colony.ir.types import Array
 from colony.runtime.recordings.json_text import seconds_text
-from colony.source import Source, Span
-from colony.units import nanoseconds
+from colony.text.diagnostics import Diagnostic, Failure, error
+from colony.text.source import Source, Span
+from colony.text.units import nanoseconds
 
 LINE_BYTES = 4 * 1024 * 1024
 """Largest line of a recording. No message of a robot is larger, so no frame is."""

@@ -8,12 +8,12 @@ from dataclasses import dataclass
 
 from colony.ir.program import Actuator, ActuatorField
 from colony.ir.types import ScalarValue
-from colony.runtime.bindings import ActuatorBinding
-from colony.runtime.deployment import ActuatorTable, Deployment, commanded_by
-from colony.runtime.drivers import BaseLimits
-from colony.runtime.fields import RSERVER
-from colony.runtime.motion import Speeds
+from colony.runtime.arbitration.motion import Speeds
+from colony.runtime.protocol.bindings import ActuatorBinding
+from colony.runtime.protocol.deployment import ActuatorTable, Deployment, commanded_by
+from colony.runtime.protocol.fields import RSERVER
 from colony.runtime.servers.commanding import Commanded
+from colony.runtime.servers.drivers import BaseLimits
 from colony.runtime.servers.orders import Range, whole_range
 
 FRAME_NS = 50_000_000

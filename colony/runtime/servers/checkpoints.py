@@ -9,11 +9,11 @@ from collections.abc import Iterable, Iterator, Mapping
 
 import msgspec
 
-from colony.runtime import topics
-from colony.runtime.fields import DSERVER
-from colony.runtime.messages import Checkpoint, Recall, Send
+from colony.runtime.protocol import topics
+from colony.runtime.protocol.fields import DSERVER
+from colony.runtime.protocol.messages import Checkpoint, Recall, Send
 from colony.runtime.servers.bounds import Bound
-from colony.runtime.store import Journal, Key
+from colony.runtime.store.store import Journal, Key
 
 MEMORY_BYTES = 1 << 20
 """The largest memory that is kept."""

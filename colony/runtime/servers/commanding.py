@@ -8,11 +8,11 @@ from typing import NamedTuple
 
 from colony.ir.program import Actuator
 from colony.ir.types import ScalarValue
-from colony.runtime import topics
-from colony.runtime.arbitration import Arbiter, Dispatch, Event, Timing
-from colony.runtime.ballot import NOBODY, STOPPED, Others
-from colony.runtime.bindings import ActuatorBinding
-from colony.runtime.messages import Effect, Malformed, Request, Send, Tick, Verdict, WakeAt
+from colony.runtime.arbitration.arbiter import Arbiter, Dispatch, Event, Timing
+from colony.runtime.arbitration.ballot import NOBODY, STOPPED, Others
+from colony.runtime.protocol import topics
+from colony.runtime.protocol.bindings import ActuatorBinding
+from colony.runtime.protocol.messages import Effect, Malformed, Request, Send, Tick, Verdict, WakeAt
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -11,13 +11,21 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
 
-from colony.runtime.calls import LATER, Asked, CallDesk, Caller, Later, Method, Nothing, Refused, method
-from colony.runtime.codec import LARGEST
-from colony.runtime.drivers import CameraDriver
-from colony.runtime.images import Image, Shot
+from colony.runtime.arbitration.locks import LockQueue
 from colony.runtime.library.camera import GrabRows, ImageSize, LockImage, SetPeriod
-from colony.runtime.locks import LockQueue
-from colony.runtime.messages import (
+from colony.runtime.protocol.calls import (
+    LATER,
+    Asked,
+    CallDesk,
+    Caller,
+    Later,
+    Method,
+    Nothing,
+    Refused,
+    method,
+)
+from colony.runtime.protocol.codec import LARGEST
+from colony.runtime.protocol.messages import (
     Alive,
     Call,
     Effect,
@@ -28,6 +36,8 @@ from colony.runtime.messages import (
     Wake,
     WakeAt,
 )
+from colony.runtime.servers.drivers import CameraDriver
+from colony.runtime.servers.images import Image, Shot
 from colony.runtime.servers.publishing import Publisher
 
 CSERVER = "CServer"

@@ -11,13 +11,13 @@ from typing import Any
 
 import msgspec
 
-from colony.runtime.calls import Asked, CallDesk, Caller, Handler, Later, Method, Refused, method
-from colony.runtime.fields import DSERVER
 from colony.runtime.library.data import (
     Publish,
     Watch,
 )
-from colony.runtime.messages import Effect, Message, Wake, WakeAt
+from colony.runtime.protocol.calls import Asked, CallDesk, Caller, Handler, Later, Method, Refused, method
+from colony.runtime.protocol.fields import DSERVER
+from colony.runtime.protocol.messages import Effect, Message, Wake, WakeAt
 from colony.runtime.servers.data_methods import NAMES_BYTES, DataMethods, few
 from colony.runtime.servers.naming import named
 from colony.runtime.servers.once import Answers

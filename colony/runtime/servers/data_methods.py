@@ -11,7 +11,6 @@ from itertools import islice
 import msgspec
 
 from colony.ir.types import ScalarValue, Value
-from colony.runtime.calls import LATER, Asked, Later, Method, Refused, method
 from colony.runtime.library.data import (
     CreateSemaphore,
     Dated,
@@ -26,6 +25,7 @@ from colony.runtime.library.data import (
     SetMany,
     Wait,
 )
+from colony.runtime.protocol.calls import LATER, Asked, Later, Method, Refused, method
 from colony.runtime.servers.naming import Names, named
 from colony.runtime.servers.semaphores import Semaphores, timed_out
 from colony.runtime.servers.variables import (

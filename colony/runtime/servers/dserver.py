@@ -16,15 +16,15 @@ from collections.abc import Callable, Iterable, Mapping
 import msgspec
 
 from colony.ir.types import ScalarValue, Value
-from colony.runtime import topics
-from colony.runtime.arbitration import declared_units, timing
-from colony.runtime.assembly import KEPT_MOST
-from colony.runtime.ballot import NOBODY, STOPPED
-from colony.runtime.calls import Asked, Refused, method
-from colony.runtime.deployment import DEPLOYMENT_BYTES, Deployment, client_addresses, commanded_by
-from colony.runtime.fields import DSERVER
-from colony.runtime.latch import StopFollower
-from colony.runtime.messages import (
+from colony.runtime.arbitration.arbiter import declared_units, timing
+from colony.runtime.arbitration.ballot import NOBODY, STOPPED
+from colony.runtime.arbitration.stop_latch import StopFollower
+from colony.runtime.frames.assembly import KEPT_MOST
+from colony.runtime.protocol import topics
+from colony.runtime.protocol.calls import Asked, Refused, method
+from colony.runtime.protocol.deployment import DEPLOYMENT_BYTES, Deployment, client_addresses, commanded_by
+from colony.runtime.protocol.fields import DSERVER
+from colony.runtime.protocol.messages import (
     Alive,
     Announcement,
     Call,
@@ -52,7 +52,7 @@ from colony.runtime.servers.semaphores import Semaphores
 from colony.runtime.servers.showing import Wanted
 from colony.runtime.servers.variables import Variables
 from colony.runtime.servers.watching import Watches
-from colony.runtime.store import Journal, Key, MemoryStore, Store, StoreError
+from colony.runtime.store.store import Journal, Key, MemoryStore, Store, StoreError
 
 _EPOCH = Key("fact", "epoch")
 _CLOSED = Key("fact", "closed")

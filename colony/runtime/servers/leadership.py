@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from colony.runtime.calls import Caller, Refused
-from colony.runtime.deployment import Deployment, problems
+from colony.runtime.protocol.calls import Caller, Refused
+from colony.runtime.protocol.deployment import Deployment, problems
 
 
 class Leadership:

@@ -7,7 +7,7 @@ from collections.abc import Iterable, Iterator
 from itertools import islice, takewhile
 from operator import itemgetter
 
-from colony.runtime.calls import Refused
+from colony.runtime.protocol.calls import Refused
 
 
 class Names:

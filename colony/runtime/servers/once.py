@@ -18,9 +18,9 @@ from typing import NamedTuple
 
 import msgspec
 
-from colony.runtime.calls import Refused
+from colony.runtime.protocol.calls import Refused
 from colony.runtime.servers.bounds import Bound
-from colony.runtime.store import Journal, Key
+from colony.runtime.store.store import Journal, Key
 
 KEPT = 64
 """Answers that are noted of a connection."""

@@ -10,11 +10,11 @@ from __future__ import annotations
 import math
 from typing import NamedTuple
 
-from colony.runtime import motion
-from colony.runtime.calls import Refused
-from colony.runtime.drivers import BaseLimits
+from colony.runtime.arbitration import motion
+from colony.runtime.arbitration.motion import Ending, Motion, Speeds
 from colony.runtime.library import robot
-from colony.runtime.motion import Ending, Motion, Speeds
+from colony.runtime.protocol.calls import Refused
+from colony.runtime.servers.drivers import BaseLimits
 
 
 class Range(NamedTuple):

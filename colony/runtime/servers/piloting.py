@@ -10,16 +10,16 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from typing import Literal, NamedTuple
 
-from colony.runtime import motion
-from colony.runtime.ballot import Others, Outside
-from colony.runtime.calls import LATER, Asked, Caller, Later, Method, Nothing, Refused, method
-from colony.runtime.drivers import BaseLimits
-from colony.runtime.latch import StopFollower
+from colony.runtime.arbitration import motion
+from colony.runtime.arbitration.ballot import Others, Outside
+from colony.runtime.arbitration.locks import LockQueue
+from colony.runtime.arbitration.motion import Ending, Mode, Motion, Seen, Speeds, Step
+from colony.runtime.arbitration.outside import Commander, Outsiders, lease_end
+from colony.runtime.arbitration.stop_latch import StopFollower
 from colony.runtime.library import robot
-from colony.runtime.locks import LockQueue
-from colony.runtime.motion import Ending, Mode, Motion, Seen, Speeds, Step
-from colony.runtime.outside import Commander, Outsiders, lease_end
+from colony.runtime.protocol.calls import LATER, Asked, Caller, Later, Method, Nothing, Refused, method
 from colony.runtime.servers import orders
+from colony.runtime.servers.drivers import BaseLimits
 
 Answer = tuple[Asked, float | Refused | None]
 """A call that was waiting, and its result or why there is none."""

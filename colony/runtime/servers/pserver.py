@@ -5,11 +5,21 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable
 
-from colony.runtime.calls import Asked, CallDesk, Nothing, Refused, method
-from colony.runtime.drivers import ProximityDriver
-from colony.runtime.fields import PROXIMITY_SENSORS, PSERVER
 from colony.runtime.library.proximity import InfraredReading, SetTimeouts, SonarReading
-from colony.runtime.messages import Alive, Call, Effect, Fetch, Malformed, Message, Sample, Tick, Wake
+from colony.runtime.protocol.calls import Asked, CallDesk, Nothing, Refused, method
+from colony.runtime.protocol.fields import PROXIMITY_SENSORS, PSERVER
+from colony.runtime.protocol.messages import (
+    Alive,
+    Call,
+    Effect,
+    Fetch,
+    Malformed,
+    Message,
+    Sample,
+    Tick,
+    Wake,
+)
+from colony.runtime.servers.drivers import ProximityDriver
 from colony.runtime.servers.publishing import Fields, Publisher
 
 

@@ -6,8 +6,8 @@ from collections import deque
 from collections.abc import Callable, Iterable, Mapping
 from typing import NamedTuple
 
-from colony.runtime import topics
-from colony.runtime.messages import Effect, Fetch, Sample, Send, ServerFrame, Stopped, Tick
+from colony.runtime.protocol import topics
+from colony.runtime.protocol.messages import Effect, Fetch, Sample, Send, ServerFrame, Stopped, Tick
 
 Fields = Mapping[str, Sample | None]
 

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 
-from colony.runtime import topics
-from colony.runtime.assembly import ACTIVE
-from colony.runtime.messages import Announcement, Effect, Fetch, Sample, Send, ServerFrame
+from colony.runtime.frames.assembly import ACTIVE
+from colony.runtime.protocol import topics
+from colony.runtime.protocol.messages import Announcement, Effect, Fetch, Sample, Send, ServerFrame
 from colony.runtime.servers.publishing import FRAME_BYTES, KEPT_BYTES, FetchBudget
 
 

@@ -15,15 +15,15 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator
 
 from colony.ir.types import ScalarValue
-from colony.runtime import topics
-from colony.runtime.arbitration import Dispatch, timing
-from colony.runtime.calls import Asked, CallDesk, Caller, Method, Nothing, Refused, method
-from colony.runtime.deployment import DEPLOYMENT_BYTES, Deployment
-from colony.runtime.drivers import BaseDriver
-from colony.runtime.fields import RSERVER
-from colony.runtime.latch import StopFollower
+from colony.runtime.arbitration.arbiter import Dispatch, timing
+from colony.runtime.arbitration.motion import Seen, Speeds
+from colony.runtime.arbitration.stop_latch import StopFollower
 from colony.runtime.library import robot
-from colony.runtime.messages import (
+from colony.runtime.protocol import topics
+from colony.runtime.protocol.calls import Asked, CallDesk, Caller, Method, Nothing, Refused, method
+from colony.runtime.protocol.deployment import DEPLOYMENT_BYTES, Deployment
+from colony.runtime.protocol.fields import RSERVER
+from colony.runtime.protocol.messages import (
     Alive,
     Call,
     Effect,
@@ -36,10 +36,10 @@ from colony.runtime.messages import (
     Wake,
     WakeAt,
 )
-from colony.runtime.motion import Seen, Speeds
 from colony.runtime.servers.base import Base
 from colony.runtime.servers.base_actuator import base_actuator, misfit
 from colony.runtime.servers.commanding import ActuatorCounts, CommandDesk, Commanded
+from colony.runtime.servers.drivers import BaseDriver
 from colony.runtime.servers.leadership import Leadership
 from colony.runtime.servers.piloting import Bumper, Pilot
 from colony.runtime.servers.publishing import Fields, Publisher

@@ -5,10 +5,20 @@ from __future__ import annotations
 from collections.abc import Iterable
 from hashlib import blake2b
 
-from colony.runtime.calls import Asked, CallDesk, Caller, method
-from colony.runtime.deployment import DEPLOYMENT_BYTES, Deployment
-from colony.runtime.fields import RUNTIME
-from colony.runtime.messages import Alive, Call, Effect, Fetch, Malformed, Message, Sample, Tick, Wake
+from colony.runtime.protocol.calls import Asked, CallDesk, Caller, method
+from colony.runtime.protocol.deployment import DEPLOYMENT_BYTES, Deployment
+from colony.runtime.protocol.fields import RUNTIME
+from colony.runtime.protocol.messages import (
+    Alive,
+    Call,
+    Effect,
+    Fetch,
+    Malformed,
+    Message,
+    Sample,
+    Tick,
+    Wake,
+)
 from colony.runtime.servers.leadership import Leadership
 from colony.runtime.servers.publishing import Fields, Publisher
 

@@ -16,11 +16,11 @@ from typing import NamedTuple
 
 import msgspec
 
-from colony.runtime.calls import Asked, Refused
 from colony.runtime.library.data import SemaphoreState
+from colony.runtime.protocol.calls import Asked, Refused
 from colony.runtime.servers.bounds import Bound
 from colony.runtime.servers.naming import Names
-from colony.runtime.store import Journal, Key
+from colony.runtime.store.store import Journal, Key
 
 MOST = 10_000
 """Semaphores at a time."""

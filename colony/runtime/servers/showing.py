@@ -12,11 +12,11 @@ from typing import NamedTuple
 import msgspec
 
 from colony.ir.types import Value
-from colony.runtime.calls import Refused
-from colony.runtime.messages import Sample
+from colony.runtime.protocol.calls import Refused
+from colony.runtime.protocol.messages import Sample
 from colony.runtime.servers.bounds import Bound
 from colony.runtime.servers.publishing import Fields
-from colony.runtime.store import Journal, Key
+from colony.runtime.store.store import Journal, Key
 
 FRAME_SPACE = 1 << 16
 """Bytes that the names and values in a frame may take."""

@@ -13,7 +13,7 @@ from typing import NamedTuple
 import msgspec
 
 from colony.runtime.library.data import Change, Dated
-from colony.runtime.messages import Effect
+from colony.runtime.protocol.messages import Effect
 from colony.runtime.servers.variables import MOST, Dating, Variables
 from colony.runtime.servers.watching import Watches
 

@@ -12,10 +12,10 @@ from dataclasses import dataclass, field
 
 import msgspec
 
-from colony.runtime.calls import Refused
+from colony.runtime.protocol.calls import Refused
+from colony.runtime.protocol.topics import user_of
 from colony.runtime.servers.bounds import Bound
-from colony.runtime.store import Journal, Key
-from colony.runtime.topics import user_of
+from colony.runtime.store.store import Journal, Key
 
 MOST = 2_000
 """Names and prefixes that one connection may watch."""

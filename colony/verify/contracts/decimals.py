@@ -9,7 +9,7 @@ from typing import NamedTuple
 
 from colony.ir.program import Sensor
 from colony.ir.types import Quantity, element_type
-from colony.units import BASE_UNITS, parse_unit
+from colony.text.units import BASE_UNITS, parse_unit
 
 _DIGITS = 17
 

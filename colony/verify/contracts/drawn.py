@@ -9,9 +9,9 @@ from colony.ir.program import Program
 from colony.ir.types import Value
 from colony.verify.contracts.replay import Replay
 from colony.verify.contracts.results import Snapshot
-from colony.verify.interpreter_boundary import sense
-from colony.verify.strategies_drawing import Choices
-from colony.verify.strategies_guided import Guide
+from colony.verify.reference.boundary import sense
+from colony.verify.testing.drawing import Choices
+from colony.verify.testing.guided import Guide
 
 _TRACES = 150
 _FRAMES = 8

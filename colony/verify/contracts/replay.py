@@ -26,8 +26,8 @@ from colony.ir.program import (
 )
 from colony.ir.types import BOOL, Bool, Enum, Scalar, ScalarValue, Value
 from colony.verify.contracts.results import Snapshot
-from colony.verify.examples import run_example
-from colony.verify.interpreter import Interpreter
+from colony.verify.reference.interpreter import Interpreter
+from colony.verify.testing.examples import run_example
 
 _SMALL = 60
 """How many things a program declares that is not large."""

@@ -6,9 +6,9 @@ from math import isinf
 from shlex import quote
 from typing import assert_never
 
-from colony.diagnostics import Diagnostic, error, warning
 from colony.ir.frame import Decision
 from colony.ir.program import Program
+from colony.text.diagnostics import Diagnostic, error, warning
 from colony.verify.contracts.decimals import seconds
 from colony.verify.contracts.results import Proved, Refuted, Result, Trace, Unknown
 from colony.verify.contracts.table import reading, sent, table

@@ -6,9 +6,9 @@ from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, field
 from difflib import get_close_matches
 
-from colony.diagnostics import Diagnostic, Failure, error
 from colony.ir.program import Actuator, Program, Sensor
-from colony.source import NOWHERE, Span
+from colony.text.diagnostics import Diagnostic, Failure, error
+from colony.text.source import NOWHERE, Span
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -1,13 +1,13 @@
-"""What lowered code (`colony.compile.code`), which the executor runs, makes of guards."""
+"""What lowered code (`colony.execute.code`), which the executor runs, makes of guards."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 
 from colony.compile.clients import ClientList
-from colony.compile.code import ActuatorCode, Apply, Code, FrameTime, Literal, OldCell, Table
-from colony.compile.lower import lower
-from colony.compile.operators import Operator
+from colony.compile.lower.lower import lower
+from colony.execute.code import ActuatorCode, Apply, Code, FrameTime, Literal, OldCell, Table
+from colony.execute.operators import Operator
 from colony.ir.program import Program
 from colony.verify.equivalence.circuit import FALSE, TRUE, Circuit, Opaque
 from colony.verify.equivalence.forms import Alike, Form, Timer, Winner, module_of, with_activities

@@ -12,7 +12,7 @@ import ast
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, field
 
-from colony.compile.backends.python import generate
+from colony.compile.backends.python.generate import generate
 from colony.compile.clients import ClientList
 from colony.ir.program import Program
 from colony.verify.equivalence.circuit import FALSE, TRUE, Circuit, Opaque

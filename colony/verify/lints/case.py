@@ -7,7 +7,7 @@ from functools import cached_property
 
 from colony.ir import expression as ir
 from colony.ir.program import Actuator, Let, Module, Program
-from colony.source import Source, Span
+from colony.text.source import Source, Span
 from colony.verify.difference.content import Contents, Table, nodes
 from colony.verify.lints.network import Network, network
 

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Set
 
-from colony.diagnostics import Diagnostic, warning
 from colony.ir import expression as ir
 from colony.ir.expression import Expression
 from colony.ir.program import Contract
+from colony.text.diagnostics import Diagnostic, warning
 from colony.verify.lints.case import Case
 from colony.verify.lints.claims import FALSE, all_of, negation
 from colony.verify.written import written

@@ -13,8 +13,8 @@ from colony.ir.types import Value
 from colony.verify.contracts.replay import Replay
 from colony.verify.contracts.results import Snapshot
 from colony.verify.difference.sampling import frames
-from colony.verify.example_frames import frames_of
-from colony.verify.interpreter import Interpreter
+from colony.verify.reference.interpreter import Interpreter
+from colony.verify.testing.example_frames import frames_of
 
 Claims = Mapping[str, Expression]
 

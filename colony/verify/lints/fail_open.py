@@ -11,11 +11,11 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 from dataclasses import replace
 
-from colony.diagnostics import Diagnostic, warning
 from colony.ir.expression import Binary, Expression
 from colony.ir.program import Actuator, Module
 from colony.ir.types import Quantity
-from colony.units import LENGTH, TIME
+from colony.text.diagnostics import Diagnostic, warning
+from colony.text.units import LENGTH, TIME
 from colony.verify.contracts.results import Snapshot
 from colony.verify.lints.case import Case, command_of
 from colony.verify.lints.claims import (

@@ -9,9 +9,9 @@ from __future__ import annotations
 
 from random import Random
 
-from colony.diagnostics import Diagnostic, in_order
 from colony.ir.expression import Expression
 from colony.ir.program import Program
+from colony.text.diagnostics import Diagnostic, in_order
 from colony.verify.lints import (
     contracts,
     fail_open,

@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 
 from colony.ir import expression as ir
 from colony.ir.program import Chain, Program, Use, Wire, Wiring
-from colony.source import Span
+from colony.text.source import Span
 from colony.verify.lints.claims import FALSE, active, all_of, any_of, negation
 
 

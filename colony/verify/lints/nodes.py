@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Set
 
-from colony.diagnostics import Diagnostic, warning
 from colony.ir.expression import Expression
+from colony.text.diagnostics import Diagnostic, warning
 from colony.verify.lints.case import Case
 from colony.verify.lints.claims import active, all_of, implies, named, negation
 from colony.verify.lints.network import Node

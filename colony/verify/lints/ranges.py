@@ -4,17 +4,17 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
-from colony.diagnostics import Diagnostic, warning
 from colony.ir import expression as ir
 from colony.ir.expression import Binary, Expression
 from colony.ir.frame import Record
 from colony.ir.program import ActuatorField, Module
 from colony.ir.types import ScalarValue
-from colony.verify.interpreter import Interpreter
-from colony.verify.interpreter_boundary import clamp
+from colony.text.diagnostics import Diagnostic, warning
 from colony.verify.lints.case import Case, command_of
 from colony.verify.lints.claims import any_of, binary, constant, implies, negation, won
 from colony.verify.lints.proof import Prover
+from colony.verify.reference.boundary import clamp
+from colony.verify.reference.interpreter import Interpreter
 
 
 def _name(module: Module, field: ActuatorField) -> str:

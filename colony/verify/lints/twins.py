@@ -5,9 +5,9 @@ from __future__ import annotations
 from collections.abc import Iterator, Set
 from itertools import combinations
 
-from colony.diagnostics import Diagnostic, warning
 from colony.ir.expression import Binary, Expression
 from colony.ir.program import Module
+from colony.text.diagnostics import Diagnostic, warning
 from colony.verify.lints.case import Case
 from colony.verify.lints.claims import active, binary
 from colony.verify.lints.predicates import always, never

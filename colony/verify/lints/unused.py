@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
-from colony.diagnostics import Diagnostic, warning
 from colony.ir import expression as ir
 from colony.ir.program import Module, Program, PythonModule
+from colony.text.diagnostics import Diagnostic, warning
 from colony.verify.difference.content import nodes
 from colony.verify.difference.sampling import expressions
 from colony.verify.lints.case import Case

@@ -15,8 +15,8 @@ from typing import cast
 import z3
 
 from colony.ir.expression import Function
-from colony.source import Span
-from colony.verify.interpreter_functions import divide, modulo, of_one
+from colony.text.source import Span
+from colony.verify.reference.functions import divide, modulo, of_one
 from colony.verify.symbolic import bounding
 from colony.verify.symbolic.builder import Builder
 from colony.verify.symbolic.cases import ANY_ZERO, by_cases, by_folding, constant, whole_of

@@ -8,7 +8,7 @@ from typing import Any, TypeVar, cast
 
 import z3
 
-from colony.source import Span
+from colony.text.source import Span
 from colony.verify.symbolic.logic import is_false, is_true, negation
 from colony.verify.symbolic.system import (
     UNBOUNDED,

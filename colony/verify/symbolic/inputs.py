@@ -10,7 +10,7 @@ import z3
 from colony.ir.program import Actuator, Program, PythonModule, Sensor
 from colony.ir.types import Array, Bool, Enum, Quantity, element_type
 from colony.ir.types import Scalar as ScalarType
-from colony.verify.interpreter_boundary import default_of
+from colony.verify.reference.boundary import default_of
 from colony.verify.symbolic.bounding import within
 from colony.verify.symbolic.builder import Builder
 from colony.verify.symbolic.expressions import lifted

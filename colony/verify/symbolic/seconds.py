@@ -6,7 +6,7 @@ from fractions import Fraction
 
 import z3
 
-from colony.source import Span
+from colony.text.source import Span
 from colony.verify.symbolic.builder import Builder
 from colony.verify.symbolic.logic import FALSE, real
 from colony.verify.symbolic.system import Bounds, Inexact, Number, Reason

@@ -21,7 +21,7 @@ import z3
 
 from colony.ir.program import Program
 from colony.ir.types import ScalarValue
-from colony.source import NOWHERE, Span
+from colony.text.source import NOWHERE, Span
 from colony.verify.symbolic.graph import Graph
 
 

@@ -13,7 +13,7 @@ from colony.ir.frame import Reading
 from colony.ir.program import Sensor
 from colony.ir.types import Array, Bool, Enum, ScalarValue, element_type
 from colony.ir.types import Scalar as ScalarType
-from colony.verify.interpreter_boundary import clamp
+from colony.verify.reference.boundary import clamp
 from colony.verify.symbolic.system import Number, PythonInput, Scalar, SensorInput, Term
 from colony.verify.symbolic.unrolling import Unrolling
 

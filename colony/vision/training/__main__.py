@@ -13,7 +13,7 @@ from typing import Any
 
 import numpy as np
 
-from colony.vision.letters_network import WEIGHTS_FILE, Network, packed, unpacked
+from colony.vision.letters.network import WEIGHTS_FILE, Network, packed, unpacked
 from colony.vision.training.fonts import learned_fonts, unseen_fonts
 from colony.vision.training.learning import BATCH, Learner, learning
 from colony.vision.training.trial import Score, calibrated, junk_score, plate_score

@@ -8,7 +8,7 @@ from collections.abc import Sequence
 import numpy as np
 import numpy.typing as npt
 
-from colony.vision.letters_decoding import states_of
+from colony.vision.letters.decoding import states_of
 
 Floats = npt.NDArray[np.float32]
 Doubles = npt.NDArray[np.float64]

@@ -10,7 +10,7 @@ from typing import NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from colony.vision.letters_network import CLASSES, FRAMES, HEAD_AFTER, HEAD_POOL, PADS, POOLS, Layer, Network
+from colony.vision.letters.network import CLASSES, FRAMES, HEAD_AFTER, HEAD_POOL, PADS, POOLS, Layer, Network
 from colony.vision.training.ctc import ctc_loss
 from colony.vision.training.layers import Convolution, Normalization, Parameter, Pooling, Trained
 from colony.vision.training.samples import Batch, batch

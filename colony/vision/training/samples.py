@@ -9,7 +9,7 @@ from typing import NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from colony.vision.plate_strip import STRIP_COLUMNS, STRIP_ROWS, Corners, plate_strip
+from colony.vision.plates.strip import STRIP_COLUMNS, STRIP_ROWS, Corners, plate_strip
 from colony.vision.training import lettering, views
 from colony.vision.training.texts import any_text, door_text
 

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from colony.nav.signs import CHARACTERS
-from colony.vision.letters_prior import LONGEST, ROOM_LETTERS, SHAPES, WORD_SHARE, WORDS
+from colony.nav.maps.signs import CHARACTERS
+from colony.vision.letters.prior import LONGEST, ROOM_LETTERS, SHAPES, WORD_SHARE, WORDS
 
 _DIGITS, _LETTERS = CHARACTERS[:10], CHARACTERS[10:]
 

@@ -11,9 +11,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from colony.vision.letters_network import Network
-from colony.vision.plate_reader import reading_of, texts_of, weighed
-from colony.vision.plate_strip import plate_strip
+from colony.vision.letters.network import Network
+from colony.vision.plates.reader import reading_of, texts_of, weighed
+from colony.vision.plates.strip import plate_strip
 from colony.vision.sightings import Reading
 from colony.vision.training.samples import Look, junk_look, plate_look
 from colony.vision.training.texts import door_text

@@ -8,9 +8,9 @@ from typing import NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from colony.nav.signs import CHARACTER_HEIGHT_MM, PLATE_HEIGHT_MM, PLATE_WIDTH_MM
+from colony.nav.maps.signs import CHARACTER_HEIGHT_MM, PLATE_HEIGHT_MM, PLATE_WIDTH_MM
 from colony.vision.level_camera import SIDE
-from colony.vision.plate_strip import Corners
+from colony.vision.plates.strip import Corners
 
 Gray = npt.NDArray[np.uint8]
 Doubles = npt.NDArray[np.float64]

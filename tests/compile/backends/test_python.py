@@ -14,15 +14,15 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from benchmarks.networks import chain
-from colony.compile.backends.python import generate, load
-from colony.compile.executor import ClientListExecutor
+from colony.compile.backends.python.generate import generate, load
 from colony.compile.pipeline import compile_program
-from colony.diagnostics import Failure
 from colony.dsl.load import load_text
+from colony.execute.executor import ClientListExecutor
 from colony.ir.expression import NESTING_LIMIT, Expression, Unary, UnaryOperation
 from colony.ir.frame import Frame
 from colony.ir.program import Program
-from colony.verify.strategies import programs, traces
+from colony.text.diagnostics import Failure
+from colony.verify.testing.strategies import programs, traces
 from tests.runtime.runtime_programs import roam
 
 WANDER = """
@@ -102,7 +102,7 @@ def test_what_can_hold_no_nan_needs_no_helper() -> None:
 def test_it_imports_nothing_but_math_and_the_users_modules(data: st.DataObject) -> None:
     program = data.draw(programs())
     source = generate(program, compile_program(program).clients)
-    assert _imports(source) <= {"math", "colony.verify.strategies_python"}
+    assert _imports(source) <= {"math", "colony.verify.testing.python_modules"}
 
 
 def test_it_runs_without_colony(tmp_path: Path) -> None:

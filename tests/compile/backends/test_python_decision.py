@@ -8,10 +8,10 @@ from dataclasses import replace
 
 import pytest
 
-from colony.compile.backends.python import generate, load
-from colony.compile.executor import ClientListExecutor
+from colony.compile.backends.python.generate import generate, load
 from colony.compile.pipeline import compile_program
 from colony.dsl.load import load_text
+from colony.execute.executor import ClientListExecutor
 from colony.ir.frame import Frame
 from colony.ir.program import Program
 

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import pytest
 
-from colony.compile.backends.python import generate, load
+from colony.compile.backends.python.generate import generate, load
 from colony.compile.pipeline import compile_program
-from colony.diagnostics import Failure
 from colony.dsl.load import load_text
 from colony.ir.frame import Frame
-from colony.source import NOWHERE
+from colony.text.diagnostics import Failure
+from colony.text.source import NOWHERE
 
 ROBOT = """
 robot r {

@@ -4,15 +4,15 @@ from __future__ import annotations
 
 import pytest
 
-from colony.compile.backends.python_expressions import Expressions
-from colony.compile.backends.python_layout import ROOT, Layout
-from colony.compile.backends.python_names import Names
-from colony.compile.backends.python_placement import Placement
-from colony.compile.backends.python_ranges import ranges
-from colony.compile.code import Lost, OutsideActive
-from colony.compile.lower import lower_client
+from colony.compile.backends.python.expressions import Expressions
+from colony.compile.backends.python.layout import ROOT, Layout
+from colony.compile.backends.python.names import Names
+from colony.compile.backends.python.placement import Placement
+from colony.compile.backends.python.ranges import ranges
+from colony.compile.lower.lower import lower_client
 from colony.compile.pipeline import compile_program
 from colony.dsl.load import load_text
+from colony.execute.code import Lost, OutsideActive
 
 TEXT = """
 robot r {

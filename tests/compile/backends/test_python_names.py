@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import pytest
 
-from colony.compile.backends.python_names import Names
-from colony.compile.lower import lower
+from colony.compile.backends.python.names import Names
+from colony.compile.lower.lower import lower
 from colony.compile.pipeline import compile_program
 from colony.dsl.load import load_text
 

@@ -6,8 +6,8 @@ from math import inf, nan
 
 import pytest
 
-from colony.compile.backends.python_ranges import ANYTHING, Range, ranges
-from colony.compile.lower import lower
+from colony.compile.backends.python.ranges import ANYTHING, Range, ranges
+from colony.compile.lower.lower import lower
 from colony.compile.pipeline import compile_program
 from colony.dsl.load import load_text
 

@@ -8,14 +8,14 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from colony.compile.backends.python_ranges import ANYTHING, Range, ranges
-from colony.compile.code import Kind
-from colony.compile.executor_machine import Machine
-from colony.compile.lower import lower
+from colony.compile.backends.python.ranges import ANYTHING, Range, ranges
+from colony.compile.lower.lower import lower
 from colony.compile.pipeline import compile_program
 from colony.dsl.load import load_text
+from colony.execute.code import Kind
+from colony.execute.machine import Machine
 from colony.ir.frame import Frame
-from colony.verify.strategies import programs, traces
+from colony.verify.testing.strategies import programs, traces
 
 TEXT = """
 robot r {

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import ast
 
-from colony.compile.backends.python_support import _bare
+from colony.compile.backends.python.support import _bare
 
 ANNOTATED = """
 class Snapshot(Base, Mapping[str, object], abc.Sized):

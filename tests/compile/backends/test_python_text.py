@@ -9,10 +9,10 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from colony.compile import arithmetic
-from colony.compile.backends.python_ranges import ANYTHING, Range
-from colony.compile.backends.python_text import Binding, Text, applied, literal, mentions_twice
-from colony.compile.operators import FUNCTIONS, Operator
+from colony.compile.backends.python.ranges import ANYTHING, Range
+from colony.compile.backends.python.text import Binding, Text, applied, literal, mentions_twice
+from colony.execute import arithmetic
+from colony.execute.operators import FUNCTIONS, Operator
 
 NAMESPACE = {name: value for module in (math, arithmetic) for name, value in vars(module).items()}
 PLAIN, POSITIVE, ZERO = Range(-9.0, 9.0, False), Range(1.0, 9.0, False), Range(0.0, 9.0, False)

@@ -8,7 +8,7 @@ from colony.ir.types import Value
 from colony.verify.contracts.example_block import example_block
 from colony.verify.contracts.replay import Replay
 from colony.verify.contracts.results import Snapshot, Trace
-from colony.verify.examples import run_examples
+from colony.verify.testing.examples import run_examples
 from tests.verify.contracts.behaviors import program
 
 RAYS = (1000.0, 2000.0, 3000.0, 4000.0, 5000.0, 6000.0)

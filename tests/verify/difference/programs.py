@@ -6,7 +6,7 @@ from colony.dsl.load import load_text
 from colony.ir.program import Program
 from colony.verify.contracts.results import RESOURCES_A_SECOND, Options
 from colony.verify.difference import Different, Result, difference
-from colony.verify.interpreter import Interpreter
+from colony.verify.reference.interpreter import Interpreter
 from tests.verify.small_robot import robot
 
 ROBOT = robot("actuator lamp { on : bool } to DServer.Lamp idle hold")

@@ -6,8 +6,8 @@ from pathlib import Path
 
 import pytest
 
-from colony.diagnostics import Failure
 from colony.dsl.load import load_file, load_text
+from colony.text.diagnostics import Failure
 from colony.verify.difference import Different, Same, Undecided, difference
 from tests.verify.difference.programs import QUICK, compare, program, verdict
 from tests.verify.small_robot import go

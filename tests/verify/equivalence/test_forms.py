@@ -11,16 +11,16 @@ from pathlib import Path
 
 import pytest
 
-from colony.compile.backends.python import generate
-from colony.compile.code import Apply, Code, Literal
-from colony.compile.json_format import clients_to_json, to_json
-from colony.compile.lower import lower
-from colony.compile.operators import Operator
+from colony.compile.backends.json import clients_to_json, to_json
+from colony.compile.backends.python.generate import generate
+from colony.compile.lower.lower import lower
 from colony.compile.pipeline import Compiled, compile_program
 from colony.dsl.load import load_file
+from colony.execute.code import Apply, Code, Literal
+from colony.execute.operators import Operator
 from colony.verify.equivalence.prove import prove, prove_json, prove_python
 from colony.verify.equivalence.results import Malformed, Proved, Result, WrongWinner
-from colony.verify.strategies import run_of_seed
+from colony.verify.testing.strategies import run_of_seed
 
 ROOT = Path(__file__).parents[3]
 BEHAVIORS = sorted((ROOT / "behaviors").glob("*.colony"))

@@ -11,10 +11,10 @@ from colony.compile.pipeline import compile_program
 from colony.dsl.load import load_file
 from colony.ir.frame import Frame
 from colony.ir.program import Program
-from colony.verify.agreement import EXECUTORS, disagreement
 from colony.verify.equivalence.prove import prove
 from colony.verify.equivalence.results import Malformed, Proved, Result, Undecided, WrongActivity, WrongWinner
-from colony.verify.strategies import run_of_seed
+from colony.verify.testing.agreement import EXECUTORS, disagreement
+from colony.verify.testing.strategies import run_of_seed
 from tests.verify.bugs_in_passes import lists
 from tests.verify.seeded_bugs import BUGS, Bug
 

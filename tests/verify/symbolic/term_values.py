@@ -14,7 +14,7 @@ from fractions import Fraction
 import z3
 
 from colony.ir.expression import Function
-from colony.verify import interpreter_functions as floats
+from colony.verify.reference import functions as floats
 from colony.verify.symbolic.system import (
     Auxiliary,
     FactKind,

@@ -9,11 +9,11 @@ import pytest
 import z3
 
 from colony.dsl.load import load_file
-from colony.verify.strategies import run_of_seed
 from colony.verify.symbolic.cones import whole_cone
 from colony.verify.symbolic.encode import encode
 from colony.verify.symbolic.system import Bounds, Inexact, Number, System
 from colony.verify.symbolic.unrolling import Unrolling
+from colony.verify.testing.strategies import run_of_seed
 from tests.verify.symbolic.programs import broken, claim_of, program
 
 BEHAVIORS = Path(__file__).parents[3] / "behaviors"

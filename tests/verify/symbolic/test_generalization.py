@@ -13,13 +13,13 @@ from colony.dsl.load import load_file
 from colony.ir.frame import Frame
 from colony.ir.program import Program
 from colony.ir.types import Value
-from colony.verify.interpreter import Interpreter
-from colony.verify.strategies import run_of_seed
+from colony.verify.reference.interpreter import Interpreter
 from colony.verify.symbolic.encode import encode
 from colony.verify.symbolic.generalization import generalized
 from colony.verify.symbolic.logic import real
 from colony.verify.symbolic.system import Inexact, Number, System, Term
 from colony.verify.symbolic.unrolling import Unrolling
+from colony.verify.testing.strategies import run_of_seed
 from tests.verify.symbolic.programs import broken, claim_of, program
 
 BEHAVIORS = Path(__file__).parents[3] / "behaviors"

@@ -10,13 +10,13 @@ import z3
 
 from colony.dsl.load import load_file, load_text
 from colony.ir.program import Program
-from colony.verify.example_frames import frames_of
-from colony.verify.strategies import run_of_seed
-from colony.verify.strategies_drawing import Choices
-from colony.verify.strategies_frames import draw_trace
 from colony.verify.symbolic.encode import encode
 from colony.verify.symbolic.reasons import reasons_of
 from colony.verify.symbolic.system import Number, Reason
+from colony.verify.testing.drawing import Choices
+from colony.verify.testing.example_frames import frames_of
+from colony.verify.testing.frames import draw_trace
+from colony.verify.testing.strategies import run_of_seed
 from tests.verify.symbolic.trust import Tally, Trust, held_against
 
 BEHAVIORS = sorted((Path(__file__).parents[3] / "behaviors").glob("*.colony"))

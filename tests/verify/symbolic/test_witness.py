@@ -7,7 +7,7 @@ import math
 import pytest
 import z3
 
-from colony.verify.interpreter import Interpreter
+from colony.verify.reference.interpreter import Interpreter
 from colony.verify.symbolic.cones import cone
 from colony.verify.symbolic.encode import encode
 from colony.verify.symbolic.system import System

@@ -16,7 +16,7 @@ from colony.ir.expression import Expression
 from colony.ir.frame import Frame
 from colony.ir.program import Module, Program, Sensor
 from colony.ir.types import Array, Enum, ScalarValue, Value, element_type
-from colony.verify.interpreter import Interpreter
+from colony.verify.reference.interpreter import Interpreter
 from colony.verify.symbolic.encode import encode
 from colony.verify.symbolic.logic import is_false
 from colony.verify.symbolic.reasons import reasons_of

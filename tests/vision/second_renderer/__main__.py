@@ -12,7 +12,7 @@ from typing import Any
 from PIL import Image
 
 from benchmarks.arguments import whole_number
-from colony.nav.signs import MARKER_CODES
+from colony.nav.maps.signs import MARKER_CODES
 from tests.vision.second_renderer.render import render
 from tests.vision.second_renderer.scenes import Scene, ceiling_scene, marker_scene, plate_scene
 

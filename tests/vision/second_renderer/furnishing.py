@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from colony.nav.signs import (
+from colony.nav.maps.signs import (
     MARKER_BITS,
     PLATE_HEIGHT_MM,
     PLATE_WIDTH_MM,

@@ -19,7 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 from PIL import Image
 
-from colony.nav.signs import MARKER_BITS
+from colony.nav.maps.signs import MARKER_BITS
 from colony.vision.annotate import annotate
 from colony.vision.gray_images import gray_image
 from colony.vision.image_files import Rgb, decode_image

@@ -7,7 +7,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from colony.nav.signs import MARKER_CODES
+from colony.nav.maps.signs import MARKER_CODES
 from tests.vision.second_renderer import furnishing, lettering
 from tests.vision.second_renderer.stage import Stage, glossy, lamp, matte, printed
 

@@ -1,0 +1,192 @@
+"""What `colony experiment` says and draws."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import click
+
+from colony.cli.exit_codes import EXIT_MISUSE
+from colony.cli.outputs import cannot_write, check_output, write_whole
+from colony.cli.reporting import say
+from colony.experiment.auditing import AuditedRun
+from colony.experiment.conduct import Experiment
+from colony.experiment.confidence import event_table, path_table
+from colony.experiment.figures import targets
+from colony.experiment.record import RunResult
+from colony.experiment.tables import failure_table, table, target_table
+from colony.files import read_file, reason
+
+BEGIN, END = "<!-- {} -->", "<!-- end of {} -->"
+"""Between these two lines of a page its tables stand; the rest is left as it is."""
+
+PAGE_BYTES = 4 * 1024 * 1024
+"""Largest page that tables are put into."""
+
+_ROWS_ON_A_PAGE = 60
+"""A page has a row a run for lists of up to so many; of longer ones what they came to."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Found:
+    """What came of an experiment, as far as it got."""
+
+    results: tuple[RunResult, ...]
+    audits: tuple[AuditedRun, ...]
+    interrupted: bool
+
+    @property
+    def differences(self) -> tuple[AuditedRun, ...]:
+        """The audited runs in which the interpreter decided otherwise."""
+        return tuple(one for one in self.audits if one.difference)
+
+
+def check_outputs(asked: Experiment, output: Path | None, plot: Path | None, page: Path | None) -> None:
+    """Refuse, before the work is done, what could not be written after it; exits with 2."""
+    if output is not None:
+        check_output(output)
+    if page is not None:
+        check_output(page)
+        _around(asked, page)
+    if plot is not None:
+        try:
+            plot.mkdir(parents=True, exist_ok=True)
+        except OSError as problem:
+            cannot_write(plot, problem.strerror or str(problem))
+
+
+def put_out(asked: Experiment, found: Found, *, plot: Path | None, page: Path | None, as_json: bool) -> None:
+    """Say what was found, draw it, and put it into a page."""
+    click.echo(_json(asked, found) if as_json else _text(asked, found))
+    if plot is not None and found.results:
+        _draw(asked, found.results, plot)
+    if page is not None and found.results:
+        _write(asked, found, page)
+
+
+def _is_published(asked: Experiment) -> bool:
+    return any(run.published is not None for run in asked.runs)
+
+
+def _text(asked: Experiment, found: Found) -> str:
+    wanted = len(asked.runs) * len(asked.seeds)
+    parts = [f"{asked.name}, {asked.label}: {len(found.results)} of {wanted} runs"]
+    if found.results:
+        parts.append(table(asked.runs, found.results))
+    parts += _tables(asked, found)
+    parts += [one.difference for one in found.differences]
+    return "\n\n".join(part for part in parts if part)
+
+
+def _tables(asked: Experiment, found: Found) -> list[str]:
+    if not found.results:
+        return []
+    published = _is_published(asked)
+    parts = [target_table(found.results, published=published), failure_table(found.results)]
+    if published:
+        parts += [event_table(found.results), path_table(found.results)]
+    if found.audits:
+        parts.append(audit_line(found.audits))
+    return parts
+
+
+def audit_line(audits: Sequence[AuditedRun]) -> str:
+    """What an audit found, in a line."""
+    frames, other = sum(one.frames for one in audits), sum(bool(one.difference) for one in audits)
+    alike = f"otherwise in {other} of them" if other else "alike in all of them"
+    return f"Audited: {len(audits)} runs, {frames:,} frames; the reference interpreter decided {alike}."
+
+
+def _json(asked: Experiment, found: Found) -> str:
+    import json
+    from dataclasses import asdict
+
+    return json.dumps(
+        {
+            "list": asked.name,
+            "variant": asked.label,
+            "interrupted": found.interrupted,
+            "targets": [asdict(target) for target in targets(found.results, published=_is_published(asked))],
+            "audits": [{**asdict(one), "key": one.key._asdict()} for one in found.audits],
+            "results": [_run_json(result) for result in found.results],
+        },
+        indent=2,
+    )
+
+
+def _run_json(result: RunResult) -> dict[str, object]:
+    return {
+        **result.key._asdict(),
+        "from": result.origin,
+        "to": result.goal,
+        "reached": result.reached,
+        "failure": result.failure,
+        "failed_mode": result.failed_mode,
+        "remark": result.remark,
+        "along_mm": result.along_mm,
+        "off_mm": result.off_mm,
+        "distance_mm": result.distance_mm,
+        "travelled_mm": result.travelled_mm,
+        "time_s": result.time_s,
+        "top_mm_s": result.top_mm_s,
+        "modes": {name: mode._asdict() for name, mode in zip("LCD", result.modes, strict=True)},
+        "lights": result.lights._asdict(),
+        "contacts": result.contacts._asdict(),
+        "hazards": result.hazards,
+    }
+
+
+def _draw(asked: Experiment, results: tuple[RunResult, ...], folder: Path) -> None:
+    from colony.nav.maps.building import load_building
+    from colony.view.path_picture import Drive, draw_errors, draw_paths, encode
+
+    building = load_building(asked.map_path)
+    first = building.maps[0].name
+    floors = {run.number: run.floors[0] if run.floors else first for run in asked.runs}
+    goals: dict[tuple[str, str, str], list[Drive]] = {}
+    for r in results:
+        drives = goals.setdefault((r.origin, r.goal, floors[r.key.number]), [])
+        drives.append(Drive(path=r.path, reached=r.reached, seed=r.key.seed))
+    for (origin, goal, floor), drives in goals.items():
+        name = f"{origin} to {goal}" + (f" of {floor}" if floor != first else "")
+        title = f"{name}: {len(drives)} runs, {asked.label}"
+        picture = draw_paths(building.map_named(floor), drives, title)
+        write_whole(folder / f"{name.replace('/', '-').replace(' ', '_')}.png", encode(picture))
+    errors = draw_errors([r.along_mm for r in results if r.reached], f"{asked.name}, {asked.label}")
+    write_whole(folder / "errors.png", encode(errors))
+    say(f"drawn in {folder}: {len(goals)} pictures of paths, and errors.png")
+
+
+def _write(asked: Experiment, found: Found, page: Path) -> None:
+    parts = _tables(asked, found)
+    if len(asked.runs) <= _ROWS_ON_A_PAGE:
+        parts.insert(0, table(asked.runs, found.results))
+    put_into(asked, [part for part in parts if part], page)
+
+
+def put_into(asked: Experiment, tables: Sequence[str], page: Path) -> None:
+    """Put tables into a page, in place of those that it has of this list and variant."""
+    before, after = _around(asked, page)
+    text = "\n\n".join(tables)
+    write_whole(page, f"{before}\n\n{text}\n\n{after}".encode())
+    say(f"put into {page}")
+
+
+def _around(asked: Experiment, page: Path) -> tuple[str, str]:
+    """A page up to and with the line after which the tables of a list and variant go, and from the line
+    before which they end; exits with 2 where it has not these lines."""
+    begin, end = (mark.format(f"{asked.name} {asked.label}") for mark in (BEGIN, END))
+    try:
+        text = read_file(page, PAGE_BYTES).decode("utf-8")
+    except OSError as problem:
+        cannot_write(page, reason(problem))
+    except UnicodeDecodeError as problem:
+        cannot_write(page, f"byte {problem.start} is no UTF-8; expected a page of Markdown")
+    before, marked, rest = text.partition(begin)
+    _, closed, after = rest.partition(end)
+    if not marked or not closed:
+        say(f"{page}: error: expected the lines `{begin}` and `{end}`, between which the tables go")
+        raise click.exceptions.Exit(EXIT_MISUSE)
+    return before + begin, end + after

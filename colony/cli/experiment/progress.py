@@ -1,0 +1,79 @@
+"""How far an experiment is, on standard error: a bar on a terminal, else a line every tenth."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
+from typing import Protocol, assert_never
+
+from colony.cli.reporting import say
+from colony.experiment.auditing import AuditedRun
+from colony.experiment.lights.results import LightResult
+from colony.experiment.plates.record import PlateResult
+from colony.experiment.record import RunResult
+from colony.experiment.sources.results import SourceResult
+
+Newest = RunResult | AuditedRun | PlateResult | LightResult | SourceResult
+
+
+class Tell(Protocol):
+    """Says how many of how many runs are done, and what came of the newest."""
+
+    def __call__(self, done: int, of: int, newest: Newest) -> None: ...
+
+
+@contextmanager
+def progress(what: str) -> Iterator[Tell]:
+    """While it lasts, tell how many are `what` ("run", "audited"); a bar is taken away in the end."""
+    failed = 0
+
+    def line(done: int, of: int, newest: Newest) -> None:
+        nonlocal failed
+        failed += is_bad(newest)
+        if done * 10 // of > (done - 1) * 10 // of:
+            say(f"{100 * done // of} %: {done} of {of} {what}, {failed} bad")
+
+    if not sys.stderr.isatty():
+        yield line
+        return
+    from rich.console import Console
+    from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
+
+    display = Progress(
+        BarColumn(),
+        MofNCompleteColumn(),
+        TimeRemainingColumn(),
+        TextColumn("{task.description}"),
+        console=Console(stderr=True),
+        transient=True,
+    )
+    task = display.add_task(what, total=None)
+
+    def bar(done: int, of: int, newest: Newest) -> None:
+        nonlocal failed
+        failed += is_bad(newest)
+        text = f"{what}, {failed} bad; newest: {described(newest)}"
+        display.update(task, completed=done, total=of, description=text)
+
+    with display:
+        yield bar
+
+
+def is_bad(newest: Newest) -> bool:
+    """Whether a run failed, or an audit found a difference."""
+    return bool(newest.difference if isinstance(newest, AuditedRun) else newest.failure)
+
+
+def described(newest: Newest) -> str:
+    """A run in a few words."""
+    which = f"run {newest.key.number}, seed {newest.key.seed}"
+    match newest:
+        case AuditedRun():
+            return f"{which}, {newest.frames} frames"
+        case RunResult():
+            return f"{which}, {newest.failure or 'reached'}, {newest.off_mm / 1000:.2f} m off"
+        case PlateResult() | LightResult() | SourceResult():
+            return f"{which}, {newest.failure or 'reached'}"
+        case _:
+            assert_never(newest)

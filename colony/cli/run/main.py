@@ -1,0 +1,264 @@
+"""`colony run`: compile a program and run it: on a simulated robot in one process and in virtual time, on one
+of real processes, or on a robot that is there already."""
+
+from __future__ import annotations
+
+import json
+import sys
+from collections.abc import Iterator
+from contextlib import contextmanager, redirect_stdout
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import click
+
+from colony.cli.exit_codes import EXIT_ERRORS, EXIT_INTERRUPTED, EXIT_MISUSE
+from colony.cli.places import connect_option, place_of, problems_told, security_option
+from colony.cli.reporting import load_program, refuse, report, say
+from colony.cli.run.options import Arrival, BadOption, BrokenOff, Misuse, Options
+
+if TYPE_CHECKING:
+    from colony.ir.program import Program
+    from colony.runtime.observe.summary import RunSummary
+    from colony.runtime.transport.live.place import Place
+
+DURATION = "60"
+"""Seconds that a run in a building takes where nothing is said."""
+
+PICTURE = "run.png"
+
+
+@click.command(name="run", short_help="drive a robot, simulated or real")
+@click.argument("file", metavar="FILE")
+@click.option("--map", "map_path", metavar="MAP", help="The building, a StickRep map.")
+@click.option(
+    "--processes", is_flag=True, help="Servers, clients and simulator as processes, by the wall clock."
+)
+@connect_option("Run it on a robot that is there: on this machine, or behind a gateway, tls/HOST:PORT.")
+@security_option()
+@click.option("--robot", metavar="NAME", help="The robot's name, if not as in the program.")
+@click.option(
+    "--seed",
+    type=click.IntRange(min=0),
+    default=0,
+    show_default=True,
+    help="Of chance and of the sensors' noise.",
+)
+@click.option("--duration", metavar="TIME", help=f"As {DURATION} (the default in a building), 90s or 2min.")
+@click.option("--realtime", is_flag=True, help="As fast as the wall clock, not as fast as possible.")
+@click.option("--record", metavar="PATH", help="Write every frame there: MCAP into *.mcap, else JSON lines.")
+@click.option("--picture", metavar="PATH", help=f"PNG or SVG of the way (default: {PICTURE}).")
+@click.option("--no-picture", is_flag=True, help="Draw nothing.")
+@click.option(
+    "--set",
+    "settings",
+    multiple=True,
+    metavar="NAME=VALUE",
+    help="Hold a variable of DServer, as if an operator kept setting it. May be repeated.",
+)
+@click.option(
+    "--camera",
+    "cameras",
+    multiple=True,
+    metavar="[NAME=]DEGREES|up",
+    help="With --processes: a camera that looks there, counterclockwise from ahead, or up. May be repeated.",
+)
+@click.option("--from", "origin", metavar="ROOM", help="With --to: drive from there, by the map's names.")
+@click.option("--to", "goal", metavar="ROOM", help="Where to; the run ends when the robot has arrived.")
+@click.option(
+    "--hazards",
+    type=click.IntRange(min=0),
+    metavar="SEED",
+    help="With --to: people, open doors, lights that are out and more, drawn from this seed.",
+)
+@click.option("--fsync", is_flag=True, help="With --processes: DServer's data outlives a loss of power.")
+@click.option("--format", "format_", type=click.Choice(["text", "json"]), default="text", show_default=True)
+def command(
+    file: str,
+    map_path: str | None,
+    processes: bool,
+    connect: str | None,
+    security: Path | None,
+    robot: str | None,
+    seed: int,
+    duration: str | None,
+    realtime: bool,
+    record: str | None,
+    picture: str | None,
+    no_picture: bool,
+    settings: tuple[str, ...],
+    cameras: tuple[str, ...],
+    origin: str | None,
+    goal: str | None,
+    hazards: int | None,
+    fsync: bool,
+    format_: str,
+) -> None:
+    """Run a behavior on a robot that is simulated in the building of a map, or on a real one.
+
+    With --map alone everything is one process, in virtual time: the same seed gives the same run. With
+    --processes each server and each client is a process of its own, as on a robot; who dies is started
+    again, and other programs can take part (`colony ps`, `colony stop`). With --connect only the clients
+    are started, for a robot that `colony serve` serves; without --duration until Ctrl-C.
+
+    --from and --to have a planner and its helpers lead the robot from room to room, for a behavior that takes
+    goals, as navigator.colony does; the run ends when it has arrived, with exit code 1 where it did not. A
+    room of another floor is `2:250R` or `msu_engineering_2:250R`, where elevators lead there: in one process
+    somebody is simulated who presses their buttons, with --connect you are asked to at the terminal. A robot
+    that is there has to stand before the room --from, and its map is --map (docs/missions.md).
+
+    In the end it tells who drove how long, how far the robot came, what it bumped into, which contracts
+    broke, and draws its way. Ctrl-C stops the robot, closes the recording and still tells what was run, with
+    exit code 130. A recording that cannot be written any more, on a full disk for one, ends the run in the
+    same way, with exit code 1.
+
+    Exit code 0 where all contracts held, 1 where one was broken, the program has errors or the run broke
+    off, 2 for misuse or where the picture cannot be written.
+
+    \b
+    Example:
+      colony run behaviors/wander.colony --map maps/loop.stickrep --duration 2min --seed 1
+      colony run behaviors/wander.colony --map maps/loop.stickrep --record run.mcap
+      colony run behaviors/navigator.colony --map maps/msu_engineering_3.stickrep --from 350R --to 376L
+      colony run behaviors/navigator.colony --map maps/msu_engineering_3.stickrep --from 350R --to 2:250R
+      colony run behaviors/navigator.colony --connect --map maps/loop.stickrep --from 201 --to 216
+      colony run behaviors/teleop.colony --map maps/loop.stickrep --realtime --set TeleopVelocity=200
+      colony run behaviors/wander.colony --map maps/loop.stickrep --processes --duration 30
+      colony run behaviors/wander.colony --connect --robot rome
+      colony run behaviors/wander.colony --connect tls/rome.lab:7447 --security ada.toml
+    """
+    _check_choice(map_path, processes, connect, realtime, cameras, fsync, security, driven=goal is not None)
+    _check_way(origin, goal, hazards, there=connect is not None)
+    program = load_program(file)
+    options = Options(
+        file=file,
+        map_path=map_path,
+        seed=seed,
+        duration=duration or (None if connect is not None or goal is not None else DURATION),
+        realtime=realtime,
+        record=record,
+        picture=None if no_picture or connect is not None else picture or PICTURE,
+        settings=settings,
+        cameras=cameras,
+        fsync=fsync,
+        origin=origin,
+        goal=goal,
+        hazards=hazards,
+    )
+    with _failures_told(), redirect_stdout(sys.stderr):  # for what modules in Python print
+        if processes or connect is not None:
+            with problems_told():
+                place = place_of(program.robot.name if robot is None else robot, connect, security)
+                summary, arrival = _run_processes(program, place, options, simulated=connect is None)
+        else:
+            summary, arrival = _run_simulated(program, options)
+    _tell(summary, arrival, options, format_)
+
+
+def _run_simulated(program: Program, options: Options) -> tuple[RunSummary, Arrival | None]:
+    from colony.cli.run.progress import told_if_slow
+
+    with told_if_slow("compiling the simulator: some seconds, once where the result can be kept"):
+        from colony.cli.run.simulated import run
+    return run(program, options)
+
+
+def _run_processes(
+    program: Program, place: Place, options: Options, *, simulated: bool
+) -> tuple[RunSummary, Arrival | None]:
+    from colony.cli.run.processes import run_here, run_there
+    from colony.runtime.transport.live.place import Local
+
+    if simulated and isinstance(place, Local):
+        return run_here(program, place, options)
+    return run_there(program, place, options)
+
+
+def _check_choice(
+    map_path: str | None,
+    processes: bool,
+    connect: str | None,
+    realtime: bool,
+    cameras: tuple[str, ...],
+    fsync: bool,
+    security: Path | None,
+    *,
+    driven: bool,
+) -> None:
+    """Options that make no sense together; `driven` where there is a goal."""
+    wrong = None
+    if connect is None and map_path is None:
+        wrong = "found neither --map nor --connect: where is the robot?"
+    elif connect is not None and processes:
+        wrong = "--connect is for a robot that is there: it goes without --processes"
+    elif connect is not None and map_path is not None and not driven:
+        wrong = "--connect is for a robot that is there: --map goes with it for --from and --to alone"
+    elif connect is not None and map_path is None and driven:
+        wrong = "found --to without --map: through which building?"
+    elif connect is None and security is not None:
+        wrong = "--security goes with --connect"
+    elif realtime and connect is not None:
+        wrong = "--realtime is for a run in a building: a robot that is there knows no other time"
+    elif not processes and (cameras or fsync):
+        wrong = f"{'--camera' if cameras else '--fsync'} goes with --processes"
+    if wrong is not None:
+        raise click.UsageError(wrong, click.get_current_context())
+
+
+def _check_way(origin: str | None, goal: str | None, hazards: int | None, *, there: bool) -> None:
+    wrong = None
+    if (origin is None) != (goal is None):
+        wrong = f"found {'--to' if origin is None else '--from'} alone; expected --from ROOM --to ROOM"
+    elif goal is None and hazards is not None:
+        wrong = "--hazards goes with --from and --to"
+    elif there and hazards is not None:
+        wrong = "--hazards is of a simulated building: `colony serve` takes it, not a run with --connect"
+    if wrong is not None:
+        raise click.UsageError(wrong, click.get_current_context())
+
+
+@contextmanager
+def _failures_told() -> Iterator[None]:
+    """What kept a run from beginning, or from going on, and its exit code."""
+    from colony.text.diagnostics import Failure
+
+    try:
+        yield
+    except BadOption as bad:
+        raise click.UsageError(str(bad), click.get_current_context()) from None
+    except Misuse as misuse:
+        say(str(misuse))
+        raise click.exceptions.Exit(EXIT_MISUSE) from None
+    except BrokenOff as problem:
+        say(f"colony: error: {problem}")
+        raise click.exceptions.Exit(EXIT_ERRORS) from None
+    except Failure as failure:
+        if failure.diagnostics[0].code.startswith("M"):
+            refuse(failure.diagnostics)
+        report(failure.diagnostics)
+        raise click.exceptions.Exit(EXIT_ERRORS) from None
+
+
+def _tell(summary: RunSummary, arrival: Arrival | None, options: Options, format_: str) -> None:
+    if format_ == "json":
+        written: dict[str, object] = {"recording": options.record, "picture": options.picture}
+        if arrival is not None:
+            written["arrival"] = arrival._asdict()
+        click.echo(json.dumps(summary.as_json() | written, indent=2))
+    else:
+        from colony.runtime.observe.summary import render
+
+        click.echo(render(summary))
+        for path in (options.record, options.picture, *(() if arrival is None else arrival.pictures)):
+            if path is not None and path not in summary.unwritten:
+                click.echo(f"  wrote {path}")
+        if arrival is not None:
+            click.echo(f"  {arrival.text}")
+    if arrival is not None and not arrival.arrived and not summary.interrupted:
+        raise click.exceptions.Exit(EXIT_ERRORS)
+    if not summary.sound:
+        raise click.exceptions.Exit(EXIT_ERRORS)
+    if summary.interrupted:
+        raise click.exceptions.Exit(EXIT_INTERRUPTED)
+    if summary.unwritten:
+        raise click.exceptions.Exit(EXIT_MISUSE)

@@ -1,0 +1,106 @@
+"""`colony run --from ROOM --to ROOM`: the clients that lead a robot through a building, among its servers."""
+
+from __future__ import annotations
+
+import math
+
+from colony.cli.run.options import Arrival, Options
+from colony.cli.run.way import TOLD_OF_PLATE, Way
+from colony.experiment.run_cameras import run_cameras
+from colony.experiment.runs import AT_GOAL_MM
+from colony.experiment.variants import CEILING_CAMERA, FRONT_CAMERA, OURS, PLANNER, SIDE_CAMERA
+from colony.nav.missions.goal_verification import Verdict
+from colony.runtime.frames.assembly import frames_kept
+from colony.runtime.kit.script_node import ScriptNode
+from colony.runtime.protocol.fields import DSERVER, PSERVER, RSERVER
+from colony.runtime.protocol.messages import Node
+from colony.runtime.servers.cserver import CServer
+from colony.sim.drivers import Plant
+from colony.sim.hazards.hazards import Hazards
+from colony.sim.world.operator import operator
+from colony.sim.world.site import Site
+
+_CAMERAS = (CEILING_CAMERA, SIDE_CAMERA, FRONT_CAMERA)
+_SERVERS = (DSERVER.name, RSERVER.name, PSERVER.name, *_CAMERAS)
+_AFTER_NS = 1_000_000
+"""Scripts begin so long after a frame, so that they know what was seen in it."""
+
+
+class Mission:
+    """A way through a building that is to be driven. Mutable: the building, and how far its scripts are."""
+
+    def __init__(self, way: Way, options: Options, frame_ns: int) -> None:
+        self._way, self.plan = way, way.plan
+        self.site = Site(
+            way.building,
+            way.plan,
+            Hazards.none() if options.hazards is None else Hazards(),
+            seed=options.hazards or 0,
+            noise_seed=options.seed,
+        )
+        self._seed = options.seed
+        self._keep = frames_kept(frame_ns)
+        self._verdict = Verdict.UNSEEN
+        scripts = {
+            **OURS.scripts(
+                way.plan, self.site.building, cameras=frozenset(_CAMERAS), on_verdict=self._verified
+            ),
+            "operator": operator(self.site.elevators, self.site.world, seed=options.seed),
+        }
+        self._scripts = {
+            name: ScriptNode(name, script, _SERVERS, delay_ns=_AFTER_NS) for name, script in scripts.items()
+        }
+
+    def nodes(self, plant: Plant) -> tuple[Node, ...]:
+        """The cameras and the scripts."""
+        cameras = [
+            CServer(driver, keep=self._keep, address=name)
+            for name, driver in run_cameras(plant, self.site, _CAMERAS, seed=self._seed).items()
+        ]
+        return (*cameras, *self._scripts.values())
+
+    @property
+    def problem(self) -> str:
+        """What a script raised; "" where none did."""
+        for script in self._scripts.values():
+            if script.problem is not None:
+                return f"{script.address}: {type(script.problem).__name__}: {script.problem}"
+        return ""
+
+    def is_over(self) -> bool:
+        """Whether the planner is done, or a script has failed."""
+        return self._scripts[PLANNER].ended or bool(self.problem)
+
+    def arrival(self, t_ns: int) -> Arrival:
+        """What came of it."""
+        where, when = self._place(), f"after {t_ns / 1e9:.1f} s"
+        if self.problem:
+            return Arrival(arrived=False, text=f"{self._way.name}: broke off {when}, {where}: {self.problem}")
+        if not self._scripts[PLANNER].ended:
+            return Arrival(arrived=False, text=f"{self._way.name}: not done {when}, {where}")
+        if not self._is_at_goal():
+            return Arrival(arrived=False, text=f"{self._way.name}: the planner was done {when}, {where}")
+        speed = self.plan.distance_mm / (t_ns / 1e9) * 0.06
+        driven = f"{self.plan.distance_mm / 1000:.1f} m, {speed:.1f} m/min"
+        arrived = f"{self._way.name}: arrived {when}, {where}; {driven}{TOLD_OF_PLATE[self._verdict]}"
+        return Arrival(arrived=True, text=arrived)
+
+    def _verified(self, verdict: Verdict) -> None:
+        self._verdict = verdict
+
+    @property
+    def _goal_floor(self) -> str:
+        return self.plan.segments[-1].end.floor
+
+    def _off_mm(self) -> float:
+        """How far the robot really is from the goal, on its floor."""
+        pose, goal = self.site.world.true_pose(0), self.plan.segments[-1].end
+        return math.hypot(pose.x_mm - goal.x_mm, pose.y_mm - goal.y_mm)
+
+    def _is_at_goal(self) -> bool:
+        return self.site.floor == self._goal_floor and self._off_mm() <= AT_GOAL_MM
+
+    def _place(self) -> str:
+        if self.site.floor != self._goal_floor:
+            return f"on {self.site.floor}, not on {self._goal_floor}"
+        return f"{self._off_mm() / 1000:.2f} m from the goal"

@@ -1,0 +1,186 @@
+"""What the options of `colony run` mean: durations, and values of DServer's variables."""
+
+from __future__ import annotations
+
+import math
+import re
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, NamedTuple
+
+from colony.ir.program import Program, Sensor
+from colony.ir.types import Array, Bool, Enum, Quantity, Scalar, ScalarValue, Value
+from colony.runtime.protocol.bindings import did_you_mean
+from colony.text.units import ANGLE, TIME, BadUnit, Dimension, nanoseconds, parse_unit
+
+if TYPE_CHECKING:
+    from colony.sim.plant.child import Look
+
+_QUANTITY = re.compile(r"([-+]?(?:[0-9]+\.?[0-9]*|\.[0-9]+)(?:[eE][-+]?[0-9]+)?)\s*(.*)")
+
+
+class BadOption(ValueError):
+    """An option's value makes no sense; the message says what was found and what was expected."""
+
+
+class Misuse(Exception):
+    """What was named cannot be used; the message is one line that begins with it."""
+
+
+class BrokenOff(Exception):
+    """A run of processes could not begin, or broke off; the message, of one line or several, tells why."""
+
+
+class Arrival(NamedTuple):
+    """Whether a robot that was sent somewhere arrived, what to say of it, and the files in which its way on
+    other floors than the first is drawn."""
+
+    arrived: bool
+    text: str
+    pictures: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Options:
+    """The command line of `colony run`, as given.
+
+    `map_path` is None where the robot is there already, `duration` for a run until it is interrupted,
+    `record` and `picture` where there is to be none; so are `origin`, `goal` and the seed of `hazards`.
+    """
+
+    file: str
+    map_path: str | None
+    seed: int
+    duration: str | None
+    realtime: bool
+    record: str | None
+    picture: str | None
+    settings: tuple[str, ...]
+    cameras: tuple[str, ...]
+    fsync: bool
+    origin: str | None = None
+    goal: str | None = None
+    hazards: int | None = None
+
+
+def duration_ns(text: str) -> int:
+    """A duration: `60`, in seconds, or with a unit, `2 min`.
+
+    Raises:
+        BadOption: it is none, or not above 0.
+    """
+    seconds = _quantity(text, TIME, 1.0)
+    if seconds is None or not 0.0 < seconds <= 1e9 or not nanoseconds(seconds):
+        raise BadOption(
+            f"--duration: found `{text}`; expected a time above 0 and at most 1e9 s, such as 60 or 2min"
+        )
+    return nanoseconds(seconds)
+
+
+MOST_CAMERAS = 8
+
+
+def cameras(texts: tuple[str, ...]) -> dict[str, Look]:
+    """Servers of cameras, each with where it looks: degrees counterclockwise from ahead, or up.
+
+    A text is a direction, or a name and one: `left=90`, `CServerUp=up`. A single camera without a name is
+    `CServer`, one with a name `CServer_name`, unless the name is that of a server already.
+
+    Raises:
+        BadOption: a text is not of this form, or two cameras have one name.
+    """
+    out: dict[str, Look] = {}
+    for text in texts:
+        name, equals, direction = text.rpartition("=")
+        look = _look(direction)
+        if look is None or (equals and not name.isidentifier()):
+            expected = "degrees, `up`, or a name and one of these: left=90"
+            raise BadOption(f"--camera: found `{text}`; expected {expected}")
+        server = name if name.startswith("CServer") else f"CServer_{name}" if name else "CServer"
+        if server in out:
+            raise BadOption(f"--camera: two are named `{name}`" if name else "--camera: two have no name")
+        out[server] = look
+    if len(out) > MOST_CAMERAS:
+        raise BadOption(f"--camera: found {len(out)}; expected {MOST_CAMERAS} at most")
+    return out
+
+
+def _look(text: str) -> Look | None:
+    if text.strip() == "up":
+        return "up"
+    yaw = _quantity(text, ANGLE, 1.0)
+    return yaw if yaw is not None and abs(yaw) <= 360.0 else None
+
+
+def variables(program: Program, settings: tuple[str, ...]) -> dict[str, Value]:
+    """DServer's variables from texts `NAME=VALUE`, in the units of the sensors that read them.
+
+    A value is a number, with or without a unit, true or false, an enumerator, or a list `[1, 2]` of those.
+
+    Raises:
+        BadOption: a text is not of this form, no sensor reads the variable, or the value has another type.
+    """
+    readers = {s.field: s for s in program.robot.sensors if s.server == "DServer"}
+    out: dict[str, Value] = {}
+    for setting in settings:
+        name, equals, text = setting.partition("=")
+        name = name.strip().removeprefix("DServer.")
+        if not (name and equals):
+            raise BadOption(f"--set: found `{setting}`; expected NAME=VALUE")
+        sensor = readers.get(name)
+        if sensor is None:
+            hint = did_you_mean(name, readers)
+            raise BadOption(f"--set: no sensor reads DServer.{name}; {hint}")
+        out[name] = _value(sensor, text.strip())
+    return out
+
+
+def _value(sensor: Sensor, text: str) -> Value:
+    if isinstance(sensor.type, Array):
+        if not (text.startswith("[") and text.endswith("]")):
+            raise BadOption(f"--set {sensor.field}: found `{text}`; expected a list of {sensor.type.size}")
+        parts = [p.strip() for p in text[1:-1].split(",")]
+        if len(parts) != sensor.type.size:
+            what = f"{len(parts)} values; expected {sensor.type.size}"
+            raise BadOption(f"--set {sensor.field}: found {what}")
+        element = sensor.type.element
+        return tuple(_scalar(sensor, element, part) for part in parts)
+    return _scalar(sensor, sensor.type, text)
+
+
+def _scalar(sensor: Sensor, type: Scalar, text: str) -> ScalarValue:
+    match type:
+        case Bool():
+            if text in ("true", "false"):
+                return text == "true"
+            expected = "true or false"
+        case Enum(name=name, members=members):
+            numbers = dict(members)
+            number = _quantity(text, Dimension(), 1.0)
+            if text.removeprefix(f"{name}.") in numbers:
+                return numbers[text.removeprefix(f"{name}.")]
+            if number is not None and number in numbers.values():
+                return number
+            expected = "one of " + ", ".join(f"{name}.{member}" for member in numbers)
+        case Quantity(dimension=dimension):
+            value = _quantity(text, dimension, sensor.factor)
+            if value is not None:
+                return value
+            expected = f"a number in {dimension}" if dimension != Dimension() else "a number"
+    raise BadOption(f"--set {sensor.field}: found `{text}`; expected {expected}")
+
+
+def _quantity(text: str, dimension: Dimension, factor: float) -> float | None:
+    """A number, or one with a unit of this dimension in units of `factor` base units; else None."""
+    parts = _QUANTITY.fullmatch(text.strip())
+    if parts is None:
+        return None
+    number = float(parts[1])
+    if not math.isfinite(number):
+        return None
+    if not parts[2]:
+        return number
+    try:
+        unit = parse_unit(parts[2])
+    except BadUnit:
+        return None
+    return number * float(unit.factor) / factor if unit.dimension == dimension else None

@@ -1,0 +1,61 @@
+"""What a run leaves behind besides its summary: checked before it begins, drawn after it."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Iterable, Mapping, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import click
+
+from colony.cli.outputs import check_output, write_whole
+from colony.cli.run.options import BadOption
+
+if TYPE_CHECKING:
+    from colony.nav.maps.stickrep.model import Map
+
+
+def check_outputs(record: str | None, picture: str | None, inputs: Iterable[str]) -> None:
+    """Refuse, before a long run, what could not be written after it, or what would overwrite its input.
+
+    Raises:
+        BadOption: the picture has no format, or both would be one file.
+        click.exceptions.Exit: a file cannot be written, which has been said.
+    """
+    if picture is not None:
+        from colony.view.map_picture import picture_format
+
+        try:
+            picture_format(picture)
+        except ValueError as problem:
+            raise BadOption(f"--picture: {problem}") from None
+        if record is not None and os.path.realpath(record) == os.path.realpath(picture):
+            raise BadOption(f"--record and --picture: found `{picture}` for both; expected two files")
+    for path in (record, picture):
+        if path is not None:
+            check_output(path, list(inputs))
+
+
+def draw_paths(
+    floors: Sequence[Map], places: Mapping[str, Sequence[tuple[float, float]]], robot: str, path: str
+) -> tuple[str, ...] | None:
+    """Each floor with the way of a robot on it: the first one into `path`, the others beside it, by their
+    names: run.png and run.msu_engineering_2.png. These others are given; None where a picture could not be
+    written, which has been said."""
+    import numpy as np
+
+    from colony.view.map_picture import draw_map, encode_picture, picture_format
+
+    target = Path(path)
+    others: list[str] = []
+    for number, floor in enumerate(floors):
+        way = np.array(places.get(floor.name, ()), dtype=np.float64).reshape(-1, 2)
+        picture = draw_map(floor, [way], names=[robot])
+        drawn = target if number == 0 else target.with_suffix(f".{floor.name}{target.suffix}")
+        try:
+            write_whole(drawn, encode_picture(picture, picture_format(path)))
+        except click.exceptions.Exit:
+            return None
+        others += [str(drawn)] if number else []
+    return tuple(others)

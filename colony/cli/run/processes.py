@@ -1,0 +1,322 @@
+"""The run behind `colony run --processes` and `--connect`: clients as processes, and servers that are either
+started with them or there already."""
+
+from __future__ import annotations
+
+import math
+import os
+import shutil
+import sys
+import time
+from collections.abc import Callable, Iterator
+from contextlib import AbstractContextManager, ExitStack, contextmanager, suppress
+from dataclasses import replace
+from pathlib import Path
+from tempfile import mkdtemp
+from typing import TYPE_CHECKING
+
+from colony.cli.interruption import interruptible
+from colony.cli.places import running_robots, session_with
+from colony.cli.recordings import RunRecording, recording_into
+from colony.cli.reporting import say
+from colony.cli.run.options import Arrival, BrokenOff, Misuse, Options, cameras, duration_ns, variables
+from colony.cli.run.outputs import check_outputs, draw_paths
+from colony.cli.run.progress import Progress
+from colony.compile.pipeline import compile_program
+from colony.ir.program import Program
+from colony.os_errors import naming
+from colony.runtime.assembly.nodes import build_observer, members, places_of
+from colony.runtime.assembly.processes.children import Job
+from colony.runtime.assembly.processes.compiled import Compiled
+from colony.runtime.assembly.processes.crew import client_jobs, expect_room, fresh_folder, keep_logs
+from colony.runtime.assembly.processes.leader import Standings
+from colony.runtime.assembly.processes.run import LedRun, RunFailed
+from colony.runtime.assembly.processes.window import Window
+from colony.runtime.observe.summary import RunSummary, Tally, Travel
+from colony.runtime.protocol.deployment import deployment
+from colony.runtime.protocol.fields import DSERVER, SERVERS, ServerSpec
+from colony.runtime.protocol.topics import CLOCK
+from colony.runtime.transport.live.place import Local, Place
+from colony.runtime.transport.live.run_directory import in_run_directory
+
+if TYPE_CHECKING:  # planning and leading are not for every run
+    from colony.cli.run.way import Way
+    from colony.experiment.live_mission import LiveMission
+
+PLANT_S = 120.0
+"""For how long the simulator may take to start: once, where nothing is kept of it, it is compiled."""
+
+
+def run_here(program: Program, place: Local, options: Options) -> tuple[RunSummary, Arrival | None]:
+    """Run a program on a simulated robot: servers, clients and the plant are started, and end with the run.
+    What came of it, and of the way, if it was to be driven somewhere.
+
+    Raises:
+        BadOption: an option makes no sense.
+        Misuse: there is no such way.
+        Failure: the map is bad (its codes begin with M), or the program asks for what the robot lacks.
+        LiveError: the robot's processes cannot be joined: another run of it goes on, for one.
+        BrokenOff: the run could not begin, or broke off.
+        click.exceptions.Exit: a file cannot be written, which has been said.
+    """
+    from colony.cli.simulated_robot import SimulatedRobot, TruthLog, jobs_of
+    from colony.nav.maps.stickrep.reader import load_map
+
+    assert options.map_path is not None
+    way = _way_here(options) if options.goal is not None else None
+    run = _Run(program, place, options, way)
+    looking = cameras(options.cameras)
+    if way is not None:
+        from colony.experiment.variants import CEILING_CAMERA
+
+        looking = {CEILING_CAMERA: "up", **looking}
+    building = load_map(options.map_path)
+    truth = TruthLog(place)
+    with run.led() as led:
+        robot = SimulatedRobot(
+            map_path=options.map_path,
+            seed=options.seed,
+            state=run.folder,
+            cameras=looking,
+            fsync=options.fsync,
+            start=None if way is None else way.start,
+            hazards=options.hazards,
+            held=run.held,
+        )
+        with in_run_directory(run.folder):
+            jobs = (*jobs_of(place, robot, run.folder), *run.client_jobs())
+            expect_room(run.folder, len(jobs))
+        led.start(jobs)
+        begun = led.wait_for(truth.look, run.stop, what="the simulator starts", most_s=PLANT_S)
+        interrupted = not begun or run.follow(led, meanwhile=truth.look)
+        travel = truth.travel
+        truth.close()
+    summary = run.summary(interrupted, travel)
+    if options.picture is not None:
+        places = {building.name: truth.places}
+        if draw_paths([building], places, program.robot.name, options.picture) is None:
+            summary = replace(summary, unwritten=(options.picture,))
+    return summary, run.arrival(truth.places[-1] if truth.places else None)
+
+
+def run_there(program: Program, place: Place, options: Options) -> tuple[RunSummary, Arrival | None]:
+    """Run a program on a robot whose servers run already, here or behind a gateway.
+
+    Raises:
+        Misuse: there is no such robot on this machine, or no such way.
+        others: as `run_here`.
+    """
+    if isinstance(place, Local) and not place.directory.running():
+        robots = ", ".join(running_robots()) or "none"
+        raise Misuse(
+            f"colony: error: nothing of `{place.robot}` runs on this machine (robots found: {robots}); "
+            f"start it with `colony serve all --robot {place.robot} --map MAP`"
+        )
+    way = None
+    if options.goal is not None:
+        from colony.cli.run.way import way_of
+
+        way = way_of(options)
+    run = _Run(program, place, options, way)
+    with run.led() as led:
+        with _in_folder(place, run.folder):
+            jobs = run.client_jobs()
+            expect_room(run.folder, len(jobs))
+        led.start(jobs)
+        led.hold(run.held)
+        interrupted = run.follow(led)
+    return run.summary(interrupted, None), run.arrival(None)
+
+
+def _way_here(options: Options) -> Way:
+    """The way to drive, on the one floor that the simulator of processes has."""
+    from colony.cli.run.way import way_of
+
+    way = way_of(options)
+    if len(way.plan.floors) > 1:
+        floors = " to ".join(way.plan.floors)
+        raise Misuse(
+            f"{options.map_path}: error: the way leads from {floors}, and a simulated robot of processes "
+            "stays on its floor; leave out --processes to ride elevators"
+        )
+    return way
+
+
+class _Run:
+    """What both ways have in common. Mutable: what was seen of the run."""
+
+    def __init__(self, program: Program, place: Place, options: Options, way: Way | None) -> None:
+        self._place = place
+        self._options = options
+        self._way = way
+        self._mission: LiveMission | None = None
+        self._length_ns = None if options.duration is None else duration_ns(options.duration)
+        self.held = variables(program, options.settings)
+        inputs = [options.file, *([options.map_path] if options.map_path is not None else [])]
+        check_outputs(options.record, options.picture, inputs)
+        self._compiled = Compiled(program, compile_program(program).clients, _more_servers(program, place))
+        self._bindings = self._compiled.bindings()
+        self._both = (program, self._compiled.clients)
+        self._deployed = deployment(
+            *self._both,
+            self._bindings,
+            run=f"{time.strftime('%Y%m%d-%H%M%S')}-{os.getpid()}",
+            seed=options.seed,
+            announced=members(*self._both).announced,
+            servers=tuple(server.name for server in self._compiled.servers),
+        )
+        self._tally = Tally(program, places_of(*self._both))
+        self._standings = Standings(self._deployed, file=os.path.abspath(options.file))
+        self._window = Window(
+            self._length_ns,
+            frame_ns=program.robot.frame_ns,
+            sinks=(self._tally, self._standings, Progress(self._length_ns)),
+        )
+        self._folder: Path | None = None
+        self._recording: RunRecording | None = None
+        self._interrupted: Callable[[], bool] = lambda: False
+
+    @contextmanager
+    def led(self) -> Iterator[LedRun]:
+        """Lead the run, to the end of the block; its processes have ended then."""
+        with interruptible() as self._interrupted, ExitStack() as holds:
+            led = holds.enter_context(self._lead())
+            self._folder = self._fresh_folder()
+            if self._options.record is not None:
+                self._recording = self._begin_recording(self._options.record)
+                self._window.record(self._recording)
+            try:
+                yield led
+                holds.close()
+            except RunFailed as problem:
+                raise BrokenOff(str(problem)) from None
+        if self._recording is not None:
+            self._recording.expect_frames()
+
+    def stop(self) -> bool:
+        """Whether the run is to end before its time: it was interrupted, or its recording broke off."""
+        return self._interrupted() or self._broke_off is not None
+
+    @property
+    def _broke_off(self) -> str | None:
+        return None if self._recording is None else self._recording.broken_off
+
+    @property
+    def folder(self) -> Path:
+        """Where its processes are told what to be, and what they print goes."""
+        assert self._folder is not None
+        return self._folder
+
+    def client_jobs(self) -> tuple[Job, ...]:
+        """How its clients are started; modules in Python are looked for where this process looks for them."""
+        search = (str(Path(self._options.file).resolve().parent), os.getcwd())
+        return client_jobs(self._place, self._deployed, self._compiled, self.folder, search)
+
+    def follow(self, led: LedRun, *, meanwhile: Callable[[], object] = lambda: None) -> bool:
+        """Lead it to its end, or to that of its way; whether it was interrupted before."""
+        if self._way is None:
+            return not led.follow(self.stop, meanwhile=meanwhile)
+        from colony.cli.terminal import Terminal
+        from colony.experiment.live_mission import LiveMission
+        from colony.nav.missions.elevator_prompt import elevator_prompt
+
+        way, operator = self._way, None
+        if len(way.plan.floors) > 1:
+            operator = elevator_prompt(way.building, Terminal(sys.__stdin__), say=say)
+        with session_with(self._place) as session:
+            self._mission = LiveMission(session, way.building, way.plan, operator=operator)
+            with self._mission as mission:
+                led.follow(lambda: self.stop() or mission.over, meanwhile=meanwhile)
+                return self.stop() and not mission.over
+
+    def arrival(self, place: tuple[float, float] | None) -> Arrival | None:
+        """What came of the way, if there was one, for a robot that is really at a place, as far as that is
+        known."""
+        if self._way is None or self._mission is None:
+            return None
+        from colony.cli.run.way import TOLD_OF_PLATE
+
+        mission, name = self._mission, self._way.name
+        off_mm, by = mission.off_mm, " as it reckons"
+        if place is not None:
+            goal = self._way.plan.segments[-1].end
+            off_mm, by = math.hypot(place[0] - goal.x_mm, place[1] - goal.y_mm), ""
+        when, where = f"after {mission.took_s:.1f} s", f"{off_mm / 1000:.2f} m from the goal{by}"
+        if mission.problem:
+            text = f"{name}: broke off {when}, {where}: {mission.problem}"
+        else:
+            text = f"{name}: {'arrived' if mission.arrived else 'not done'} {when}, {where}"
+            text += TOLD_OF_PLATE[mission.verdict]
+        return Arrival(arrived=mission.arrived, text=text)
+
+    def summary(self, interrupted: bool, travel: Travel | None) -> RunSummary:
+        """What came of it."""
+        found = self._tally.summary(
+            seed=self._options.seed,
+            duration_s=self._window.shown_ns / 1e9,
+            interrupted=interrupted and self._interrupted(),
+            travel=travel,
+        )
+        return replace(found, broke_off=self._broke_off)
+
+    def _lead(self) -> LedRun:
+        program, _ = self._both
+        recorded = self._options.record is not None
+        observer = build_observer(
+            program, self._bindings, (self._window,), self._deployed.run, requests=recorded
+        )
+        servers = dict.fromkeys([CLOCK, DSERVER.name, *(b.server for b in self._bindings.actuators)])
+        return LedRun(
+            self._place,
+            self._deployed,
+            servers,
+            observer=observer,
+            window=self._window,
+            standings=self._standings,
+            ended=self._tidy,
+            report=say,
+        )
+
+    def _fresh_folder(self) -> Path:
+        """The folder of the run, where nothing is of an earlier one: its leader is the only one now."""
+        if isinstance(self._place, Local):
+            folder = self._place.directory.path / "run"
+            with in_run_directory(folder):
+                return fresh_folder(folder)
+        return Path(mkdtemp(prefix="colony-run-"))
+
+    def _tidy(self) -> None:
+        """Its processes have ended: what they printed stays behind, on the robot's own machine, no more."""
+        if self._folder is not None:
+            if isinstance(self._place, Local):
+                keep_logs(self._folder)
+            else:
+                shutil.rmtree(self._folder, ignore_errors=True)
+
+    def _begin_recording(self, path: str) -> RunRecording:
+        run, started = self._deployed.run, time.strftime("%Y-%m-%dT%H:%M:%S%z")
+        file, seed = self._options.file, self._options.seed
+        return recording_into(path, file, *self._both, seed=seed, run=run, started=started)
+
+
+def _in_folder(place: Place, folder: Path) -> AbstractContextManager[None]:
+    """Return a context that adds to an OSError what to do about the folder of a run."""
+    return in_run_directory(folder) if isinstance(place, Local) else naming(folder)
+
+
+def _more_servers(program: Program, place: Place) -> tuple[ServerSpec, ...]:
+    """Those that sensors of the program read besides what every robot has, as they describe themselves; what
+    does not run, or does not, is left out."""
+    known = {server.name for server in SERVERS}
+    wanted = dict.fromkeys(s.server for s in program.robot.sensors if s.server not in known)
+    if not wanted:
+        return ()
+    from colony.runtime.kit.description import describe, server_spec
+    from colony.runtime.kit.errors import ConnectionProblem
+
+    found = []
+    with suppress(ConnectionProblem), session_with(place) as session:
+        for name in wanted:
+            with suppress(ConnectionProblem, ValueError), session.connect(name) as connection:
+                found.append(server_spec(connection.do(describe())))
+    return tuple(found)

@@ -1,0 +1,90 @@
+"""Progress of a run on standard error: a bar on a terminal, else a line every tenth."""
+
+from __future__ import annotations
+
+import sys
+import threading
+from collections.abc import Iterator
+from contextlib import contextmanager
+
+from colony.cli.reporting import say
+from colony.runtime.observe.observer import FrameLog
+
+PATIENCE_S = 1.5
+"""For how long someone at a terminal is left without a word."""
+
+MOMENT_NS = 10_000_000_000
+"""How often a word is said of a run without an end."""
+
+
+@contextmanager
+def told_if_slow(text: str, after_s: float = PATIENCE_S) -> Iterator[None]:
+    """Say `text`, on a terminal, if what is done meanwhile takes longer than `after_s`."""
+    if not sys.stderr.isatty():
+        yield
+        return
+    timer = threading.Timer(after_s, say, (text,))
+    timer.daemon = True
+    timer.start()
+    try:
+        yield
+    finally:
+        timer.cancel()
+
+
+class Progress:
+    """A sink that tells how far a run of `length_ns` is, None: one without an end. Mutable: what was told.
+
+    On a terminal a bar of rich, which is imported only there; it is taken away in the end.
+    """
+
+    def __init__(self, length_ns: int | None) -> None:
+        self._length_ns = length_ns
+        self._part_ns = MOMENT_NS if length_ns is None else length_ns / 10
+        self._parts = 0
+        self._bar = _Bar(length_ns) if sys.stderr.isatty() else None
+
+    def take(self, log: FrameLog) -> None:
+        if self._bar is not None:
+            self._bar.show(log)
+            return
+        parts = int(log.tick.t_ns // self._part_ns)
+        if parts > self._parts:
+            self._parts = parts
+            say(_moment(log) if self._length_ns is None else f"{10 * parts} %: {_moment(log)}")
+
+    def close(self) -> None:
+        """Take the bar away."""
+        if self._bar is not None:
+            self._bar.stop()
+
+
+def _moment(log: FrameLog) -> str:
+    winners = ", ".join(f"{name} by {v.by or 'nobody'}" for name, v in log.verdicts.items())
+    return f"{log.tick.t_ns / 1e9:.1f} s, {winners}"
+
+
+class _Bar:
+    """Mutable: rich's display."""
+
+    def __init__(self, length_ns: int | None) -> None:
+        from rich.console import Console
+        from rich.progress import BarColumn, TaskProgressColumn, TextColumn, TimeRemainingColumn
+        from rich.progress import Progress as Display
+
+        self._display = Display(
+            BarColumn(),
+            TaskProgressColumn(),
+            TimeRemainingColumn(),
+            TextColumn("{task.description}"),
+            console=Console(stderr=True),
+            transient=True,
+        )
+        self._task = self._display.add_task("", total=length_ns)
+        self._display.start()
+
+    def show(self, log: FrameLog) -> None:
+        self._display.update(self._task, completed=log.tick.t_ns, description=_moment(log))
+
+    def stop(self) -> None:
+        self._display.stop()

@@ -1,0 +1,225 @@
+"""`colony sim snapshot`: what the cameras of a robot see from a place."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+from typing import TYPE_CHECKING, assert_never
+
+import click
+
+from colony.cli.exit_codes import EXIT_MISUSE
+from colony.cli.outputs import cannot_write, check_output, write_whole
+from colony.cli.reporting import report, say
+
+if TYPE_CHECKING:
+    from colony.nav.maps.stickrep.model import Map
+    from colony.sim.compiled import Bytes2
+    from colony.sim.hazards.scenery import Scenery
+    from colony.vision.signs_in_view import SignInView
+
+_YAWS = {"side": 90.0, "front": 0.0}
+_FASTEST_MM_S = 5000.0
+_LEAST_PX = 8.0  # narrower signs are not spoken of
+_Pose = tuple[float, float, float]
+
+
+def _size(context: click.Context, option: click.Parameter, value: str) -> tuple[int, int]:
+    """WIDTHxHEIGHT in pixels."""
+    sides = [int(side) for side in value.split("x") if side.isdecimal() and len(side) < 6]
+    if len(sides) != 2 or not all(16 <= side <= 2000 for side in sides):
+        raise click.BadParameter(f"`{value}`; expected WIDTHxHEIGHT in pixels, from 16x16 to 2000x2000")
+    return sides[0], sides[1]
+
+
+def _facing(context: click.Context, option: click.Parameter, value: str) -> float | None:
+    """Degrees, or None for `plate`."""
+    if value == "plate":
+        return None
+    try:
+        degrees = float(value)
+    except ValueError:
+        degrees = math.nan
+    if not -360.0 <= degrees <= 360.0:
+        raise click.BadParameter(f"`{value}`; expected `plate`, or degrees counterclockwise from north")
+    return degrees
+
+
+def _speed(context: click.Context, option: click.Parameter, value: float) -> float:
+    """mm/s ahead, or back where it is negative."""
+    if not abs(value) <= _FASTEST_MM_S:
+        expected = f"from -{_FASTEST_MM_S:.0f} to {_FASTEST_MM_S:.0f} mm/s"
+        raise click.BadParameter(f"`{value:g}`; expected a speed {expected}")
+    return value
+
+
+@click.command("snapshot", short_help="write what the cameras of a robot see")
+@click.argument("path", metavar="MAP")
+@click.option(
+    "--at",
+    "where",
+    required=True,
+    metavar="PLACE",
+    help="In the corridor before a room (376), a jamb (376L) or an elevator; or X,Y,HEADING, in mm and "
+    "degrees.",
+)
+@click.option(
+    "--facing",
+    callback=_facing,
+    default="plate",
+    show_default=True,
+    metavar="DEG|plate",
+    help="Before a room: the robot's heading, counterclockwise from north; `plate`: so that its left camera "
+    "looks at the plate, or the front one at a marker.",
+)
+@click.option(
+    "--hazards", type=click.IntRange(min=0), metavar="SEED", help="With what goes wrong, drawn from it."
+)
+@click.option(
+    "--speed",
+    type=float,
+    callback=_speed,
+    default=0.0,
+    show_default=True,
+    metavar="MM/S",
+    help="How fast it drives ahead: what is near is smeared.",
+)
+@click.option(
+    "--size",
+    callback=_size,
+    default="240x120",
+    show_default=True,
+    metavar="WxH",
+    help="Of the pictures, in pixels.",
+)
+@click.option(
+    "-o",
+    "--output",
+    type=click.Path(file_okay=False, path_type=Path),
+    default=Path(),
+    metavar="FOLDER",
+    help="The folder of the pictures; it is made, and pictures that are there are replaced. "
+    "[default: this one]",
+)
+def snapshot_command(
+    path: str,
+    where: str,
+    facing: float | None,
+    hazards: int | None,
+    speed: float,
+    size: tuple[int, int],
+    output: Path,
+) -> None:
+    """Stand a robot into the building of MAP and write what its cameras see: side.png (to the left),
+    front.png and up.png (the ceiling); say which plates and markers are in view.
+
+    With hazards, open doors are open, people stand where their walks begin, posters hang, and lights are out.
+
+    \b
+    Example:
+      colony sim snapshot maps/msu_engineering_3.stickrep --at 376
+      colony sim snapshot maps/msu_engineering_3.stickrep --at 354 --hazards 7 --size 640x480 -o shots
+    """
+    from colony.nav.maps.standing import NoPlace
+    from colony.nav.maps.stickrep.reader import load_map
+    from colony.text.diagnostics import Failure
+
+    try:
+        floor = load_map(path)
+        pose = _pose(floor, where, facing)
+    except Failure as failure:
+        report(failure.diagnostics)
+        raise click.exceptions.Exit(EXIT_MISUSE) from None
+    except NoPlace as problem:
+        say(f"{path}: error: {problem}")
+        raise click.exceptions.Exit(EXIT_MISUSE) from None
+    names = (*_YAWS, "up")
+    try:
+        output.mkdir(parents=True, exist_ok=True)
+    except OSError as problem:
+        cannot_write(output, problem.strerror or str(problem))
+    for name in names:
+        check_output(output / f"{name}.png", [path])
+    from colony.sim.cameras.snapshot import png_of
+
+    images = _images(floor, pose, _scenery(floor, hazards), size, speed)
+    for name in names:
+        write_whole(output / f"{name}.png", png_of(images[name]))
+    click.echo(f"at ({pose[0]:.0f} mm, {pose[1]:.0f} mm), heading {pose[2]:.0f} degrees")
+    for name in names:
+        click.echo(f"  {output / name}.png: {_seen(floor, pose, name, size)}")
+
+
+def _pose(floor: Map, where: str, facing: float | None) -> _Pose:
+    """Where to stand.
+
+    Raises:
+        NoPlace: the map has no such place, there is no corridor, or there are two headings.
+    """
+    from colony.nav.maps.standing import NoPlace, standing_at, standing_before
+
+    if "," in where:
+        if facing is not None:
+            raise NoPlace(f"`{where}` has a heading already; leave out --facing")
+        return standing_at(floor, where)
+    x, y, heading = standing_before(floor, where)
+    return x, y, heading if facing is None else facing % 360.0
+
+
+def _scenery(floor: Map, hazards: int | None) -> Scenery:
+    from colony.sim.hazards.hazards import Hazards, draw
+
+    return draw(Hazards.none() if hazards is None else Hazards(), floor, hazards or 0)
+
+
+def _images(
+    floor: Map, pose: _Pose, scenery: Scenery, size: tuple[int, int], speed: float
+) -> dict[str, Bytes2]:
+    from colony.sim.cameras.camera import CameraConfig
+    from colony.sim.cameras.ceiling import CeilingCamera, CeilingCameraConfig
+    from colony.sim.cameras.snapshot import snapshot
+
+    width, height = size
+    images = {
+        name: snapshot(
+            floor,
+            pose,
+            CameraConfig(width=width, height=height, yaw_deg=yaw),
+            scenery=scenery,
+            seed=scenery.seed,
+            speed_mm_s=speed,
+        )
+        for name, yaw in _YAWS.items()
+    }
+    ceiling = CeilingCamera(scenery, CeilingCameraConfig(width=width, height=height))
+    return images | {"up": ceiling.image(pose, 0)}
+
+
+def _seen(floor: Map, pose: _Pose, name: str, size: tuple[int, int]) -> str:
+    """Which signs a camera looks at, nearest first."""
+    from colony.vision.level_camera import LevelCamera
+    from colony.vision.signs_in_view import signs_in_view
+
+    if name not in _YAWS:
+        return "the ceiling"
+    camera = LevelCamera(columns=size[0], rows=size[1], yaw_deg=_YAWS[name])
+    seen = [one for one in signs_in_view(floor, pose, camera) if _width(one) >= _LEAST_PX]
+    return "; ".join(map(_sign, seen)) or "neither plate nor marker"
+
+
+def _width(one: SignInView) -> float:
+    return one.corners[1][0] - one.corners[0][0]
+
+
+def _sign(one: SignInView) -> str:
+    from colony.nav.maps.signs import MARKER_BITS, Marker, Plate
+
+    match one.sign:
+        case Plate(text=text):
+            what = f"plate {text}"
+        case Marker(code=code, node=node):
+            what = f"marker {code:0{MARKER_BITS}b} of {node}"
+        case _:
+            assert_never(one.sign)
+    (left, _), (right, _), *_ = one.corners
+    return f"{what}, columns {left:.0f} to {right:.0f}, {one.distance_mm / 1000:.2f} m away"

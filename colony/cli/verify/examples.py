@@ -1,0 +1,236 @@
+"""What `colony verify --examples` does, and how it is told: drawn traces go through every executor, and the
+runtime in virtual time is one."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Iterator, Sequence
+from typing import TYPE_CHECKING
+
+from colony.cli.sarif import TraceStep
+from colony.ir.frame import Frame
+from colony.ir.program import Example, Given, Program, Step
+from colony.ir.types import Value
+from colony.text.diagnostics import Diagnostic, error
+from colony.text.source import Span
+from colony.verify.reference.boundary import sense
+from colony.verify.testing.agreement import reference
+from colony.verify.testing.differential import Breach, Report, Unsteady, examples
+from colony.verify.testing.examples import run_example
+
+if TYPE_CHECKING:
+    from colony.verify.contracts.results import Refuted
+
+
+def reports(program: Program, count: int, seed: int, *, faults: bool = False) -> Iterator[Report]:
+    """Draw `count` traces from `seed`; after each, what is known so far.
+
+    Every trace goes through all executors, and the runtime in virtual time; with `faults`, also through a run
+    in which processes die and messages get lost.
+
+    Raises:
+        Failure: a module in Python cannot be imported or built.
+    """
+    from colony.cli.virtual_executor import VirtualExecutor
+    from colony.cli.virtual_faults import with_faults
+    from colony.verify.testing.agreement import ALL_EXECUTORS
+
+    return examples(
+        program,
+        count,
+        seed,
+        executors={**ALL_EXECUTORS, "runtime in virtual time": VirtualExecutor},
+        trials={"runtime with faults": with_faults} if faults else {},
+    )
+
+
+# --- for people ------------------------------------------------------------------------------------
+
+
+def lines(program: Program, report: Report, known: Collection[str] = ()) -> tuple[str, ...]:
+    """What was tried and what came of it, without the trace of contracts that are `known` to be broken."""
+    told = [_tried(report)]
+    if report.disagreement is not None:
+        told += ["this is a bug of colony; please report it with the file and the trace:"]
+        told += str(report.disagreement).splitlines()
+    for breach in report.breaches:
+        told.append(f"REFUTED  {breach.contract.name}  (in {_count(breach.met, 'frame')})")
+        if breach.contract.name not in known:
+            told += [f"  {line}" for line in _table(program, breach)]
+    return (*told, *_coverage(report)) if report.unsteady is None else tuple(told)
+
+
+def bug(report: Report) -> str | None:
+    """What executors disagree about, as a notification of a bug of colony; None where they agree."""
+    return None if report.disagreement is None else f"executors disagree: {report.disagreement}"
+
+
+def _tried(report: Report) -> str:
+    drawn = f"{_count(report.drawn, 'trace')} of {report.asked}" if report.drawn < report.asked else ""
+    what = f"{drawn or _count(report.drawn, 'trace')} with {_count(report.frames, 'frame')}"
+    what += f" from seed {report.seed}"
+    if report.disagreement is not None:
+        return f"{what}: executors DISAGREE"
+    if report.unsteady is not None:
+        return f"{what}: given up, as {report.unsteady.module.name} does not do the same twice"
+    return f"{what}: all executors agree"
+
+
+def _table(program: Program, breach: Breach) -> tuple[str, ...]:
+    from colony.verify.contracts.table import table
+
+    return table(program, breach.contract, refutation(program, breach).trace)
+
+
+def _coverage(report: Report) -> Iterator[str]:
+    """A table with a line a module, and the modules that never won."""
+    rows = [("module", "won", "active", "silent")]
+    for module in report.modules:
+        won = "-" if module.won is None else str(module.won)
+        rows.append((module.name, won, str(module.active), str(module.silent)))
+    if len(rows) == 1 or not report.drawn:
+        return
+    widths = [max(len(row[i]) for row in rows) for i in range(4)]
+    for name, *numbers in rows:
+        columns = (number.rjust(w) for number, w in zip(numbers, widths[1:], strict=True))
+        yield f"  {name.ljust(widths[0])}  {'  '.join(columns)}"
+    if report.never_won:
+        yield f"in no trace did these command: {', '.join(report.never_won)}"
+
+
+def _count(number: int, what: str) -> str:
+    return f"{number} {what}{'' if number == 1 else 's'}"
+
+
+# --- findings --------------------------------------------------------------------------------------
+
+
+def findings(
+    program: Program, report: Report, file: str | None, known: Collection[str] = ()
+) -> tuple[Diagnostic, ...]:
+    """An error for every contract that a trace breaks but those that are `known` to be, and for a module in
+    Python that is not deterministic. `file` is what hints offer to add tests to, if they do."""
+    return tuple(traces(program, report, file, known))
+
+
+def traces(
+    program: Program, report: Report, file: str | None, known: Collection[str] = ()
+) -> dict[Diagnostic, tuple[TraceStep, ...]]:
+    """Each of the findings, with the frames that lead to it."""
+    made: dict[Diagnostic, tuple[TraceStep, ...]] = {}
+    for breach in report.breaches:
+        if breach.contract.name not in known:
+            steps = _steps(program, breach.trace, breach.contract.span)
+            made[_broken(program, breach, file)] = steps
+    if report.unsteady is not None:
+        steps = _steps(program, report.unsteady.trace, report.unsteady.module.span)
+        made[_unsteady(report.unsteady)] = steps
+    return made
+
+
+def _broken(program: Program, breach: Breach, file: str | None) -> Diagnostic:
+    from colony.verify.contracts.report import finding
+
+    found = finding(refutation(program, breach), file)
+    assert found is not None, "it is refuted"
+    return found
+
+
+def _unsteady(unsteady: Unsteady) -> Diagnostic:
+    module = unsteady.module
+    path = f"{module.module_path}:{module.class_name}"
+    message = (
+        f"`{path}` is not deterministic: two of its objects, given the same frames, answered differently"
+    )
+    hint = "let `step` depend on its params and on what it is given alone; for chance read Runtime.random"
+    return error("P002", module.span, message, hint)
+
+
+def refuted(program: Program, report: Report) -> tuple[Refuted, ...]:
+    """The contracts that traces break, as the prover gives them."""
+    return tuple(refutation(program, breach) for breach in report.breaches)
+
+
+def refutation(program: Program, breach: Breach) -> Refuted:
+    """A breach as the prover would give it: readings that cannot be count as missing, the trace begins at 0.
+
+    Modules in Python are run for real.
+    """
+    from colony.verify.contracts.results import Refuted, Snapshot, Trace
+
+    first = breach.trace[0].t_ns
+    frames = tuple(frame._replace(t_ns=frame.t_ns - first) for frame in breach.trace)
+    trace = Trace(
+        snapshots=tuple(Snapshot(t_ns=f.t_ns, readings=_present(program, f)) for f in frames),
+        outcomes=reference(program, frames),
+        found=_facts(program, breach.contract.name, frames),
+    )
+    return Refuted(contract=breach.contract, trace=trace)
+
+
+# --- traces ----------------------------------------------------------------------------------------
+
+
+def _present(program: Program, frame: Frame) -> dict[str, Value]:
+    """The sensors that are there, in base units."""
+    sensed = {s.name: sense(s, frame.readings.get(s.name), s.factor)[0] for s in program.robot.sensors}
+    return {name: value for name, value in sensed.items() if value is not None}
+
+
+def _facts(program: Program, contract: str, frames: Sequence[Frame]) -> tuple[str, ...]:
+    """What the things that a contract names are in the frame that breaks it."""
+    steps = []
+    for frame in frames:
+        present = _present(program, frame)
+        given = tuple(
+            Given(sensor=s.name, index=None, value=present.get(s.name)) for s in program.robot.sensors
+        )
+        steps.append(Step(times_ns=(frame.t_ns,), given=given, expectations=()))
+    wanted = (f"`{contract}:", f"`{contract}`")
+    failures = run_example(program, Example(name="drawn", steps=tuple(steps))).failures
+    broken = (f for f in failures if f.kind == "contract broken" and f.expected.startswith(wanted))
+    return next((f.found for f in broken), ())
+
+
+def _steps(program: Program, frames: Sequence[Frame], span: Span) -> tuple[TraceStep, ...]:
+    """A step a frame: its time, what every actuator is sent, and what the sensors give."""
+    from colony.verify.contracts.table import reading, sent
+
+    sensors = {s.name: s for s in program.robot.sensors}
+    steps = []
+    for frame, outcome in zip(frames, reference(program, frames), strict=True):
+        decided = (
+            f"{a.name} {sent(a, d)}" for a, d in zip(program.robot.actuators, outcome.decisions, strict=True)
+        )
+        when = f"t = {(frame.t_ns - frames[0].t_ns) / 1e9:.9g} s"
+        values = {name: reading(sensors[name], x) for name, x in _present(program, frame).items()}
+        steps.append(TraceStep(span, "; ".join((when, *decided)), values))
+    return tuple(steps)
+
+
+# --- for other programs ----------------------------------------------------------------------------
+
+
+def row(program: Program, report: Report) -> dict[str, object]:
+    """An object for JSON; its traces are as the prover's."""
+    from colony.verify.contracts.report import steps
+
+    broken = [
+        {
+            "contract": b.contract.name,
+            "frames": b.met,
+            "trace": steps(program, refutation(program, b).trace),
+        }
+        for b in report.breaches
+    ]
+    return {
+        "seed": report.seed,
+        "asked": report.asked,
+        "drawn": report.drawn,
+        "frames": report.frames,
+        "modules": [
+            {"module": m.name, "won": m.won, "active": m.active, "silent": m.silent} for m in report.modules
+        ],
+        "broken": broken,
+        "disagreement": None if report.disagreement is None else str(report.disagreement),
+        "not_deterministic": None if report.unsteady is None else report.unsteady.module.name,
+    }

@@ -1,0 +1,136 @@
+"""What `colony verify` does to a file: contracts, then what can never act, then drawn traces."""
+
+from __future__ import annotations
+
+import sys
+import time
+from contextlib import redirect_stdout
+from dataclasses import dataclass, field, replace
+from typing import TYPE_CHECKING
+
+from colony.cli.reporting import check_to_run
+from colony.cli.verify.progress import Tell
+from colony.cli.verify.tests import append_tests
+from colony.text.diagnostics import Failure
+
+if TYPE_CHECKING:
+    from colony.ir.program import Program
+    from colony.text.diagnostics import Diagnostic
+    from colony.verify.contracts.results import Refuted, Result
+    from colony.verify.testing.differential import Report
+
+_FOR_LINTS = 2
+"""How much longer than for a contract all questions about what can never act may take."""
+
+
+@dataclass(slots=True, frozen=False)
+class Verified:
+    """What is known of a file so far. Mutable: it grows while the file is worked on."""
+
+    file: str
+    program: Program | None
+    found: list[Diagnostic]
+    results: list[Result] = field(default_factory=list)
+    report: Report | None = None
+    left_open: int = 0  # questions about what can never act
+    writes_tests: bool = False
+
+    @property
+    def offered(self) -> str | None:
+        """The file to which hints offer to add tests; None where that is done anyway."""
+        return None if self.writes_tests else self.file
+
+    @property
+    def refuted(self) -> list[Refuted]:
+        """The contracts that the prover refuted."""
+        from colony.verify.contracts.results import Refuted
+
+        return [r for r in self.results if isinstance(r, Refuted)]
+
+    @property
+    def bug(self) -> str | None:
+        """What executors disagree about, if they do."""
+        if self.report is None:
+            return None
+        from colony.cli.verify.examples import bug
+
+        return bug(self.report)
+
+    @property
+    def known(self) -> frozenset[str]:
+        """Their names."""
+        return frozenset(r.contract.name for r in self.refuted)
+
+
+def load(file: str, *, write_test: bool) -> Verified:
+    """Check a file: what is wrong with it is found, and without a program nothing else can be."""
+    checked = check_to_run(file)
+    if checked.program is None:
+        return Verified(file, None, list(checked.diagnostics))
+    return Verified(file, checked.program, [], writes_tests=write_test)
+
+
+@dataclass(slots=True, frozen=True, kw_only=True)
+class Work:
+    """What was asked for."""
+
+    names: tuple[str, ...]
+    depth: int
+    timeout: float
+    examples: int
+    seed: int
+    faults: bool
+
+    def on(self, one: Verified, tell: Tell) -> None:
+        """Do all of it to a file."""
+        if one.program is None:
+            return
+        self._contracts(one, one.program, tell)
+        self._lints(one, one.program)
+        if self.examples:
+            self._examples(one, one.program, tell)
+
+    def _contracts(self, one: Verified, program: Program, tell: Tell) -> None:
+        from colony.verify.contracts.prove import results
+        from colony.verify.contracts.report import finding
+        from colony.verify.contracts.results import Options
+
+        names = [c.name for c in program.contracts if not self.names or c.name in self.names]
+        options = Options.within(self.timeout, depth=self.depth)
+        tell(0, len(names), names[0] if names else "")
+        for result in results(program, names, options, time.monotonic):
+            one.results.append(result)
+            said = finding(result, one.offered)
+            one.found += [said] if said else []
+            count = len(one.results)
+            tell(count, len(names), names[count] if count < len(names) else "what can never act")
+        if one.writes_tests:
+            append_tests(one.file, program, one.refuted)
+
+    def _lints(self, one: Verified, program: Program) -> None:
+        if self.names:
+            return
+        from colony.verify.lints import Patience, lint
+
+        patience = Patience(time.monotonic, _FOR_LINTS * self.timeout)
+        one.found += lint(program, patience=patience)
+        one.left_open = patience.left_open
+
+    def _examples(self, one: Verified, program: Program, tell: Tell) -> None:
+        from colony.cli.verify.examples import findings, refuted, reports
+
+        if self.names:
+            asked = tuple(c for c in program.contracts if c.name in self.names)
+            program = replace(program, contracts=asked)
+        try:
+            with redirect_stdout(sys.stderr):  # for what modules in Python print
+                for one.report in reports(program, self.examples, self.seed, faults=self.faults):
+                    tell(one.report.drawn, self.examples, "drawn traces")
+        except Failure as failure:
+            one.found += failure.diagnostics
+        finally:
+            if one.report is not None:
+                one.found += findings(program, one.report, one.offered, one.known)
+        if one.writes_tests and one.report is not None:
+            new = [r for r in refuted(program, one.report) if r.contract.name not in one.known]
+            append_tests(one.file, program, new)

@@ -1,0 +1,210 @@
+"""The thesis's steps on a program, as text: wiring, inhibition elimination, binary tree, traversal, guards.
+
+Made to be read: what is large is cut, with a line that says how much was left out.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+
+from colony.compile.backends.guard_text import GuardText, duration_text
+from colony.compile.backends.table import definitions, legend, rows, wrapped
+from colony.compile.clients import ActuatorClients
+from colony.compile.guards import Always, ModuleActive
+from colony.compile.network import ModuleLeaf
+from colony.compile.pipeline import Compiled
+from colony.compile.suppression import GatedSuppressor, Link, SuppressionNetwork
+from colony.ir.program import Program, Use, Wiring
+
+MOST_LINES = 200
+"""How many wires, modules or nodes a section shows."""
+
+DEEPEST = 25
+"""How deep a tree is printed."""
+
+_WIDTH = 100
+_INDENT = "  "
+
+
+def explain(compiled: Compiled) -> str:
+    """What the compiler does with this program, step by step, for `colony compile --explain`.
+
+    Plain text without a line break at its end.
+    """
+    guards = GuardText(compiled.clients.guards)
+    sections = [
+        _section("The network as wired", _wires(compiled.program)),
+        _section(
+            "Without inhibitors: `A inhibits B` is B with `not A` in its guard (Lemma 4.1)",
+            _without_inhibitors(compiled, guards),
+        ),
+    ]
+    for (actuator, root), one in zip(compiled.suppression.outputs, compiled.clients.actuators, strict=True):
+        sections += [
+            _section(
+                f"The binary tree of {actuator}: dominant link right, inferior link left (Table 4.2)",
+                _tree(compiled.suppression, root, one),
+            ),
+            _section(
+                f"The forward traversal of {actuator}: left before right, last visited is highest",
+                _visits(one),
+            ),
+            f"The clients of {actuator}\n{rows(one, guards, MOST_LINES)}",
+        ]
+    sections.append(legend(guards, MOST_LINES))
+    return "\n\n".join(sections)
+
+
+def _section(title: str, lines: Iterable[str]) -> str:
+    return "\n".join([title, *(_INDENT + line for line in lines)])
+
+
+# --- wires ---------------------------------------------------------------------------------------
+
+
+def _wires(program: Program) -> list[str]:
+    """One line a wire, long ones on several."""
+    wires = program.wires[:MOST_LINES]
+    width = max((len(wire.name) for wire in wires), default=0)
+    lines: list[str] = []
+    for wire in wires:
+        lines += _hanging(f"{wire.name:{width}} = ", wiring_text(wire.wiring))
+    left_out = len(program.wires) - len(wires)
+    return [*lines, f"({left_out} more wires left out)"] if left_out else lines or ["(nothing is wired)"]
+
+
+def wiring_text(wiring: Wiring, most: int = MOST_LINES) -> str:
+    """Wiring as in the language, of each chain the first `most` operands. Only parentheses nest."""
+    match wiring:
+        case Use(name=name):
+            return name
+        case _:
+            shown = wiring.operands[:most]
+            parts = [o.name if isinstance(o, Use) else f"({wiring_text(o, most)})" for o in shown]
+            windows = [f"[{duration_text(ns)}]" if ns else "" for ns in wiring.windows_ns]
+            text = parts[0]
+            for window, part in zip(windows, parts[1:], strict=False):
+                text += f" {wiring.relation}{window} {part}"
+            left_out = len(wiring.operands) - len(shown)
+            return f"{text} {wiring.relation} ... ({left_out} more)" if left_out else text
+
+
+def _hanging(head: str, text: str) -> list[str]:
+    """`head` and `text`, with further lines under the beginning of the text."""
+    first, *more = wrapped(text, max(_WIDTH - len(head), 40))
+    return [head + first, *(" " * len(head) + line for line in more)]
+
+
+# --- inhibition elimination ----------------------------------------------------------------------
+
+
+def _without_inhibitors(compiled: Compiled, guards: GuardText) -> list[str]:
+    """Each module that can command, with the guard that the gates on its way leave it."""
+    clients = [client for one in compiled.clients.actuators for client in one.clients]
+    width = max((len(client.module) for client in clients[:MOST_LINES]), default=0)
+    lines: list[str] = []
+    for client in clients[:MOST_LINES]:
+        lines += _hanging(f"{client.module:{width}} when ", guards.text(client.guard, client.module))
+    if len(clients) > MOST_LINES:
+        lines.append(f"({len(clients) - MOST_LINES} more modules left out)")
+    commanding = {client.module for client in clients}
+    guarding = {guard.module for guard in compiled.clients.guards if isinstance(guard, ModuleActive)}
+    leaves = [node.module for node in compiled.suppression.nodes if isinstance(node, ModuleLeaf)]
+    others = [module for module in leaves if module not in commanding]
+    lines += _listed("only in guards: ", [module for module in others if module in guarding])
+    lines += _listed("without effect: ", [module for module in others if module not in guarding])
+    return lines
+
+
+def _listed(head: str, names: list[str]) -> list[str]:
+    left_out = f" and {len(names) - MOST_LINES} more" if len(names) > MOST_LINES else ""
+    return _hanging(head, ", ".join(names[:MOST_LINES]) + left_out) if names else []
+
+
+# --- tree and traversal --------------------------------------------------------------------------
+
+
+def _tree(suppression: SuppressionNetwork, root: Link, one: ActuatorClients) -> list[str]:
+    """The tree, left child first, so that its leaves stand in the order of visit.
+
+    A shared node is drawn at its last visit; where it is met before that, a line says so.
+    """
+    nodes = suppression.nodes
+    priorities = {client.module: client.priority for client in one.clients}
+    guards = GuardText(suppression.guards)
+    last_users = _last_users(suppression, root)
+    lines: list[str] = []
+    stack = [_Branch(link=root)]
+    while stack and len(lines) < MOST_LINES:
+        branch = stack.pop()
+        node = nodes[branch.link.node]
+        gate = branch.link.gate
+        text = node.module if isinstance(node, ModuleLeaf) else "suppressor"
+        if not isinstance(suppression.guards[gate], Always):
+            text += f"  when {guards.text(gate)}"
+        last = last_users[branch.link.node] == (branch.user, branch.side)
+        if not last:
+            text += "  (visited again below)"
+        elif isinstance(node, ModuleLeaf):
+            text += f"  priority {priorities[node.module]}"
+        lines.append(branch.before + branch.side + text)
+        if last and not isinstance(node, ModuleLeaf):
+            if len(branch.below) < len(_FORK) * DEEPEST:
+                stack += _branches(branch, node)
+            else:
+                lines.append(f"{branch.below}... (what is below is left out)")
+    if stack:
+        lines.append("... (what comes after is left out)")
+    return lines + definitions(guards, MOST_LINES)
+
+
+_FORK, _TRUNK, _LAST, _BLANK = "├─ ", "│  ", "└─ ", "   "
+_LEFT, _RIGHT = "left:  ", "right: "
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Branch:
+    """A link of the tree that is still to be printed.
+
+    Whose link it is and on which side, and what stands before its line and before those below it.
+    """
+
+    link: Link
+    user: int = -1
+    side: str = ""
+    before: str = ""
+    below: str = ""
+
+
+def _branches(branch: _Branch, node: GatedSuppressor) -> tuple[_Branch, _Branch]:
+    """The children, the left one on top of a stack."""
+    user, below = branch.link.node, branch.below
+    right = _Branch(link=node.dominant, user=user, side=_RIGHT, before=below + _LAST, below=below + _BLANK)
+    left = _Branch(link=node.inferior, user=user, side=_LEFT, before=below + _FORK, below=below + _TRUNK)
+    return right, left
+
+
+def _last_users(suppression: SuppressionNetwork, root: Link) -> dict[int, tuple[int, str]]:
+    """For each node the suppressor and the side by which a forward traversal visits it last."""
+    users: dict[int, tuple[int, str]] = {}
+    stack = [(root.node, -1, "")]
+    while stack:
+        at, user, side = stack.pop()
+        if at in users:
+            continue
+        users[at] = (user, side)
+        node = suppression.nodes[at]
+        if not isinstance(node, ModuleLeaf):
+            stack.append((node.inferior.node, at, _LEFT))
+            stack.append((node.dominant.node, at, _RIGHT))
+    return users
+
+
+def _visits(one: ActuatorClients) -> list[str]:
+    """The order of visit, first (lowest priority) to last."""
+    order = [client.module for client in reversed(one.clients)]
+    lines = wrapped(" ".join(order[:MOST_LINES]), _WIDTH)
+    if len(order) > MOST_LINES:
+        lines.append(f"... ({len(order) - MOST_LINES} more visits left out)")
+    return [line if line.startswith("...") else line.replace(" ", "-") for line in lines]

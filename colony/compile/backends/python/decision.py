@@ -1,0 +1,166 @@
+"""Statements for what an actuator is sent once its winner is known.
+
+A command that is known or seen to be finite and within limits and range goes out as it is; any other is left
+to `settle`.
+"""
+
+from __future__ import annotations
+
+from math import isfinite
+
+from colony.compile.backends.python.expressions import Expressions
+from colony.compile.backends.python.intake import values
+from colony.compile.backends.python.names import Names
+from colony.compile.backends.python.plan import ActuatorPlan
+from colony.compile.backends.python.ranges import Range
+from colony.compile.backends.python.text import Binding, literal
+from colony.execute.code import LimitCode
+from colony.execute.decisions import field_bounds
+from colony.execute.settle import leave
+from colony.ir.program import ActuatorField
+from colony.ir.types import Bool
+
+
+class DecisionText:
+    """The statements for one actuator. `observed`: what is sent is kept for contracts."""
+
+    def __init__(
+        self,
+        plan: ActuatorPlan,
+        names: Names,
+        expressions: Expressions,
+        known: list[Range],
+        observed: bool,
+    ) -> None:
+        self.plan = plan
+        self.actuator = plan.actuator.actuator
+        self.names = names
+        self.expressions = expressions
+        self.known = known
+        self.observed = observed
+        self.name = self.actuator.name
+        self.by = names.by[self.name]
+        self.fields = [names.field[self.name, i] for i in range(len(self.actuator.fields))]
+        self.target = names.decision[self.name]
+
+    def lines(self) -> list[str]:
+        if not self.plan.groups:
+            return self.idle(by=self.observed)
+        lines = [f"if {self.by} is None:", *_indented(self.idle(by=False))]
+        checks = self.checks()
+        before = self.expressions.statements.get(self.plan.limits)
+        if before:
+            return [*lines, "else:", *_indented([*before, *self.command(checks)])]
+        first, *rest = self.command(checks)
+        if not checks:
+            return [*lines, "else:", *_indented([first, *rest])]
+        return [*lines, f"el{first}", *rest]
+
+    def idle(self, by: bool) -> list[str]:
+        """The idle command, or nothing for `idle hold`."""
+        idle = self.actuator.idle
+        leaving = None if idle is None else leave(idle, field_bounds(self.actuator))
+        shown = "None" if leaving is None else values(leaving)
+        lines = [f"{self.target} = ({self.name!r}, None, {shown}, None)"]
+        if by:
+            lines.append(f"{self.by} = None")
+        if self.observed:
+            lines.append(f"{self.names.commanded[self.name]} = False")
+            sent = idle or tuple(False if isinstance(f.type, Bool) else 0.0 for f in self.actuator.fields)
+            lines += [f"{field} = {literal(x).text}" for field, x in zip(self.fields, sent, strict=True)]
+        return lines
+
+    def command(self, checks: list[str]) -> list[str]:
+        """The winner's command: as it is where the checks hold, else by `settle`."""
+        leaving = [
+            field if of.factor == 1.0 or isinstance(of.type, Bool) else f"{field} / {literal(of.factor).text}"
+            for field, of in zip(self.fields, self.actuator.fields, strict=True)
+        ]
+        usual = [f"{self.target} = ({self.name!r}, {self.by}, {_tuple(leaving)}, None)"]
+        if self.observed:
+            usual.append(f"{self.names.commanded[self.name]} = True")
+        if not checks:
+            return usual
+        alone = checks[0][1:-1] if checks[0].startswith("(") else checks[0]
+        whole = " and ".join(checks) if len(checks) > 1 else alone
+        return [f"if {whole}:", *_indented(usual), "else:", *_indented(self.settled())]
+
+    def constants(self) -> list[str]:
+        """What `settle` is given, as a statement of the module."""
+        bounds = _tuple([_field(f) for f in self.actuator.fields])
+        return [f"{self.names.bounds[self.name]} = {bounds}"]
+
+    def settled(self) -> list[str]:
+        limits = " + ".join(self.limit(limit) for limit in self.plan.actuator.limits) or "()"
+        idle = "None" if self.actuator.idle is None else values(self.actuator.idle)
+        bounds = self.names.bounds[self.name]
+        arguments = f"{self.name!r}, {self.by}, {_tuple(self.fields)}, {bounds}, {limits}, {idle}, records"
+        lines = [f"{self.target}, settled, records = settle({arguments})"]
+        if self.observed:
+            lines.append(f"{self.names.commanded[self.name]} = {self.target}[3] is None")
+        if self.observed and self.fields:
+            unpacked = f"{', '.join(self.fields)}{',' if len(self.fields) == 1 else ''} = settled"
+            if self.actuator.idle is None:
+                lines += ["if settled is not None:", f"    {unpacked}"]
+            else:
+                lines.append(unpacked)
+        return lines
+
+    def limit(self, limit: LimitCode) -> str:
+        """A limit as `settle` takes it, if it applies."""
+        bound = self.expressions.text(limit.bound).text
+        one = f"(({limit.field_index}, {limit.relation == '<='}, {bound}),)"
+        applies = self.expressions.text(limit.applies)
+        return one if applies.text == "True" else f"({one} if {applies.inside(Binding.OR)} else ())"
+
+    def checks(self) -> list[str]:
+        """Tests that a command goes out as it is, leaving out those that hold of every client."""
+        checks = []
+        for limit in self.plan.actuator.limits:
+            field = self.fields[limit.field_index]
+            inside = f"{field} {limit.relation} {self.expressions.text(limit.bound).inside(Binding.SUM)}"
+            applies = self.expressions.text(limit.applies)
+            free = f"not {applies.inside(Binding.NOT)} or "
+            checks.append(inside if applies.text == "True" else f"({free}{inside})")
+        for i, of in enumerate(self.actuator.fields):
+            checks += self.field_checks(i, of)
+        return checks
+
+    def field_checks(self, i: int, field: ActuatorField) -> list[str]:
+        if isinstance(field.type, Bool):
+            return []
+        clients = [c.client for g in self.plan.groups for c in g.clients]
+        known = [self.known[c.fields[i]] for c in clients]
+        name, low, high = self.fields[i], field.low, field.high
+        bounded = all(r.within(low, high) for r in known)
+        leaves = all(
+            r.finite and isfinite(r.low / field.factor) and isfinite(r.high / field.factor) for r in known
+        )
+        checks = []
+        if low is not None and high is not None:
+            leaves = leaves or (isfinite(low / field.factor) and isfinite(high / field.factor))
+            if not bounded:
+                checks.append(f"{literal(low).text} <= {name} <= {literal(high).text}")
+        elif not bounded:
+            checks.append(f"{literal(low).text} <= {name}" if low is not None else f"{name} <= {_high(high)}")
+        if not leaves:
+            leaving = name if field.factor == 1.0 else f"{name} / {literal(field.factor).text}"
+            checks.append(f"isfinite({leaving})")
+        return checks
+
+
+def _high(high: float | None) -> str:
+    return "inf" if high is None else literal(high).text
+
+
+def _field(field: ActuatorField) -> str:
+    low, high = ("None" if b is None else literal(b).text for b in (field.low, field.high))
+    return f"({field.name!r}, {literal(field.factor).text}, {low}, {high})"
+
+
+def _tuple(parts: list[str]) -> str:
+    return f"({', '.join(parts)}{',' if len(parts) == 1 else ''})"
+
+
+def _indented(lines: list[str]) -> list[str]:
+    return [f"    {line}" for line in lines]

@@ -1,0 +1,272 @@
+"""Generates a program as one readable Python class that needs nothing but the standard `math`.
+
+Its `step(t_ns, readings)` gives `(decisions, records, breaches)` as plain tuples, in the order and form of
+`colony.ir.frame`. The clients of an actuator are a chain of `if`s in the order of priority, which ends with
+the first whose guard holds; commands are computed for the winner only. What has memory is computed in every
+frame. A value that is needed in several places is computed once, before the first of them.
+"""
+
+from __future__ import annotations
+
+import keyword
+import re
+
+from colony.compile.backends.python import intake as python_intake
+from colony.compile.backends.python.decision import DecisionText
+from colony.compile.backends.python.executor import PythonExecutor, load
+from colony.compile.backends.python.expressions import Expressions
+from colony.compile.backends.python.layout import Layout
+from colony.compile.backends.python.names import Names
+from colony.compile.backends.python.placement import Placement
+from colony.compile.backends.python.plan import ActuatorPlan, ClientPlan, GroupPlan, Plan, make_plan
+from colony.compile.backends.python.ranges import ranges
+from colony.compile.backends.python.support import definition_names, support
+from colony.compile.backends.python.text import Binding, literal
+from colony.compile.clients import ClientList
+from colony.compile.lower.lower import lower
+from colony.execute.code import ClientCode, FrameTime, PythonCall
+from colony.execute.machine import field_types
+from colony.execute.sensors import within
+from colony.ir.program import Program
+from colony.text.diagnostics import Failure, error
+
+__all__ = ["PythonExecutor", "generate", "load"]
+
+
+def generate(program: Program, clients: ClientList, *, contracts: bool = True) -> str:
+    """The source of a module with a class `Program`; `contracts`: it reports broken ones.
+
+    `clients` are those of `program`. Near-linear in the size of both.
+    """
+    return _Generator(program, clients, contracts).source()
+
+
+class _Generator:
+    """One program being written. Mutable: its lines."""
+
+    def __init__(self, program: Program, clients: ClientList, contracts: bool) -> None:
+        self.title = program.robot.name
+        self.code = lower(program, clients, contracts=contracts)
+        self.known = ranges(self.code)
+        layout = Layout()
+        self.placement = Placement(self.code, layout, self.known)
+        self.plan: Plan = make_plan(self.code, layout, self.placement)
+        self.names = Names(self.code, definition_names())
+        self.expressions = Expressions(self.code, self.placement, self.known, self.names)
+        self.lines: list[str] = []
+        self.constants = python_intake.constants(self.code.sensors)
+        self.timed = bool(self.code.python) or any(
+            isinstance(op, FrameTime) and uses
+            for op, uses in zip(self.code.ops, self.placement.uses, strict=True)
+        )
+        self.cells = [cell for commit in self.plan.commits for cell in commit.cells]
+
+    def source(self) -> str:
+        self.initial()
+        self.step()
+        body, self.lines = self.lines, []
+        words = _words(body)
+        constants = [line for line in self.constants if line.partition(" ")[0] in words]
+        definitions, from_math = support(words | _words(constants))
+        head = [
+            f'"""Clients of {_comment(self.title)}, by `colony compile`. Changes here will be lost."""',
+            "",
+        ]
+        if from_math:
+            head += [f"from math import {', '.join(from_math)}", ""]
+        imports = [self.imported(call) for call in self.code.python]
+        if imports:
+            head += [*imports, ""]
+        for definition in definitions:
+            head += ["", definition, ""]
+        if constants:
+            head += ["", *constants]
+        return "\n".join([*head, "", "", *body]) + "\n"
+
+    # --- the class -------------------------------------------------------------------------------
+
+    def add(self, indent: int, *lines: str) -> None:
+        self.lines.extend(" " * (4 * indent) + line for line in lines)
+
+    def blank(self) -> None:
+        self.lines.append("")
+
+    def before(self, slot: int, indent: int) -> None:
+        """The statements that belong to a slot."""
+        self.add(indent, *self.expressions.statements.get(slot, ()))
+
+    def text(self, value: int) -> str:
+        return self.expressions.text(value).text
+
+    def imported(self, call: PythonCall) -> str:
+        parts = (*call.module_path.split("."), call.class_name)
+        if not all(part.isidentifier() and not keyword.iskeyword(part) for part in parts):
+            raise Failure([error("E405", call.span, f"`{'.'.join(parts)}` is no name of a Python class")])
+        return f"from {call.module_path} import {call.class_name} as {_class_name(self.names, call)}"
+
+    def initial(self) -> None:
+        """The class up to `__init__`, which has the memory."""
+        attributes = [self.names.cells[cell] for cell in self.cells]
+        attributes += [self.names.python[call.module] for call in self.code.python]
+        if self.timed:
+            attributes.append("first_ns")
+        self.add(0, "class Program:")
+        self.add(1, '"""All clients; one frame follows another. It has all of the memory."""')
+        self.blank()
+        self.add(1, f"__slots__ = ({''.join(f'{a!r}, ' for a in attributes)})")
+        self.blank()
+        self.add(1, "def __init__(self):")
+        if self.timed:
+            self.add(2, "self.first_ns = None")
+        for cell in self.cells:
+            initial = literal(self.code.cells[cell].initial).text
+            self.add(2, f"self.{self.names.cells[cell]} = {initial}")
+        for call in self.code.python:
+            params = ", ".join(f"{name!r}: {python_intake.values(value)}" for name, value in call.params)
+            made = f"{_class_name(self.names, call)}({f'**{{{params}}}' if params else ''})"
+            fields = field_types(call)
+            arguments = f"{call.module!r}, {made}, {fields!r}, {call.rate_ns}"
+            self.add(2, f"self.{self.names.python[call.module]} = PythonStep({arguments})")
+        if not attributes:
+            self.add(2, "pass")
+        self.blank()
+
+    def step(self) -> None:
+        self.add(1, "def step(self, t_ns, readings, taken_ns=None):")
+        self.add(2, '"""Decisions, records and broken contracts of the frame at `t_ns`.')
+        self.blank()
+        self.add(
+            2,
+            "`readings` are in declared units; a sensor that is absent, or None, is missing. `taken_ns`",
+            "has when readings were taken, by the clock of `t_ns`: one that is older than its sensor's",
+            "`within` is missing. Without it readings are of now.",
+            '"""',
+        )
+        ages = f"    readings = of_age(t_ns, readings, taken_ns, {within(self.code.sensors)})"
+        self.add(2, "if taken_ns:", ages)
+        self.add(2, "records = ()")
+        if self.timed:
+            self.add(2, "if self.first_ns is None:", "    self.first_ns = t_ns", "t = t_ns - self.first_ns")
+        for sensor in self.code.sensors:
+            self.add(2, *python_intake.take(sensor, "readings.get", self.names))
+        for call, slot in self.plan.python:
+            self.python(call, slot)
+        for actuator in self.plan.actuators:
+            self.actuator(actuator)
+        self.contracts()
+        self.memory()
+        decisions = [self.names.decision[a.actuator.actuator.name] for a in self.plan.actuators]
+        listed = f"({', '.join(decisions)}{',' if len(decisions) == 1 else ''})"
+        self.add(2, f"return {listed}, records, {'breaches' if self.plan.contracts else '()'}")
+
+    def python(self, call: PythonCall, slot: int) -> None:
+        self.before(slot, 2)
+        given = []
+        for read in call.reads:
+            parts = [self.text(i) for i in read.elements]
+            value = f"({', '.join(parts)},)" if read.array else parts[0]
+            given.append(f"{read.name!r}: {value}")
+        present, names = self.text(call.present), self.names
+        values = f"{{{', '.join(given)}}}"
+        if present != "True":
+            values = f"{values} if {present} else None"
+        made = f"{names.python_active[call.module]}, {names.python_fields[call.module]}, records"
+        self.add(2, f"{made} = self.{names.python[call.module]}.step(t, {values}, records)")
+
+    # --- actuators -------------------------------------------------------------------------------
+
+    def actuator(self, plan: ActuatorPlan) -> None:
+        """The chain of clients, and then the decision."""
+        name = plan.actuator.actuator.name
+        by = self.names.by[name]
+        self.blank()
+        self.add(2, f"# {_comment(name)}")
+        self.before(plan.slot, 2)
+        if plan.groups:
+            self.add(2, "while True:")
+            *_, open_end = [self.group(plan, group) for group in plan.groups]
+            if open_end:
+                self.add(3, f"{by} = None", "break")
+        self.before(plan.after, 2)
+        observed = self.code.decided < len(self.code.ops)
+        decision = DecisionText(plan, self.names, self.expressions, self.known, observed)
+        self.add(2, *decision.lines())
+        self.constants += decision.constants()
+
+    def group(self, plan: ActuatorPlan, group: GroupPlan) -> bool:
+        """Clients in a row; whether the text behind them can be reached."""
+        indent = 3
+        self.before(group.slot, indent)
+        if group.present is not None:
+            self.add(indent, f"if {self.text(group.present)}:")
+            indent += 1
+        *_, always = [self.client(plan, client, indent) for client in group.clients]
+        return group.present is not None or not always
+
+    def client(self, plan: ActuatorPlan, client: ClientPlan, indent: int) -> bool:
+        """One client; whether its guard always holds where it is reached."""
+        guard = self.text(client.client.guard)
+        where = _place(client.client)
+        self.before(client.slot, indent)
+        if guard == "True":
+            self.add(indent, f"# {where}")
+        else:
+            self.add(indent, f"if {guard}:  # {where}")
+            indent += 1
+        name = plan.actuator.actuator.name
+        self.before(client.body, indent)
+        self.add(indent, f"{self.names.by[name]} = {client.client.module!r}")
+        for i, value in enumerate(client.client.fields):
+            self.add(indent, f"{self.names.field[name, i]} = {self.text(value)}")
+        self.add(indent, "break")
+        return guard == "True"
+
+    # --- contracts and memory --------------------------------------------------------------------
+
+    def contracts(self) -> None:
+        if self.plan.contracts:
+            self.blank()
+            self.add(2, "# contracts", "breaches = ()")
+        for contract, slot in self.plan.contracts:
+            self.before(slot, 2)
+            tests = [f"not {self.expressions.text(contract.value).inside(Binding.NOT)}"]
+            if self.text(contract.present) != "True":
+                tests.insert(0, self.expressions.text(contract.present).inside(Binding.AND))
+            self.add(2, f"if {' and '.join(tests)}:", f"    breaches += ({contract.name!r},)")
+
+    def memory(self) -> None:
+        if self.plan.commits:
+            self.blank()
+            self.add(2, "# memory")
+        self.before(self.plan.memory, 2)
+        for commit in self.plan.commits:
+            self.before(commit.slot, 2)
+            condition = self.text(commit.condition)
+            always = condition == "True"
+            if not always:
+                self.add(2, f"if {condition}:")
+            indent = 2 if always else 3
+            self.before(commit.body, indent)
+            for cell in commit.cells:
+                value = self.text(self.code.cells[cell].value)
+                self.add(indent, f"self.{self.names.cells[cell]} = {value}")
+
+
+def _class_name(names: Names, call: PythonCall) -> str:
+    return "Python" + names.python[call.module].removeprefix("python")
+
+
+def _place(client: ClientCode) -> str:
+    """The module, its priority and where it is written, for a comment."""
+    source, line = client.span.source, client.span.source.position(client.span.start)[0]
+    where = "" if client.span.source.name == "<none>" else f", {source.name}:{line}"
+    return _comment(f"{client.module}, priority {client.priority}{where}")
+
+
+def _comment(text: str) -> str:
+    return "".join(c if c.isprintable() and c not in '"\\' else "?" for c in text)
+
+
+def _words(lines: list[str]) -> set[str]:
+    """Every word in the lines, for what they need brought along."""
+    return {word for line in lines for word in re.findall(r"[A-Za-z_]\w*", line)}

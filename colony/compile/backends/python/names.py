@@ -1,0 +1,66 @@
+"""What things are called in a generated program: much as in the source, and never twice the same."""
+
+from __future__ import annotations
+
+import builtins
+import keyword
+import math
+import re
+
+from colony.execute.code import Code
+
+_RESERVED = frozenset({*dir(builtins), *keyword.kwlist, *keyword.softkwlist, *dir(math)})
+_OURS = frozenset(
+    {
+        "self",
+        "first_ns",
+        "step",
+        "t",
+        "t_ns",
+        "readings",
+        "taken_ns",
+        "records",
+        "breaches",
+        "reading",
+        "settled",
+    }
+)
+
+
+class Names:
+    """Names of variables and attributes. Mutable: every name given is taken."""
+
+    def __init__(self, code: Code, taken: frozenset[str]) -> None:
+        """`taken` are the names of functions that the program brings along."""
+        self._taken = {*_RESERVED, *_OURS, *taken}
+        self._hints = code.names
+        self.sensors = {s.name: self.new(s.name) for s in code.sensors}
+        self.fresh = {s.name: self.new(f"has_{s.name}") for s in code.sensors}
+        self.python = {c.module: self.new(f"python_{c.module}") for c in code.python}
+        self.python_active = {c.module: self.new(f"{c.module}_active") for c in code.python}
+        self.python_fields = {c.module: self.new(f"{c.module}_fields") for c in code.python}
+        self.decision = {a.actuator.name: self.new(a.actuator.name) for a in code.actuators}
+        self.by = {a.actuator.name: self.new(f"{a.actuator.name}_by") for a in code.actuators}
+        self.commanded = {a.actuator.name: self.new(f"{a.actuator.name}_commanded") for a in code.actuators}
+        self.field = {
+            (a.actuator.name, i): self.new(f"{a.actuator.name}_{f.name}")
+            for a in code.actuators
+            for i, f in enumerate(a.actuator.fields)
+        }
+        self.bounds = {a.actuator.name: self.new(f"{a.actuator.name}_bounds") for a in code.actuators}
+        self.cells = [self.new(c.name) for c in code.cells]
+
+    def value(self, number: int) -> str:
+        """A new name for a value of the Code."""
+        return self.new(self._hints.get(number, f"v{number}"))
+
+    def new(self, wanted: str) -> str:
+        """`wanted` as an identifier, with a number behind it if that is taken."""
+        base = re.sub(r"\W", "_", wanted)
+        if not base.isascii() or not base.isidentifier() or base.startswith("_"):
+            base = "v" + re.sub(r"[^A-Za-z0-9_]", "_", base)
+        name, n = base, 2
+        while name in self._taken:
+            name, n = f"{base}_{n}", n + 1
+        self._taken.add(name)
+        return name

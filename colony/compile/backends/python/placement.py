@@ -1,0 +1,59 @@
+"""Which values of a Code get a name in a generated program, and where they are computed."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+
+from colony.compile.backends.python.layout import Layout
+from colony.compile.backends.python.ranges import Range
+from colony.compile.backends.python.text import mentions_twice
+from colony.execute.code import Apply, Code, OldCell, Op, Table, operands
+
+
+def is_atom(op: Op) -> bool:
+    """Whether its text is a name or constant anyway."""
+    return not isinstance(op, Apply | OldCell | Table)
+
+
+class Placement:
+    """Where values are used, and so where they are computed. Mutable: filled by `use`, then `settle`d.
+
+    After that, `uses` is how often each value is needed (0: never), `slot` where it is computed, and `named`
+    whether it gets a name there or stands as an expression where it is used.
+    """
+
+    def __init__(self, code: Code, layout: Layout, known: list[Range]) -> None:
+        self.code = code
+        self.layout = layout
+        self._ranges = known
+        self.uses = [0] * len(code.ops)
+        self.slot = [-1] * len(code.ops)
+        self.named = bytearray(len(code.ops))
+
+    def use(self, value: int, slot: int, times: int = 1) -> None:
+        """The statement behind `slot` needs `value`, and mentions it so many times."""
+        self.slot[value] = slot if self.uses[value] == 0 else self.layout.join(self.slot[value], slot)
+        self.uses[value] += times
+
+    def use_all(self, values: Iterable[int], slot: int) -> None:
+        for value in values:
+            self.use(value, slot)
+
+    def settle(self, memory_slot: int) -> None:
+        """Decide for every value, from the last to the first, since users come after what they use.
+
+        Memory changes behind `memory_slot`: what it held before is read there at the latest.
+        """
+        for at in reversed(range(len(self.code.ops))):
+            if not self.uses[at]:
+                continue
+            op = self.code.ops[at]
+            if isinstance(op, OldCell) and self.slot[at] >= memory_slot:
+                self.slot[at], self.named[at] = memory_slot, True
+            if self.uses[at] > 1 and not is_atom(op):
+                self.named[at] = True
+            twice = isinstance(op, Apply) and mentions_twice(
+                op.operator, [self._ranges[i] for i in op.arguments]
+            )
+            for operand in operands(op):
+                self.use(operand, self.slot[at], 2 if twice else 1)

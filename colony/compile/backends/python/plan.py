@@ -1,0 +1,150 @@
+"""The outline of a generated `step`: its statements in order, and which values each of them needs.
+
+    sensors, Python modules
+    for each actuator: its clients in the order of priority, then what it is sent
+    contracts
+    memory
+
+Clients next to each other that need the same things present share one test of that.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from itertools import groupby
+
+from colony.compile.backends.python.layout import ROOT, Layout
+from colony.compile.backends.python.placement import Placement
+from colony.execute.code import ActuatorCode, ClientCode, Code, ContractCode, Literal, PythonCall, live, roots
+
+
+@dataclass(frozen=True, slots=True)
+class ClientPlan:
+    client: ClientCode
+    slot: int
+    body: int
+
+
+@dataclass(frozen=True, slots=True)
+class GroupPlan:
+    """Clients behind one test of `present`, if there are several and it is not always true; else None."""
+
+    present: int | None
+    slot: int
+    clients: tuple[ClientPlan, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class ActuatorPlan:
+    """`slot` is before the clients, `after` behind them, `limits` further on, where there is a winner."""
+
+    actuator: ActuatorCode
+    slot: int
+    groups: tuple[GroupPlan, ...]
+    after: int
+    limits: int
+
+
+@dataclass(frozen=True, slots=True)
+class CommitPlan:
+    """Cells that take a new value under one condition."""
+
+    condition: int
+    slot: int
+    body: int
+    cells: tuple[int, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class Plan:
+    python: tuple[tuple[PythonCall, int], ...]
+    actuators: tuple[ActuatorPlan, ...]
+    contracts: tuple[tuple[ContractCode, int], ...]
+    memory: int
+    commits: tuple[CommitPlan, ...]
+
+
+def make_plan(code: Code, layout: Layout, placement: Placement) -> Plan:
+    """The outline for `code`; fills `layout`, and tells `placement` what is used where."""
+    python = tuple((call, _python(call, layout, placement)) for call in code.python)
+    actuators = tuple(_actuator(code, actuator, layout, placement) for actuator in code.actuators)
+    contracts = []
+    for contract in code.contracts:
+        slot = layout.slot(ROOT)
+        placement.use_all((contract.present, contract.value), slot)
+        contracts.append((contract, slot))
+    memory = layout.slot(ROOT)
+    commits = _commits(code, layout, placement)
+    placement.settle(memory)
+    return Plan(python, actuators, tuple(contracts), memory, commits)
+
+
+def _python(call: PythonCall, layout: Layout, placement: Placement) -> int:
+    slot = layout.slot(ROOT)
+    placement.use(call.present, slot)
+    for read in call.reads:
+        placement.use_all(read.elements, slot)
+    return slot
+
+
+def _actuator(code: Code, actuator: ActuatorCode, layout: Layout, placement: Placement) -> ActuatorPlan:
+    slot = layout.slot(ROOT)
+    chain = layout.region(slot)
+    groups = [
+        _group(code, list(clients), layout, placement, chain)
+        for _, clients in groupby(_reachable(code, actuator), key=lambda c: c.present)
+    ]
+    after = layout.slot(ROOT)
+    limits = layout.slot(layout.region(after))
+    for limit in actuator.limits if groups else ():
+        placement.use(limit.applies, limits, 2)
+        placement.use(limit.bound, limits, 2)
+    return ActuatorPlan(actuator, slot, tuple(groups), after, limits)
+
+
+def _reachable(code: Code, actuator: ActuatorCode) -> list[ClientCode]:
+    """The clients that can win: not those that never hold, nor any behind one that always does."""
+    found = []
+    for client in actuator.clients:
+        op = code.ops[client.guard]
+        if not (isinstance(op, Literal) and op.value is False):
+            found.append(client)
+        if isinstance(op, Literal) and op.value is True:
+            break
+    return found
+
+
+def _group(
+    code: Code, clients: list[ClientCode], layout: Layout, placement: Placement, chain: int
+) -> GroupPlan:
+    slot, present = layout.slot(chain), clients[0].present
+    if len(clients) == 1 or isinstance(code.ops[present], Literal):
+        plans = [_client(client, layout, placement, chain) for client in clients]
+        return GroupPlan(None, slot, tuple(plans))
+    placement.use(present, slot)
+    region = layout.region(slot, holds=present)
+    return GroupPlan(present, slot, tuple(_client(c, layout, placement, region) for c in clients))
+
+
+def _client(client: ClientCode, layout: Layout, placement: Placement, region: int) -> ClientPlan:
+    slot = layout.slot(region)
+    placement.use(client.guard, slot)
+    body = layout.slot(layout.region(slot, holds=client.guard))
+    placement.use_all(client.fields, body)
+    return ClientPlan(client, slot, body)
+
+
+def _commits(code: Code, layout: Layout, placement: Placement) -> tuple[CommitPlan, ...]:
+    """The memory that something depends on, exclusive guards aside: priority is what this backend uses."""
+    _, needed = live(code.ops, code.cells, roots(code, exclusive=False))
+    together: dict[int, list[int]] = {}
+    for cell in sorted(needed):
+        together.setdefault(code.cells[cell].condition, []).append(cell)
+    commits = []
+    for condition, cells in together.items():
+        slot = layout.slot(ROOT)
+        placement.use(condition, slot)
+        body = layout.slot(layout.region(slot, holds=condition))
+        placement.use_all((code.cells[cell].value for cell in cells), body)
+        commits.append(CommitPlan(condition, slot, body, tuple(cells)))
+    return tuple(commits)

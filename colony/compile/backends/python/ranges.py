@@ -1,0 +1,162 @@
+"""Between what bounds the numbers of a Code lie, and whether they can be NaN.
+
+Sound and quick rather than sharp: memory and what comes from outside can be anything, one pass over the ops
+does. The bounds of `+ - * /` are computed with those operations, which is right since rounding is monotone.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from math import inf, isfinite
+from typing import NamedTuple
+
+from colony.execute.arithmetic import divide, round_down, round_even, round_up, square_root
+from colony.execute.code import Apply, Code, Kind, Literal, Op, SensorElement, Table
+from colony.execute.operators import Operator
+from colony.execute.sensors import members, stand_in
+from colony.ir.program import Sensor
+
+
+class Range(NamedTuple):
+    """Numbers from `low` to `high`, infinities where those are infinite, and NaN or not."""
+
+    low: float
+    high: float
+    nan: bool
+
+    @property
+    def finite(self) -> bool:
+        """Whether no value is infinite or NaN."""
+        return not self.nan and isfinite(self.low) and isfinite(self.high)
+
+    @property
+    def nonzero(self) -> bool:
+        """Whether no value is a zero (it may be NaN)."""
+        return self.low > 0.0 or self.high < 0.0
+
+    def within(self, low: float | None, high: float | None) -> bool:
+        """Whether all values lie within these bounds; NaN does not."""
+        return not self.nan and (low is None or low <= self.low) and (high is None or self.high <= high)
+
+
+ANYTHING = Range(-inf, inf, True)
+
+
+def ranges(code: Code) -> list[Range]:
+    """The range of each value of `code`; `ANYTHING` for those that are no numbers."""
+    sensors = {s.name: _sensor(s) for s in code.sensors}
+    found: list[Range] = []
+    for op, kind in zip(code.ops, code.kinds, strict=True):
+        if kind is Kind.NUMBER:
+            found.append(_of(op, found, sensors))
+        elif isinstance(op, Table):
+            found.append(_union([found[i] for i in op.elements]))
+        else:
+            found.append(ANYTHING)
+    return found
+
+
+def _of(op: Op, found: list[Range], sensors: dict[str, Range]) -> Range:
+    match op:
+        case Literal(value=value):
+            return Range(value, value, False) if value == value else ANYTHING
+        case SensorElement(sensor=sensor):
+            return sensors[sensor]
+        case Apply(operator=operator, arguments=arguments):
+            return _applied(operator, [found[i] for i in arguments])
+        case _:
+            return ANYTHING
+
+
+def _sensor(sensor: Sensor) -> Range:
+    """From the sensor's range, and what stands in where it is missing."""
+    numbers = members(sensor)
+    low, high = sensor.low, sensor.high
+    if numbers:
+        low, high = min(numbers), max(numbers)
+    other = stand_in(sensor)
+    others = other if isinstance(other, tuple) else (other,)
+    return Range(
+        min(-inf if low is None else low, *others), max(inf if high is None else high, *others), False
+    )
+
+
+def _union(of: list[Range]) -> Range:
+    return Range(min(r.low for r in of), max(r.high for r in of), any(r.nan for r in of))
+
+
+def _applied(operator: Operator, x: list[Range]) -> Range:
+    nan = any(r.nan for r in x)
+    match operator:
+        case Operator.ADD | Operator.SUM:
+            result = x[0]
+            for term in x[1:]:
+                result = _sum(result, term)
+            return result
+        case Operator.SUBTRACT:
+            return _sum(x[0], Range(-x[1].high, -x[1].low, x[1].nan))
+        case Operator.NEGATE:
+            return Range(-x[0].high, -x[0].low, nan)
+        case Operator.MULTIPLY:
+            return _corners(lambda a, b: a * b, x[0], x[1]) if nan is False else ANYTHING
+        case Operator.DIVIDE:
+            return _corners(divide, x[0], x[1]) if nan is False and x[1].nonzero else ANYTHING
+        case Operator.MIN:
+            return Range(min(r.low for r in x), min(r.high for r in x), nan)
+        case Operator.MAX:
+            return Range(max(r.low for r in x), max(r.high for r in x), nan)
+        case Operator.SELECT:
+            return _union(x[1:])
+        case Operator.PICK_NUMBER:
+            return Range(x[0].low, x[0].high, x[0].nan or not x[1].finite)
+        case Operator.COUNT:
+            return Range(0.0, float(len(x)), False)
+        case Operator.INDEX_OF_MIN | Operator.INDEX_OF_MAX:
+            return Range(0.0, float(len(x) - 1), False)
+        case Operator.SECONDS:
+            return Range(0.0, 1e300, False)
+        case _:
+            return _of_one(operator, x)
+
+
+def _of_one(operator: Operator, x: list[Range]) -> Range:
+    of, nan = x[0], any(r.nan for r in x)
+    infinite = not (isfinite(of.low) and isfinite(of.high))
+    match operator:
+        case Operator.ABS:
+            low = 0.0 if of.low <= 0.0 <= of.high else min(abs(of.low), abs(of.high))
+            return Range(low, max(abs(of.low), abs(of.high)), nan)
+        case Operator.SIGN:
+            return Range(-1.0, 1.0, nan)
+        case Operator.SQRT:
+            return Range(square_root(max(of.low, 0.0)), square_root(max(of.high, 0.0)), nan or of.low < 0.0)
+        case Operator.FLOOR:
+            return Range(round_down(of.low), round_down(of.high), nan)
+        case Operator.CEIL:
+            return Range(round_up(of.low), round_up(of.high), nan)
+        case Operator.ROUND:
+            return Range(round_even(of.low), round_even(of.high), nan)
+        case Operator.SIN | Operator.COS:
+            return Range(-1.0, 1.0, nan or infinite)
+        case Operator.ATAN2:
+            return Range(-180.0, 180.0, nan)
+        case Operator.MODULO if x[1].low > 0.0 and isfinite(x[1].high):
+            return Range(0.0, x[1].high, nan or infinite)
+        case _:
+            return ANYTHING
+
+
+def _sum(x: Range, y: Range) -> Range:
+    clash = (x.high == inf and y.low == -inf) or (x.low == -inf and y.high == inf)
+    low, high = x.low + y.low, x.high + y.high
+    if low != low or high != high:
+        return ANYTHING
+    return Range(low, high, x.nan or y.nan or clash)
+
+
+def _corners(of: Callable[[float, float], float], x: Range, y: Range) -> Range:
+    """A function that is monotone in each of two finite operands; with infinite ones it may be anything."""
+    if not (x.finite and y.finite):
+        return ANYTHING
+    found = [of(a, b) for a in (x.low, x.high) for b in (y.low, y.high)]
+    return Range(min(found), max(found), False)

@@ -1,0 +1,84 @@
+"""The text of the functions and classes that generated programs bring along.
+
+They are those that the plain executor uses, so there is one definition of each; annotations are left out,
+since they would need imports.
+"""
+
+from __future__ import annotations
+
+import ast
+import inspect
+import math
+from collections.abc import Iterable
+from functools import cache
+from types import ModuleType
+
+from colony.execute import arithmetic, intake, python_step, settle
+
+_MATH = frozenset(name for name in dir(math) if not name.startswith("_"))
+_MODULES: tuple[ModuleType, ...] = (arithmetic, intake, python_step, settle)
+
+
+def support(names: Iterable[str]) -> tuple[list[str], list[str]]:
+    """The definitions called `names` with all that those need, and the names that they need from `math`.
+
+    `names` may have names from `math`, too. Others are ignored.
+    """
+    definitions = _definitions()
+    wanted: set[str] = set()
+    work = list(names)
+    while work:
+        name = work.pop()
+        if name not in wanted:
+            wanted.add(name)
+            work.extend(_mentioned(definitions[name]) if name in definitions else ())
+    texts = [ast.unparse(node) for name, node in definitions.items() if name in wanted]
+    return texts, sorted(name for name in wanted if name in _MATH and name not in definitions)
+
+
+@cache
+def _definitions() -> dict[str, ast.FunctionDef | ast.ClassDef]:
+    """By name, in an order in which each stands after those that it needs."""
+    found: dict[str, ast.FunctionDef | ast.ClassDef] = {}
+    for module in _MODULES:
+        for node in ast.parse(inspect.getsource(module)).body:
+            if isinstance(node, ast.FunctionDef | ast.ClassDef):
+                found[node.name] = _bare(node)
+    return found
+
+
+def _mentioned(node: ast.AST) -> set[str]:
+    return {n.id for n in ast.walk(node) if isinstance(n, ast.Name)}
+
+
+def _bare(node: ast.FunctionDef | ast.ClassDef) -> ast.FunctionDef | ast.ClassDef:
+    """Without annotations."""
+    bare = _Bare().visit(node)
+    assert isinstance(bare, ast.FunctionDef | ast.ClassDef)
+    return bare
+
+
+class _Bare(ast.NodeTransformer):
+    def visit_FunctionDef(self, node: ast.FunctionDef) -> ast.FunctionDef:
+        node.returns = None
+        self.generic_visit(node)
+        return node
+
+    def visit_ClassDef(self, node: ast.ClassDef) -> ast.ClassDef:
+        node.bases = [b.value if isinstance(b, ast.Subscript) else b for b in node.bases]
+        self.generic_visit(node)
+        return node
+
+    def visit_arg(self, node: ast.arg) -> ast.arg:
+        node.annotation = None
+        return node
+
+    def visit_AnnAssign(self, node: ast.AnnAssign) -> ast.AST | None:
+        if node.value is None:
+            return None
+        return ast.copy_location(ast.Assign([node.target], node.value), node)
+
+
+def definition_names() -> frozenset[str]:
+    """The names of all definitions that a program may bring along."""
+    return frozenset(_definitions())

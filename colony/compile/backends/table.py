@@ -1,0 +1,80 @@
+"""The compiled form as a table: what `colony compile` prints."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from textwrap import wrap
+
+from colony.compile.backends.guard_text import OWN, GuardText
+from colony.compile.clients import ActuatorClients
+from colony.compile.pipeline import Compiled
+
+GUARD_WIDTH = 48
+"""Guards that are longer go on in the next line."""
+
+_HEADER = ("priority", "module", "guard", "exclusive guard")
+_GAP = "  "
+
+
+def client_table(compiled: Compiled) -> str:
+    """For each actuator its clients, highest priority first, with both guards; then the parts with names.
+
+    Plain text without a line break at its end. Its size is linear in the clients and their guards.
+    """
+    guards = GuardText(compiled.clients.guards)
+    blocks = [f"{one.actuator}\n{rows(one, guards)}" for one in compiled.clients.actuators]
+    driven = {one.actuator for one in compiled.clients.actuators}
+    idle = [a.name for a in compiled.program.robot.actuators if a.name not in driven]
+    blocks += [f"{name}\n{_GAP}nothing drives it" for name in idle]
+    if compiled.clients.actuators:
+        blocks.append(legend(guards))
+    return "\n\n".join(blocks)
+
+
+def rows(one: ActuatorClients, guards: GuardText, limit: int | None = None) -> str:
+    """The table of one actuator, down to `limit` clients."""
+    shown = one.clients[:limit]
+    cells: list[tuple[list[str], ...]] = [tuple([name] for name in _HEADER)]
+    for client in shown:
+        texts = (guards.text(ref, client.module) for ref in (client.guard, client.exclusive))
+        cells.append(([str(client.priority)], [client.module], *(wrapped(text) for text in texts)))
+    text = _aligned(cells)
+    left_out = len(one.clients) - len(shown)
+    return f"{text}\n{_GAP}({left_out} more clients left out)" if left_out else text
+
+
+def legend(guards: GuardText, limit: int | None = None) -> str:
+    """What `P` is, and the parts of guards that were named so far, up to `limit` of them."""
+    lines = [f"{OWN}: the client's own activity. Both guards give the same winner."]
+    return "\n".join(lines + definitions(guards, limit))
+
+
+def definitions(guards: GuardText, limit: int | None = None) -> list[str]:
+    """Lines for the parts of guards that were named since the last time."""
+    lines = []
+    taken = guards.take_definitions(limit)
+    for name, text in taken:
+        first, *more = wrapped(text, 2 * GUARD_WIDTH)
+        lines.append(f"{name} = {first}")
+        lines += [f"{'':{len(name)}}   {line}" for line in more]
+    if len(taken) == limit:
+        lines.append("(more parts of guards left out)")
+    return lines
+
+
+def wrapped(text: str, width: int = GUARD_WIDTH) -> list[str]:
+    """The text in lines of this width, but with every word whole."""
+    return wrap(text, width, break_long_words=False)
+
+
+def _aligned(cells: Sequence[Sequence[list[str]]]) -> str:
+    """Columns under one another, the first one to the right; a cell is a list of lines."""
+    widths = [max(len(line) for row in cells for line in row[i]) for i in range(len(_HEADER))]
+    lines = []
+    for row in cells:
+        for at in range(max(map(len, row))):
+            texts = [cell[at] if at < len(cell) else "" for cell in row]
+            padded = [texts[0].rjust(widths[0])]
+            padded += [text.ljust(width) for text, width in zip(texts[1:], widths[1:], strict=True)]
+            lines.append((_GAP + _GAP.join(padded)).rstrip())
+    return "\n".join(lines)

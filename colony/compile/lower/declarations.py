@@ -1,0 +1,298 @@
+"""Lets, states, machines and modules in terms of ops, each when it is first asked for.
+
+Lets are lowered before what reads them, so that nothing recurses over chains of lets.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import assert_never
+
+from colony.compile.clients import ClientList
+from colony.compile.lower.builder import Builder
+from colony.compile.lower.expressions import ExpressionLowering, Scope, Values, kind_of
+from colony.compile.lower.guards import GuardLowering
+from colony.execute.code import Kind, Lost, OutsideActive, PythonActive, SensorFresh
+from colony.execute.operators import Operator
+from colony.ir import expression as e
+from colony.ir import program as ir
+from colony.ir.memory import state_cell
+
+
+@dataclass(frozen=True, slots=True)
+class _LetPlace:
+    let: ir.Let
+    module: ir.Module | None
+
+
+@dataclass(frozen=True, slots=True)
+class _StatePlace:
+    state: ir.State
+    module: ir.Module | None
+
+
+class Declarations:
+    """The lets, states and modules of a program, lowered when they are asked for. Mutable.
+
+    It is the `Names` of its expressions. `client` is the module for whose client alone the code is, None
+    for all; under `degrade` modules whose clients are lost count as not active.
+    """
+
+    def __init__(
+        self, program: ir.Program, clients: ClientList, client: str | None = None, degrade: bool = False
+    ) -> None:
+        self.program = program
+        self.client = client
+        self.degrade = degrade
+        self.builder = Builder()
+        self.expressions = ExpressionLowering(self.builder, self)
+        self._sensors = {s.name: s for s in program.robot.sensors}
+        self.actuators = {a.name: a for a in program.robot.actuators}
+        self.modules = {m.name: m for m in program.modules}
+        self._observed = dict(clients.observed)
+        self._guards = GuardLowering(self.builder, clients, self._heard)
+        self._all_lets = dict(self._lets_of(program))
+        self._all_states = dict(self._states_of(program))
+        self._lets: dict[str, Values] = {}
+        self._let_present: dict[str, int] = {}
+        self._states: dict[str, int] = {}
+        self._states_to_move: list[str] = []
+        self._present: dict[str, int] = {}
+        self._active: dict[str, int] = {}
+
+    @staticmethod
+    def _lets_of(program: ir.Program) -> Iterator[tuple[str, _LetPlace]]:
+        for derived in program.derived:
+            if isinstance(derived, ir.Let):
+                yield derived.name, _LetPlace(derived, None)
+        for module in program.modules:
+            if isinstance(module, ir.Module):
+                for let in module.lets:
+                    yield let.name, _LetPlace(let, module)
+
+    @staticmethod
+    def _states_of(program: ir.Program) -> Iterator[tuple[str, _StatePlace | ir.Machine]]:
+        for derived in program.derived:
+            match derived:
+                case ir.State():
+                    yield derived.name, _StatePlace(derived, None)
+                case ir.Machine():
+                    yield derived.name, derived
+                case ir.Let():
+                    pass
+                case _:
+                    assert_never(derived)
+        for module in program.modules:
+            if isinstance(module, ir.Module):
+                for state in module.states:
+                    yield state.name, _StatePlace(state, module)
+
+    # --- what names stand for --------------------------------------------------------------------
+
+    def sensor_kind(self, sensor: str) -> Kind:
+        return kind_of(self._sensors[sensor].type)
+
+    def sensor_present(self, sensor: str) -> int:
+        if self._sensors[sensor].default is not None:
+            return self.builder.literal(True)
+        return self.builder.add(SensorFresh(sensor), Kind.BOOL)
+
+    def let(self, name: str) -> Values:
+        return self._lets[name]
+
+    def let_present(self, name: str) -> int:
+        return self._let_present[name]
+
+    def module_of_let(self, name: str) -> str:
+        module = self._all_lets[name].module
+        assert module is not None
+        return module.name
+
+    def has_idle_command(self, actuator: str) -> bool:
+        return self.actuators[actuator].idle is not None
+
+    def field_kind(self, actuator: str, index: int) -> Kind:
+        return kind_of(self.actuators[actuator].fields[index].type)
+
+    def state(self, name: str) -> int:
+        """The old value of a state or machine, which is noted as one to move on."""
+        if name not in self._states:
+            place = self._all_states[name]
+            if isinstance(place, ir.Machine):
+                old = self.builder.cell(name, Kind.NUMBER, place.start, state_cell(name))
+                self._states_to_move.append(name)
+            elif place.state.next is None:
+                old = self.builder.literal(place.state.initial)
+            else:
+                kind = kind_of(place.state.type)
+                old = self.builder.cell(name, kind, place.state.initial, state_cell(name))
+                self._states_to_move.append(name)
+            self._states[name] = old
+        return self._states[name]
+
+    def active(self, name: str) -> int:
+        """Whether a module, or a wire that a contract names, is active."""
+        if name in self.modules:
+            return self.module_active(name)
+        return self._guards.guard(self._observed[name])
+
+    # --- derived values --------------------------------------------------------------------------
+
+    def prepare(self, *expressions: e.Expression) -> None:
+        """Lower the lets that these read, each after those that it reads itself."""
+        if not self._all_lets:
+            return
+        work = [name for expression in expressions for name in _lets_read(expression)]
+        while work:
+            name = work[-1]
+            if name in self._lets:
+                work.pop()
+                continue
+            first = [n for n in _lets_read(self._all_lets[name].let.expression) if n not in self._lets]
+            if first:
+                work.extend(first)
+            else:
+                work.pop()
+                self._let(self._all_lets[name])
+
+    def _let(self, place: _LetPlace) -> None:
+        let = place.let
+        if place.module is None:
+            scope = self.file_scope(let.name, (let.expression,))
+            self._let_present[let.name] = scope.ready
+        else:
+            scope = self.module_scope(place.module, let.name)
+        values = self._lets[let.name] = self.expressions.lower(let.expression, scope)
+        for i, value in enumerate(values):
+            self.builder.names.setdefault(value, let.name if len(values) == 1 else f"{let.name}_{i}")
+
+    def states(self) -> None:
+        """Lower what moves the states on that have been read; that may read others."""
+        while self._states_to_move:
+            name = self._states_to_move.pop()
+            place = self._all_states[name]
+            if isinstance(place, ir.Machine):
+                self._machine(place)
+            elif place.state.next is not None:
+                self._state(place.state, place.state.next, place.module)
+
+    def _state(self, state: ir.State, following: e.Expression, module: ir.Module | None) -> None:
+        self.prepare(following)
+        if module is None:
+            scope = self.file_scope(state.name, (following,))
+        else:
+            scope = self.module_scope(module, state.name)
+        self.builder.keep(self._states[state.name], scope.ready, self.expressions.scalar(following, scope))
+
+    def _machine(self, machine: ir.Machine) -> None:
+        """The first transition from the present phase whose condition is there and true."""
+        builder, old = self.builder, self._states[machine.name]
+        phases = frozenset(number for _, number in machine.type.members)
+        taken: list[tuple[int, int]] = []
+        for i, transition in enumerate(machine.transitions):
+            self.prepare(transition.condition)
+            scope = self.file_scope(f"{machine.name} {i}", (transition.condition,))
+            condition = self.expressions.scalar(transition.condition, scope)
+            here = self._in_phase(old, transition.sources, phases)
+            taken.append((builder.both(here, scope.ready, condition), builder.literal(transition.target)))
+        following = old
+        for applies, target in reversed(taken):
+            following = builder.apply(Operator.SELECT, applies, target, following)
+        builder.keep(old, builder.either(*[applies for applies, _ in taken]), following)
+
+    def _in_phase(self, old: int, sources: frozenset[float], phases: frozenset[float]) -> int:
+        builder = self.builder
+        others = phases - sources
+        if len(others) == 1:
+            return builder.apply(Operator.NOT_EQUAL, old, builder.literal(*others))
+        tests = [builder.apply(Operator.EQUAL, old, builder.literal(s)) for s in sorted(sources)]
+        return builder.either(*tests)
+
+    def file_scope(self, place: str, expressions: tuple[e.Expression, ...]) -> Scope:
+        return Scope(owner=None, place=place, ready=self.expressions.present(expressions, None))
+
+    # --- modules ---------------------------------------------------------------------------------
+
+    def module_present(self, module: str) -> int:
+        """Whether nothing that the module reads is missing."""
+        if module not in self._present:
+            expressions = _everything(self.modules[module])
+            if self._all_lets:
+                self.prepare(*[read for x in expressions for read in _file_lets_read(x)])
+            self._present[module] = self.expressions.present(expressions, module)
+        return self._present[module]
+
+    def module_scope(self, module: ir.Module, place: str) -> Scope:
+        return Scope(owner=module.name, place=place, ready=self.module_present(module.name))
+
+    def module_active(self, name: str) -> int:
+        """Whether the module puts a command on its output."""
+        if name not in self._active:
+            module = self.modules[name]
+            match module:
+                case ir.Module():
+                    scope = self.module_scope(module, name)
+                    self.prepare(module.when)
+                    applicable = self.expressions.scalar(module.when, scope)
+                    active = self.builder.both(scope.ready, applicable)
+                case ir.PythonModule() if self.client in (None, name):
+                    active = self.builder.add(PythonActive(name), Kind.BOOL)
+                case ir.PythonModule():
+                    active = self.builder.add(OutsideActive(name), Kind.BOOL)
+                case _:
+                    assert_never(module)
+            self.builder.names.setdefault(active, f"{name} active")
+            self._active[name] = active
+        return self._active[name]
+
+    def _heard(self, module: str) -> int:
+        """The module's activity as guards see it: a lost client's, under `on_loss degrade`, is none."""
+        active = self.module_active(module)
+        if not self.degrade or self.modules[module].actuator is None:
+            return active
+        return self.builder.both(active, self.builder.negation(self.builder.add(Lost(module), Kind.BOOL)))
+
+
+# --- what expressions read -----------------------------------------------------------------------
+
+
+def _everything(module: ir.AnyModule) -> tuple[e.Expression, ...]:
+    """All expressions of a module: what any of them reads, the module needs."""
+    match module:
+        case ir.Module():
+            return (
+                *(let.expression for let in module.lets),
+                *(state.next for state in module.states if state.next is not None),
+                module.when,
+                *(module.command.fields if module.command else ()),
+            )
+        case ir.PythonModule():
+            return tuple(r.expression for r in module.reads)
+        case _:
+            assert_never(module)
+
+
+def _walk(expression: e.Expression) -> Iterator[e.Expression]:
+    work = [expression]
+    while work:
+        node = work.pop()
+        yield node
+        work.extend(e.children(node))
+
+
+def _lets_read(expression: e.Expression) -> list[str]:
+    """The lets, of the file and of modules, that an expression mentions in any way."""
+    return [
+        node.name
+        for node in _walk(expression)
+        if isinstance(node, e.DerivedValue | e.LocalValue) or (isinstance(node, e.Fresh) and node.derived)
+    ]
+
+
+def _file_lets_read(expression: e.Expression) -> list[e.Expression]:
+    return [
+        node
+        for node in _walk(expression)
+        if isinstance(node, e.DerivedValue) or (isinstance(node, e.Fresh) and node.derived)
+    ]

@@ -1,0 +1,390 @@
+"""Typed expressions in terms of scalar ops: arrays become their elements, loops are unrolled.
+
+An expression gives as many values as its type has elements. Whether something that it reads is missing is
+a value of its own (`present`): the two never mix, since every op is total.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from functools import partial
+from math import nan
+from typing import Protocol, assert_never
+
+from colony.compile.lower.builder import Builder
+from colony.compile.lower.memory import Place, remember
+from colony.execute.code import Commanded, FrameTime, Kind, Literal, SensorElement, SensorFresh, Sent, Winner
+from colony.execute.operators import Operator
+from colony.ir import expression as ir
+from colony.ir.expression import Binary, Function, Unary
+from colony.ir.memory import function_cell
+from colony.ir.types import Array, Bool, Type, element_type
+
+Values = tuple[int, ...]
+"""The numbers of an expression's elements; of a scalar, one."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Scope:
+    """Where an expression stands: in which module, in frames in which its memory moves on, in which loops."""
+
+    owner: str | None
+    place: str
+    ready: int
+    loops: tuple[tuple[str, int], ...] = ()
+
+
+class Names(Protocol):
+    """What names in expressions stand for."""
+
+    def sensor_kind(self, sensor: str) -> Kind: ...
+    def sensor_present(self, sensor: str) -> int: ...
+    def let(self, name: str) -> Values: ...
+    def let_present(self, name: str) -> int: ...
+    def module_of_let(self, name: str) -> str: ...
+    def module_present(self, module: str) -> int: ...
+    def state(self, name: str) -> int: ...
+    def active(self, name: str) -> int: ...
+    def has_idle_command(self, actuator: str) -> bool: ...
+    def field_kind(self, actuator: str, index: int) -> Kind: ...
+
+
+_FUNCTIONS: dict[Function, Operator] = {
+    Function.ABS: Operator.ABS,
+    Function.SIGN: Operator.SIGN,
+    Function.SQRT: Operator.SQRT,
+    Function.FLOOR: Operator.FLOOR,
+    Function.CEIL: Operator.CEIL,
+    Function.ROUND: Operator.ROUND,
+    Function.MOD: Operator.MODULO,
+    Function.SIN: Operator.SIN,
+    Function.COS: Operator.COS,
+    Function.ATAN2: Operator.ATAN2,
+}
+
+
+class ExpressionLowering:
+    """Lowers expressions into one builder."""
+
+    def __init__(self, builder: Builder, names: Names) -> None:
+        self.builder = builder
+        self.names = names
+        self._sensors: dict[str, Values] = {}
+
+    # --- presence --------------------------------------------------------------------------------
+
+    def present(self, expressions: tuple[ir.Expression, ...], owner: str | None) -> int:
+        """Whether nothing that any of them needs is missing; `owner`'s own lets count as there."""
+        found: dict[int, None] = {}
+        for expression in expressions:
+            self._needs(expression, owner, found)
+        return self.builder.both(*found)
+
+    def _needs(self, e: ir.Expression, owner: str | None, found: dict[int, None]) -> None:
+        match e:
+            case ir.SensorValue(name=name):
+                found[self.names.sensor_present(name)] = None
+            case ir.DerivedValue(name=name):
+                found[self.names.let_present(name)] = None
+            case ir.LocalValue(name=name):
+                module = self.names.module_of_let(name)
+                if module != owner:
+                    found[self.names.module_present(module)] = None
+            case ir.SentField(actuator=actuator):
+                if not self.names.has_idle_command(actuator):
+                    found[self.builder.add(Commanded(actuator), Kind.BOOL)] = None
+            case ir.ValueOr(other=other):
+                self._needs(other, owner, found)
+            case _:
+                for child in ir.children(e):
+                    self._needs(child, owner, found)
+
+    # --- values ----------------------------------------------------------------------------------
+
+    def scalar(self, e: ir.Expression, scope: Scope) -> int:
+        """The number of a scalar expression's value."""
+        (value,) = self.lower(e, scope)
+        return value
+
+    def lower(self, e: ir.Expression, scope: Scope) -> Values:
+        """The numbers of an expression's values."""
+        apply = self.builder.apply
+        match e:
+            case ir.Constant(value=value):
+                literal = self.builder.literal
+                return tuple([literal(x) for x in value]) if isinstance(value, tuple) else (literal(value),)
+            case ir.SensorValue(name=name, type=of_type):
+                return self._sensor(name, of_type)
+            case ir.UnaryOperation(operator=operator, operand=operand):
+                of = self.builder.negation if operator is Unary.NOT else partial(apply, Operator.NEGATE)
+                return self._each(of, self.lower(operand, scope))
+            case ir.BinaryOperation(operator=operator, left=left, right=right):
+                return self._each(
+                    partial(self._binary, operator), self.lower(left, scope), self.lower(right, scope)
+                )
+            case ir.Conditional(condition=condition, yes=yes, no=no):
+                which = self.lower(condition, scope)
+                return self._each(
+                    partial(apply, Operator.SELECT), which, self.lower(yes, scope), self.lower(no, scope)
+                )
+            case ir.Within(operand=operand, low=low, high=high):
+                return self._each(
+                    self._within, self.lower(operand, scope), self.lower(low, scope), self.lower(high, scope)
+                )
+            case ir.Element(array=array, index=index):
+                return (self._pick(self.lower(array, scope), self.scalar(index, scope)),)
+            case ir.Slice(array=array, indices=indices):
+                whole = self.lower(array, scope)
+                return tuple(whole[i] for i in indices)
+            case ir.Window(array=array, center=center, reach=reach):
+                return self._window(self.lower(array, scope), self.scalar(center, scope), reach)
+            case ir.ValueOr():
+                return self._value_or(e, scope)
+            case ir.Call():
+                return self._call(e, scope)
+            case ir.Reduce():
+                return (self._reduce(e, scope),)
+            case ir.MemoryCall():
+                return self._memory(e, scope)
+            case _:
+                return self._leaf(e, scope)
+
+    def _each(self, of: Callable[..., int], *operands: Values) -> Values:
+        """`of` the operands, element by element; a scalar stands for all elements."""
+        size = max([len(x) for x in operands])
+        if size == 1:
+            return (of(*[x[0] for x in operands]),)
+        return tuple(of(*[x[i] if len(x) > 1 else x[0] for x in operands]) for i in range(size))
+
+    def _binary(self, operator: Binary, x: int, y: int) -> int:
+        builder = self.builder
+        match operator:
+            case Binary.ADD:
+                return builder.apply(Operator.ADD, x, y)
+            case Binary.SUBTRACT:
+                return builder.apply(Operator.SUBTRACT, x, y)
+            case Binary.MULTIPLY:
+                return builder.apply(Operator.MULTIPLY, x, y)
+            case Binary.DIVIDE:
+                return builder.apply(Operator.DIVIDE, x, y)
+            case Binary.LESS:
+                return builder.apply(Operator.LESS, x, y)
+            case Binary.LESS_EQUAL:
+                return builder.apply(Operator.LESS_EQUAL, x, y)
+            case Binary.GREATER:
+                return builder.apply(Operator.LESS, y, x)
+            case Binary.GREATER_EQUAL:
+                return builder.apply(Operator.LESS_EQUAL, y, x)
+            case Binary.EQUAL:
+                return builder.apply(Operator.EQUAL, x, y)
+            case Binary.NOT_EQUAL:
+                return builder.apply(Operator.NOT_EQUAL, x, y)
+            case Binary.AND:
+                return builder.both(x, y)
+            case Binary.OR:
+                return builder.either(x, y)
+            case Binary.IMPLIES:
+                return builder.either(builder.negation(x), y)
+            case _:
+                assert_never(operator)
+
+    def _within(self, x: int, low: int, high: int) -> int:
+        apply = self.builder.apply
+        return self.builder.both(apply(Operator.LESS_EQUAL, low, x), apply(Operator.LESS_EQUAL, x, high))
+
+    def _leaf(self, e: ir.Expression, scope: Scope) -> Values:
+        builder, names = self.builder, self.names
+        match e:
+            case ir.DerivedValue(name=name) | ir.LocalValue(name=name):
+                return names.let(name)
+            case ir.StateValue(name=name):
+                return (names.state(name),)
+            case ir.LoopIndex(name=name):
+                return (builder.literal(float([k for variable, k in scope.loops if variable == name][-1])),)
+            case ir.Now():
+                return (builder.apply(Operator.SECONDS, builder.add(FrameTime(), Kind.TIME)),)
+            case ir.Fresh(name=name, derived=derived):
+                fresh = names.let_present(name) if derived else builder.add(SensorFresh(name), Kind.BOOL)
+                return (fresh,)
+            case _:
+                return (self._decision(e),)
+
+    def _sensor(self, name: str, of: Type) -> Values:
+        if name not in self._sensors:
+            kind = self.names.sensor_kind(name)
+            size = of.size if isinstance(of, Array) else 1
+            self._sensors[name] = tuple(self.builder.add(SensorElement(name, i), kind) for i in range(size))
+        return self._sensors[name]
+
+    def _decision(self, e: ir.Expression) -> int:
+        """What only contracts may read."""
+        builder = self.builder
+        match e:
+            case ir.SentField(actuator=actuator, field_index=i):
+                return builder.add(Sent(actuator, i), self.names.field_kind(actuator, i))
+            case ir.WonBy(actuator=actuator, module=module):
+                return builder.add(Winner(actuator, module), Kind.BOOL)
+            case ir.IsCommanded(actuator=actuator):
+                return builder.add(Commanded(actuator), Kind.BOOL)
+            case ir.IsIdle(actuator=actuator):
+                return builder.negation(builder.add(Commanded(actuator), Kind.BOOL))
+            case ir.IsActive(name=name):
+                return self.names.active(name)
+            case _:
+                raise AssertionError(f"{type(e).__name__} has operands")
+
+    def _value_or(self, e: ir.ValueOr, scope: Scope) -> Values:
+        there = self.present((e.expression,), scope.owner)
+        inner = replace(scope, ready=self.builder.both(scope.ready, there))
+        return self._each(
+            partial(self.builder.apply, Operator.SELECT),
+            (there,),
+            self.lower(e.expression, inner),
+            self.lower(e.other, scope),
+        )
+
+    # --- arrays ----------------------------------------------------------------------------------
+
+    def _pick(self, array: Values, index: int) -> int:
+        op, size = self.builder.ops[index], len(array)
+        if isinstance(op, Literal) and op.value - op.value == 0:
+            return array[round(op.value) % size]
+        of_bools = self.builder.kinds[array[0]] is Kind.BOOL
+        operator = Operator.PICK_BOOL if of_bools else Operator.PICK_NUMBER
+        return self.builder.apply(operator, self.builder.table(array), index)
+
+    def _window_indices(self, size: int, center: int, reach: int) -> Values:
+        """The indices as numbers, exactly: reduced modulo the size before the offset is added."""
+        apply, literal = self.builder.apply, self.builder.literal
+        whole = apply(Operator.MODULO, apply(Operator.ROUND, center), literal(float(size)))
+        return tuple(apply(Operator.ADD, whole, literal(float(j))) for j in range(-reach, reach + 1))
+
+    def _window(self, array: Values, center: int, reach: int) -> Values:
+        return tuple(self._pick(array, i) for i in self._window_indices(len(array), center, reach))
+
+    def _index_function(self, function: Function, e: ir.Expression, scope: Scope) -> int:
+        """Where the least or greatest stands: of a slice or window, its index in the whole array."""
+        apply = self.builder.apply
+        operator = Operator.INDEX_OF_MIN if function is Function.INDEX_OF_MIN else Operator.INDEX_OF_MAX
+        match e:
+            case ir.Slice(indices=indices):
+                at = apply(operator, *self.lower(e, scope))
+                return self._pick(tuple(self.builder.literal(float(i)) for i in indices), at)
+            case ir.Window(array=array, center=center, reach=reach):
+                whole = self.lower(array, scope)
+                indices = self._window_indices(len(whole), self.scalar(center, scope), reach)
+                size = self.builder.literal(float(len(whole)))
+                at = apply(operator, *[self._pick(whole, i) for i in indices])
+                return apply(Operator.MODULO, self._pick(indices, at), size)
+            case _:
+                return apply(operator, *self.lower(e, scope))
+
+    # --- functions -------------------------------------------------------------------------------
+
+    def _call(self, e: ir.Call, scope: Scope) -> Values:
+        if e.function in ir.INDEX_FUNCTIONS:
+            return (self._index_function(e.function, e.arguments[0], scope),)
+        arguments = [self.lower(a, scope) for a in e.arguments]
+        if e.function in ir.REDUCTIONS:
+            return (self._reduction(e.function, tuple(x for a in arguments for x in a)),)
+        return self._each(partial(self._function, e.function), *arguments)
+
+    def _function(self, function: Function, *x: int) -> int:
+        apply = self.builder.apply
+        match function:
+            case Function.CLAMP:
+                return apply(Operator.MIN, apply(Operator.MAX, x[0], x[1]), x[2])
+            case Function.ANGLE_DIFFERENCE:
+                turn = self.builder.literal(360.0)
+                d = apply(Operator.MODULO, apply(Operator.SUBTRACT, x[0], x[1]), turn)
+                small = apply(Operator.LESS_EQUAL, d, self.builder.literal(180.0))
+                return apply(Operator.SELECT, small, d, apply(Operator.SUBTRACT, d, turn))
+            case _:
+                return apply(_FUNCTIONS[function], *x)
+
+    def _reduction(self, function: Function, x: Values) -> int:
+        """A reduction of one or more values."""
+        apply = self.builder.apply
+        match function:
+            case Function.MIN:
+                return apply(Operator.MIN, *x)
+            case Function.MAX:
+                return apply(Operator.MAX, *x)
+            case Function.SUM:
+                return apply(Operator.SUM, *x)
+            case Function.MEAN:
+                return apply(Operator.DIVIDE, apply(Operator.SUM, *x), self.builder.literal(float(len(x))))
+            case Function.COUNT:
+                return apply(Operator.COUNT, *x)
+            case Function.ANY:
+                return self.builder.either(*x)
+            case Function.ALL:
+                return self.builder.both(*x)
+            case _:
+                raise AssertionError(f"{function} is no reduction")
+
+    def _reduce(self, e: ir.Reduce, scope: Scope) -> int:
+        bodies, conditions = [], []
+        for k in range(e.low, e.high + 1):
+            inner = replace(scope, loops=(*scope.loops, (e.variable, k)))
+            bodies.append(self.scalar(e.body, inner))
+            conditions.append(
+                self.builder.literal(True) if e.condition is None else self.scalar(e.condition, inner)
+            )
+        if bodies and all(self.builder.is_true(c) for c in conditions):
+            return self._reduction(e.function, tuple(bodies))
+        return self._conditional_reduction(e.function, bodies, conditions)
+
+    def _conditional_reduction(self, function: Function, bodies: list[int], conditions: list[int]) -> int:
+        """The reduction of those bodies whose condition is true, which may be none."""
+        builder = self.builder
+        pairs = list(zip(conditions, bodies, strict=True))
+        match function:
+            case Function.COUNT:
+                return builder.apply(Operator.COUNT, *[builder.both(c, b) for c, b in pairs])
+            case Function.ANY:
+                return builder.either(*[builder.both(c, b) for c, b in pairs])
+            case Function.ALL:
+                return builder.both(*[builder.either(builder.negation(c), b) for c, b in pairs])
+            case Function.MIN:
+                return self._fold(Operator.MIN, pairs, nan)
+            case Function.MAX:
+                return self._fold(Operator.MAX, pairs, nan)
+            case Function.SUM:
+                return self._fold(Operator.SUM, pairs, 0.0)
+            case Function.MEAN:
+                number = builder.apply(Operator.COUNT, *conditions)
+                return builder.apply(Operator.DIVIDE, self._fold(Operator.SUM, pairs, 0.0), number)
+            case _:
+                raise AssertionError(f"{function} is no reduction")
+
+    def _fold(self, operator: Operator, pairs: list[tuple[int, int]], of_none: float) -> int:
+        """From the left, begun with the first that is taken, so that it alone stays as it is."""
+        builder = self.builder
+        result, any_yet = builder.literal(of_none), builder.literal(False)
+        for condition, body in pairs:
+            joined = builder.apply(Operator.SELECT, any_yet, builder.apply(operator, result, body), body)
+            result = builder.apply(Operator.SELECT, condition, joined, result)
+            any_yet = builder.either(any_yet, condition)
+        return result
+
+    # --- memory ----------------------------------------------------------------------------------
+
+    def _memory(self, e: ir.MemoryCall, scope: Scope) -> Values:
+        arguments = [self.lower(a, scope) for a in e.arguments]
+        size = max((len(a) for a in arguments), default=1)
+        loops = "".join(f" {variable}={k}" for variable, k in scope.loops)
+        name = f"{scope.place} {e.function.value} {e.cell}{loops}"
+        values = []
+        for i in range(size):
+            cell = function_cell(e.function.value, e.cell, tuple(k for _, k in scope.loops), i)
+            place = Place(name=f"{name} [{i}]" if size > 1 else name, cells=(cell,), ready=scope.ready)
+            chosen = tuple(a[i] if len(a) > 1 else a[0] for a in arguments)
+            values.append(remember(self.builder, e, chosen, place))
+        return tuple(values)
+
+
+def kind_of(of: Type) -> Kind:
+    """What a value, or an element, of this type is."""
+    return Kind.BOOL if isinstance(element_type(of), Bool) else Kind.NUMBER

@@ -1,0 +1,199 @@
+"""From the typed program and its clients to `Code`.
+
+Everything is lowered when it is first asked for, beginning with what is decided; so the code of one client
+holds only what that client needs. Nothing recurses over chains of lets, wires or guards.
+"""
+
+from __future__ import annotations
+
+from typing import assert_never
+
+from colony.compile.clients import Client, ClientList
+from colony.compile.lower.builder import trimmed
+from colony.compile.lower.declarations import Declarations
+from colony.compile.lower.expressions import Scope, kind_of
+from colony.execute.code import (
+    ActuatorCode,
+    ClientCode,
+    Code,
+    ContractCode,
+    LimitCode,
+    PythonCall,
+    PythonField,
+    PythonRead,
+)
+from colony.execute.operators import Operator
+from colony.ir import program as ir
+from colony.ir.types import Array
+
+
+def lower(program: ir.Program, clients: ClientList, *, contracts: bool = True) -> Code:
+    """All of a program: every actuator with all of its clients, every Python module, the contracts.
+
+    `clients` are those of `program`. Near-linear in the size of both.
+    """
+    lowering = _Lowering(program, clients)
+    lowering.python_modules()
+    by_actuator = {a.actuator: a.clients for a in clients.actuators}
+    for actuator in program.robot.actuators:
+        lowering.actuator(actuator, by_actuator.get(actuator.name, ()))
+    lowering.states()
+    lowering.decided = len(lowering.builder.ops)
+    if contracts:
+        lowering.contracts()
+        lowering.states()
+    return trimmed(lowering.code(), every_sensor=True)
+
+
+def lower_client(program: ir.Program, clients: ClientList, actuator: str, module: str) -> Code:
+    """What one client has to compute: its guards, its command, and the limits of its actuator.
+
+    Python modules that its guard mentions run elsewhere: their activity is an `OutsideActive`. Under
+    `on_loss degrade` the other modules count as not active where their clients are `Lost`.
+
+    Raises:
+        KeyError: there is no such actuator, or `module` is not among its clients.
+    """
+    found = {a.name: a for a in program.robot.actuators}[actuator]
+    own = {c.module: c for a in clients.actuators if a.actuator == actuator for c in a.clients}[module]
+    lowering = _Lowering(program, clients, client=module, degrade=found.on_loss == "degrade")
+    lowering.python_modules()
+    lowering.actuator(found, (own,))
+    lowering.states()
+    lowering.decided = len(lowering.builder.ops)
+    return trimmed(lowering.code(), every_sensor=False)
+
+
+class _Lowering(Declarations):
+    """A program being lowered to one Code. Mutable."""
+
+    def __init__(
+        self, program: ir.Program, clients: ClientList, client: str | None = None, degrade: bool = False
+    ) -> None:
+        super().__init__(program, clients, client, degrade)
+        self.decided = 0
+        self._python: list[PythonCall] = []
+        self._actuator_codes: list[ActuatorCode] = []
+        self._contracts: list[ContractCode] = []
+
+    def code(self) -> Code:
+        return Code(
+            ops=tuple(self.builder.ops),
+            kinds=tuple(self.builder.kinds),
+            decided=self.decided,
+            sensors=self.program.robot.sensors,
+            cells=self.builder.cells(),
+            python=tuple(self._python),
+            actuators=tuple(self._actuator_codes),
+            contracts=tuple(self._contracts),
+            names=self.builder.names,
+            places=self.builder.places,
+        )
+
+    # --- Python modules --------------------------------------------------------------------------
+
+    def python_modules(self) -> None:
+        """Every Python module that this code has to call, as declared."""
+        for module in self.program.modules:
+            if isinstance(module, ir.PythonModule) and self.client in (None, module.name):
+                reads = [r.expression for r in module.reads]
+                self.prepare(*reads)
+                fields = self.actuators[module.actuator].fields if module.actuator else ()
+                scope = self.file_scope(module.name, tuple(reads))
+                call = PythonCall(
+                    module=module.name,
+                    module_path=module.module_path,
+                    class_name=module.class_name,
+                    params=module.params,
+                    present=scope.ready,
+                    reads=tuple(self._read(read, scope) for read in module.reads),
+                    fields=fields,
+                    rate_ns=module.rate_ns,
+                    span=module.span,
+                )
+                self._python.append(call)
+
+    def _read(self, read: ir.PythonReading, scope: Scope) -> PythonRead:
+        elements = self.expressions.lower(read.expression, scope)
+        return PythonRead(name=read.name, elements=elements, array=isinstance(read.expression.type, Array))
+
+    # --- actuators and contracts -----------------------------------------------------------------
+
+    def actuator(self, actuator: ir.Actuator, clients: tuple[Client, ...]) -> None:
+        self._actuator_codes.append(
+            ActuatorCode(
+                actuator=actuator,
+                clients=tuple(self._client(c) for c in clients),
+                limits=tuple(
+                    self._limit(i, limit)
+                    for i, limit in enumerate(self.program.limits)
+                    if limit.actuator == actuator.name
+                ),
+            )
+        )
+
+    def _command(self, name: str) -> tuple[int, ...]:
+        module = self.modules[name]
+        match module:
+            case ir.Module(command=command):
+                assert command is not None, "a client's module commands its actuator"
+                self.prepare(*command.fields)
+                scope = self.module_scope(module, name)
+                return tuple(self.expressions.scalar(field, scope) for field in command.fields)
+            case ir.PythonModule(actuator=actuator):
+                assert actuator is not None, "a client's module commands its actuator"
+                fields = self.actuators[actuator].fields
+                return tuple(
+                    self.builder.add(PythonField(name, i), kind_of(f.type)) for i, f in enumerate(fields)
+                )
+            case _:
+                assert_never(module)
+
+    def _client(self, client: Client) -> ClientCode:
+        guard, exclusive = self._guards.guard(client.guard), self._guards.guard(client.exclusive)
+        module = self.modules[client.module]
+        match module:
+            case ir.Module():
+                present = self.module_present(module.name)
+            case ir.PythonModule():
+                present = self.module_active(module.name)
+            case _:
+                assert_never(module)
+        return ClientCode(
+            module=client.module,
+            priority=client.priority,
+            present=present,
+            active=self.module_active(client.module),
+            guard=guard,
+            exclusive=exclusive,
+            fields=self._command(client.module),
+            span=module.span,
+        )
+
+    def _limit(self, number: int, limit: ir.Limit) -> LimitCode:
+        builder = self.builder
+        name = f"limit {number}"
+        self.prepare(limit.bound)
+        of_bound = self.file_scope(f"{name} bound", (limit.bound,))
+        bound = self.expressions.scalar(limit.bound, of_bound)
+        missing = [builder.negation(of_bound.ready)]
+        condition = builder.literal(True)
+        if limit.condition is not None:
+            self.prepare(limit.condition)
+            of_condition = self.file_scope(f"{name} condition", (limit.condition,))
+            condition = self.expressions.scalar(limit.condition, of_condition)
+            missing.append(builder.negation(of_condition.ready))
+        sound = builder.both(of_bound.ready, builder.apply(Operator.FINITE, bound))
+        return LimitCode(
+            field_index=limit.field_index,
+            relation=limit.relation,
+            applies=builder.either(*missing, condition),
+            bound=builder.apply(Operator.SELECT, sound, bound, builder.literal(0.0)),
+        )
+
+    def contracts(self) -> None:
+        for contract in self.program.contracts:
+            self.prepare(contract.expression)
+            scope = self.file_scope(f"contract {contract.name}", (contract.expression,))
+            value = self.expressions.scalar(contract.expression, scope)
+            self._contracts.append(ContractCode(name=contract.name, present=scope.ready, value=value))

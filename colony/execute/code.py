@@ -1,0 +1,355 @@
+"""Code: what all clients of a program compute in a frame, as straight-line scalar code.
+
+The form that every backend starts from. `ops` is a list in static single assignment: op i computes value i
+from the frame, from memory, and from values of ops before it. Equal ops stand once, arrays are their
+elements, reductions and loops are unrolled. All ops are total, so the order in which a backend evaluates
+them, and whether it does, is its own affair; what must hold is this, frame by frame:
+
+1. *Sensors* are taken in (`colony.execute.intake`), in the order of `sensors`. `SensorElement` of a missing
+   sensor without default is a placeholder: anything of its kind. What is computed from placeholders is
+   never sent and never remembered.
+2. *Python modules* (`python`) are called in order, where their `present` is true; all that they read is
+   computed by ops before the first that depends on one of them.
+3. *Decisions*: an actuator's winner is the first of its clients whose `guard` is true (equally: the one
+   whose `exclusive` is true). Its command is `fields`. Then, for each field, for each of `limits` of that
+   field in order: where `applies` is true and the value is beyond `bound`, it becomes `bound`; then it is
+   clamped to the field's range; and it leaves divided by the field's factor. When a field that is not a
+   bool is not finite before or after all that, the idle command is sent instead, unbounded, and the fault
+   "not finite" is noted. Without a winner the idle command is sent.
+4. *Contracts* whose `present` is true and whose `value` is false are broken. Ops from `decided` on may
+   depend on decisions; ops before it do not.
+5. *Memory*: every cell whose `condition` is true takes `value`, all at once. Until then `OldCell` is the
+   value from before the frame.
+
+Times are nanoseconds since the first frame.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, field
+from enum import Enum, unique
+from typing import Literal as OneOf
+from typing import assert_never
+
+from colony.execute.operators import Operator
+from colony.ir.program import Actuator, ActuatorField, Sensor
+from colony.ir.types import ScalarValue
+from colony.text.source import Span
+
+
+@unique
+class Kind(Enum):
+    """What a value is: a double, a bool, an integer of nanoseconds, or a table of numbers or bools."""
+
+    NUMBER = "number"
+    BOOL = "bool"
+    TIME = "time"
+    TABLE = "table"
+
+
+# --- ops -----------------------------------------------------------------------------------------
+
+
+@dataclass(frozen=True, slots=True)
+class Literal:
+    """A float, a bool, or (kind TIME) an int."""
+
+    value: float | bool | int
+
+
+@dataclass(frozen=True, slots=True)
+class FrameTime:
+    """The time of this frame, 0 in the first one."""
+
+
+@dataclass(frozen=True, slots=True)
+class SensorFresh:
+    """Whether the sensor itself gave a value in this frame (false where its default stands in)."""
+
+    sensor: str
+
+
+@dataclass(frozen=True, slots=True)
+class SensorElement:
+    """An element of a sensor's value (or default) in base units; `index` is 0 of a scalar."""
+
+    sensor: str
+    index: int
+
+
+@dataclass(frozen=True, slots=True)
+class OldCell:
+    """What the cell of this index held before the frame."""
+
+    cell: int
+
+
+@dataclass(frozen=True, slots=True)
+class PythonActive:
+    """Whether the Python module has a command in this frame."""
+
+    module: str
+
+
+@dataclass(frozen=True, slots=True)
+class PythonField:
+    """A field of the Python module's command; a placeholder where it has none."""
+
+    module: str
+    index: int
+
+
+@dataclass(frozen=True, slots=True)
+class OutsideActive:
+    """Whether a Python module that runs elsewhere is active: given with the frame (clients only)."""
+
+    module: str
+
+
+@dataclass(frozen=True, slots=True)
+class Lost:
+    """Whether the client of this module is lost: given with the frame (clients of `on_loss degrade` only)."""
+
+    module: str
+
+
+@dataclass(frozen=True, slots=True)
+class Table:
+    """Values of one kind, to pick from."""
+
+    elements: tuple[int, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class Apply:
+    """An operator of earlier values."""
+
+    operator: Operator
+    arguments: tuple[int, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class Winner:
+    """Whether the module is the actuator's winner (also where its command is not finite)."""
+
+    actuator: str
+    module: str
+
+
+@dataclass(frozen=True, slots=True)
+class Commanded:
+    """Whether the winner's command was sent."""
+
+    actuator: str
+
+
+@dataclass(frozen=True, slots=True)
+class Sent:
+    """What was sent in a field, in base units; a placeholder where nothing was."""
+
+    actuator: str
+    index: int
+
+
+Op = (
+    Apply
+    | SensorElement
+    | Literal
+    | OldCell
+    | SensorFresh
+    | FrameTime
+    | PythonActive
+    | PythonField
+    | OutsideActive
+    | Lost
+    | Table
+    | Winner
+    | Commanded
+    | Sent
+)
+
+
+def operands(op: Op) -> tuple[int, ...]:
+    """The values that this op is computed from."""
+    match op:
+        case Apply(arguments=several) | Table(elements=several):
+            return several
+        case _:
+            return ()
+
+
+# --- the parts around them -----------------------------------------------------------------------
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Cell:
+    """Memory: holds `initial` at first, and takes `value` at the end of frames where `condition` is true.
+
+    `name` is for people; it is unique within a Code.
+    """
+
+    name: str
+    kind: Kind
+    initial: float | bool | int
+    condition: int
+    value: int
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class PythonRead:
+    """What a Python module is given under `name`: a scalar, or (`array`) a tuple."""
+
+    name: str
+    elements: tuple[int, ...]
+    array: bool
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class PythonCall:
+    """A module whose step is Python; `fields` are those of the actuator that it commands, if any."""
+
+    module: str
+    module_path: str
+    class_name: str
+    params: tuple[tuple[str, ScalarValue], ...]
+    present: int
+    reads: tuple[PythonRead, ...]
+    fields: tuple[ActuatorField, ...]
+    rate_ns: int | None
+    span: Span
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class LimitCode:
+    """A bound on a field of commands, finite, computed once a frame."""
+
+    field_index: int
+    relation: OneOf["<=", ">="]
+    applies: int
+    bound: int
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ClientCode:
+    """A client: both guards include `present`, that nothing which the module reads is missing.
+
+    `active` is the module's own activity, which both guards include too.
+    """
+
+    module: str
+    priority: int
+    present: int
+    active: int
+    guard: int
+    exclusive: int
+    fields: tuple[int, ...]
+    span: Span
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ActuatorCode:
+    """An actuator with its clients, highest priority first."""
+
+    actuator: Actuator
+    clients: tuple[ClientCode, ...]
+    limits: tuple[LimitCode, ...]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ContractCode:
+    """Broken in a frame in which `present` is true and `value` is not."""
+
+    name: str
+    present: int
+    value: int
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Code:
+    """See the top of this file. `kinds[i]` is of value i; `names` has what some values are called.
+
+    `places` gives the cells by the names of `ir.memory`; time constants have some in unsimplified code only.
+    """
+
+    ops: tuple[Op, ...]
+    kinds: tuple[Kind, ...]
+    decided: int
+    sensors: tuple[Sensor, ...]
+    cells: tuple[Cell, ...]
+    python: tuple[PythonCall, ...]
+    actuators: tuple[ActuatorCode, ...]
+    contracts: tuple[ContractCode, ...]
+    names: Mapping[int, str]
+    places: Mapping[str, int] = field(default_factory=dict)
+
+
+# --- what is needed ------------------------------------------------------------------------------
+
+
+def roots(code: Code, *, exclusive: bool = True) -> list[int]:
+    """The values that a frame's outcome is made from, memory aside; `exclusive`: and what clients tell."""
+    found: list[int] = []
+    for call in code.python:
+        found.append(call.present)
+        for read in call.reads:
+            found.extend(read.elements)
+    for actuator in code.actuators:
+        for client in actuator.clients:
+            found.extend((client.present, client.guard, *client.fields))
+            if exclusive:
+                found.extend((client.exclusive, client.active))
+        for limit in actuator.limits:
+            found.extend((limit.applies, limit.bound))
+    for contract in code.contracts:
+        found.extend((contract.present, contract.value))
+    return found
+
+
+def live(ops: Iterable[Op], cells: Iterable[Cell], wanted: Iterable[int]) -> tuple[bytearray, set[int]]:
+    """What `wanted` is computed from: a flag for each op, and the cells, theirs included. Linear."""
+    all_ops, all_cells = tuple(ops), tuple(cells)
+    flags, found = bytearray(len(all_ops)), set[int]()
+    work = list(wanted)
+    while work:
+        at = work.pop()
+        if flags[at]:
+            continue
+        flags[at] = 1
+        op = all_ops[at]
+        match op:
+            case Apply(arguments=several) | Table(elements=several):
+                work.extend(several)
+            case OldCell(cell=cell) if cell not in found:
+                found.add(cell)
+                work.extend((all_cells[cell].condition, all_cells[cell].value))
+            case _:
+                pass
+    return flags, found
+
+
+def remapped(op: Op, ops: Mapping[int, int], cells: Mapping[int, int]) -> Op:
+    """`op` with its operands and cells renumbered."""
+    match op:
+        case Apply(operator=operator, arguments=arguments):
+            return Apply(operator, tuple([ops[i] for i in arguments]))
+        case Table(elements=elements):
+            return Table(tuple([ops[i] for i in elements]))
+        case OldCell(cell=cell):
+            return OldCell(cells[cell])
+        case (
+            Literal()
+            | FrameTime()
+            | SensorFresh()
+            | SensorElement()
+            | PythonActive()
+            | PythonField()
+            | OutsideActive()
+            | Lost()
+            | Winner()
+            | Commanded()
+            | Sent()
+        ):
+            return op
+        case _:
+            assert_never(op)

@@ -1,0 +1,114 @@
+"""Modules written in Python: what `step` is given, and what its answer becomes.
+
+The classes need `math` and `intake` alone: the Python backend copies them into what it generates.
+"""
+
+from __future__ import annotations
+
+from typing import NoReturn
+
+from colony.execute.intake import as_float
+
+
+class Snapshot(dict[str, object]):
+    """What a module's `step` is given: a read-only mapping from the names that it reads to their values.
+
+    Values are in base units (mm, s, deg), arrays are tuples; `t` is in seconds since the first frame.
+    """
+
+    __slots__ = ("t",)
+    t: float
+
+    def __init__(self, t: float, values: dict[str, object]) -> None:
+        dict.__init__(self, values)
+        object.__setattr__(self, "t", t)
+
+    def _refused(self, *_: object, **__: object) -> NoReturn:
+        raise TypeError("a snapshot cannot be changed")
+
+    __setattr__ = __delattr__ = __setitem__ = __delitem__ = __ior__ = _refused
+    clear = pop = popitem = setdefault = update = _refused
+
+
+class PythonStep:
+    """One Python module: its object, and with a rate the answer that stands and the one to come.
+
+    `fields` are those of the command: each the name, and False for a bool, None for a number, the numbers of
+    its members for an enum. An answer is a tuple in that order; None is "not applicable". Times are ns since
+    the first frame.
+    """
+
+    __slots__ = ("_fields", "_module", "_names", "_nothing", "_object", "_rate", "due", "pending", "standing")
+
+    def __init__(
+        self,
+        module: str,
+        instance: object,
+        fields: tuple[tuple[str, object], ...],
+        rate: int | None,
+    ) -> None:
+        self._module = module
+        self._object = instance
+        self._fields = fields
+        self._names = {name for name, _ in fields}
+        self._nothing = tuple([False if of is False else 0.0 for _, of in fields])
+        self._rate = rate
+        self.due = 0
+        self.pending: tuple[int, tuple[float | bool, ...] | None] | None = None
+        self.standing: tuple[float | bool, ...] | None = None
+
+    def step(
+        self, t: int, values: dict[str, object] | None, records: tuple[tuple[str, str], ...]
+    ) -> tuple[bool, tuple[float | bool, ...], tuple[tuple[str, str], ...]]:
+        """Whether it is active, its fields (placeholders where it is not), and the records.
+
+        `values` are None where something that it reads is missing: it is silent then, and not called.
+        """
+        if values is None:
+            return False, self._nothing, records
+        if self._rate is None:
+            answer, records = self._call(t, values, records)
+        else:
+            self._promote(t)
+            if t >= self.due:
+                answer, records = self._call(t, values, records)
+                self.due = t + self._rate
+                self.pending = (self.due, answer)
+                self._promote(t)
+            answer = self.standing
+        return (False, self._nothing, records) if answer is None else (True, answer, records)
+
+    def _promote(self, t: int) -> None:
+        if self.pending is not None and self.pending[0] <= t:
+            self.standing = self.pending[1]
+            self.pending = None
+
+    def _call(
+        self, t: int, values: dict[str, object], records: tuple[tuple[str, str], ...]
+    ) -> tuple[tuple[float | bool, ...] | None, tuple[tuple[str, str], ...]]:
+        try:
+            return self._answer(self._object.step(Snapshot(t / 1e9, values))), records  # type: ignore[attr-defined]
+        except Exception:
+            return None, (*records, ("python error", self._module))
+
+    def _answer(self, result: object) -> tuple[float | bool, ...] | None:
+        """The fields in order, if `result` has exactly those, each of its type; else an exception."""
+        if result is None:
+            return None
+        if not hasattr(result, "keys") or set(result) != self._names:  # type: ignore[call-overload]
+            raise TypeError("not the fields of the command")
+        answer: list[float | bool] = []
+        for name, of in self._fields:
+            value = result[name]  # type: ignore[index]
+            if of is False:
+                if not isinstance(value, bool):
+                    raise TypeError(name)
+                answer.append(value)
+                continue
+            number = as_float(value)
+            if number is None and isinstance(value, float) and of is None:
+                number = float(value)  # NaN: a command that is not finite is a fault of its own
+            if number is None or (of is not None and number not in of):  # type: ignore[operator]
+                raise TypeError(name)
+            answer.append(number)
+        return tuple(answer)

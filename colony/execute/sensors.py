@@ -1,0 +1,57 @@
+"""A sensor's reading on its way into an executor, and what stands in for a missing one."""
+
+from __future__ import annotations
+
+from colony.execute.intake import take_bool, take_bools, take_number, take_numbers
+from colony.execute.intake import within as in_range
+from colony.ir.frame import Reading
+from colony.ir.program import Sensor
+from colony.ir.types import Array, Bool, Enum, Value, element_type
+
+Records = tuple[tuple[str, str], ...]
+
+
+def stand_in(sensor: Sensor) -> Value:
+    """What an executor computes with where the sensor is missing: its default, or a placeholder.
+
+    A placeholder lies within the sensor's range, so that what is known of the range holds of it, too.
+    """
+    kind = element_type(sensor.type)
+    if sensor.default is not None:
+        value: Value = sensor.default
+    elif isinstance(kind, Bool):
+        value = False
+    elif isinstance(kind, Enum):
+        value = kind.members[0][1] if kind.members else 0.0
+    else:
+        value = in_range(0.0, sensor.low, sensor.high)
+    if isinstance(sensor.type, Array) and not isinstance(value, tuple):
+        return (value,) * sensor.type.size
+    return value
+
+
+def within(sensors: tuple[Sensor, ...]) -> dict[str, int]:
+    """How old readings may be, in ns, of the sensors of which the program says so."""
+    return {s.name: s.within_ns for s in sensors if s.within_ns is not None}
+
+
+def members(sensor: Sensor) -> tuple[float, ...] | None:
+    """The numbers that a sensor of an enum type may have; None where it is of another type."""
+    kind = element_type(sensor.type)
+    return tuple(number for _, number in kind.members) if isinstance(kind, Enum) else None
+
+
+def take(sensor: Sensor, reading: Reading, records: Records) -> tuple[Value, bool, Records]:
+    """The sensor's value in base units or what stands in for it, whether it is fresh, and the records."""
+    name, otherwise = sensor.name, stand_in(sensor)
+    factor, low, high = sensor.factor, sensor.low, sensor.high
+    if isinstance(sensor.type, Array):
+        assert isinstance(otherwise, tuple)
+        size = sensor.type.size
+        if isinstance(sensor.type.element, Bool):
+            return take_bools(name, reading, size, otherwise, records)  # type: ignore[arg-type]
+        return take_numbers(name, reading, size, factor, low, high, members(sensor), otherwise, records)
+    assert not isinstance(otherwise, tuple)
+    if isinstance(sensor.type, Bool):
+        return take_bool(name, reading, bool(otherwise), records)
+    return take_number(name, reading, factor, low, high, members(sensor), otherwise, records)

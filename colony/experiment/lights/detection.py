@@ -1,0 +1,137 @@
+"""How well ceiling lights are detected, apart from how they are counted: each look of the ceiling camera at
+lights that are really there.
+
+A light that is on is *in view* where its center is no more than `IN_VIEW_MM` ahead or behind, so that both of
+its edges are in the image, the robot is below it, and its heading is no farther from the corridor's than the
+detector allows. It is *passed* when the robot's center comes below its middle, and *detected* where one look
+at least has told it while it was in view. What is told farther than `NEAR_MM` from every light that is on is
+*false*. Looks count while the Navigator tracks lights, as nobody looks at the ceiling otherwise.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import NamedTuple
+
+from colony.nav.maps.stickrep.geometry import direction
+from colony.sim.cameras.ceiling import LIGHT_ACROSS_MM
+from colony.sim.hazards.scenery import CeilingLight
+from colony.sim.world.world import Pose
+from colony.vision.lights.looks import Look
+from colony.vision.lights.scan_lines import STEEPEST_DEG
+
+IN_VIEW_MM = 420.0
+"""Half a light is 300 mm; the camera sees 779 mm ahead and behind."""
+
+NEAR_MM = 150.0
+"""Between a light that is told and one that is there, along the corridor: a quarter of its length."""
+
+_REACH_MM = 1100.0
+
+
+class LightDetection(NamedTuple):
+    """Lights that are on: how many were passed, and how many of these detected; in how many looks one was in
+    view, and in how many of these it was told; how many were told in all looks, and how many of these were
+    false."""
+
+    passed: int
+    detected: int
+    in_view: int
+    in_view_told: int
+    told: int
+    false: int
+
+
+class _Relative(NamedTuple):
+    """A light as the robot has it: how far ahead along the corridor, how far to the left of the robot, and
+    how far the robot's heading is turned against the corridor."""
+
+    ahead_mm: float
+    left_mm: float
+    turned_deg: float
+
+
+@dataclass(slots=True, kw_only=True)
+class LightWatch:
+    """Counts over a run. Mutable: the counts.
+
+    Attributes:
+        lights: on the ceiling, whether on or out.
+    """
+
+    lights: Sequence[CeilingLight]
+    _ahead: dict[int, float]
+    _told: set[int]
+    _passed: set[int]
+    _looks: list[int]
+
+    @classmethod
+    def over(cls, lights: Sequence[CeilingLight]) -> LightWatch:
+        """A watch that has seen nothing yet."""
+        return cls(lights=tuple(lights), _ahead={}, _told=set(), _passed=set(), _looks=[0, 0, 0, 0])
+
+    def moved(self, pose: Pose) -> None:
+        """The robot is there, and tracks lights."""
+        before, self._ahead = self._ahead, {}
+        for number, light in self._near(pose):
+            at = _relative(light, pose)
+            if abs(at.turned_deg) > STEEPEST_DEG or abs(at.left_mm) > LIGHT_ACROSS_MM / 2:
+                continue
+            self._ahead[number] = at.ahead_mm
+            if before.get(number, -1.0) > 0.0 >= at.ahead_mm:
+                self._passed.add(number)
+
+    def looked(self, look: Look, pose: Pose) -> None:
+        """An image was taken there, and these lights were told."""
+        near = [(number, _relative(light, pose)) for number, light in self._near(pose)]
+        in_view = {number: at.ahead_mm for number, at in near if _is_in_view(at)}
+        seen = {
+            number
+            for number, ahead_mm in in_view.items()
+            if any(abs(told.ahead_mm - ahead_mm) <= NEAR_MM for told in look.lights)
+        }
+        self._told |= seen
+        self._looks[0] += len(in_view)
+        self._looks[1] += len(seen)
+        self._looks[2] += len(look.lights)
+        self._looks[3] += sum(
+            all(abs(told.ahead_mm - at.ahead_mm) > NEAR_MM for _, at in near) for told in look.lights
+        )
+
+    @property
+    def counts(self) -> LightDetection:
+        """What came of it so far."""
+        return LightDetection(len(self._passed), len(self._passed & self._told), *self._looks)
+
+    @property
+    def undetected(self) -> tuple[CeilingLight, ...]:
+        """The lights that are on and were passed without being told."""
+        return tuple(self.lights[number] for number in sorted(self._passed - self._told))
+
+    def _near(self, pose: Pose) -> list[tuple[int, CeilingLight]]:
+        """The lights that are on and not far from the robot."""
+        return [
+            (number, light)
+            for number, light in enumerate(self.lights)
+            if light.brightness > 0.0
+            and abs(light.x_mm - pose.x_mm) < _REACH_MM
+            and abs(light.y_mm - pose.y_mm) < _REACH_MM
+        ]
+
+
+def _is_in_view(at: _Relative) -> bool:
+    return (
+        abs(at.ahead_mm) <= IN_VIEW_MM
+        and abs(at.left_mm) <= LIGHT_ACROSS_MM / 2
+        and abs(at.turned_deg) <= STEEPEST_DEG
+    )
+
+
+def _relative(light: CeilingLight, pose: Pose) -> _Relative:
+    """Along the corridor in the direction in which the robot goes along it."""
+    turned = math.remainder(pose.heading_deg - light.heading_deg, 180.0)
+    unit = direction(pose.heading_deg - turned)
+    dx, dy = light.x_mm - pose.x_mm, light.y_mm - pose.y_mm
+    return _Relative(dx * unit.x + dy * unit.y, dy * unit.x - dx * unit.y, turned)

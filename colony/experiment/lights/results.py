@@ -1,0 +1,137 @@
+"""What came of the detection of ceiling lights in one run: as data, how it is kept, and in tables."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+from colony.experiment.figures import Target, rate
+from colony.experiment.lights.detection import LightDetection
+from colony.experiment.lists import ListedRun
+from colony.experiment.record import Failure, RunKey
+from colony.experiment.results import KEY_COLUMNS, Table
+from colony.experiment.tables import markdown, targets_markdown
+from colony.nav.confidence.estimate import Count
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class LightResult:
+    """One run, and how well lights were detected in it.
+
+    Attributes:
+        key: which one.
+        origin, goal: nodes of the map.
+        failure: why the drive failed; "" where it reached the goal. What was seen until then counts.
+        counts: see there.
+        undetected: where the lights are that are on and were passed without being told, x and y in mm.
+    """
+
+    key: RunKey
+    origin: str
+    goal: str
+    failure: Failure
+    counts: LightDetection
+    undetected: tuple[tuple[int, int], ...]
+
+
+def detection_total(results: Sequence[LightResult]) -> LightDetection:
+    """The counts over runs."""
+    counts = [result.counts for result in results]
+    return LightDetection(*(sum(one) for one in zip(*counts, strict=True))) if counts else _NOTHING
+
+
+def light_targets(results: Sequence[LightResult]) -> tuple[Target, ...]:
+    """How the detection stands to what was promised."""
+    counts = detection_total(results)
+    detected = Count(counts.detected, counts.passed)
+    return (
+        Target(
+            what="lights that are on and were passed: detected",
+            found=rate(detected),
+            promised="at least 0.995",
+            met=counts.passed > 0 and detected.good >= 0.995 * detected.trials,
+        ),
+        Target(
+            what="false lights, of all that were told",
+            found=rate(Count(counts.false, counts.told)),
+            promised="at most 1 in 1,000",
+            met=counts.told > 0 and 1000 * counts.false <= counts.told,
+        ),
+    )
+
+
+def light_tables(runs: Sequence[ListedRun], results: Sequence[LightResult]) -> list[str]:
+    """What came of it over all runs, a row a run, and the lights that were not detected; none without
+    results."""
+    if not results:
+        return []
+    tables = [targets_markdown(light_targets(results)), _run_table(runs, results), _undetected_table(results)]
+    return [table for table in tables if table]
+
+
+def _run_table(runs: Sequence[ListedRun], results: Sequence[LightResult]) -> str:
+    rows = []
+    for run in runs:
+        of_run = [result for result in results if result.key.number == run.number]
+        if of_run:
+            which = [str(run.number), run.origin, run.goal]
+            reached = sum(not result.failure for result in of_run)
+            rows.append([*which, f"{reached}/{len(of_run)}", *_cells(detection_total(of_run))])
+    rows.append(["all", "", "", "", *_cells(detection_total(results))])
+    head = ["run", "from", "to", "reached", "lights detected", "in looks", "false, of all told"]
+    return markdown(head, rows)
+
+
+def _cells(counts: LightDetection) -> list[str]:
+    return [
+        f"{counts.detected}/{counts.passed}",
+        f"{counts.in_view_told}/{counts.in_view}",
+        f"{counts.false}/{counts.told}",
+    ]
+
+
+def _undetected_table(results: Sequence[LightResult]) -> str:
+    rows = [
+        [str(result.key.number), str(result.key.seed), f"{x / 1000:.1f}, {y / 1000:.1f}"]
+        for result in results
+        for x, y in result.undetected
+    ]
+    return markdown(["run", "seed", "light that was not detected, at x, y in m"], rows) if rows else ""
+
+
+_NOTHING = LightDetection(0, 0, 0, 0, 0, 0)
+
+
+def _row(result: LightResult) -> tuple[object, ...]:
+    told = json.dumps(result.undetected)
+    return (*result.key, result.origin, result.goal, result.failure, *result.counts, told)
+
+
+def _result(row: tuple[Any, ...]) -> LightResult:
+    last = 7 + len(LightDetection._fields)
+    return LightResult(
+        key=RunKey(*row[0:4]),
+        origin=row[4],
+        goal=row[5],
+        failure=row[6],
+        counts=LightDetection(*row[7:last]),
+        undetected=tuple((x, y) for x, y in json.loads(row[last])),
+    )
+
+
+LIGHT_TABLE: Table[LightResult] = Table(
+    name="lights",
+    columns={
+        **KEY_COLUMNS,
+        "origin": "TEXT NOT NULL",
+        "goal": "TEXT NOT NULL",
+        "failure": "TEXT NOT NULL",
+        **dict.fromkeys(LightDetection._fields, "INTEGER NOT NULL"),
+        "undetected": "TEXT NOT NULL",
+    },
+    row=_row,
+    result=_result,
+)
+"""A row a run; the lights that were not detected are a JSON list of places."""

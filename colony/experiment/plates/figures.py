@@ -1,0 +1,79 @@
+"""Figures of plate finders over many runs, and how they stand to what was promised."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Sequence
+
+from colony.experiment.figures import Target, rate
+from colony.experiment.plates.judged import AGAIN, INSTEAD
+from colony.experiment.plates.record import FINDER_NAMES, Finder, Kind, PlateResult, Tally, tally
+from colony.nav.confidence.estimate import Count
+from colony.nav.confidence.plates_estimate import PlateEvent, plate_counts
+
+_SYMBOLS: dict[Kind, str] = {"found": "D", "missed": "M", "false": "P", "unseen": "M", "beyond": ""}
+"""Of the automaton of section 6.3, which does not ask why a plate was missed."""
+
+
+def total(results: Sequence[PlateResult], finder: Finder) -> Tally:
+    """The counts of a finder over runs."""
+    tallies = [tally(result.outcomes[finder]) for result in results]
+    return Tally(*(sum(counts) for counts in zip(*tallies, strict=True))) if tallies else Tally(0, 0, 0, 0, 0)
+
+
+def walks(results: Sequence[PlateResult], finder: Finder) -> tuple[str, ...]:
+    """Each run as a string of D, M and P, as `plate_counts` takes them."""
+    return tuple("".join(_SYMBOLS[one.kind] for one in r.outcomes[finder]) for r in results)
+
+
+def events(results: Sequence[PlateResult], finder: Finder) -> dict[PlateEvent, Count]:
+    """The events of Table 6.6."""
+    return plate_counts(walks(results, finder))
+
+
+def taken_for_plates(results: Sequence[PlateResult], finder: Finder) -> Counter[str]:
+    """What false sightings really were, and how often, all plates being one kind of thing."""
+    return Counter(_thing(one.name) for r in results for one in r.outcomes[finder] if one.kind == "false")
+
+
+def _thing(name: str) -> str:
+    if name.endswith(AGAIN):
+        return f"a plate{AGAIN}"
+    return f"a plate{INSTEAD}another" if INSTEAD in name else name
+
+
+def plate_targets(results: Sequence[PlateResult]) -> tuple[Target, ...]:
+    """How the finders stand to what was promised."""
+    ours, aided = total(results, "ours"), total(results, "map")
+    return (
+        _at_least("plates found", "ours", Count(ours.found, ours.due), 0.97),
+        _at_most_false(ours),
+        _at_least("plates found", "map", Count(aided.found, aided.due), 0.99),
+        Target(
+            what=f"false plates, {FINDER_NAMES['map']}",
+            found=f"{aided.false} beside {aided.found} true ones",
+            promised="none",
+            met=aided.found > 0 and aided.false == 0,
+        ),
+        _at_least("numbers read right", "ours", Count(ours.right, ours.found), 0.99),
+        _at_least("numbers read right", "map", Count(aided.right, aided.found), 0.99),
+    )
+
+
+def _at_least(what: str, finder: Finder, count: Count, promised: float) -> Target:
+    return Target(
+        what=f"{what}, {FINDER_NAMES[finder]}",
+        found=rate(count),
+        promised=f"at least {promised:g}",
+        met=count.trials > 0 and count.good >= promised * count.trials,
+    )
+
+
+def _at_most_false(ours: Tally) -> Target:
+    hundredth = 100.0 * ours.false / ours.found if ours.found else float("inf")
+    return Target(
+        what=f"false plates, {FINDER_NAMES['ours']}",
+        found=f"{ours.false} beside {ours.found} true ones, {hundredth:.2f} in 100",
+        promised="at most 1 in 100",
+        met=hundredth <= 1.0,
+    )

@@ -1,0 +1,87 @@
+"""What is really there, where a finder saw a door plate and none hangs."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterable, Iterator
+from typing import NamedTuple
+
+from colony.experiment.plates.judged import Named, Sighting
+from colony.nav.maps.stickrep.geometry import Point
+from colony.nav.maps.stickrep.model import EdgeKind, Map
+from colony.nav.maps.walls import walls_of
+from colony.sim.cameras.posters import BLACK_KINDS, posters
+from colony.sim.hazards.scenery import PERSON_RADIUS_MM, Scenery
+
+_CLOSE_MM = 500.0
+
+People = Callable[[int], Iterable[Iterable[float]]]
+"""Where people were at a time, x and y in mm."""
+
+
+class _Thing(NamedTuple):
+    """Something flat, from one end to the other."""
+
+    name: str
+    start: Point
+    end: Point
+
+
+def names_in(floor: Map, scenery: Scenery, people: People) -> Named:
+    """Names what hangs or stands within half a meter of a sighting: people first, then what is on walls, then
+    the wall itself."""
+    on_walls = tuple(_on_walls(floor, scenery))
+    walls = tuple(_walls(floor))
+
+    def name(sighting: Sighting) -> str:
+        place = sighting.place
+        if any(math.dist(place, person) < _CLOSE_MM + PERSON_RADIUS_MM for person in people(sighting.t_ns)):
+            return "a person"
+        for things in (on_walls, walls):
+            nearest = min(things, key=lambda thing: _apart(place, thing), default=None)
+            if nearest is not None and _apart(place, nearest) < _CLOSE_MM:
+                return nearest.name
+        return "nothing"
+
+    return name
+
+
+def _on_walls(floor: Map, scenery: Scenery) -> Iterator[_Thing]:
+    edges = walls_of(floor)
+    rows = edges.segments.tolist()
+    for poster in scenery.posters:
+        black = "a black poster" if poster.kind in BLACK_KINDS else "a poster"
+        on = " on a door" if edges.kinds[poster.edge] is not EdgeKind.WALL else ""
+        end_mm = poster.start_mm + posters()[poster.kind].width_mm
+        row = rows[poster.edge]
+        yield _Thing(f"{black}{on}", _at(row, poster.start_mm), _at(row, end_mm))
+    for extinguisher in scenery.extinguishers:
+        at = _at(rows[extinguisher.edge], extinguisher.along_mm)
+        yield _Thing("an extinguisher", at, at)
+
+
+def _walls(floor: Map) -> Iterator[_Thing]:
+    for edge, row in zip(floor.edges(), walls_of(floor).segments.tolist(), strict=True):
+        match edge.kind:
+            case EdgeKind.DOOR:
+                name = "a door"
+            case EdgeKind.ELEVATOR:
+                name = "an elevator"
+            case EdgeKind.WALL:
+                name = edge.attribute or "a wall"
+        yield _Thing(name, Point(row[0], row[1]), Point(row[2], row[3]))
+
+
+def _at(row: list[float], along_mm: float) -> Point:
+    x0, y0, x1, y1 = row
+    part = along_mm / math.hypot(x1 - x0, y1 - y0)
+    return Point(x0 + part * (x1 - x0), y0 + part * (y1 - y0))
+
+
+def _apart(place: Point, thing: _Thing) -> float:
+    """How far a place is from a thing, at its nearest."""
+    (x, y), (x0, y0), (x1, y1) = place, thing.start, thing.end
+    square = (x1 - x0) ** 2 + (y1 - y0) ** 2
+    along = ((x - x0) * (x1 - x0) + (y - y0) * (y1 - y0)) / square if square > 0.0 else 0.0
+    part = min(max(along, 0.0), 1.0)
+    return math.hypot(x - x0 - part * (x1 - x0), y - y0 - part * (y1 - y0))

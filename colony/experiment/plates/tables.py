@@ -1,0 +1,170 @@
+"""Tables of plate finders in Markdown: ours beside the published ones."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from colony.experiment.figures import rate
+from colony.experiment.lists import ListedRun
+from colony.experiment.plates.figures import (
+    events,
+    plate_targets,
+    taken_for_plates,
+    total,
+)
+from colony.experiment.plates.record import FINDER_NAMES, FINDERS, Finder, PlateResult
+from colony.experiment.tables import markdown, targets_markdown
+from colony.nav.confidence.estimate import Count
+from colony.nav.confidence.plates import TABLE_6_6, PlateEvents
+from colony.nav.confidence.plates_estimate import EVENT_NAMES, TABLE_6_6_COUNTS, PlateEvent, plate_events
+from colony.nav.confidence.published_plates import PUBLISHED_WALKS
+
+_PLATES = 15
+"""For a corridor of so many the probability is given that all are detected: the mean of the walks."""
+
+
+def plate_tables(walks: Sequence[ListedRun], results: Sequence[PlateResult]) -> list[str]:
+    """All of them, for a page or a terminal; none without results."""
+    if not results:
+        return []
+    tables = [
+        plate_target_table(results),
+        walk_table(walks, results),
+        finder_table(results),
+        false_table(results),
+        plate_event_table(results),
+        missed_table(results),
+    ]
+    return [table for table in tables if table]
+
+
+def plate_target_table(results: Sequence[PlateResult]) -> str:
+    """How the finders stand to what was promised."""
+    return targets_markdown(plate_targets(results))
+
+
+def walk_table(walks: Sequence[ListedRun], results: Sequence[PlateResult]) -> str:
+    """A row a walk, over all of its seeds: found, missed, false of each finder, beside the published ones."""
+    head = ["walk", "from", "to", "reached", "plates", "out of view"]
+    head += [f"{FINDER_NAMES[finder]}: found, missed, false" for finder in FINDERS]
+    head += ["published: found, missed, false"]
+    rows = []
+    for walk in walks:
+        of_walk = [result for result in results if result.key.number == walk.number]
+        if not of_walk:
+            continue
+        published = PUBLISHED_WALKS[walk.number - 1]
+        counts = {finder: total(of_walk, finder) for finder in FINDERS}
+        reached = sum(not result.failure for result in of_walk)
+        ours = counts["ours"]
+        rows.append(
+            [
+                str(walk.number),
+                walk.origin,
+                walk.goal,
+                f"{reached}/{len(of_walk)}",
+                str(ours.due),
+                str(ours.unseen),
+                *(f"{one.found}, {one.missed}, {one.false}" for one in counts.values()),
+                f"{len(published.found)}, {len(published.missed)}, {len(published.false)}",
+            ]
+        )
+    return markdown(head, rows)
+
+
+def finder_table(results: Sequence[PlateResult]) -> str:
+    """A row a finder: what it found, read and took for a plate, with exact 95 % intervals."""
+    rows = []
+    for finder in FINDERS:
+        count = total(results, finder)
+        sightings = count.found + count.false
+        rows.append(
+            [
+                FINDER_NAMES[finder],
+                rate(Count(count.found, count.due)),
+                rate(Count(count.found, count.due + count.unseen)),
+                rate(Count(count.false, sightings)),
+                rate(Count(count.right, count.found)) if finder != "thesis" else "does not read",
+            ]
+        )
+    found, missed, false = (
+        sum(len(part) for part in parts)
+        for parts in zip(*((walk.found, walk.missed, walk.false) for walk in PUBLISHED_WALKS), strict=True)
+    )
+    rows.append(
+        [
+            "published",
+            "",
+            rate(Count(found, found + missed)),
+            rate(Count(false, found + false)),
+            "does not read",
+        ]
+    )
+    head = [
+        "finder",
+        "found, of those in view",
+        "found, of those passed",
+        "false, of sightings",
+        "read right",
+    ]
+    return markdown(head, rows)
+
+
+def false_table(results: Sequence[PlateResult]) -> str:
+    """What was taken for plates, and how often; "" where nothing was."""
+    counts = {finder: taken_for_plates(results, finder) for finder in FINDERS}
+    names = sorted(set().union(*counts.values()))
+    rows = [[name, *(str(counts[finder][name]) for finder in FINDERS)] for name in names]
+    head = ["taken for a plate", *(FINDER_NAMES[finder] for finder in FINDERS)]
+    return markdown(head, rows) if rows else ""
+
+
+def plate_event_table(results: Sequence[PlateResult]) -> str:
+    """The events of Table 6.6, and what follows for a corridor of `_PLATES` plates, beside the published."""
+    counts = {finder: events(results, finder) for finder in FINDERS}
+    rows = [
+        [
+            event,
+            name,
+            *(_part(counts[finder][event]) for finder in FINDERS),
+            _published(event),
+        ]
+        for event, name in EVENT_NAMES.items()
+    ]
+    automata = [*(plate_events(counts[finder]) for finder in FINDERS), TABLE_6_6]
+    rows.append(["", f"p5 to the power of {_PLATES}", *(_power(one) for one in automata)])
+    rows.append(["", f"all of {_PLATES} detected, by the matrix", *(_all(one) for one in automata)])
+    head = ["event", "", *(FINDER_NAMES[finder] for finder in FINDERS), "published"]
+    return markdown(head, rows)
+
+
+def missed_table(results: Sequence[PlateResult], finders: Sequence[Finder] = ("ours", "map")) -> str:
+    """A row for each plate that one of our finders missed, read wrong, or saw where none is; "" without."""
+    rows = []
+    for result in results:
+        for finder in finders:
+            for one in result.outcomes[finder]:
+                wrong = one.kind == "found" and not one.right
+                if not wrong and one.kind not in ("missed", "false"):
+                    continue
+                what = f"read as {one.text or 'nothing'}" if wrong else one.kind
+                run = [str(result.key.number), str(result.key.seed), f"{one.at_ns / 1e9:.1f} s"]
+                rows.append([*run, FINDER_NAMES[finder], one.name, what])
+    return markdown(["walk", "seed", "after", "finder", "plate", "what happened"], rows) if rows else ""
+
+
+def _part(count: Count) -> str:
+    return f"{count.good}/{count.trials}"
+
+
+def _published(event: PlateEvent) -> str:
+    count = TABLE_6_6_COUNTS[event]
+    return "1, assumed" if count is None else _part(count)
+
+
+def _power(one: PlateEvents) -> str:
+    return f"{float(one.all_as_printed(_PLATES)):.4f}"
+
+
+def _all(one: PlateEvents) -> str:
+    return f"{float(one.all_detected(_PLATES)):.4f}"

@@ -1,0 +1,104 @@
+"""What each source of the pose is worth: runs that are driven again with one source left out, by the same
+doors, people and slips, with the estimate held against the true pose along the way.
+
+There are no elevators on these ways, and so no markers.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import replace
+
+import msgspec
+import numpy as np
+
+from colony.experiment.lists import ListedRun, published_list
+from colony.experiment.runs import Run, RunSpec
+from colony.experiment.sources.results import (
+    ALL_SOURCES,
+    ODOMETRY,
+    PoseErrors,
+    SourceOutcome,
+    SourceResult,
+)
+from colony.experiment.variants import CEILING_CAMERA, SIDE_CAMERA
+from colony.nav.pose.pose import PoseEstimate, pose_of
+from colony.nav.pose.tracker import ALL, Source
+from colony.nav.shared import POSE
+from colony.sim.world.world import Pose
+
+NUMBERS = (1, 22, 24, 28, 35, 39)
+"""Of the published runs: one corridor, two corners, many; and in the new wing a short way, a long one past
+dark corridors, and one with two corners."""
+
+LOOK_FRAMES = 10
+"""How many frames there are between two looks at the estimate."""
+
+IN_95 = 7.815
+"""The square of the distance, in standard deviations, within which 95 in 100 of three dimensions are."""
+
+_LEFT_OUT = (Source.SONAR, Source.LOCAL_MAPS, Source.LIGHTS, Source.PLATES)
+
+CHOICES: Mapping[str, frozenset[Source]] = {
+    ALL_SOURCES: ALL,
+    **{f"no {source.value.replace('-', ' ')}": ALL - {source} for source in _LEFT_OUT},
+    "no sonar, no local maps": ALL - {Source.SONAR, Source.LOCAL_MAPS},
+    ODOMETRY: frozenset(),
+}
+"""The sources of each row; the odometry is always one."""
+
+
+def source_list() -> tuple[ListedRun, ...]:
+    """Some of the published runs, which have something of everything."""
+    return tuple(run for run in published_list() if run.number in NUMBERS)
+
+
+def run_with_sources(spec: RunSpec) -> SourceResult:
+    """Drive a run to its end, once for each choice of sources."""
+    outcomes = {name: _outcome(_chosen(spec, sources)) for name, sources in CHOICES.items()}
+    return SourceResult(key=spec.key, origin=spec.origin, goal=spec.goal, outcomes=outcomes)
+
+
+def _chosen(spec: RunSpec, sources: frozenset[Source]) -> RunSpec:
+    """Whoever does not use plates needs not look for them."""
+    cameras = {CEILING_CAMERA, SIDE_CAMERA} if Source.PLATES in sources else {CEILING_CAMERA}
+    return replace(spec, sources=sources, cameras=frozenset(cameras))
+
+
+def _outcome(spec: RunSpec) -> SourceOutcome:
+    run, errors = Run(spec), PoseErrors()
+    try:
+        going = True
+        while going:
+            now_ns, k, true = run.loop.now_ns, run.loop.k, run.world.true_pose(0)
+            going = run.step()
+            pose = _estimate(run) if k % LOOK_FRAMES == 0 else None
+            if pose is not None and pose.t_ns == now_ns:
+                errors = with_look(errors, pose, true)
+    finally:
+        run.close()
+    return SourceOutcome(run.failure or "", run.off_mm, run.world.contact_speed(0), errors)
+
+
+def _estimate(run: Run) -> PoseEstimate | None:
+    variables = run.loop.data.variables
+    return pose_of(msgspec.msgpack.decode(variables.value(POSE).data)) if variables.has(POSE) else None
+
+
+def with_look(errors: PoseErrors, pose: PoseEstimate, true: Pose) -> PoseErrors:
+    """The same, after another look at the estimate and the true pose of one moment."""
+    x, y = true.x_mm - pose.x_mm, true.y_mm - pose.y_mm
+    turn = math.remainder(true.heading_deg - pose.heading_deg, 360.0)
+    off = np.array([x, y, turn])
+    covariance = np.array(
+        [[pose.xx, pose.xy, pose.xh], [pose.xy, pose.yy, pose.yh], [pose.xh, pose.yh, pose.hh]]
+    )
+    distance = float(off @ np.linalg.solve(covariance, off))
+    return PoseErrors(
+        looks=errors.looks + 1,
+        square_mm2=errors.square_mm2 + x * x + y * y,
+        square_deg2=errors.square_deg2 + turn * turn,
+        worst_mm=max(errors.worst_mm, math.hypot(x, y)),
+        inside=errors.inside + (distance <= IN_95),
+    )

@@ -1,0 +1,198 @@
+"""What results of runs say about the automaton of `confidence.py`: its probabilities, and how sure they are.
+
+Each event is a Bernoulli trial: so many times it could come true, so many times it did. Intervals of one
+probability are those of Wilson (1927), or the exact and wider ones of Clopper and Pearson (1934). The
+interval of a string's confidence is had by drawing each event's probability from its posterior distribution
+under Jeffreys' prior, Beta(k + 1/2, n - k + 1/2): drawing runs anew would call an event certain that never
+failed.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import dataclass
+from fractions import Fraction
+from statistics import NormalDist
+from types import MappingProxyType
+from typing import NamedTuple
+
+import numpy as np
+
+from colony.nav.confidence.automaton import ALL_ARCS, Arcs, Automaton, Event, powers_of
+
+
+class Count(NamedTuple):
+    """Of `trials` so many were good."""
+
+    good: int
+    trials: int
+
+    def plus(self, good: bool) -> Count:
+        """After one more."""
+        return Count(self.good + good, self.trials + 1)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class RunModes:
+    """What became of a run: its modes, how many of them it completed, and, where it failed along lights,
+    whether it had found the first one."""
+
+    modes: str
+    completed: int
+    first_light_found: bool = False
+
+
+Counts = Mapping[Event, Count]
+
+
+PUBLISHED_COUNTS: Counts = MappingProxyType(
+    {
+        Event.START_LIGHT: Count(100, 100),
+        Event.LIGHTS: Count(99, 101),
+        Event.CORNER: Count(76, 79),
+        Event.CORNER_LIGHT: Count(56, 57),
+        Event.DEAD_RECKONING: Count(35, 35),
+    }
+)
+"""Of the thesis's runs: those of section 6.3, and how often Tables 6.1 and 6.2 count the mode D."""
+
+
+def counts_of(runs: Iterable[RunModes]) -> dict[Event, Count]:
+    """How often each event could come true in these runs, and did.
+
+    Raises:
+        ValueError: a run completed more modes than it has, or fewer than none.
+    """
+    counts = dict.fromkeys(Event, Count(0, 0))
+    for run in runs:
+        if not 0 <= run.completed <= len(run.modes):
+            raise ValueError(f"a run completed {run.completed} modes of `{run.modes}`")
+        before = ""
+        for i, mode in enumerate(run.modes[: run.completed + 1]):
+            done = i < run.completed
+            for event, good in _events(mode, before, done, done or run.first_light_found):
+                counts[event] = counts[event].plus(good)
+            before = mode
+    return counts
+
+
+def _events(mode: str, before: str, done: bool, found: bool) -> list[tuple[Event, bool]]:
+    """What could come true in one mode, after the one before, and whether it did."""
+    match mode:
+        case "l":
+            first = Event.CORNER_LIGHT if before == "c" else Event.START_LIGHT
+            return [(first, found), (Event.LIGHTS, done)] if found else [(first, False)]
+        case "c":
+            return [(Event.CORNER, done)]
+        case "d":
+            return [(Event.DEAD_RECKONING, done)]
+        case _:
+            return []
+
+
+def estimated(counts: Counts, arcs: Arcs = ALL_ARCS) -> Automaton:
+    """The automaton with the relative frequencies; what was never tried counts as sure, as in the thesis."""
+    events = {
+        event: Fraction(count.good, count.trials) if count.trials else Fraction(1)
+        for event, count in counts.items()
+    }
+    return Automaton(events=events, arcs=arcs)
+
+
+class Interval(NamedTuple):
+    """From `low` to `high`, both between 0 and 1."""
+
+    low: float
+    high: float
+
+
+def wilson(count: Count, level: float = 0.95) -> Interval:
+    """Wilson's score interval for the probability of an event; [0, 1] where it was never tried."""
+    good, n = count
+    if n == 0:
+        return Interval(0.0, 1.0)
+    z = NormalDist().inv_cdf(0.5 + level / 2)
+    part, square = good / n, z * z / n
+    middle = (part + square / 2) / (1 + square)
+    half = z / (1 + square) * math.sqrt(part * (1 - part) / n + square / (4 * n))
+    # Where all or none were good the bound is exactly 1 or 0, which rounding would miss.
+    low = 0.0 if good == 0 else middle - half
+    return Interval(low, 1.0 if good == n else middle + half)
+
+
+def clopper_pearson(count: Count, level: float = 0.95) -> Interval:
+    """The exact interval: the probabilities that make neither tail rarer than half of 1 - `level`."""
+    good, n = count
+    tail = (1 - level) / 2
+    low = 0.0 if good == 0 else _root(lambda p: regularized_beta(good, n - good + 1, p) - tail)
+    high = 1.0 if good == n else _root(lambda p: regularized_beta(good + 1, n - good, p) - 1 + tail)
+    return Interval(low, high)
+
+
+def string_interval(
+    counts: Counts, modes: str, *, seed: int, level: float = 0.95, draws: int = 10_000, arcs: Arcs = ALL_ARCS
+) -> Interval | None:
+    """The interval in which the confidence of a string lies; None for a string that the automaton has not.
+
+    Args:
+        counts: of all events; those that the string does not need change nothing.
+        seed: of the draws.
+    """
+    powers = powers_of(modes, arcs)
+    if powers is None:
+        return None
+    logs = np.zeros(draws)
+    for number, event in enumerate(Event):  # a stream each: other events change nothing
+        if powers[event]:
+            good, trials = counts[event]
+            drawn = np.random.default_rng((seed, number)).beta(good + 0.5, trials - good + 0.5, draws)
+            logs += powers[event] * np.log(drawn)
+    if all(counts[event].good == counts[event].trials for event in Event if powers[event]):
+        # Nothing ever failed, so the estimate is 1: the interval reaches it (Brown, Cai and DasGupta 2001).
+        return Interval(float(np.quantile(np.exp(logs), 1 - level)), 1.0)
+    low, high = np.quantile(np.exp(logs), [(1 - level) / 2, (1 + level) / 2])
+    return Interval(float(low), float(high))
+
+
+_BISECTIONS = 60
+
+
+def _root(rising: Callable[[float], float]) -> float:
+    """Where a function that rises from below 0 at 0 to above 0 at 1 is 0."""
+    low, high = 0.0, 1.0
+    for _ in range(_BISECTIONS):
+        middle = (low + high) / 2
+        low, high = (middle, high) if rising(middle) < 0.0 else (low, middle)
+    return (low + high) / 2
+
+
+_TINY = 1e-300
+_MOST_TERMS = 10_000
+
+
+def regularized_beta(a: float, b: float, x: float) -> float:
+    """I_x(a, b), the distribution function of Beta(a, b), to about 1e-12.
+
+    By its continued fraction (Abramowitz and Stegun 26.5.8), evaluated by Lentz's method.
+    """
+    if x <= 0.0 or x >= 1.0:
+        return float(x >= 1.0)
+    if x > (a + 1) / (a + b + 2):  # the fraction converges quickly on the other side
+        return 1.0 - regularized_beta(b, a, 1.0 - x)
+    front = math.exp(
+        math.lgamma(a + b) - math.lgamma(a) - math.lgamma(b) + a * math.log(x) + b * math.log1p(-x)
+    )
+    c, d = 1.0, 1.0 / (1.0 - (a + b) * x / (a + 1) or _TINY)
+    fraction = d
+    for m in range(1, _MOST_TERMS):
+        for numerator in (
+            m * (b - m) * x / ((a + 2 * m - 1) * (a + 2 * m)),
+            -(a + m) * (a + b + m) * x / ((a + 2 * m) * (a + 2 * m + 1)),
+        ):
+            d = 1.0 / (1.0 + numerator * d or _TINY)
+            c = 1.0 + numerator / c or _TINY
+            fraction *= c * d
+        if abs(c * d - 1.0) < 1e-14:
+            break
+    return front * fraction / a

@@ -1,0 +1,168 @@
+"""Straight lines in a local map, by the Hough transform: the strongest one, and those parallel to it.
+
+Each occupied cell votes, with its certainty, for all lines through it. The walls of a hallway are the global
+maximum and what a search guided by it finds on the other side (thesis section 5.5); each line is then fitted
+to its cells, so that it is known better than to a cell and a degree. Source: Duda and Hart 1972.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+
+from colony.nav.mapping.himm import Cells
+from colony.nav.pose.echoes import Floats
+
+
+class Line(NamedTuple):
+    """A straight line of a local map.
+
+    Attributes:
+        angle_deg: its direction, counterclockwise from ahead, in [-90, 90).
+        distance_mm: how far it passes to the left of the origin, as seen along its direction.
+        weight: the sum of the certainties of its cells.
+        begin_mm, end_mm: how far along its direction its cells reach, from the foot of the origin.
+        spread_mm: the standard deviation of its cells across it.
+    """
+
+    angle_deg: float
+    distance_mm: float
+    weight: float
+    begin_mm: float
+    end_mm: float
+    spread_mm: float
+
+    @property
+    def length_mm(self) -> float:
+        """From its first cell to its last one."""
+        return self.end_mm - self.begin_mm
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class HoughSetting:
+    """How lines are sought.
+
+    Attributes:
+        angle_step_deg, distance_step_mm: a bin.
+        parallel_deg: a line is parallel up to this angle.
+        least_apart_mm, most_apart_mm: between the two walls of a hallway.
+        near_mm: a cell belongs to a line up to this distance.
+        least_weight: a line has at least so much.
+        least_length_mm: and reaches at least so far.
+    """
+
+    angle_step_deg: float = 1.0
+    distance_step_mm: float = 100.0
+    parallel_deg: float = 3.0
+    least_apart_mm: float = 1_200.0
+    most_apart_mm: float = 5_000.0
+    near_mm: float = 150.0
+    least_weight: float = 40.0
+    least_length_mm: float = 800.0
+
+
+def lines_in(cells: Cells, setting: HoughSetting | None = None) -> tuple[Line, ...]:
+    """The strongest line, and the strongest one parallel to it on either side; none where cells are few."""
+    setting = setting or HoughSetting()
+    if cells.certainty.sum() < setting.least_weight:
+        return ()
+    votes, angles, nearest = _votes(cells, setting)
+    angle, distance = np.unravel_index(int(votes.argmax()), votes.shape)
+    first = _fitted(cells, angles[angle], nearest + setting.distance_step_mm * float(distance), setting)
+    if first is None:
+        return ()
+    found = [first]
+    for side in (1.0, -1.0):
+        start = _guided(votes, angles, nearest, first, side, setting)
+        line = None if start is None else _fitted(cells, *start, setting)
+        if line is not None:
+            off = float(_half_turned(line.angle_deg - first.angle_deg))
+            found += [line] if abs(off) <= setting.parallel_deg else []
+    return tuple(found)
+
+
+def _votes(cells: Cells, setting: HoughSetting) -> tuple[Floats, Floats, float]:
+    """(angles, distances): the votes; the angles of the bins, and the distance of the first bin."""
+    angles = np.radians(np.arange(-90.0, 90.0, setting.angle_step_deg))
+    distances = np.outer(np.cos(angles), cells.left_mm) - np.outer(np.sin(angles), cells.ahead_mm)
+    step = setting.distance_step_mm
+    nearest = math.floor(distances.min() / step) * step
+    bins = np.rint((distances - nearest) / step).astype(np.int64)
+    width = int(bins.max()) + 2
+    bins += np.arange(len(angles))[:, None] * width
+    weights = np.broadcast_to(cells.certainty, bins.shape).ravel()
+    counted = np.bincount(bins.ravel(), weights, len(angles) * width).reshape(-1, width)
+    votes = np.array(counted, dtype=np.float64)
+    votes[:, :-1] += counted[:, 1:] / 2.0  # a line between two bins has votes in both
+    return votes, angles, nearest
+
+
+def _guided(
+    votes: Floats, angles: Floats, nearest: float, first: Line, side: float, setting: HoughSetting
+) -> tuple[float, float] | None:
+    """Where the strongest line parallel to the first one is, at a plausible distance on one side of it."""
+    off = np.degrees(angles) - first.angle_deg
+    rows = np.flatnonzero(np.abs(_half_turned(off)) <= setting.parallel_deg)
+    # A line at 89 degrees and its parallel at -89 have opposite directions, and left is right.
+    sign = np.where(np.abs(off[rows]) > 90.0, -1.0, 1.0)[:, None]
+    distances = nearest + setting.distance_step_mm * np.arange(votes.shape[1])
+    apart = side * (sign * distances - first.distance_mm)
+    plausible = (apart >= setting.least_apart_mm) & (apart <= setting.most_apart_mm)
+    if not plausible.any():
+        return None
+    part = np.where(plausible, votes[rows], -1.0)
+    row, column = np.unravel_index(int(part.argmax()), part.shape)
+    return float(angles[rows[row]]), float(distances[column])
+
+
+def _half_turned(angle_deg: Floats | float) -> Floats:
+    """The angle between directionless lines, in [-90, 90)."""
+    return np.asarray((angle_deg + 90.0) % 180.0 - 90.0)
+
+
+_REFINEMENTS = 3
+_STRAY = 0.02
+"""So much of a line at either end does not count for where it ends: cells that happen to lie in its way."""
+
+
+def _fitted(cells: Cells, angle_rad: float, distance_mm: float, setting: HoughSetting) -> Line | None:
+    """The line fitted to the cells near to it by total least squares; None where they are too few."""
+    for _ in range(_REFINEMENTS):
+        cosine, sine = math.cos(angle_rad), math.sin(angle_rad)
+        across = cosine * cells.left_mm - sine * cells.ahead_mm
+        near = np.abs(across - distance_mm) <= setting.near_mm
+        weight = cells.certainty[near]
+        total = float(weight.sum())
+        if total < setting.least_weight:
+            return None
+        along = (cosine * cells.ahead_mm + sine * cells.left_mm)[near]
+        off = across[near] - distance_mm
+        middle_along, middle_off = float(weight @ along) / total, float(weight @ off) / total
+        da, do = along - middle_along, off - middle_off
+        aa, ao, oo = float(weight @ (da * da)), float(weight @ (da * do)), float(weight @ (do * do))
+        turn = 0.5 * math.atan2(2.0 * ao, aa - oo)
+        # The line goes on through the middle of its cells, which are `middle_along` ahead.
+        x = cosine * middle_along - sine * (distance_mm + middle_off)
+        y = sine * middle_along + cosine * (distance_mm + middle_off)
+        angle_rad += turn
+        distance_mm = math.cos(angle_rad) * y - math.sin(angle_rad) * x
+    order = np.argsort(along)
+    part = np.cumsum(weight[order]) / total
+    first, last = np.searchsorted(part, (_STRAY, 1.0 - _STRAY))
+    ends = float(along[order[first]]), float(along[order[min(last, len(order) - 1)]])
+    line = _in_order(angle_rad, distance_mm, total, ends, math.sqrt(max(oo, 0.0) / total))
+    return line if line.length_mm >= setting.least_length_mm else None
+
+
+def _in_order(
+    angle_rad: float, distance_mm: float, weight: float, ends: tuple[float, float], spread: float
+) -> Line:
+    """A line with its angle in [-90, 90)."""
+    angle = math.degrees(angle_rad)
+    wrapped = (angle + 90.0) % 180.0 - 90.0
+    sign = 1.0 if round((angle - wrapped) / 180.0) % 2 == 0 else -1.0
+    begin, end = sorted(sign * end for end in ends)
+    return Line(wrapped, sign * distance_mm, weight, begin, end, spread)

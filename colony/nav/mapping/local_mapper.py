@@ -1,0 +1,95 @@
+"""The local mapper of the thesis: a client that keeps the robot's heading at RServer right by what the sonars
+hear (section 5.5).
+
+It corrects the heading only, once for every three lights, against the direction of the goal, and so not at
+all in a hallway of fewer lights. The pose estimator (`colony/nav/pose/estimate.py`), which takes its place,
+follows the robot through the map scan by scan, everywhere; this is what that is compared with.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Generator
+from typing import Any
+
+import numpy as np
+
+from colony.nav.asks import adjusted, asked, taken
+from colony.nav.mapping.himm import HimmMap, HimmSetting
+from colony.nav.mapping.hough import lines_in
+from colony.nav.mapping.local_map import local_pose
+from colony.nav.mapping.orientation import directed, wrapped
+from colony.nav.maps.stickrep.model import Pose
+from colony.nav.pose.echoes import SonarModel
+from colony.nav.shared import GOAL_DIRECTION, GOAL_DISTANCE, LIGHT_DETECTED, START_MAP
+from colony.runtime.kit.script import Script, Step, do, sleep
+from colony.runtime.library import data, proximity, robot
+from colony.runtime.library.proximity import SonarReading
+from colony.runtime.library.robot import Position
+
+LIGHTS_A_MAP = 3
+"""A map begins below one light and ends below the second one after it, where the next map begins."""
+
+
+def local_mapper(*, period_s: float = 0.1, sonar: SonarModel | None = None) -> Script:
+    """Correct RServer's heading in the ceiling-light tracking mode, by the lines in a map of every three
+    lights, for ever.
+
+    Args:
+        period_s: from scan to scan.
+        sonar: what the sonars are believed to be like.
+    """
+    model = sonar or SonarModel()
+    himm = HimmSetting(full_range_mm=model.full_range_mm, ring_mm=model.ring_mm)
+    for name in (START_MAP, LIGHT_DETECTED):
+        yield from do("DServer", data.create_semaphore(name, 0))
+    while True:
+        yield from do("DServer", data.wait(START_MAP))
+        while (yield from _map_segment(period_s, himm)):
+            pass
+
+
+def _map_segment(period_s: float, himm: HimmSetting) -> Generator[Step, Any, bool]:
+    """Make maps along a segment until its last light; True where the next segment began before that."""
+    while (yield from taken(LIGHT_DETECTED, 0.0)):  # a light of the segment before
+        pass
+    lights_left = int((yield from do("DServer", data.get(GOAL_DISTANCE, type=float))))
+    local, origin, lights, heard_ns = HimmMap(himm), None, 0, -1
+    while lights_left > 0:
+        yield from sleep(period_s)
+        if (yield from taken(START_MAP, 0.0)):
+            return True
+        scan, where = yield from _scan_and_position()
+        if origin is not None and scan is not None and where is not None and scan.t_ns != heard_ns:
+            heard_ns = scan.t_ns
+            local.mark(local_pose(origin, _pose(where)), np.array(scan.ranges))
+        if not (yield from taken(LIGHT_DETECTED, 0.0)):
+            continue
+        lights, lights_left = lights + 1, lights_left - 1
+        if origin is not None and lights == LIGHTS_A_MAP:
+            yield from _correct_heading(local, origin)
+        if lights in (1, LIGHTS_A_MAP):
+            where = yield from asked("RServer", robot.position())
+            origin, lights = None if where is None else _pose(where), 1
+            local.clear()
+    return False
+
+
+def _correct_heading(local: HimmMap, origin: Pose) -> Generator[Step, Any, None]:
+    """Turn RServer's heading so that the hallway in the map leads where the goal is."""
+    lines = lines_in(local.cells())
+    if not lines:
+        return
+    goal = yield from do("DServer", data.get(GOAL_DIRECTION, type=float))
+    seen = directed(origin.heading_deg + lines[0].angle_deg, goal)
+    yield from adjusted(0.0, 0.0, wrapped(goal - seen))
+
+
+def _pose(where: Position) -> Pose:
+    return Pose(where.x, where.y, where.heading)
+
+
+def _scan_and_position() -> Generator[Step, Any, tuple[SonarReading | None, Position | None]]:
+    """The newest scan, and the position right after it; None for what is not known now."""
+    scan = yield from asked("PServer", proximity.sonar())
+    where = yield from asked("RServer", robot.position())
+    return scan, where

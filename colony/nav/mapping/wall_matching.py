@@ -1,0 +1,182 @@
+"""Lines that a local map shows, matched to the walls of the building: by how much the robot's pose is off.
+
+A line is taken for a wall where it runs nearly along it, not far from it, beside it for a good part of its
+length, and with the robot on the wall's free side. So the leaf of an open door, which stands at an angle, and
+the back wall of a room, which is too far away, are nobody's line. Two walls along a hallway give the heading
+and the place across it; a wall ahead, in a turning space or at a hallway's end, the place along it as well.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+
+from colony.nav.mapping.hough import Line
+from colony.nav.mapping.orientation import wrapped
+from colony.nav.maps.stickrep.model import Pose
+from colony.nav.pose.echoes import Bools, Floats, Mirrors
+
+
+class Sighting(NamedTuple):
+    """A line as it is believed to run through the building: its ends in mm, x east and y north, the sum of
+    the certainties of its cells, and their standard deviation across it in mm."""
+
+    x0_mm: float
+    y0_mm: float
+    x1_mm: float
+    y1_mm: float
+    weight: float
+    spread_mm: float
+
+    @property
+    def length_mm(self) -> float:
+        """From end to end."""
+        return math.hypot(self.x1_mm - self.x0_mm, self.y1_mm - self.y0_mm)
+
+
+def sighted(line: Line, origin: Pose) -> Sighting:
+    """A line of the local map that began at `origin`, in the building."""
+    angle = math.radians(line.angle_deg)
+    cosine, sine = math.cos(angle), math.sin(angle)
+    heading = math.radians(origin.heading_deg)
+    east, north = -math.sin(heading), math.cos(heading)
+    ends: list[float] = []
+    for along in (line.begin_mm, line.end_mm):
+        ahead = cosine * along - sine * line.distance_mm
+        left = sine * along + cosine * line.distance_mm
+        ends += [origin.x_mm + ahead * east - left * north, origin.y_mm + ahead * north + left * east]
+    return Sighting(ends[0], ends[1], ends[2], ends[3], line.weight, line.spread_mm)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Gate:
+    """What may be a wall: up to this angle and this far from where it is drawn, and beside it for this part
+    of the line's length at least."""
+
+    angle_deg: float = 15.0
+    offset_mm: float = 700.0
+    beside: float = 0.5
+
+
+DEFAULT_GATE = Gate()
+
+
+class WallMatch(NamedTuple):
+    """A line that is a wall.
+
+    Attributes:
+        turn_deg: what is to be added to the heading, for the line to run along the wall.
+        shift_mm: how far the pose is to move along the wall's normal then, away from the wall.
+        normal_x, normal_y: that direction, a unit vector.
+        turn_sd_deg, shift_sd_mm: the standard deviations of both.
+    """
+
+    turn_deg: float
+    shift_mm: float
+    normal_x: float
+    normal_y: float
+    turn_sd_deg: float
+    shift_sd_mm: float
+
+
+_SAME_WALL_MM = 60.0
+_SAME_WALL_DEG = 2.0
+_LEAST_SPREAD_MM = 20.0
+_INDEPENDENT = 4.0
+"""Of how many independent cells a line is thought to be made: one reading makes several cells alike."""
+
+
+def matched(sighting: Sighting, walls: Mirrors, robot: Pose, gate: Gate = DEFAULT_GATE) -> WallMatch | None:
+    """The wall that a line is, seen from where the robot is believed to be; None where it is none.
+
+    `walls` are those near by. Pieces of wall in one line count as one wall, doors between them too; what may
+    not be heard does not count.
+    """
+    length = sighting.length_mm
+    if length == 0.0 or len(walls.length) == 0:
+        return None
+    turn, offset, beside, facing = _compared(sighting, walls, robot)
+    fits = (np.abs(turn) <= gate.angle_deg) & (np.abs(offset) <= gate.offset_mm)
+    fits &= facing & (beside > 0.0) & np.isfinite(walls.doubt)
+    best, most = -1, gate.beside * length
+    for i in np.flatnonzero(fits).tolist():
+        same = np.abs(offset - offset[i]) <= _SAME_WALL_MM
+        same &= fits & (np.abs(turn - turn[i]) <= _SAME_WALL_DEG)
+        if (total := float(beside[same].sum())) > most:
+            best, most = i, total
+    if best < 0:
+        return None
+    spread = max(sighting.spread_mm, _LEAST_SPREAD_MM) / math.sqrt(_INDEPENDENT)
+    return WallMatch(
+        turn_deg=float(turn[best]),
+        shift_mm=-float(offset[best]),
+        normal_x=float(walls.normal[best, 0]),
+        normal_y=float(walls.normal[best, 1]),
+        # The cells of a line are spread over it evenly: their standard deviation is its length / sqrt(12).
+        turn_sd_deg=math.degrees(spread * math.sqrt(12.0) / length),
+        shift_sd_mm=spread,
+    )
+
+
+def _compared(sighting: Sighting, walls: Mirrors, robot: Pose) -> tuple[Floats, Floats, Floats, Bools]:
+    """A line next to each wall: how it is to be turned about the robot to run along the wall, in degrees;
+    how far it is off then into the free space, and how far it is beside the wall, in mm; and whether both
+    face the robot."""
+    length = sighting.length_mm
+    along_x = (sighting.x1_mm - sighting.x0_mm) / length
+    along_y = (sighting.y1_mm - sighting.y0_mm) / length
+    cross = along_x * walls.along[:, 1] - along_y * walls.along[:, 0]
+    dot = along_x * walls.along[:, 0] + along_y * walls.along[:, 1]
+    turn = np.arctan2(np.where(dot < 0.0, -cross, cross), np.abs(dot))
+    x = (sighting.x0_mm + sighting.x1_mm) / 2.0 - robot.x_mm
+    y = (sighting.y0_mm + sighting.y1_mm) / 2.0 - robot.y_mm
+    cosine, sine = np.cos(turn), np.sin(turn)
+    to_robot = np.array([robot.x_mm, robot.y_mm]) - walls.start
+    to_line = to_robot + np.stack([cosine * x - sine * y, sine * x + cosine * y], axis=1)
+    offset = (to_line * walls.normal).sum(axis=1)
+    spot = (to_line * walls.along).sum(axis=1)
+    beside = np.minimum(spot + length / 2.0, walls.length) - np.maximum(spot - length / 2.0, 0.0)
+    height = (to_robot * walls.normal).sum(axis=1)
+    return np.degrees(turn), offset, beside, (height > 0.0) & (height > offset)
+
+
+class PoseFix(NamedTuple):
+    """By how much a pose is off in mm and degrees: what is to be added to it; and the standard deviation of
+    the heading then."""
+
+    x_mm: float
+    y_mm: float
+    heading_deg: float
+    heading_sd_deg: float
+
+
+_AGREE_DEG = 4.0
+
+
+def combined(matches: tuple[WallMatch, ...]) -> PoseFix | None:
+    """What several walls say together; None without any.
+
+    The surest line leads; others that want another heading are left out. Along a direction in which no wall
+    stands across the position stays as it is.
+    """
+    if not matches:
+        return None
+    surest = min(matches, key=lambda match: match.turn_sd_deg)
+    agreeing = [m for m in matches if abs(wrapped(m.turn_deg - surest.turn_deg)) <= _AGREE_DEG]
+    weights = [1.0 / m.turn_sd_deg**2 for m in agreeing]
+    turn = sum(w * m.turn_deg for w, m in zip(weights, agreeing, strict=True)) / sum(weights)
+    information, vector = np.zeros((2, 2)), np.zeros(2)
+    for m in agreeing:
+        normal = np.array([m.normal_x, m.normal_y])
+        information += np.outer(normal, normal) / m.shift_sd_mm**2
+        vector += normal * (m.shift_mm / m.shift_sd_mm**2)
+    shift = np.linalg.pinv(information, rcond=1e-3) @ vector
+    return PoseFix(
+        x_mm=float(shift[0]),
+        y_mm=float(shift[1]),
+        heading_deg=turn,
+        heading_sd_deg=1.0 / math.sqrt(sum(weights)),
+    )

@@ -1,0 +1,204 @@
+"""A building: the maps of its floors, and the elevators between them."""
+
+from __future__ import annotations
+
+import os
+from collections import deque
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from typing import NamedTuple
+
+from colony.nav.maps.stickrep.fields import lines_of_words
+from colony.nav.maps.stickrep.file import load_source
+from colony.nav.maps.stickrep.model import EdgeKind, ElevatorLink, Map
+from colony.nav.maps.stickrep.reader import read_map
+from colony.text.diagnostics import Diagnostic, Failure, error, in_order
+from colony.text.source import Source, Span
+
+MAX_MAPS = 100
+
+
+class Landing(NamedTuple):
+    """An elevator's doors on one floor: the name of the floor's map, and the node where its edge begins."""
+
+    map: str
+    node: str
+
+
+class Ride(NamedTuple):
+    """Two landings of one elevator; it goes both ways."""
+
+    one: Landing
+    other: Landing
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Building:
+    """The floors that elevators lead to from one another.
+
+    Attributes:
+        maps: the floors; the first is the one that was asked for, the others by how many rides they are away.
+        rides: each pair of landings once, in the order of the maps.
+    """
+
+    maps: tuple[Map, ...]
+    rides: tuple[Ride, ...] = ()
+
+    def map_named(self, name: str) -> Map:
+        """The floor whose map has this name.
+
+        Raises:
+            KeyError: there is none.
+        """
+        for one in self.maps:
+            if one.name == name:
+                return one
+        raise KeyError(f"the building has no map `{name}`; it has {', '.join(m.name for m in self.maps)}")
+
+    def part(self, names: Sequence[str]) -> Building:
+        """Only these floors, by the names of their maps, in this order, and the rides between them.
+
+        Raises:
+            KeyError: there is no such floor.
+        """
+        rides = (r for r in self.rides if r.one.map in names and r.other.map in names)
+        return Building(maps=tuple(self.map_named(name) for name in names), rides=tuple(rides))
+
+    def maps_with(self, node: str) -> tuple[Map, ...]:
+        """The floors that have a node of this name; names are unique within one map only."""
+        return tuple(m for m in self.maps if any(n.name == node for ring in m.rings for n in ring.nodes))
+
+
+def load_building(path: str | os.PathLike[str]) -> Building:
+    """Load the map at `path` and those that its elevators lead to, directly or by way of others.
+
+    Raises:
+        Failure: one of the files cannot be read or is no sound map, or its elevators do not fit to those of
+            another; with all errors found, file by file, each with its place.
+    """
+    loaded = _load_all(os.fspath(path))
+    problems = [*_twins(loaded), *(p for one in loaded for p in _misled(one))]
+    if problems:
+        raise Failure(problems)
+    return Building(maps=tuple(one.map for one in loaded), rides=_rides(loaded))
+
+
+@dataclass(slots=True, kw_only=True, eq=False)
+class _Loaded:
+    """A map, its text, and where each of its elevators leads, in the order of `map.elevators`."""
+
+    source: Source
+    map: Map
+    others: list[_Loaded] = field(default_factory=list)
+
+
+def _load_all(path: str) -> list[_Loaded]:
+    """The maps, breadth first, each file once however it is called."""
+    first = _Loaded(source=(source := load_source(path)), map=read_map(source))
+    known = {os.path.realpath(path): first}
+    waiting = deque([first])
+    while waiting:
+        here = waiting.popleft()
+        problems: list[Diagnostic] = []
+        for elevator in here.map.elevators:
+            there = os.path.join(os.path.dirname(here.source.name), elevator.file)
+            key = os.path.realpath(there)
+            if key not in known:
+                if len(known) == MAX_MAPS:
+                    message = (
+                        f"expected a building of at most {MAX_MAPS} maps; this elevator leads to one more"
+                    )
+                    problems.append(error("M023", _place(here, elevator, 2), message))
+                    break
+                try:
+                    source = load_source(there)
+                except Failure as failure:
+                    problems.append(_unreadable(here, elevator, failure))
+                    continue
+                known[key] = _Loaded(source=source, map=read_map(source))
+                waiting.append(known[key])
+            here.others.append(known[key])
+        if problems:
+            raise Failure(in_order(problems))
+    return list(known.values())
+
+
+def _place(here: _Loaded, elevator: ElevatorLink, index: int) -> Span:
+    """Where a word of an elevator's line stands: 1 its node, 2 its file, 3 the other node."""
+    wanted = ["elevator", *elevator]
+    lines = lines_of_words(here.source)
+    return next(words[index].span for words in lines if [w.text for w in words] == wanted)
+
+
+def _unreadable(here: _Loaded, elevator: ElevatorLink, failure: Failure) -> Diagnostic:
+    reason = failure.diagnostics[0].message
+    message = f"the elevator `{elevator.node}` leads to a map that is not there: {reason}"
+    hint = "the path counts from the folder of this map"
+    return error("M029", _place(here, elevator, 2), message, hint)
+
+
+def _misled(here: _Loaded) -> list[Diagnostic]:
+    """What is wrong with where a map's elevators lead."""
+    problems: list[Diagnostic] = []
+    for elevator, there in zip(here.map.elevators, here.others, strict=True):
+        kind = _kind_at(there.map, elevator.other_node)
+        if there is here:
+            message = f"the elevator `{elevator.node}` leads to its own map; expected another floor's"
+            problems.append(error("M029", _place(here, elevator, 2), message))
+        elif kind is not EdgeKind.ELEVATOR:
+            what = "no such node" if kind is None else f"a {kind.name.lower()} after it"
+            message = f"expected an elevator at `{elevator.other_node}` of `{there.map.name}`; it has {what}"
+            hint = f"name the node of {there.source.name} where the elevator's edge begins"
+            problems.append(error("M029", _place(here, elevator, 3), message, hint))
+        elif not _leads_back(here, elevator, there):
+            message = f"the elevator `{elevator.other_node}` of `{there.map.name}` does not lead back here"
+            back = os.path.relpath(here.source.name, os.path.dirname(there.source.name) or ".")
+            line = f"elevator {elevator.other_node} {back} {elevator.node}"
+            hint = f"add `{line}` to {there.source.name}"
+            problems.append(error("M030", _place(here, elevator, 3), message, hint))
+    return problems
+
+
+def _kind_at(searched: Map, name: str) -> EdgeKind | None:
+    for ring in searched.rings:
+        for node, edge in zip(ring.nodes, ring.edges, strict=True):
+            if node.name == name:
+                return edge.kind
+    return None
+
+
+def _leads_back(here: _Loaded, elevator: ElevatorLink, there: _Loaded) -> bool:
+    return any(
+        back is here and (other.node, other.other_node) == (elevator.other_node, elevator.node)
+        for other, back in zip(there.map.elevators, there.others, strict=True)
+    )
+
+
+def _twins(loaded: list[_Loaded]) -> list[Diagnostic]:
+    """Maps that have their name, or their floor, from one before them."""
+    problems: list[Diagnostic] = []
+    for key in ("map", "floor"):
+        seen: dict[str, _Loaded] = {}
+        for one in loaded:
+            value = one.map.name if key == "map" else one.map.floor
+            first = seen.setdefault(value, one)
+            if first is not one and value:
+                message = f"the {key} is `{value}`; {first.source.name}, in the same building, says so, too"
+                hint = f"each file of a building has a `{key}` of its own"
+                problems.append(error("M031", _header_place(one, key), message, hint))
+    return problems
+
+
+def _header_place(one: _Loaded, key: str) -> Span:
+    """Where the value of a header line stands."""
+    return next(words[1].span for words in lines_of_words(one.source) if words[0].text == key)
+
+
+def _rides(loaded: list[_Loaded]) -> tuple[Ride, ...]:
+    rides: list[Ride] = []
+    for one in loaded:
+        for elevator, other in zip(one.map.elevators, one.others, strict=True):
+            ride = Ride(Landing(one.map.name, elevator.node), Landing(other.map.name, elevator.other_node))
+            if Ride(ride.other, ride.one) not in rides:
+                rides.append(ride)
+    return tuple(rides)

@@ -1,0 +1,178 @@
+"""What hangs on the walls of a map for a camera to find: door plates with their numbers, and the markers on
+elevator doors (thesis sections 5.4.6 and 5.7).
+
+A map says where its doors and elevators are, and these signs follow from that. The plate of a door hangs
+beside it, on the side of its right jamb as seen by who stands before it, or on the other side where there is
+no wall; a marker is pasted on the middle of an elevator's doors. All are as high as the robot's cameras.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+from colony.nav.maps.stickrep.geometry import Point
+from colony.nav.maps.stickrep.model import EdgeKind, Map
+from colony.nav.maps.walls import walls_of
+
+SIGN_HEIGHT_MM = 1350.0
+"""Of the middle of plates and markers above the floor (53 inches)."""
+
+PLATE_WIDTH_MM, PLATE_HEIGHT_MM = 356.0, 127.0
+CHARACTER_HEIGHT_MM = 89.0
+"""Of the characters on a plate; they are white on black."""
+
+STRIPE_MM, STRIPE_HEIGHT_MM = 88.9, 152.4
+"""The width and height of each separator and bit of a marker: 3.5 by 6 inches."""
+
+MARKER_BITS = 3
+MARKER_WIDTH_MM = (2 * MARKER_BITS + 1) * STRIPE_MM
+MARKER_CODES = (0b000, 0b100, 0b010, 0b001, 0b101)
+"""All codes of three bits without two ones in a row; the elevators of a map get them in turn."""
+
+CHARACTERS = "0123456789ABCDEFGHIJKLMNOPQRSTUVWXYZ"
+"""What may stand on a plate."""
+
+_GAP_MM = 70.0
+_MOST_CHARACTERS = 5
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Sign:
+    """A flat thing on a wall.
+
+    Attributes:
+        edge: the number of the map's edge on which it hangs, in the order of `Map.edges`.
+        start_mm, end_mm: from where to where along that edge, from its node.
+        middle: where its middle is in the plane, in mm.
+        heading_deg: where a robot looks that faces it: into the wall, perpendicular to it.
+    """
+
+    edge: int
+    start_mm: float
+    end_mm: float
+    middle: Point
+    heading_deg: float
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Plate(Sign):
+    """The plate of a door: `door` is its name in the map ("364.double"), `text` what is on it ("364")."""
+
+    door: str
+    text: str
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Marker(Sign):
+    """The marker of an elevator whose edge begins at `node`: `code` is its three bits, the first one leftmost
+    as seen by who stands before it."""
+
+    node: str
+    code: int
+
+
+def plate_text(door: str) -> str:
+    """What stands on the plate of a door: the part of its name that has a digit, else the last one.
+
+    "340.cmptr.room" is 340, "A342" A342, "NE.men" MEN. At most five characters, all of `CHARACTERS`.
+    """
+    parts = door.split(".")
+    part = next((p for p in parts if any(c.isdigit() for c in p)), parts[-1])
+    return "".join(c for c in part.upper() if c in CHARACTERS)[:_MOST_CHARACTERS]
+
+
+def plates_of(floor: Map) -> tuple[Plate, ...]:
+    """The plates of all doors, in the order of the map. A door beside which no wall is wide enough, or where
+    its neighbor's plate leaves no room, has none, and so has one whose name has nothing to be written."""
+    walls = walls_of(floor)
+    rows = walls.segments.tolist()
+    lengths = _lengths(rows)
+    doors = [
+        (first + i, first + (i + 1) % len(ring), first + (i - 1) % len(ring), door_name(name))
+        for ring, first in _rings(floor)
+        for i, name in enumerate(ring)
+        if walls.kinds[first + i] is EdgeKind.DOOR
+    ]
+    plates: dict[int, Plate] = {}
+    for at_right in (True, False):
+        for door, after, before, name in doors:
+            edge, text = after if at_right else before, plate_text(name)
+            room = lengths[edge]
+            start = _GAP_MM if at_right else room - _GAP_MM - PLATE_WIDTH_MM
+            free = walls.kinds[edge] is EdgeKind.WALL and room >= PLATE_WIDTH_MM + _GAP_MM
+            free = free and not any(_reaches(other, edge, start) for other in plates.values())
+            if text and free and door not in plates and _is_straight(rows[edge], rows[door]):
+                plates[door] = _plate(rows[edge], edge, start, name, text)
+    return tuple(plates[door] for door, *_ in doors if door in plates)
+
+
+def markers_of(floor: Map) -> tuple[Marker, ...]:
+    """The markers on the doors of all elevators, in the order of the map; doors narrower than a marker have
+    none."""
+    walls = walls_of(floor)
+    names = [node.name for ring in floor.rings for node in ring.nodes]
+    markers: list[Marker] = []
+    for edge, (kind, row) in enumerate(zip(walls.kinds, walls.segments.tolist(), strict=True)):
+        room = math.hypot(row[2] - row[0], row[3] - row[1])
+        if kind is EdgeKind.ELEVATOR and room >= MARKER_WIDTH_MM:
+            start = (room - MARKER_WIDTH_MM) / 2
+            code = MARKER_CODES[len(markers) % len(MARKER_CODES)]
+            end = start + MARKER_WIDTH_MM
+            markers.append(
+                Marker(
+                    edge=edge, start_mm=start, end_mm=end, middle=_at(row, room / 2),
+                    heading_deg=_facing(row), node=names[edge], code=code,
+                )
+            )  # fmt: skip
+    return tuple(markers)
+
+
+def door_name(node: str) -> str:
+    """The name of a door without the letter of its jamb: "352L" is 352, "NE.men.L" NE.men."""
+    return node[:-1].rstrip(".") if len(node) > 1 and node[-1] in "LR" else node
+
+
+def _rings(floor: Map) -> list[tuple[list[str], int]]:
+    """The names of each ring's nodes, and the number of its first edge."""
+    rings, first = [], 0
+    for ring in floor.rings:
+        rings.append(([node.name for node in ring.nodes], first))
+        first += len(ring.nodes)
+    return rings
+
+
+def _plate(row: list[float], edge: int, start: float, door: str, text: str) -> Plate:
+    end = start + PLATE_WIDTH_MM
+    middle = _at(row, (start + end) / 2)
+    return Plate(
+        edge=edge, start_mm=start, end_mm=end, middle=middle, heading_deg=_facing(row), door=door, text=text
+    )
+
+
+def _reaches(plate: Plate, edge: int, start: float) -> bool:
+    """Whether a plate hangs where another one would begin at `start`, or within the usual gap of it."""
+    return plate.edge == edge and abs(plate.start_mm - start) < PLATE_WIDTH_MM + _GAP_MM
+
+
+def _lengths(rows: list[list[float]]) -> list[float]:
+    return [math.hypot(x1 - x0, y1 - y0) for x0, y0, x1, y1 in rows]
+
+
+def _is_straight(one: list[float], other: list[float]) -> bool:
+    """Whether two segments lead the same way, so that the wall goes on beside the door."""
+    (ax, ay, bx, by), (cx, cy, dx, dy) = one, other
+    ux, uy, vx, vy = bx - ax, by - ay, dx - cx, dy - cy
+    return abs(ux * vy - uy * vx) < 0.02 * math.hypot(ux, uy) * math.hypot(vx, vy) and ux * vx + uy * vy > 0.0
+
+
+def _at(row: list[float], along: float) -> Point:
+    x0, y0, x1, y1 = row
+    length = math.hypot(x1 - x0, y1 - y0)
+    return Point(x0 + (x1 - x0) * along / length, y0 + (y1 - y0) * along / length)
+
+
+def _facing(row: list[float]) -> float:
+    """The heading into a wall, whose free space is to the right of it: to its left."""
+    x0, y0, x1, y1 = row
+    return (math.degrees(math.atan2(-(x1 - x0), y1 - y0)) + 90.0) % 360.0

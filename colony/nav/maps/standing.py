@@ -1,0 +1,84 @@
+"""Where a robot stands that looks at something of a map: before a door or an elevator, in mid corridor."""
+
+from __future__ import annotations
+
+import math
+from difflib import get_close_matches
+
+from colony.nav.maps.signs import door_name, plates_of
+from colony.nav.maps.stickrep.geometry import Point, direction
+from colony.nav.maps.stickrep.model import EdgeKind, Map
+from colony.nav.maps.walls import free_distance, walls_of
+
+_FARTHEST_MM = 1900.0  # before a sign in a wide corridor or a hall
+_LEAST_ROOM_MM = 500.0
+_FROM_CORNER_MM = 500.0  # of a wall that begins at a node
+
+Pose = tuple[float, float, float]
+"""x and y in mm, heading in degrees counterclockwise from north."""
+
+
+class NoPlace(ValueError):
+    """A map has no such place; the message says what was found, and what to do."""
+
+
+def standing_at(floor: Map, place: str) -> Pose:
+    """The pose "X,Y,HEADING", in mm and degrees.
+
+    Raises:
+        NoPlace: it is not three numbers, or outside of the building.
+    """
+    try:
+        x, y, heading = (float(part) for part in place.split(","))
+    except ValueError:
+        raise NoPlace(f"`{place}` is no place; expected a door, a node or X,Y,HEADING") from None
+    low_x, low_y, high_x, high_y = walls_of(floor).bounds
+    if not (low_x <= x <= high_x and low_y <= y <= high_y and math.isfinite(heading)):
+        found = f"({x:g}, {y:g}), heading {heading:g}, is outside of `{floor.name}`"
+        raise NoPlace(
+            f"{found}; expected x from {low_x:.0f} to {high_x:.0f}, y from {low_y:.0f} to {high_y:.0f}"
+        )
+    return x, y, heading % 360.0
+
+
+def standing_before(floor: Map, name: str) -> Pose:
+    """In the middle of the corridor before a door, a node or an elevator.
+
+    Before a door with a plate the plate is to the robot's left, before one without the middle of the door is;
+    an elevator is ahead, as it is to be entered.
+
+    Args:
+        name: of the door ("376"), of one of its jambs, or of another node that begins an edge.
+
+    Raises:
+        NoPlace: there is none such, or no room before it.
+    """
+    for plate in plates_of(floor):
+        if name == plate.door:
+            return _before(floor, name, plate.middle, plate.heading_deg, to_left=True)
+    walls = walls_of(floor)
+    names = [node.name for ring in floor.rings for node in ring.nodes]
+    for edge, node in enumerate(names):
+        is_door = walls.kinds[edge] is not EdgeKind.WALL
+        if name == node or (is_door and name == door_name(node)):
+            x0, y0, x1, y1 = walls.segments[edge].tolist()
+            into = (math.degrees(math.atan2(-(x1 - x0), y1 - y0)) + 90.0) % 360.0
+            length = math.hypot(x1 - x0, y1 - y0)
+            part = 0.5 if is_door else min(0.5, _FROM_CORNER_MM / length)
+            middle = Point(x0 + part * (x1 - x0), y0 + part * (y1 - y0))
+            return _before(floor, name, middle, into, to_left=walls.kinds[edge] is not EdgeKind.ELEVATOR)
+    known = [*dict.fromkeys((*map(door_name, names), *names))]
+    close = get_close_matches(name, known, n=3)
+    hint = f"did you mean {' or '.join(f'`{one}`' for one in close)}?" if close else "see `colony map`"
+    raise NoPlace(f"`{floor.name}` has no door or node `{name}`; {hint}")
+
+
+def _before(floor: Map, name: str, middle: Point, into_deg: float, *, to_left: bool) -> Pose:
+    into = direction(into_deg)
+    away = Point(-into.x, -into.y)
+    free = free_distance(walls_of(floor).segments, middle, away)
+    if free < 2 * _LEAST_ROOM_MM:
+        raise NoPlace(f"before `{name}` of `{floor.name}` there are {free:.0f} mm; expected a corridor")
+    back = min(free / 2, _FARTHEST_MM)
+    heading = into_deg - 90.0 if to_left else into_deg
+    return middle.x + back * away.x, middle.y + back * away.y, heading % 360.0

@@ -1,0 +1,192 @@
+"""What can only be checked on whole rings and whole maps: closure, lights, crossing edges, free space."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from colony.nav.maps.stickrep.fields import Problems
+from colony.nav.maps.stickrep.geometry import Point, corners, direction, in_free_space, shared_lights, trace
+from colony.nav.maps.stickrep.model import Map, Ring
+from colony.text.source import Span
+
+ANGLE_TOLERANCE_DEG = 0.5
+_LIGHT_SLACK_MM = 0.1  # what rounding in a file may add to many small offsets
+_ROUNDING_MM = 0.001
+_BESIDE_MM = 1.0
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class RingPlaces:
+    """Where a ring's parts stand in its text; `lights` one tuple an edge."""
+
+    header: Span
+    nodes: tuple[Span, ...]
+    lights: tuple[tuple[Span, ...], ...]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Places:
+    """Where a map's parts stand in its text."""
+
+    start: Span
+    rings: tuple[RingPlaces, ...]
+
+
+def check_ring(problems: Problems, ring: Ring, places: RingPlaces, tolerance_mm: float | None) -> bool:
+    """Check one ring by itself, and say whether its shape is sound.
+
+    Without a tolerance it is not checked where the ring ends.
+    """
+    if len(ring.edges) < 3:
+        message = f"expected at least 3 rows in ring `{ring.name}`; found {len(ring.edges)}"
+        problems.report("M016", places.header, message, "a ring is a closed contour")
+        return False
+    closed = _check_closure(problems, ring, places, tolerance_mm)
+    within = _check_lights_within(problems, ring, places)
+    if closed and within and shared_lights(ring) is None:
+        _report_unpaired(problems, ring, places)
+    return closed
+
+
+def _check_closure(problems: Problems, ring: Ring, places: RingPlaces, tolerance_mm: float | None) -> bool:
+    walked = trace(ring)
+    if abs(abs(walked.total_turn_deg) - 360.0) > ANGLE_TOLERANCE_DEG:
+        message = f"the turns of ring `{ring.name}` add up to {walked.total_turn_deg:g} degrees"
+        turns = "an angle of 270 turns right by 90, an angle of 90 turns left by 90"
+        expected = "expected -360 (an outline) or 360 (a block)"
+        problems.report("M017", places.header, f"{message}; {expected}", turns)
+        return False
+    distance = math.hypot(*walked.gap)
+    if tolerance_mm is not None and distance > tolerance_mm + _ROUNDING_MM:
+        east, north = walked.gap
+        message = f"ring `{ring.name}` ends {distance:.0f} mm from where it began"
+        message += f"; expected at most {tolerance_mm:.0f} mm"
+        ways = [(east, "east", "west"), (north, "north", "south")]
+        sides = [_side(*way) for way in ways if abs(way[0]) >= 0.5]
+        hint = f"it ends {' and '.join(sides)} of its first node" if sides else None
+        problems.report("M018", places.header, message, hint)
+        return False
+    return True
+
+
+def _side(distance: float, positive: str, negative: str) -> str:
+    inches = abs(distance) / 25.4
+    return f"{abs(distance):.0f} mm ({inches:.1f} inch) {positive if distance >= 0 else negative}"
+
+
+def _check_lights_within(problems: Problems, ring: Ring, places: RingPlaces) -> bool:
+    sound = True
+    for edge, spans in zip(ring.edges, places.lights, strict=True):
+        for light, span in zip(edge.lights, spans, strict=True):
+            if light.offset_mm > edge.length_mm + _LIGHT_SLACK_MM:
+                message = f"the light is {light.offset_mm:.0f} mm after its node"
+                message += f"; the edge is only {edge.length_mm:.0f} mm long"
+                hint = "see `lights` in the header: do offsets count from the light before, or from the node?"
+                problems.report("M019", span, message, hint if len(edge.lights) > 1 else None)
+                sound = False
+    return sound
+
+
+def _report_unpaired(problems: Problems, ring: Ring, places: RingPlaces) -> None:
+    shared = [
+        span
+        for edge, spans in zip(ring.edges, places.lights, strict=True)
+        for light, span in zip(edge.lights, spans, strict=True)
+        if light.shared
+    ]
+    message = f"expected negative light offsets in pairs; found {len(shared)} in ring `{ring.name}`"
+    if len(shared) % 2 == 0:
+        message += ", not each two of them on edges that meet at an angle"
+    hint = "a light in a turning space is projected onto two edges that are not parallel, next to each other"
+    problems.report("M020", shared[-1], message, hint)
+
+
+def check_map(problems: Problems, checked: Map, places: Places) -> None:
+    """Check how the rings lie to each other, and where the robot starts; each ring must be sound."""
+    before = len(problems)
+    outlines = tuple(corners(ring) for ring in checked.rings)
+    _check_crossings(problems, checked, outlines, places)
+    if len(problems) > before:
+        return
+    for ring, nodes, ring_places in zip(checked.rings, outlines, places.rings, strict=True):
+        if not in_free_space(outlines, *_right_of_longest(ring, nodes)):
+            message = f"ring `{ring.name}` has its free space on the left; expected its walls there"
+            hint = _MISPLACED[trace(ring).total_turn_deg > 0.0]
+            problems.report("M024", ring_places.header, message, hint)
+    if len(problems) > before:
+        return
+    if not in_free_space(outlines, checked.start.x_mm, checked.start.y_mm):
+        message = "the start is not in free space; expected it inside an outline and outside its blocks"
+        hint = "`start X Y HEADING` counts from the same origin as `ring NAME X Y HEADING`"
+        problems.report("M022", places.start, message, hint)
+
+
+_MISPLACED = {
+    False: "it is traced clockwise, as an outline; a block that stands in another ring is traced "
+    "counterclockwise, and two outlines must not overlap",
+    True: "it is traced counterclockwise, as a block, and must stand in an outline's free space; an outline "
+    "is traced clockwise",
+}
+"""What to do about a ring with its free space on the wrong side, by whether it turns left."""
+
+
+def _right_of_longest(ring: Ring, nodes: tuple[Point, ...]) -> Point:
+    longest = max(range(len(nodes)), key=lambda i: ring.edges[i].length_mm)
+    here, there = nodes[longest], nodes[(longest + 1) % len(nodes)]
+    right = direction(trace(ring).headings_deg[longest] - 90.0)
+    return Point((here.x + there.x) / 2 + _BESIDE_MM * right.x, (here.y + there.y) / 2 + _BESIDE_MM * right.y)
+
+
+def _check_crossings(
+    problems: Problems, checked: Map, outlines: tuple[tuple[Point, ...], ...], places: Places
+) -> None:
+    spans = [span for ring in places.rings for span in ring.nodes]
+    names = [node.name for ring in checked.rings for node in ring.nodes]
+    begins = np.array([p for nodes in outlines for p in nodes])
+    ends = np.array([p for nodes in outlines for p in (*nodes[1:], nodes[0])])
+    for first, second in crossing_pairs(begins, ends):
+        message = f"the edge after `{names[second]}` crosses the edge after `{names[first]}`"
+        hint = "edges meet at nodes only: see the angles and lengths of this ring, and where it begins"
+        problems.report("M021", spans[second], message, hint)
+
+
+_BLOCK = 256
+
+
+def crossing_pairs(begins: NDArray[np.float64], ends: NDArray[np.float64]) -> list[tuple[int, int]]:
+    """For each segment that properly crosses an earlier one, that pair of indices.
+
+    Args:
+        begins: (n, 2) first points.
+        ends: (n, 2) second points. Segments that only touch do not cross.
+    """
+    pairs: list[tuple[int, int]] = []
+    for at in range(0, len(begins), _BLOCK):
+        p, q = begins[at : at + _BLOCK, None, :], ends[at : at + _BLOCK, None, :]
+        a, b = begins[None, : at + _BLOCK, :], ends[None, : at + _BLOCK, :]
+        apart = (_side_of(p, q, a) * _side_of(p, q, b) < 0) & (_side_of(a, b, p) * _side_of(a, b, q) < 0)
+        for i, j in np.argwhere(apart):
+            if j < at + i and (not pairs or pairs[-1][1] != at + i):
+                pairs.append((int(j), int(at + i)))
+    return pairs
+
+
+def crosses_any(segments: NDArray[np.float64], begin: Point, end: Point) -> bool:
+    """Whether the segment from `begin` to `end` properly crosses one of `segments`, (n, 4) in mm."""
+    p, q = np.array([begin], dtype=np.float64), np.array([end], dtype=np.float64)
+    a, b = segments[:, :2], segments[:, 2:]
+    apart = (_side_of(p, q, a) * _side_of(p, q, b) < 0) & (_side_of(a, b, p) * _side_of(a, b, q) < 0)
+    return bool(apart.any())
+
+
+def _side_of(p: NDArray[np.float64], q: NDArray[np.float64], r: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Positive where r is left of the line from p to q, negative where right; broadcast over (..., 2)."""
+    u, v = q - p, r - p
+    side: NDArray[np.float64] = u[..., 0] * v[..., 1] - u[..., 1] * v[..., 0]
+    # Adjacent edges share a corner up to rounding: that is touching.
+    side[np.abs(side) < 1e-3] = 0.0
+    return side

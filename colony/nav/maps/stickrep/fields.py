@@ -1,0 +1,172 @@
+"""The words of a StickRep line, and the readers of single fields: numbers in their ranges, names, kinds.
+
+Every reader here returns its value or None, having reported what was found and what was expected.
+"""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Iterator
+from typing import NamedTuple
+
+from colony.nav.maps.stickrep.model import EdgeKind
+from colony.text.diagnostics import Diagnostic, error
+from colony.text.source import Source, Span
+from colony.text.units import BASE_UNITS, LENGTH
+
+LENGTH_UNITS = {
+    name: float(factor) for name, (dimension, factor) in BASE_UNITS.items() if dimension == LENGTH
+}
+"""Units of length by name, in mm."""
+
+MAX_PROBLEMS = 200
+MAX_LENGTH_MM = 1e6
+MIN_LENGTH_MM = 1.0
+MAX_COORDINATE_MM = 1e8
+MAX_LIGHTS = 100
+
+_WORD = re.compile(r"\S+")
+_NUMBER = re.compile(r"[-+]?(?:[0-9]+\.?[0-9]*|\.[0-9]+)(?:[eE][-+]?[0-9]+)?", re.ASCII)
+_NUMBER_LIKE = re.compile(r"[-+.0-9]", re.ASCII)
+_NAME = re.compile(r"[A-Za-z0-9_][A-Za-z0-9_.'-]{0,63}", re.ASCII)
+
+
+class TooMany(Exception):
+    """So many problems that the text is hardly a map; those found so far are enough."""
+
+
+class Problems(list[Diagnostic]):
+    """What was found wrong so far."""
+
+    def report(self, code: str, span: Span, message: str, hint: str | None = None) -> None:
+        """Add an error.
+
+        Raises:
+            TooMany: there are `MAX_PROBLEMS` of them now.
+        """
+        self.append(error(code, span, message, hint))
+        if len(self) >= MAX_PROBLEMS:
+            hint = "mend the first of them: the others may follow from it"
+            self.append(error("M023", span, f"gave up after {MAX_PROBLEMS} errors", hint))
+            raise TooMany
+
+
+class Word(NamedTuple):
+    """A word of a line, and where it stands."""
+
+    text: str
+    span: Span
+
+    @property
+    def shown(self) -> str:
+        """The word as a message quotes it, shortened."""
+        text = self.text if len(self.text) <= 40 else self.text[:37] + "..."
+        return f"`{text}`"
+
+    @property
+    def looks_like_number(self) -> bool:
+        """Whether the word was meant to be a number: rows of a map begin with one, header lines don't."""
+        return _NUMBER_LIKE.match(self.text) is not None
+
+
+def lines_of_words(source: Source) -> Iterator[list[Word]]:
+    """The words of each line that has any, without comments."""
+    at = 0
+    while at < len(source.text):
+        end = source.text.find("\n", at)
+        end = len(source.text) if end < 0 else end
+        comment = source.text.find("#", at, end)
+        stop = end if comment < 0 else comment
+        words = [
+            Word(m.group(), Span(source, m.start(), m.end())) for m in _WORD.finditer(source.text, at, stop)
+        ]
+        if words:
+            yield words
+        at = end + 1
+
+
+def line_end(words: list[Word]) -> Span:
+    """Where the next word of a line would have begun."""
+    last = words[-1].span
+    return Span(last.source, last.end, last.end)
+
+
+def values(problems: Problems, words: list[Word], usage: str) -> list[Word] | None:
+    """The words after the first, if they are as many as `usage` shows."""
+    expected = len(usage.split())
+    if len(words) == expected:
+        return words[1:]
+    place = line_end(words) if len(words) < expected else words[expected].span
+    message = f"expected `{usage}`; found {len(words) - 1} value{'s' if len(words) != 2 else ''}"
+    problems.report("M007", place, message)
+    return None
+
+
+def number(problems: Problems, word: Word, what: str) -> float | None:
+    """A finite decimal number."""
+    if _NUMBER.fullmatch(word.text) is None:
+        problems.report("M009", word.span, f"expected {what}, a number; found {word.shown}")
+        return None
+    value = float(word.text)
+    if not math.isfinite(value):
+        problems.report("M009", word.span, f"{word.shown} is too large for {what}")
+        return None
+    return value
+
+
+def ranged(problems: Problems, word: Word, what: str, low: float, high: float, unit: str) -> float | None:
+    """A number whose magnitude is from `low` to `high`."""
+    value = number(problems, word, what)
+    if value is not None and not low <= abs(value) <= high:
+        expected = f"up to {high:,.0f} {unit}" if low == 0 else f"from {low:.2g} to {high:,.0f} {unit}"
+        problems.report(
+            "M009", word.span, f"{what} is {word.shown}; expected a magnitude {expected}", _range_hint(what)
+        )
+        return None
+    return value
+
+
+def length_mm(
+    problems: Problems, word: Word, what: str, low_mm: float, high_mm: float, unit: str
+) -> float | None:
+    """A length in one of `LENGTH_UNITS`, whose magnitude is in a range given in mm."""
+    scale = LENGTH_UNITS[unit]
+    value = ranged(problems, word, what, low_mm / scale, high_mm / scale, unit)
+    return None if value is None else value * scale
+
+
+def _range_hint(what: str) -> str | None:
+    return "two neighboring nodes are at different places" if what == "the length" else None
+
+
+def whole(problems: Problems, word: Word, what: str, high: int) -> int | None:
+    """A whole number from 0 to `high`."""
+    if not (word.text.isascii() and word.text.isdigit()):
+        problems.report("M009", word.span, f"expected {what}, a whole number; found {word.shown}")
+        return None
+    value = int(word.text[:10])
+    if value > high:
+        problems.report("M009", word.span, f"{what} is {word.shown}; expected at most {high}")
+        return None
+    return value
+
+
+def name(problems: Problems, word: Word, what: str) -> str | None:
+    """A name: letters, digits and `_.'-`, at most 64 of them."""
+    if _NAME.fullmatch(word.text) is None:
+        hint = "a name is a letter, digit or _, followed by up to 63 letters, digits, _ . ' or -"
+        problems.report("M008", word.span, f"expected {what}; {word.shown} is not a name", hint)
+        return None
+    return word.text
+
+
+def edge_kind(problems: Problems, word: Word) -> EdgeKind | None:
+    """W, D or E."""
+    for kind in EdgeKind:
+        if word.text == kind.value:
+            return kind
+    hint = f"write {word.text.upper()}" if word.text in ("w", "d", "e") else None
+    message = f"expected an edge type, W (wall), D (door) or E (elevator); found {word.shown}"
+    problems.report("M011", word.span, message, hint)
+    return None

@@ -1,0 +1,38 @@
+"""Reads the text of a StickRep map from its file, with care: it may be no text, or no file at all."""
+
+from __future__ import annotations
+
+import errno
+import os
+
+from colony.files import read_file, reason
+from colony.text.diagnostics import Failure, error
+from colony.text.source import Source, Span
+
+MAX_BYTES = 4_000_000
+
+
+def load_source(path: str | os.PathLike[str]) -> Source:
+    """The text of the file at `path`.
+
+    Raises:
+        Failure: it cannot be read, or is no text that a map could be.
+    """
+    shown = os.fspath(path)
+    empty = Source(shown, "")
+    try:
+        data = read_file(path, MAX_BYTES)
+    except OSError as failure:
+        if failure.errno == errno.EFBIG:
+            message = f"the file is larger than {MAX_BYTES // 1_000_000} MB; expected a map"
+            place, hint = Span(empty, 0, 0), "is it another file that you meant?"
+            raise Failure([error("M002", place, message, hint)]) from None
+        message = f"cannot read the map: {reason(failure)}"
+        raise Failure([error("M001", Span(empty, 0, 0), message)]) from None
+    try:
+        return Source(shown, data.decode("utf-8-sig"))
+    except UnicodeDecodeError as failure:
+        good = Source(shown, data[: failure.start].decode("utf-8", "replace"))
+        message = f"byte 0x{data[failure.start]:02x} is not UTF-8 text; expected a map"
+        place = Span(good, len(good.text), len(good.text))
+        raise Failure([error("M002", place, message, "save the file as UTF-8 text")]) from None

@@ -1,0 +1,202 @@
+"""Reads the `link` and `elevator` lines of a StickRep map: what they name is there, and lies as it should."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from difflib import get_close_matches
+from typing import NamedTuple
+
+import numpy as np
+
+from colony.nav.maps.stickrep import fields
+from colony.nav.maps.stickrep.checks import crosses_any
+from colony.nav.maps.stickrep.fields import Problems, Word
+from colony.nav.maps.stickrep.geometry import Point, corners, in_free_space
+from colony.nav.maps.stickrep.header import Header
+from colony.nav.maps.stickrep.model import Edge, EdgeKind, ElevatorLink, Link, Map, Ring, Site
+from colony.text.source import Span
+
+MAX_ACROSS_MM = 8_000.0
+"""How far apart linked places may be."""
+MAX_ASIDE_MM = 500.0
+"""How much two places that face each other may be displaced along their corridor."""
+_LEAST_COSINE = math.cos(math.radians(10.0))  # walls that differ by more do not run along one corridor
+_SLACK_MM = 0.1  # what rounding in a file may add to an offset
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Joints:
+    """What joins the rings of a map to each other and the map to others."""
+
+    links: tuple[Link, ...]
+    elevators: tuple[ElevatorLink, ...]
+
+
+class _Spot(NamedTuple):
+    """A site in the plane: its ring, where it is, the unit vectors of the walls at it, whether a corner."""
+
+    site: Site
+    ring: int
+    at: Point
+    walls: tuple[Point, ...]
+    corner: bool
+
+
+def read_joints(problems: Problems, header: Header, rings: tuple[Ring, ...]) -> Joints:
+    """The links and elevators that a header names; the rings must be sound."""
+    reader = _JointReader(problems, header.unit, rings)
+    links = [reader.link(*words) for words in header.links]
+    elevators = [reader.elevator(*words) for words in header.elevators]
+    if elevators and not header.floor:
+        message = "the map has `elevator` lines; expected a line that says which floor it is"
+        problems.report("M028", header.elevators[0][0].span, message, "add the line `floor NAME`")
+    return Joints(
+        links=tuple(link for link in links if link is not None),
+        elevators=tuple(elevator for elevator in elevators if elevator is not None),
+    )
+
+
+def linked_rings(source: Map) -> tuple[tuple[str, ...], ...]:
+    """The names of the rings, those together that links join, directly or by way of others."""
+    ring_of = {node.name: ring.name for ring in source.rings for node in ring.nodes}
+    group = {ring.name: {ring.name} for ring in source.rings}
+    for one, other in source.links:
+        joined = group[ring_of[one.node]] | group[ring_of[other.node]]
+        group.update(dict.fromkeys(joined, joined))
+    names = [ring.name for ring in source.rings]
+    return tuple(
+        tuple(name for name in names if name in group[first])
+        for first in names
+        if first == next(name for name in names if name in group[first])
+    )
+
+
+class _JointReader:
+    """The rings of one map in the plane, and where their nodes are."""
+
+    def __init__(self, problems: Problems, unit: str, rings: tuple[Ring, ...]) -> None:
+        self.problems = problems
+        self.unit = unit
+        self.rings = rings
+        self.outlines = tuple(corners(ring) for ring in rings)
+        self.nodes = {node.name: (i, j) for i, ring in enumerate(rings) for j, node in enumerate(ring.nodes)}
+        rows = [
+            (*a, *b) for nodes in self.outlines for a, b in zip(nodes, (*nodes[1:], nodes[0]), strict=True)
+        ]
+        self.segments = np.array(rows, dtype=np.float64)
+
+    def link(self, first: Word, second: Word) -> Link | None:
+        """A link, if both of its places are there and the robot gets from one to the other."""
+        one, other = self._spot(first), self._spot(second)
+        if one is None or other is None:
+            return None
+        reason, hint = self._why_not(one, other)
+        if reason:
+            message = f"expected two places that face each other; {first.shown} and {second.shown} {reason}"
+            self.problems.report("M026", first.span.to(second.span), message, hint)
+            return None
+        return Link(one.site, other.site)
+
+    def elevator(self, node: Word, file: Word, other: Word) -> ElevatorLink | None:
+        """An elevator's line, if its first node begins an elevator of this map."""
+        found = self._node(node, node.text)
+        target = fields.name(self.problems, other, "the name of a node")
+        if file.text.startswith("/"):
+            message = f"the path {file.shown} is absolute; expected one relative to this map's folder"
+            self.problems.report("M029", file.span, message)
+            return None
+        if found is None or target is None:
+            return None
+        edge = self.rings[found[0]].edges[found[1]]
+        if edge.kind is not EdgeKind.ELEVATOR:
+            message = f"the edge after {node.shown} is a {edge.kind.name.lower()}; expected an elevator (E)"
+            self.problems.report("M027", node.span, message, "name the node where the elevator's edge begins")
+            return None
+        return ElevatorLink(node.text, file.text, target)
+
+    def _node(self, word: Word, name: str) -> tuple[int, int] | None:
+        """The indices of a node's ring, and of the node in it."""
+        found = self.nodes.get(name)
+        if found is None:
+            close = get_close_matches(name[:64], self.nodes, n=1)
+            hint = f"did you mean `{close[0]}`?" if close else "a node is named in the second field of a row"
+            shown = name if len(name) <= 40 else name[:37] + "..."
+            self.problems.report("M025", word.span, f"there is no node `{shown}` in this map", hint)
+        return found
+
+    def _spot(self, word: Word) -> _Spot | None:
+        """The place that `NODE` or `NODE+LENGTH` names."""
+        name, plus, length = word.text.partition("+")
+        found = self._node(word, name)
+        if found is None:
+            return None
+        ring, index = found
+        edge, nodes = self.rings[ring].edges[index], self.outlines[ring]
+        offset: float | None = 0.0
+        if plus:
+            shift = word.span.start + len(name) + 1
+            offset = self._offset(Word(length, Span(word.span.source, shift, word.span.end)), name, edge)
+        if offset is None:
+            return None
+        here, there = nodes[index], nodes[(index + 1) % len(nodes)]
+        ahead = _unit(here, there)
+        walls = (ahead,) if offset > 0.0 else (ahead, _unit(nodes[index - 1], here))
+        part = offset / edge.length_mm
+        at = Point(here.x + part * (there.x - here.x), here.y + part * (there.y - here.y))
+        corner = self.rings[ring].nodes[index].corner and offset == 0.0
+        return _Spot(Site(name, offset), ring, at, walls, corner)
+
+    def _offset(self, word: Word, name: str, edge: Edge) -> float | None:
+        """How far after its node a place is."""
+        what, limit = "the distance from the node", fields.MAX_LENGTH_MM
+        offset = fields.length_mm(self.problems, word, what, 0.0, limit, self.unit)
+        if offset is not None and not 0.0 <= offset <= edge.length_mm + _SLACK_MM:
+            message = (
+                f"the place is {offset:.0f} mm after `{name}`; the edge there is {edge.length_mm:.0f} mm long"
+            )
+            self.problems.report("M026", word.span, message, "name the node where the place's edge begins")
+            return None
+        return offset
+
+    def _why_not(self, one: _Spot, other: _Spot) -> tuple[str, str | None]:
+        """Why two places cannot be linked, and a hint; an empty reason if they can."""
+        if one.ring == other.ring:
+            return f"are both on ring `{self.rings[one.ring].name}`", "a link joins two rings"
+        way = Point(other.at.x - one.at.x, other.at.y - one.at.y)
+        distance = math.hypot(*way)
+        if distance > MAX_ACROSS_MM:
+            return f"are {distance / 1000:.1f} m apart", f"expected at most {MAX_ACROSS_MM / 1000:g} m"
+        if not (one.corner and other.corner):
+            aside = _displacement(one, other, way)
+            if aside is None:
+                return "are not on opposite walls", "only corners (negative angles) meet across a junction"
+            if aside > MAX_ASIDE_MM:
+                hint = f"expected at most {MAX_ASIDE_MM:.0f} mm; `NODE+LENGTH` is a place after a node"
+                return f"are displaced by {aside:.0f} mm along the corridor", hint
+        middle = Point((one.at.x + other.at.x) / 2, (one.at.y + other.at.y) / 2)
+        if crosses_any(self.segments, one.at, other.at) or not in_free_space(self.outlines, *middle):
+            return "have a wall between them", None
+        return "", None
+
+
+def _unit(here: Point, there: Point) -> Point:
+    length = math.hypot(there.x - here.x, there.y - here.y)
+    return Point((there.x - here.x) / length, (there.y - here.y) / length)
+
+
+def _displacement(one: _Spot, other: _Spot, way: Point) -> float | None:
+    """How far two places are displaced along the walls of a corridor; None if on no opposite walls.
+
+    Opposite walls are traced in opposite directions, and each has the other on its right.
+    """
+    least: float | None = None
+    for u in one.walls:
+        for v in other.walls:
+            if u.x * v.x + u.y * v.y > -_LEAST_COSINE:
+                continue
+            if way.x * u.y - way.y * u.x <= 0.0 or way.y * v.x - way.x * v.y <= 0.0:
+                continue
+            aside = abs(way.x * u.x + way.y * u.y)
+            least = aside if least is None else min(least, aside)
+    return least

@@ -1,0 +1,331 @@
+"""Reads StickRep maps, and tells everything that is wrong with them.
+
+A file is a header, then rings of rows; `#` begins a comment. The header says, in any order:
+
+    stickrep 1                  the format's version; always the first line
+    map NAME
+    start X Y HEADING           where a robot stands unless told otherwise
+    unit inch                   of every length in the file (default inch; mm, cm, m, ft)
+    lights incremental          or cumulative: how offsets of lights count (default incremental)
+    closure 2                   by how much a ring may fail to close (default two inches)
+    travel either               or wall-on-left: which way paths follow the rings (default either)
+    floor NAME                  which one of its building it is, if elevators lead to others
+    link PLACE PLACE            two places of different rings that face each other, as many lines as needed;
+                                a place is NODE, or NODE+LENGTH for a place after it on its edge
+    elevator NODE FILE NODE     an elevator's edge here, and the same elevator's in the map of another floor
+
+A ring begins with `ring NAME X Y HEADING`, where its first node stands and its first edge leads, and has a
+row for each node and the edge after it, the fields of thesis section 5.1:
+
+    alpha name tau lambda d1 .. d_lambda mu attribute
+
+Codes of errors: M001 cannot be read, M002 not a text, M003 not a StickRep map, M004 unknown header line,
+M005 said twice, M006 header line missing, M007 header line malformed, M008 name, M009 number, M010 row too
+short, M011 edge type, M012 lights, M013 row outside a ring, M014 node name twice, M015 ring name twice,
+M016 too few edges, M017 does not close in angle, M018 does not close in place, M019 light beyond its edge,
+M020 shared lights do not pair, M021 edges cross, M022 start not in free space, M023 too much,
+M024 traced the wrong way round, M025 no such node, M026 linked places that do not face each other, M027 no
+elevator there, M028 floor missing; and of buildings (`building.py`) M029 to M031.
+"""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+
+from colony.nav.maps.stickrep import fields
+from colony.nav.maps.stickrep.checks import Places, RingPlaces, check_map, check_ring
+from colony.nav.maps.stickrep.fields import Problems, TooMany, Word, line_end, lines_of_words
+from colony.nav.maps.stickrep.file import load_source
+from colony.nav.maps.stickrep.header import Header
+from colony.nav.maps.stickrep.joints import Joints, read_joints
+from colony.nav.maps.stickrep.model import (
+    DEFAULT_TOLERANCE_MM,
+    Edge,
+    Light,
+    Map,
+    Node,
+    Pose,
+    Ring,
+)
+from colony.text.diagnostics import Failure, error, in_order
+from colony.text.source import Source, Span
+
+FORMAT_VERSION = "1"
+MAX_LINES = 5_000
+
+
+def load_map(path: str | os.PathLike[str]) -> Map:
+    """Read the map at `path`.
+
+    Raises:
+        Failure: the file cannot be read, or is no sound map; with all errors found, each with its place.
+    """
+    return read_map(load_source(path))
+
+
+def read_map(source: Source) -> Map:
+    """Read a map from its text.
+
+    Raises:
+        Failure: the text is no sound map; with all errors found, in order, each with its place.
+    """
+    nul = source.text.find("\0")
+    if nul >= 0:
+        span = Span(source, nul, nul + 1)
+        raise Failure([error("M002", span, "found a NUL character; expected the text of a map")])
+    reader = _Reader(source)
+    try:
+        result = reader.read()
+    except TooMany:
+        result = None
+    if result is None or reader.problems:
+        raise Failure(in_order(reader.problems))
+    return result
+
+
+@dataclass(slots=True, kw_only=True)
+class _RingSoFar:
+    """A ring while its rows are read; `sound` until one of them is wrong."""
+
+    header: Span
+    name: str
+    start: Pose
+    sound: bool = True
+    nodes: list[Node] = field(default_factory=list)
+    edges: list[Edge] = field(default_factory=list)
+    node_spans: list[Span] = field(default_factory=list)
+    light_spans: list[tuple[Span, ...]] = field(default_factory=list)
+
+    def finish(self) -> Ring:
+        return Ring(name=self.name, start=self.start, nodes=tuple(self.nodes), edges=tuple(self.edges))
+
+    def places(self) -> RingPlaces:
+        return RingPlaces(header=self.header, nodes=tuple(self.node_spans), lights=tuple(self.light_spans))
+
+
+class _Reader:
+    """One pass over the lines of one text, collecting problems on the way."""
+
+    def __init__(self, source: Source) -> None:
+        self.source = source
+        self.problems = Problems()
+        self.header = Header(self.problems, source)
+        self.rings: list[_RingSoFar] = []
+        self.node_names: dict[str, Span] = {}
+
+    def read(self) -> Map | None:
+        """The map, or None where `problems` says why not."""
+        lines = lines_of_words(self.source)
+        if not self._is_stickrep(next(lines, None)):
+            return None
+        # Lengths need the unit, wherever the header names it: first the header, then the rings.
+        for words in self._body(lines):
+            if words[0].text == "ring":
+                self._ring(words)
+            elif words[0].looks_like_number:
+                self._row(words)
+            elif self.rings:
+                self.rings[-1].sound = False
+        return self._finish()
+
+    def _is_stickrep(self, first: list[Word] | None) -> bool:
+        hint = f"a map begins with the line `stickrep {FORMAT_VERSION}`"
+        if first is None:
+            found = "there are only comments" if self.source.text.strip() else "the text is empty"
+            if "\r" in self.source.text and "\n" not in self.source.text:
+                hint = "its lines end in CR alone: save the file with LF, or CR and LF, at the end of lines"
+            self.problems.report("M003", Span(self.source, 0, 0), f"found no map, {found}", hint)
+            return False
+        if first[0].text != "stickrep":
+            message = f"expected `stickrep {FORMAT_VERSION}`; found {first[0].shown}"
+            self.problems.report("M003", first[0].span, message, hint)
+            return False
+        version = first[1] if len(first) == 2 else None
+        if version is None or version.text != FORMAT_VERSION:
+            found = f"version {version.shown}" if version else f"{len(first) - 1} words after `stickrep`"
+            message = f"expected `stickrep {FORMAT_VERSION}`; found {found}"
+            self.problems.report("M003", (version or first[0]).span, message, hint)
+            return False
+        return True
+
+    def _body(self, lines: Iterator[list[Word]]) -> list[list[Word]]:
+        """Read the header lines, and give all others."""
+        body: list[list[Word]] = []
+        for words in lines:
+            if not self.header.take(words):
+                body.append(words)
+            if len(body) + len(self.header.links) + len(self.header.elevators) > MAX_LINES:
+                message = f"expected at most {MAX_LINES} rows, links and ring lines; found one more"
+                self.problems.report("M023", words[0].span, message, "make it several maps")
+                raise TooMany
+        return body
+
+    # Rings and rows
+
+    def _mm(self, word: Word, what: str, low_mm: float, high_mm: float) -> float | None:
+        return fields.length_mm(self.problems, word, what, low_mm, high_mm, self.header.unit)
+
+    def _pose(self, words: tuple[Word, ...] | list[Word]) -> Pose | None:
+        limit = fields.MAX_COORDINATE_MM
+        x = self._mm(words[0], "x", 0.0, limit)
+        y = self._mm(words[1], "y", 0.0, limit)
+        heading = fields.ranged(self.problems, words[2], "the heading", 0.0, 360.0, "degrees")
+        if x is None or y is None or heading is None:
+            return None
+        return Pose(x, y, heading % 360.0)
+
+    def _ring(self, words: list[Word]) -> None:
+        values = fields.values(self.problems, words, "ring NAME X Y HEADING")
+        name = fields.name(self.problems, values[0], "the ring's name") if values else None
+        pose = self._pose(values[1:]) if values else None
+        if name is not None and any(name == ring.name for ring in self.rings):
+            message = f"there is a ring `{name}` already"
+            self.problems.report("M015", words[1].span, message, "names of rings are unique in a map")
+        span = words[0].span.to(words[min(1, len(words) - 1)].span)
+        ring = _RingSoFar(header=span, name=name or "", start=pose or Pose(0.0, 0.0, 0.0))
+        ring.sound = name is not None and pose is not None
+        self.rings.append(ring)
+
+    def _row(self, words: list[Word]) -> None:
+        if not self.rings:
+            message = f"expected a header line or `ring`; found a row that begins with {words[0].shown}"
+            self.problems.report("M013", words[0].span, message, "a ring begins with `ring NAME X Y HEADING`")
+            return
+        ring = self.rings[-1]
+        before = len(self.problems)
+        node = self._node(words)
+        edge = self._edge(words) if len(words) >= 5 else None
+        if len(words) < 5:
+            message = f"expected a row of at least 5 fields; found {len(words)}"
+            hint = "a row is: angle name type lights [offset ...] length attribute"
+            self.problems.report("M010", line_end(words), message, hint)
+        if node is None or edge is None or len(self.problems) > before:
+            ring.sound = False
+            return
+        ring.nodes.append(node)
+        ring.edges.append(edge)
+        ring.node_spans.append(words[1].span)
+        ring.light_spans.append(tuple(w.span for w in words[4 : 4 + len(edge.lights)]))
+
+    def _node(self, words: list[Word]) -> Node | None:
+        angle = fields.ranged(self.problems, words[0], "the angle", 0.0, 360.0, "degrees")
+        if angle is not None and abs(angle) in (0.0, 360.0):
+            message = f"the angle is {words[0].shown}; expected one between 0 and 360 degrees, either sign"
+            self.problems.report("M009", words[0].span, message, "180 goes straight on")
+            angle = None
+        elif angle == -180.0:
+            message = "a negative angle is a corner; expected an angle other than 180 there"
+            self.problems.report("M009", words[0].span, message, "write 180 to go straight on")
+            angle = None
+        name = fields.name(self.problems, words[1], "the node's name") if len(words) > 1 else None
+        if name is not None and name in self.node_names:
+            line, _ = self.source.position(self.node_names[name].start)
+            message = f"there is a node `{name}` in line {line} already"
+            self.problems.report("M014", words[1].span, message, "names of nodes are unique in a map")
+        elif name is not None:
+            self.node_names[name] = words[1].span
+        if angle is None or name is None:
+            return None
+        return Node(name=name, angle_deg=abs(angle), corner=angle < 0)
+
+    def _edge(self, words: list[Word]) -> Edge | None:
+        kind = fields.edge_kind(self.problems, words[2])
+        count = fields.whole(self.problems, words[3], "the number of lights", fields.MAX_LIGHTS)
+        if count is None:
+            return None
+        at = 4 + count
+        if len(words) <= at or not words[at].looks_like_number:
+            place = words[at].span if len(words) > at else line_end(words)
+            numbers = sum(w.looks_like_number for w in words[4 : at + 1])
+            message = f"expected {_plural(count, 'offset')} and a length after the number of lights"
+            self.problems.report("M012", place, f"{message}; found {_plural(numbers, 'number')}")
+            return None
+        lights = self._light_offsets(words[4:at])
+        length = self._mm(words[at], "the length", fields.MIN_LENGTH_MM, fields.MAX_LENGTH_MM)
+        if kind is None or lights is None or length is None:
+            return None
+        return Edge(
+            kind=kind,
+            length_mm=abs(length),
+            counted=length > 0,
+            lights=lights,
+            attribute=" ".join(w.text for w in words[at + 1 :]),
+        )
+
+    def _light_offsets(self, words: list[Word]) -> tuple[Light, ...] | None:
+        lights: list[Light] = []
+        last = 0.0
+        sound = True
+        for word in words:
+            offset = self._mm(word, "the light's offset", 0.0, fields.MAX_LENGTH_MM)
+            if offset is None:
+                sound = False
+                continue
+            at = abs(offset) + (last if self.header.light_offsets == "incremental" else 0.0)
+            if at < last:
+                message = f"the offset {word.shown} is less than the one before"
+                hint = "cumulative offsets all count from the node; `lights incremental` is the other way"
+                self.problems.report("M019", word.span, message, hint)
+                sound = False
+            lights.append(Light(offset_mm=at, shared=word.text.startswith("-")))
+            last = at
+        return tuple(lights) if sound else None
+
+    # The whole
+
+    def _finish(self) -> Map | None:
+        header = self.header
+        start = self._pose(header.start) if header.start else None
+        tolerance = self._tolerance()
+        self._missing()
+        for ring in self.rings:
+            if ring.sound:
+                ring.sound = check_ring(self.problems, ring.finish(), ring.places(), tolerance)
+        rings = tuple(ring.finish() for ring in self.rings)
+        sound = bool(rings) and all(ring.sound for ring in self.rings)
+        # Where a row could not be read, its node is not known, and links to it would be blamed.
+        joints = read_joints(self.problems, header, rings) if sound else Joints(links=(), elevators=())
+        if start is None or header.start is None or tolerance is None or header.name is None:
+            return None
+        result = Map(
+            name=header.name,
+            start=start,
+            rings=rings,
+            links=joints.links,
+            elevators=joints.elevators,
+            floor=header.floor,
+            travel=header.travel,
+            tolerance_mm=tolerance,
+            unit=header.unit,
+            light_offsets=header.light_offsets,
+        )
+        if sound:
+            span = header.start[0].span.to(header.start[-1].span)
+            check_map(self.problems, result, Places(start=span, rings=tuple(r.places() for r in self.rings)))
+        return result
+
+    def _tolerance(self) -> float | None:
+        word = self.header.tolerance
+        if word is None:
+            return DEFAULT_TOLERANCE_MM
+        tolerance = self._mm(word, "the closure tolerance", 0.0, fields.MAX_LENGTH_MM)
+        if tolerance is not None and tolerance < 0.0:
+            message = f"expected a closure tolerance of 0 or more; found {word.shown}"
+            self.problems.report("M007", word.span, message)
+            return None
+        return tolerance
+
+    def _missing(self) -> None:
+        end = Span(self.source, len(self.source.text.rstrip()), len(self.source.text.rstrip()))
+        for key, usage in (("map", "map NAME"), ("start", "start X Y HEADING")):
+            if key not in self.header.seen:
+                self.problems.report("M006", end, f"the header does not say `{usage}`")
+        if not self.rings:
+            message = "expected at least one ring; found none"
+            self.problems.report("M006", end, message, "a ring begins with `ring NAME X Y HEADING`")
+
+
+def _plural(count: int, noun: str) -> str:
+    return f"{count} {noun}" if count == 1 else f"{count} {noun}s"

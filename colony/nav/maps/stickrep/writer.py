@@ -1,0 +1,85 @@
+"""Writes StickRep maps, in the unit and with the light offsets that the map names; the reader's inverse."""
+
+from __future__ import annotations
+
+from colony.nav.maps.stickrep.fields import LENGTH_UNITS
+from colony.nav.maps.stickrep.model import Edge, Map, Node, Pose, Ring, Site
+from colony.nav.maps.stickrep.reader import FORMAT_VERSION
+
+_DECIMALS = 6
+_COLUMNS = ("# alpha", "node", "type", "lights", "length", "attribute")
+
+
+def write_map(written: Map) -> str:
+    """The text of a map; reading it gives the map back, up to the sixth decimal of its unit.
+
+    Text that was written comes out the same when it is read and written again. Comments are not kept.
+    """
+    scale = LENGTH_UNITS[written.unit]
+    header = [
+        f"stickrep {FORMAT_VERSION}",
+        f"map {written.name}",
+        f"unit {written.unit}",
+        f"lights {written.light_offsets}",
+        f"closure {_number(written.tolerance_mm / scale)}",
+        *([f"floor {written.floor}"] if written.floor else []),
+        *([f"travel {written.travel}"] if written.travel != "either" else []),
+        f"start {_pose(written.start, scale)}",
+    ]
+    joints = [f"link {_site(link.one, scale)} {_site(link.other, scale)}" for link in written.links]
+    joints += [f"elevator {ride.node} {ride.file} {ride.other_node}" for ride in written.elevators]
+    rings = [_ring(ring, scale, written.light_offsets == "cumulative") for ring in written.rings]
+    return "\n\n".join(["\n".join(header), *rings, *(["\n".join(joints)] if joints else [])]) + "\n"
+
+
+def _ring(ring: Ring, scale: float, cumulative: bool) -> str:
+    rows = [
+        (
+            *_node(node),
+            edge.kind.value,
+            _lights(edge, scale, cumulative),
+            _length(edge, scale),
+            edge.attribute,
+        )
+        for node, edge in zip(ring.nodes, ring.edges, strict=True)
+    ]
+    table = [_COLUMNS, *rows]
+    widths = [max(len(row[column]) for row in table) for column in range(len(_COLUMNS))]
+    lines = [
+        "  ".join(cell.ljust(width) for cell, width in zip(row, widths, strict=True)).rstrip()
+        for row in table
+    ]
+    return "\n".join([f"ring {ring.name} {_pose(ring.start, scale)}", *lines])
+
+
+def _site(site: Site, scale: float) -> str:
+    offset = _number(site.offset_mm / scale)
+    return site.node if offset == "0" else f"{site.node}+{offset}"
+
+
+def _pose(pose: Pose, scale: float) -> str:
+    # A heading just below 360 may round up to it, and would then be read as 0.
+    heading = _number(round(pose.heading_deg, _DECIMALS) % 360.0)
+    return f"{_number(pose.x_mm / scale)} {_number(pose.y_mm / scale)} {heading}"
+
+
+def _node(node: Node) -> tuple[str, str]:
+    return ("-" if node.corner else "") + _number(node.angle_deg), node.name
+
+
+def _lights(edge: Edge, scale: float, cumulative: bool) -> str:
+    words, last = [str(len(edge.lights))], 0.0
+    for light in edge.lights:
+        offset = _number((light.offset_mm - last) / scale)
+        words.append(f"-{offset}" if light.shared else offset)
+        last = 0.0 if cumulative else light.offset_mm
+    return " ".join(words)
+
+
+def _length(edge: Edge, scale: float) -> str:
+    return ("" if edge.counted else "-") + _number(edge.length_mm / scale)
+
+
+def _number(value: float) -> str:
+    text = f"{value:.{_DECIMALS}f}".rstrip("0").rstrip(".")
+    return "0" if text == "-0" else text

@@ -1,0 +1,113 @@
+"""A map as plain geometry: wall segments and ceiling lights in the plane, for simulation and pictures."""
+
+from __future__ import annotations
+
+import math
+import re
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from colony.nav.maps.stickrep.geometry import Point, corners, projections, shared_lights
+from colony.nav.maps.stickrep.model import EdgeKind, Map
+
+_GLASS = re.compile(r"\bglass\b(?![ -]?(brick|block)s?\b)", re.IGNORECASE)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Walls:
+    """The edges of a map as segments.
+
+    Attributes:
+        segments: (n, 4) float64, read-only: x0, y0, x1, y1 in mm, x east and y north, in the order of the
+            map. The free space lies to the right of each; each ring is closed exactly.
+        kinds: what each segment is.
+        attributes: the map's remark on each segment's surface, as "wood, room 12", or "".
+    """
+
+    segments: NDArray[np.float64]
+    kinds: tuple[EdgeKind, ...]
+    attributes: tuple[str, ...]
+
+    @property
+    def glass(self) -> tuple[bool, ...]:
+        """Which segments are panes of glass, which sonars may not see: the remark says `glass`.
+
+        Glass bricks are none: their surface is rough, and they are seen.
+        """
+        return tuple(_GLASS.search(attribute) is not None for attribute in self.attributes)
+
+    @property
+    def bounds(self) -> tuple[float, float, float, float]:
+        """The least x and y, the greatest x and y, in mm."""
+        x, y = self.segments[:, 0::2], self.segments[:, 1::2]
+        return float(x.min()), float(y.min()), float(x.max()), float(y.max())
+
+
+def walls_of(source: Map) -> Walls:
+    """The walls, doors and elevators of a map; doors and elevators are shut."""
+    rows = []
+    for ring in source.rings:
+        nodes = corners(ring)
+        rows += [(*here, *there) for here, there in zip(nodes, (*nodes[1:], nodes[0]), strict=True)]
+    segments = np.array(rows, dtype=np.float64).reshape(-1, 4)
+    segments.flags.writeable = False
+    return Walls(
+        segments=segments,
+        kinds=tuple(edge.kind for edge in source.edges()),
+        attributes=tuple(edge.attribute for edge in source.edges()),
+    )
+
+
+_HALF_CORRIDOR_MM = 1200.0
+_AHEAD_MM = 1.0
+_WIDEST_MM = 4500.0
+_BESIDE_MM = tuple(step * 500.0 for k in range(1, 9) for step in (k, -k))
+
+
+def lights_of(source: Map) -> NDArray[np.float64]:
+    """Where the ceiling lights hang: (n, 2) float64, x and y in mm.
+
+    A light projected onto one edge hangs half-way between it and what is opposite, or opposite beside it
+    where another corridor begins there; one projected onto two, where the perpendiculars meet. First the
+    lights of the corridors in the order of the map, then those of the turning spaces; each light once.
+    """
+    segments = walls_of(source).segments
+    places: list[Point] = []
+    for ring in source.rings:
+        for mark in projections(ring):
+            if not ring.edges[mark.edge].lights[mark.light].shared:
+                away = Point(mark.along.y, -mark.along.x)
+                half = _width(segments, mark.at, mark.along, away) / 2
+                places.append(Point(mark.at.x + half * away.x, mark.at.y + half * away.y))
+    for ring in source.rings:
+        places += shared_lights(ring) or ()
+    return np.array(places, dtype=np.float64).reshape(-1, 2)
+
+
+def _width(segments: NDArray[np.float64], at: Point, along: Point, away: Point) -> float:
+    """How wide the corridor is at a place on a wall, in mm."""
+    opposite = free_distance(segments, at, away)
+    if opposite <= _WIDEST_MM:
+        return opposite
+    beside = [Point(at.x + step * along.x, at.y + step * along.y) for step in _BESIDE_MM]
+    width = min(opposite, *(free_distance(segments, place, away) for place in beside))
+    return width if math.isfinite(width) else 2 * _HALF_CORRIDOR_MM
+
+
+def free_distance(segments: NDArray[np.float64], at: Point, away: Point) -> float:
+    """How far it is from a place, which may be on a wall, to the next wall, in mm; inf where there is none.
+
+    Args:
+        segments: (n, 4) as of `Walls`.
+        away: the unit vector of the direction to look in.
+    """
+    ax, ay = segments[:, 0] - at.x, segments[:, 1] - at.y
+    ex, ey = segments[:, 2] - segments[:, 0], segments[:, 3] - segments[:, 1]
+    with np.errstate(divide="ignore", invalid="ignore"):
+        across = away.x * ey - away.y * ex
+        distance = (ax * ey - ay * ex) / across
+        part = (ax * away.y - ay * away.x) / across
+    hit = (distance > _AHEAD_MM) & (part >= 0.0) & (part <= 1.0)
+    return float(distance[hit].min()) if hit.any() else math.inf

@@ -1,0 +1,270 @@
+"""The ways through a building as a directed graph, and the shortest of them.
+
+Where a map is traveled with the wall on the left, a place is a position on a ring, and a way follows the
+rings as they are traced; its length is that of the edges that are counted. It changes the ring at links only,
+and between two nodes of one ring not at all (thesis sections 5.1 and 6.1). Where a map is traveled either
+way, a place is a position on the middle line of a corridor, and a way changes the corridor in turning spaces.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import lru_cache
+from itertools import pairwise
+from typing import Any, NamedTuple
+
+import networkx as nx
+
+from colony.nav.maps.corridors import Corridor, TurningSpace, corridors_of, turning_spaces_of
+from colony.nav.maps.stickrep.geometry import Point, corners, trace
+from colony.nav.maps.stickrep.model import Map, Travel
+from colony.nav.maps.walls import lights_of
+
+_HOP_MM = 0.001  # so that of equally long ways the one with the fewest steps is taken
+_TURN_MM = 0.1
+_RIDE_MM = 20_000.0
+"""What riding an elevator counts for, in mm of way, where there are several to choose from."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Layout:
+    """A floor with what is derived from its map.
+
+    Attributes:
+        source: the map.
+        nodes: where the nodes stand, a tuple a ring.
+        headings_deg: where the edges lead, a tuple a ring.
+        corridors, spaces: as `colony/nav/maps/corridors.py` finds them.
+        lights: (x, y) of the ceiling lights in mm.
+        bounded: which corridors an edge bounds, (ring, edge) by their indices.
+    """
+
+    source: Map
+    nodes: tuple[tuple[Point, ...], ...]
+    headings_deg: tuple[tuple[float, ...], ...]
+    corridors: tuple[Corridor, ...]
+    spaces: tuple[TurningSpace, ...]
+    lights: tuple[Point, ...]
+    bounded: Mapping[tuple[int, int], tuple[int, ...]]
+
+    def corridor_at(self, ring: int, edge: int) -> int | None:
+        """Which corridor an edge bounds; where it is several in a row, the one nearest to its middle."""
+        found = self.bounded.get((ring, edge), ())
+        if len(found) < 2:
+            return found[0] if found else None
+        here, there = self.nodes[ring][edge], self.nodes[ring][(edge + 1) % len(self.nodes[ring])]
+        middle = Point((here.x + there.x) / 2, (here.y + there.y) / 2)
+        return min(found, key=lambda i: _beyond(self.corridors[i], middle))
+
+    def corridor_of_node(self, ring: int, node: int) -> int | None:
+        """Which corridor a node stands in: that of the edge after it, or else of the one before."""
+        after = self.corridor_at(ring, node)
+        return after if after is not None else self.corridor_at(ring, (node - 1) % len(self.nodes[ring]))
+
+    def joined(self, corridors: tuple[int, ...]) -> tuple[int, ...]:
+        """Corridors with those between them that a way leaves out which changes its ring in a turning space.
+
+        Where two of them have no turning space, and no other corridors join them, they stay as they are.
+        """
+        graph = nx.Graph(space.corridors for space in self.spaces)
+        chain = list(corridors[:1])
+        for here, there in pairwise(corridors):
+            between = [there]
+            if here in graph and there in graph and nx.has_path(graph, here, there):
+                between = nx.shortest_path(graph, here, there)[1:]
+            chain += between
+        return tuple(chain)
+
+
+@lru_cache(maxsize=32)
+def layout_of(source: Map) -> Layout:
+    """What is derived from a map, once for each."""
+    corridors = corridors_of(source)
+    bounded: dict[tuple[int, int], tuple[int, ...]] = {}
+    for i, corridor in enumerate(corridors):
+        for edge in corridor.edges:
+            bounded[edge] = (*bounded.get(edge, ()), i)
+    return Layout(
+        source=source,
+        nodes=tuple(corners(ring) for ring in source.rings),
+        headings_deg=tuple(trace(ring).headings_deg for ring in source.rings),
+        corridors=corridors,
+        spaces=turning_spaces_of(corridors),
+        lights=tuple(Point(float(x), float(y)) for x, y in lights_of(source)),
+        bounded=bounded,
+    )
+
+
+def _beyond(corridor: Corridor, at: Point) -> float:
+    along = corridor.along(at.x, at.y)
+    return max(-along, along - corridor.length_mm, 0.0)
+
+
+class Spot(NamedTuple):
+    """A node of a building: the index of its floor, of its ring, and its own."""
+
+    floor: int
+    ring: int
+    node: int
+
+
+@dataclass(frozen=True, slots=True)
+class Lift:
+    """A ride of an elevator, from before its doors at one node to before those at another; both ways."""
+
+    one: Spot
+    other: Spot
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Stretch:
+    """The part of a way on one floor: from a node to another one through corridors, by their indices.
+
+    `length_mm` is what is counted of it.
+    """
+
+    origin: Spot
+    goal: Spot
+    corridors: tuple[int, ...]
+    length_mm: float
+
+
+Way = tuple[Stretch | Lift, ...]
+"""In order; from floor to floor there is a lift."""
+
+
+@dataclass(frozen=True, slots=True, order=True)
+class _RingPlace:
+    floor: int
+    ring: int
+    edge: int
+    offset_mm: float
+
+
+@dataclass(frozen=True, slots=True, order=True)
+class _MiddlePlace:
+    floor: int
+    corridor: int
+    along_mm: float
+
+
+def shortest_way(
+    layouts: tuple[Layout, ...], lifts: tuple[Lift, ...], origin: Spot, goal: Spot, travel: Travel | None
+) -> Way | None:
+    """The shortest way from node to node; None where there is none.
+
+    Elevators are ridden to other floors, and to the same one only where it has no way of its own.
+
+    Args:
+        travel: how all floors are traveled; None: each as its map says.
+    """
+    if origin.floor == goal.floor:
+        alone = _shortest(layouts, (), origin, goal, travel)
+        if alone is not None:
+            return alone
+    return _shortest(layouts, lifts, origin, goal, travel) if lifts else None
+
+
+def _shortest(
+    layouts: tuple[Layout, ...], lifts: tuple[Lift, ...], origin: Spot, goal: Spot, travel: Travel | None
+) -> Way | None:
+    graph = nx.DiGraph()
+    ends = {origin, goal, *(spot for lift in lifts for spot in (lift.one, lift.other))}
+    for floor in {spot.floor for spot in ends}:
+        layout = layouts[floor]
+        here = [spot for spot in ends if spot.floor == floor]
+        match travel or layout.source.travel:
+            case "wall-on-left":
+                one_ring = origin.floor == goal.floor == floor and origin.ring == goal.ring
+                _add_rings(graph, floor, layout, here, linked=not one_ring)
+            case "either":
+                _add_corridors(graph, floor, layout, here)
+    for lift in lifts:
+        for one, other in ((lift.one, lift.other), (lift.other, lift.one)):
+            graph.add_edge(one, other, weight=_RIDE_MM, length=0.0, corridor=None)
+    try:
+        return _parts(graph, nx.dijkstra_path(graph, origin, goal))
+    except (nx.NetworkXNoPath, nx.NodeNotFound):
+        return None
+
+
+def _step(
+    graph: Any, here: object, there: object, length: float, corridor: int | None, more: float = 0.0
+) -> None:
+    """An edge of the graph; of several between the same places the shortest is kept."""
+    weight = length + more + _HOP_MM
+    if not graph.has_edge(here, there) or graph[here][there]["weight"] > weight:
+        graph.add_edge(here, there, weight=weight, length=length, corridor=corridor)
+
+
+def _add_rings(graph: Any, floor: int, layout: Layout, ends: list[Spot], linked: bool) -> None:
+    links = layout.source.links if linked else ()
+    rings = layout.source.rings
+    spots = {node.name: (r, n) for r, ring in enumerate(rings) for n, node in enumerate(ring.nodes)}
+    ports = [tuple(_RingPlace(floor, *spots[site.node], site.offset_mm) for site in link) for link in links]
+    for r, ring in enumerate(rings):
+        places = [_RingPlace(floor, r, n, 0.0) for n in range(len(ring.nodes))]
+        places += [place for port in ports for place in port if place.ring == r]
+        places = sorted(set(places))
+        for here, there in zip(places, [*places[1:], places[0]], strict=True):
+            edge = ring.edges[here.edge]
+            until = there.offset_mm if there.edge == here.edge and there > here else edge.length_mm
+            length = until - here.offset_mm if edge.counted else 0.0
+            _step(graph, here, there, length, layout.corridor_at(r, here.edge))
+    for one, other in ports:
+        _step(graph, one, other, 0.0, None)
+        _step(graph, other, one, 0.0, None)
+    for spot in ends:
+        place = _RingPlace(floor, spot.ring, spot.node, 0.0)
+        _step(graph, spot, place, 0.0, None)
+        _step(graph, place, spot, 0.0, None)
+
+
+def _add_corridors(graph: Any, floor: int, layout: Layout, ends: list[Spot]) -> None:
+    along: list[set[_MiddlePlace]] = [set() for _ in layout.corridors]
+    for space in layout.spaces:
+        turn = [
+            _MiddlePlace(floor, k, round(layout.corridors[k].along(*space.middle), 3))
+            for k in space.corridors
+        ]
+        for place in turn:
+            along[place.corridor].add(place)
+        _step(graph, turn[0], turn[1], 0.0, None, _TURN_MM)
+        _step(graph, turn[1], turn[0], 0.0, None, _TURN_MM)
+    for spot in ends:
+        k = layout.corridor_of_node(spot.ring, spot.node)
+        if k is not None:
+            at = layout.nodes[spot.ring][spot.node]
+            place = _MiddlePlace(floor, k, round(layout.corridors[k].abreast(*at), 3))
+            along[k].add(place)
+            _step(graph, spot, place, 0.0, k)
+            _step(graph, place, spot, 0.0, k)
+    for k, places in enumerate(along):
+        for here, there in pairwise(sorted(places)):
+            _step(graph, here, there, there.along_mm - here.along_mm, k)
+            _step(graph, there, here, there.along_mm - here.along_mm, k)
+
+
+def _parts(graph: Any, path: list[Any]) -> Way:
+    """A path of the graph, cut where it rides from floor to floor."""
+    parts: list[Stretch | Lift] = []
+    origin, length = path[0], 0.0
+    corridors: list[int] = []
+    for here, there in pairwise(path):
+        if isinstance(here, Spot) and isinstance(there, Spot):
+            # An elevator that is told from floor to floor is ridden in one go.
+            match parts[-1:]:
+                case [Lift(one=first)]:
+                    parts[-1] = Lift(first, there)
+                case _:
+                    parts.append(Lift(here, there))
+            origin, length, corridors = there, 0.0, []
+            continue
+        step = graph[here][there]
+        length += step["length"]
+        if step["corridor"] is not None and corridors[-1:] != [step["corridor"]]:
+            corridors.append(step["corridor"])
+        if isinstance(there, Spot):
+            parts.append(Stretch(origin=origin, goal=there, corridors=tuple(corridors), length_mm=length))
+    return tuple(parts)

@@ -1,0 +1,160 @@
+"""A way through corridors as straight legs, and each leg as segments in the modes of the Navigator (thesis
+section 5.3).
+
+    L  from the start of the leg to below its last light; left out where none hangs on the way
+    E  on to the middle of the turning space         (all legs but the last)
+    C  from there, in the heading of the next leg, out of the turning space
+    D  on to the goal                                (the last leg)
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from itertools import pairwise
+
+from colony.nav.maps.corridors import Corridor, crossing
+from colony.nav.maps.stickrep.geometry import Point, direction
+from colony.nav.plan.plan import Place, Segment
+from colony.nav.shared import GoalKind
+
+LEAVE_MM = 500.0
+"""How far out of a turning space a robot drives before it looks for lights."""
+
+LIGHT_AHEAD_MM = 600.0
+"""A light is tracked if it is that far ahead at least where the tracking begins: the leading edge of a nearer
+one, 0.3 m before its middle, is about to pass or has passed already."""
+
+LIGHT_BEFORE_GOAL_MM = 500.0
+"""A light is tracked if the goal is that far beyond it at least: a robot that passes it may overshoot."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Leg:
+    """A straight way along the middle of one corridor.
+
+    `before_mm` and `after_mm` are how much of it, at either end, lies in a turning space.
+    """
+
+    corridor: Corridor
+    start: Point
+    end: Point
+    before_mm: float = 0.0
+    after_mm: float = 0.0
+
+    @property
+    def length_mm(self) -> float:
+        return math.hypot(self.end.x - self.start.x, self.end.y - self.start.y)
+
+    @property
+    def heading_deg(self) -> float:
+        """Where it leads; one without length leads as its corridor does."""
+        along = self.corridor.along(*self.end) - self.corridor.along(*self.start)
+        return self.corridor.heading_deg if along >= 0.0 else (self.corridor.heading_deg + 180.0) % 360.0
+
+    def at(self, along_mm: float) -> Point:
+        """The place so far after its start."""
+        unit = direction(self.heading_deg)
+        return Point(self.start.x + along_mm * unit.x, self.start.y + along_mm * unit.y)
+
+
+@dataclass(frozen=True, slots=True)
+class Apart:
+    """Two corridors that were to follow one another, and do not meet."""
+
+    one: Corridor
+    other: Corridor
+
+
+def legs_of(corridors: tuple[Corridor, ...], origin: Point, goal: Point) -> tuple[Leg, ...] | Apart:
+    """The legs through corridors, one after the other, from abreast of one place to abreast of another."""
+    order = _without_returns(list(range(len(corridors))), corridors)
+    bends = []
+    for i, j in pairwise(order):
+        middle = crossing(corridors[i], corridors[j])
+        if middle is None:
+            return Apart(corridors[i], corridors[j])
+        bends.append(middle)
+    chain = [corridors[i] for i in order]
+    first, last = chain[0], chain[-1]
+    ends = [first.at(first.abreast(*origin)), *bends, last.at(last.abreast(*goal))]
+    legs = []
+    for i, corridor in enumerate(chain):
+        before = chain[i - 1].width_mm / 2 if i > 0 else 0.0
+        after = chain[i + 1].width_mm / 2 if i + 1 < len(chain) else 0.0
+        legs.append(Leg(corridor=corridor, start=ends[i], end=ends[i + 1], before_mm=before, after_mm=after))
+    return tuple(legs)
+
+
+def _without_returns(order: list[int], corridors: tuple[Corridor, ...]) -> list[int]:
+    """Leave out the dead ends that a ring leads into and out of again."""
+    kept: list[int] = []
+    for i in order:
+        if kept and corridors[kept[-1]] == corridors[i]:
+            continue
+        if len(kept) > 1 and corridors[kept[-2]] == corridors[i]:
+            kept.pop()
+            continue
+        kept.append(i)
+    return kept
+
+
+def segments_of(
+    legs: tuple[Leg, ...], lights: tuple[Point, ...], floor: str
+) -> tuple[tuple[Segment, ...], str]:
+    """The segments of legs on one floor, and one letter a mode."""
+    segments: list[Segment] = []
+    modes = ""
+    for i, leg in enumerate(legs):
+        last = i == len(legs) - 1
+        marks = _lights_on(leg, lights, first=i == 0, last=last)
+        at = 0.0
+        if i > 0:
+            at = _leaving(leg, marks, last)
+            segments.append(_segment(GoalKind.CORNER, leg, 0.0, at, floor))
+            modes += "c"
+        if marks:
+            offsets = tuple(mark - at for mark in marks)
+            segments.append(_segment(GoalKind.LIGHTS, leg, at, marks[-1], floor, offsets))
+            modes += "l"
+            at = marks[-1]
+        kind = GoalKind.DEAD_RECKONING if last else GoalKind.ENTER_CORNER
+        segments.append(_segment(kind, leg, at, leg.length_mm, floor))
+    return tuple(segments), modes + "d"
+
+
+def _lights_on(leg: Leg, lights: tuple[Point, ...], first: bool, last: bool) -> tuple[float, ...]:
+    """How far after the leg's start the lights are that are to be tracked on it, rising."""
+    unit = direction(leg.heading_deg)
+    low = LIGHT_AHEAD_MM if first else leg.before_mm + LIGHT_AHEAD_MM
+    high = leg.length_mm - (LIGHT_BEFORE_GOAL_MM if last else leg.after_mm)
+    marks = []
+    for light in lights:
+        dx, dy = light.x - leg.start.x, light.y - leg.start.y
+        along, left = dx * unit.x + dy * unit.y, dy * unit.x - dx * unit.y
+        if low <= along <= high and abs(left) <= leg.corridor.width_mm / 2:
+            marks.append(along)
+    return tuple(sorted(marks))
+
+
+def _leaving(leg: Leg, marks: tuple[float, ...], last: bool) -> float:
+    """How far to drive out of the turning space in which a leg begins.
+
+    Never beyond half of the leg, so that a robot that drives too far still has its end before it, and never
+    so far that the first light is not ahead any more.
+    """
+    out = min(leg.before_mm + LEAVE_MM, leg.length_mm / 2)
+    return min(out, marks[0] - LIGHT_AHEAD_MM) if marks else out
+
+
+def _segment(
+    kind: GoalKind, leg: Leg, start: float, end: float, floor: str, lights: tuple[float, ...] = ()
+) -> Segment:
+    return Segment(
+        kind=kind,
+        heading_deg=leg.heading_deg,
+        start=Place(*leg.at(start), floor),
+        end=Place(*leg.at(end), floor),
+        width_mm=leg.corridor.width_mm,
+        lights_mm=lights,
+    )

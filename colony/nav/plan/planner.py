@@ -1,0 +1,235 @@
+"""The Path Planner's local part: a client that gives the Navigator the segments of a plan, one by one (thesis
+sections 5.3 and 5.8).
+
+For each segment it sets GoalType, GoalDirection and GoalDistance, ups $GoalData, and waits for $RobotStatus.
+A segment of lights is also for CTracker, which has LightOffset and $TrackData, and for the Local Mapper,
+which has $StartMap: there the Planner waits for $EndLMode, too, and reads Overshoot.
+
+How far a goal is can be told in two ways. By the pose, it is what is left of the segment from where the robot
+believes to be, which others keep correcting. By reckoning, as in the thesis, it is the segment's length, less
+the overshoot of the lights before it; the thesis did that from December 1993 on, and before not even that.
+
+Before a segment that is an elevator's it sets ElevatorCall, for who presses the buttons, and after it Floor,
+for who needs the walls around the robot: when the position has become one of that floor's map.
+
+Where a Planner dies, the robot goes on to the present goal and stands there. Another one begins with a plan
+from where the robot is: its first goal takes the place of what is pursued, and answers that nobody took are
+thrown away. GoalType NONE, set by somebody else, halts the robot while the Planner goes on waiting. It is no
+pause: the Navigator would measure the whole distance anew. To stop for good, end the Planner, then set
+GoalType to NONE; to go on, start another Planner.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Generator
+from itertools import pairwise
+from typing import Any, Literal, NamedTuple, assert_never
+
+from colony.nav.asks import taken
+from colony.nav.maps.signs import Plate
+from colony.nav.maps.stickrep.geometry import Point, direction
+from colony.nav.missions.elevator_calls import Call
+from colony.nav.missions.goal_verification import Verdict, goal_verdict, remember_plates
+from colony.nav.plan.plan import Plan, Segment
+from colony.nav.shared import (
+    ELEVATOR_CALL,
+    END_L_MODE,
+    FLOOR,
+    GOAL_DATA,
+    GOAL_DIRECTION,
+    GOAL_DISTANCE,
+    GOAL_TYPE,
+    GOAL_VERIFIED,
+    LIGHT_OFFSET,
+    OVERSHOOT,
+    ROBOT_STATUS,
+    SEMAPHORES,
+    START_MAP,
+    TRACK_DATA,
+    GoalKind,
+)
+from colony.runtime.kit.script import Script, Step, do, sleep
+from colony.runtime.library import data, robot
+
+INTO_ELEVATOR_MM = 900.0
+"""How far behind its doors a robot stands in an elevator: in the middle of a cabin that is 1.8 m deep."""
+
+SHORT_MM, MOST_SHORT_MM = 50.0, 1_500.0
+"""A robot that is short of its goal by so much, by what the plate there told of its place, goes on; who is
+short by more than the latter is lost, and better stays."""
+
+Positions = Literal["pose", "reckoning"]
+"""How distances are told: from where the robot believes to be, or from nominal lengths and overshoots."""
+
+OnSegment = Callable[[int, Segment], None]
+"""Is told the number, from 0, of each segment that begins."""
+
+OnVerdict = Callable[[Verdict], None]
+"""Is told what the plates say of the goal, in the end."""
+
+
+class Goal(NamedTuple):
+    """What the Navigator is told; `offsets_mm` is for CTracker."""
+
+    kind: GoalKind
+    direction_deg: float
+    distance: float
+    offsets_mm: tuple[float, ...] = ()
+
+
+def goal_of(segment: Segment, progress_mm: float) -> Goal:
+    """The goal of a segment for a robot that is so far after its start.
+
+    Lights that are behind are left out. Where nothing is left of a segment its goal is 0 mm away, which the
+    Navigator has reached at once: so the goals of a plan are as many as its segments, and in their order.
+
+    Raises:
+        ValueError: no robot can go along a segment of this kind.
+    """
+    match segment.kind:
+        case GoalKind.LIGHTS:
+            ahead = [light - progress_mm for light in segment.lights_mm if light > progress_mm]
+            if not ahead:
+                return Goal(GoalKind.DEAD_RECKONING, segment.heading_deg, 0.0)
+            offsets = (ahead[0], *(after - before for before, after in pairwise(ahead)))
+            return Goal(segment.kind, segment.heading_deg, len(ahead), offsets)
+        case GoalKind.CORNER | GoalKind.DEAD_RECKONING | GoalKind.ENTER_CORNER:
+            return Goal(segment.kind, segment.heading_deg, max(segment.length_mm - progress_mm, 0.0))
+        case GoalKind.ELEVATOR:
+            to_doors_mm = max(segment.doors_mm[0] - progress_mm, 0.0)
+            return Goal(segment.kind, segment.heading_deg, to_doors_mm + INTO_ELEVATOR_MM)
+        case GoalKind.NONE:
+            raise ValueError("expected a segment that leads somewhere; found one of the kind NONE")
+        case _:
+            assert_never(segment.kind)
+
+
+def progress_along(segment: Segment, x_mm: float, y_mm: float) -> float:
+    """How far after a segment's start a place is, along its heading, in mm."""
+    unit = direction(segment.heading_deg)
+    return (x_mm - segment.start.x_mm) * unit.x + (y_mm - segment.start.y_mm) * unit.y
+
+
+def landing(ride: Segment, x_mm: float, y_mm: float) -> Point:
+    """Where a robot stands that has left an elevator, in mm on the map of the floor it is on.
+
+    It is as far from the doors as it would be on the other floor; the corridor may be wider here.
+
+    Args:
+        x_mm, y_mm: its place as it is reckoned, as if the ride had led back to the floor where it began.
+    """
+    unit, ahead = direction(ride.turn_deg), direction(ride.heading_deg + ride.turn_deg)
+    x, y = x_mm - ride.start.x_mm, y_mm - ride.start.y_mm
+    nearer = ride.doors_mm[1] - ride.doors_mm[0]
+    return Point(
+        ride.end.x_mm + unit.y * x + unit.x * y + nearer * ahead.x,
+        ride.end.y_mm - unit.x * x + unit.y * y + nearer * ahead.y,
+    )
+
+
+def planner(
+    plan: Plan,
+    *,
+    positions: Positions = "pose",
+    compensate: bool = True,
+    on_segment: OnSegment | None = None,
+    verify: Plate | None = None,
+    on_verdict: OnVerdict | None = None,
+) -> Script:
+    """Lead the robot along a plan; ends when it has arrived and was told to stand.
+
+    Args:
+        positions: how distances are told.
+        compensate: with `reckoning`, take the overshoot of lights off the distance that follows.
+        on_segment: is told of each segment that begins.
+        verify: the plate that hangs at the goal: whether it was read there is told by GoalVerified, and what
+            the robot is short of the goal by then is driven.
+        on_verdict: is told whether it was read, too.
+    """
+    yield from _begin(plan.segments[0].start.floor)
+    if verify is not None:
+        yield from remember_plates()
+    reckoned_mm, begun_ns = 0.0, 0
+    for number, segment in enumerate(plan.segments):
+        if on_segment is not None:
+            on_segment(number, segment)
+        if verify is not None:
+            begun_ns = yield from sleep(0.0)
+        if segment.kind is GoalKind.ELEVATOR:
+            call = Call(segment.doors[0], segment.start.floor, segment.end.floor)
+            yield from do("DServer", data.set(ELEVATOR_CALL, list(call)))
+        progress_mm = reckoned_mm
+        if positions == "pose":
+            here = yield from do("RServer", robot.position())
+            progress_mm = progress_along(segment, here.x, here.y)
+        goal = goal_of(segment, progress_mm)
+        overshoot_mm = yield from _pursue(goal)
+        reckoned_mm = overshoot_mm if compensate else 0.0
+        if segment.kind is GoalKind.ELEVATOR:
+            yield from _change_floor(segment)
+    yield from do("DServer", data.set(GOAL_TYPE, int(GoalKind.NONE)))
+    if verify is not None:
+        verdict = yield from _verify(verify, plan.segments[-1], begun_ns)
+        if on_verdict is not None:
+            on_verdict(verdict)
+
+
+def _begin(floor: str) -> Generator[Step, Any, None]:
+    """See to it that all semaphores are there, and that nothing is meant any more that a Planner announced
+    which was ended half-way."""
+    for name in SEMAPHORES:
+        yield from do("DServer", data.create_semaphore(name, 0))
+    for name in (START_MAP, TRACK_DATA, GOAL_DATA):
+        yield from _drain(name)
+    yield from do("DServer", data.set_many({FLOOR: floor, ELEVATOR_CALL: []}))
+
+
+def _verify(plate: Plate, last: Segment, begun_ns: int) -> Generator[Step, Any, Verdict]:
+    """Read the plate at the goal, which corrects the position too, and drive what is left of the way."""
+    verdict = yield from goal_verdict(plate, begun_ns=begun_ns)
+    here = yield from do("RServer", robot.position())
+    rest_mm = last.length_mm - progress_along(last, here.x, here.y)
+    if SHORT_MM < rest_mm < MOST_SHORT_MM:
+        yield from _pursue(Goal(GoalKind.DEAD_RECKONING, last.heading_deg, rest_mm))
+        yield from do("DServer", data.set(GOAL_TYPE, int(GoalKind.NONE)))
+    yield from do("DServer", data.set(GOAL_VERIFIED, int(verdict)))
+    return verdict
+
+
+def _drain(semaphore: str) -> Generator[Step, Any, None]:
+    while (yield from taken(semaphore, 0.0)):
+        pass
+
+
+def _pursue(goal: Goal) -> Generator[Step, Any, float]:
+    """Give a goal and wait until it is reached; how far the robot was beyond it then, as far as is known."""
+    values: dict[str, object] = {
+        GOAL_TYPE: int(goal.kind),
+        GOAL_DIRECTION: goal.direction_deg,
+        GOAL_DISTANCE: goal.distance,
+    }
+    lights = goal.kind is GoalKind.LIGHTS
+    if lights:
+        values[LIGHT_OFFSET] = list(goal.offsets_mm)
+    yield from do("DServer", data.set_many(values))
+    # Nothing is asked now: what is there answers a goal of a Planner that was ended.
+    yield from _drain(ROBOT_STATUS)
+    yield from _drain(END_L_MODE)
+    if lights:
+        yield from do("DServer", data.signal(TRACK_DATA))
+        yield from do("DServer", data.signal(START_MAP))
+    yield from do("DServer", data.signal(GOAL_DATA))
+    overshoot_mm = 0.0
+    if lights:
+        yield from do("DServer", data.wait(END_L_MODE))
+        overshoot_mm = float((yield from do("DServer", data.get(OVERSHOOT))))
+    yield from do("DServer", data.wait(ROBOT_STATUS))
+    return overshoot_mm
+
+
+def _change_floor(ride: Segment) -> Generator[Step, Any, None]:
+    """The base reckoned as if it had stayed on its floor; from here on it counts in the other floor's map."""
+    here = yield from do("RServer", robot.position())
+    there = landing(ride, here.x, here.y)
+    yield from do("RServer", robot.adjust_position(there.x - here.x, there.y - here.y, ride.turn_deg))
+    yield from do("DServer", data.set_many({FLOOR: ride.end.floor, ELEVATOR_CALL: []}))

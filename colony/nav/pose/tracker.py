@@ -1,0 +1,293 @@
+"""Follows a robot through the map of its floor, by odometry, sonar and landmarks.
+
+In the normal case the position filter does it all. Where it lost the way, because a wheel slipped, say,
+headings around the believed one are tried on single scans; where that fails, a local map of the last meters
+is made, and the lines in it are matched to the walls. Without scans against the map such local maps, one
+after the other, take their place.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from enum import Enum
+from typing import NamedTuple
+
+import numpy as np
+
+from colony.nav.mapping.himm import HimmSetting
+from colony.nav.mapping.local_map import Trail
+from colony.nav.mapping.wall_matching import Gate, WallMatch, combined, matched, sighted
+from colony.nav.maps.stickrep.model import Pose
+from colony.nav.maps.walls import Walls
+from colony.nav.pose.echoes import Floats, Mirrors, Ring, SonarModel, mirrors_of
+from colony.nav.pose.filter import Leap, PoseFilter
+from colony.nav.pose.fixes import Fix, Row
+from colony.nav.pose.pose import PoseEstimate
+from colony.nav.pose.steps import Step
+from colony.nav.pose.way_back import WayBack
+from colony.runtime.library.robot import Position
+
+
+class Source(Enum):
+    """What the pose of a robot is known by, besides its odometry."""
+
+    SONAR = "sonar"  # scans against the map
+    LOCAL_MAPS = "local-maps"  # lines in maps of the last meters, matched to the walls of the map
+    LIGHTS = "lights"
+    PLATES = "plates"
+    MARKERS = "markers"
+
+
+ALL = frozenset(Source)
+
+LANDMARKS = (Source.LIGHTS, Source.PLATES, Source.MARKERS)
+"""The sources that tell fixes."""
+
+
+class Told(NamedTuple):
+    """A fix, and whose it is."""
+
+    source: Source
+    fix: Fix
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Correction:
+    """By how much a position is off: what is to be added to it, in mm and degrees."""
+
+    x_mm: float
+    y_mm: float
+    heading_deg: float
+
+    @property
+    def is_worth_telling(self) -> bool:
+        """Whether it is more than the noise of the estimate."""
+        return math.hypot(self.x_mm, self.y_mm) > _WORTH_MM or abs(self.heading_deg) > _WORTH_DEG
+
+
+_WORTH_MM = 4.0
+_WORTH_DEG = 0.15
+_LEAP_MM = 1_000.0
+_FASTEST_MM_S = 800.0
+_SLACK_MM = 20.0
+_NEAR_MM = 1_000.0
+_TIMING_S = 0.02
+_RETRY_SCANS = 5
+_HOPEFUL_SCANS = 50
+_PAUSE_SCANS = 20  # trying takes time, and who is lost for long is probably outside of the map
+_TRAIL_MM = 3_000.0
+_LEAST_TRAIL_MM = 1_500.0
+_NO_STEP = Step(0.0, 0.0, 0.0)
+_MOST_WAITING = 20
+_LINES_AFTER_SCANS = 15
+_LINES_GATE = Gate(angle_deg=40.0, offset_mm=1_000.0)
+_LINES_MM, _LINES_DEG = 20.0, 0.3  # no line tells more than that: walls are not quite where they are drawn
+# Lights are found again by two of them; a plate or a marker may always be another one.
+_TRUSTED = {
+    Source.LIGHTS: Leap(2_600.0, math.radians(20.0)),
+    Source.PLATES: Leap(400.0, math.radians(10.0)),
+    Source.MARKERS: Leap(600.0, math.radians(15.0)),
+    Source.LOCAL_MAPS: Leap(_LINES_GATE.offset_mm, math.radians(_LINES_GATE.angle_deg)),
+}
+_NEW_FLOOR_MM, _NEW_FLOOR_DEG = 150.0, 4.0  # after a ride, in which nothing but the odometry was known
+
+
+class PoseTracker:
+    """Where a robot is. Mutable: the filter, the newest position that it was given, its way and the scans of
+    the last meters, the walls near by, and the fixes of moments that are still to come."""
+
+    def __init__(
+        self, walls: Walls, sonar: SonarModel | None = None, *, sources: frozenset[Source] = ALL
+    ) -> None:
+        """Begin without a position: the first one is taken as it is."""
+        self._sonar = sonar or SonarModel()
+        self._sources = sources
+        self._ring = Ring(self._sonar)
+        self._himm = HimmSetting(
+            half_side_mm=_TRAIL_MM + 4_000.0,
+            full_range_mm=self._sonar.full_range_mm,
+            ring_mm=self._sonar.ring_mm,
+        )
+        self._mirrors = mirrors_of(walls)
+        self._near: Mirrors | None = None
+        self._near_at = (0.0, 0.0)
+        self._last: Position | None = None
+        self._trail = Trail(_TRAIL_MM)
+        self._way_back = WayBack()
+        self._waiting: tuple[Told, ...] = ()
+        self._lost_scans = 0
+        self._filter: PoseFilter | None = None
+
+    @property
+    def estimate(self) -> PoseEstimate | None:
+        """Where the robot was at the newest position; None before the first one."""
+        if self._filter is None or self._last is None:
+            return None
+        x, y, heading = self._filter.state[:3].tolist()
+        degrees = np.array([1.0, 1.0, math.degrees(1.0)])
+        c = self._filter.covariance[:3, :3] * np.outer(degrees, degrees)
+        upper = (float(c[i, j]) for i in range(3) for j in range(i, 3))
+        return PoseEstimate(self._last.t_ns, x, y, math.degrees(heading) % 360.0, *upper)
+
+    def enter(self, walls: Walls) -> None:
+        """The robot is on another floor: its position is the next one that is taken."""
+        self._mirrors, self._near = mirrors_of(walls), None
+        self._last, self._waiting = None, ()
+
+    def take(self, ranges: Sequence[float] | None, at: Position, told: Iterable[Told] = ()) -> Correction:
+        """Take in a scan, where the robot was then by its odometry, and what landmarks tell; gives how far
+        the odometry is off.
+
+        Without ranges nothing is heard. What is not finite says nothing: neither a range nor a position.
+        Fixes of moments to come are kept until then.
+        """
+        if not all(map(math.isfinite, (at.x, at.y, at.heading))):
+            return Correction(x_mm=0.0, y_mm=0.0, heading_deg=0.0)
+        scan = None if ranges is None else np.array(ranges, dtype=np.float64)
+        last, self._last = self._last, at
+        if self._filter is None:
+            self._filter = PoseFilter(self._ring, (at.x, at.y, at.heading))
+            self._way_back.begin(at.t_ns)
+        elif last is None:
+            self._begin(self._filter, at, (_NEW_FLOOR_MM, _NEW_FLOOR_DEG))
+        else:
+            self._move(self._filter, last, at, scan)
+        self._look_at(self._filter, told)
+        if scan is not None:
+            self._hear(self._filter, scan, _blur_rad(last, at))
+        x, y, heading = self._filter.state[:3].tolist()
+        turned = math.remainder(math.degrees(heading) - at.heading, 360.0)
+        return Correction(x_mm=x - at.x, y_mm=y - at.y, heading_deg=turned)
+
+    def told(self, by: Correction) -> None:
+        """The odometry was corrected: what it says next has this in it."""
+        if (last := self._last) is not None:
+            heading = last.heading + by.heading_deg
+            self._last = Position(x=last.x + by.x_mm, y=last.y + by.y_mm, heading=heading, t_ns=last.t_ns)
+
+    def _begin(
+        self, filter_: PoseFilter, at: Position, sigma: tuple[float | None, float | None] = (None, None)
+    ) -> None:
+        """The robot is somewhere else."""
+        filter_.reset((at.x, at.y, at.heading), *sigma)
+        self._trail.clear()
+        self._way_back.begin(at.t_ns)
+
+    def _move(self, filter_: PoseFilter, last: Position, at: Position, scan: Floats | None) -> None:
+        driven = _FASTEST_MM_S * max(at.t_ns - last.t_ns, 0) / 1e9  # at most
+        too_far = math.hypot(at.x - last.x, at.y - last.y) - driven
+        if too_far > _LEAP_MM:  # somebody set it
+            self._begin(filter_, at)
+        elif too_far > _SLACK_MM:  # somebody corrected it
+            turned = math.remainder(at.heading - last.heading, 360.0)
+            filter_.shift(at.x - last.x, at.y - last.y, math.radians(turned))
+            self._way_back.go(at.t_ns, _NO_STEP)
+        else:
+            step = filter_.move(step_between(last, at))
+            self._way_back.go(at.t_ns, step)
+            self._trail.add(step, scan)
+
+    def _look_at(self, filter_: PoseFilter, told: Iterable[Told]) -> None:
+        """Take in what landmarks tell of moments that are over."""
+        heard = (*self._waiting, *(one for one in told if one.source in self._sources))
+        self._waiting = tuple(one for one in heard if one.fix.t_ns > self._way_back.t_ns)[-_MOST_WAITING:]
+        for source, fix in heard:
+            since = self._way_back.since(fix.t_ns)
+            if fix.t_ns > self._way_back.t_ns or since is None:
+                continue
+            for row in fix.rows:
+                filter_.observe(row, since, _TRUSTED[source])
+
+    def _hear(self, filter_: PoseFilter, scan: Floats, blur_rad: float) -> None:
+        """Take in a scan."""
+        near = self._around(*filter_.state[:2].tolist())
+        if Source.SONAR in self._sources:
+            filter_.listen(near, scan, blur_rad)
+            self._find_again(filter_, near, scan)
+        elif Source.LOCAL_MAPS in self._sources and self._trail.way_mm >= _LEAST_TRAIL_MM:
+            for match in self._matches(filter_, near):
+                for row in _rows(match, filter_.state):
+                    filter_.observe(row, most=_TRUSTED[Source.LOCAL_MAPS])
+            self._trail.clear()  # each scan tells once
+
+    def _find_again(self, filter_: PoseFilter, near: Mirrors, scan: Floats) -> None:
+        """Look for the way, where it is lost."""
+        if not filter_.is_lost:
+            self._lost_scans = 0
+            return
+        self._lost_scans += 1
+        pause = _RETRY_SCANS if self._lost_scans < _HOPEFUL_SCANS else _PAUSE_SCANS
+        if self._lost_scans % pause == 1 and filter_.relocate(near, scan):
+            self._trail.clear()  # it is not known when the wheel slipped
+        elif Source.LOCAL_MAPS not in self._sources:
+            return
+        elif self._lost_scans % _LINES_AFTER_SCANS == 0 and self._trail.way_mm >= _LEAST_TRAIL_MM:
+            self._match_lines(filter_, near, scan)
+
+    def _match_lines(self, filter_: PoseFilter, near: Mirrors, scan: Floats) -> None:
+        """Correct the filter by the lines in a map of the last meters."""
+        x, y, heading = filter_.state[:3].tolist()
+        fix = combined(self._matches(filter_, near))
+        if fix is not None:
+            pose = (x + fix.x_mm, y + fix.y_mm, math.degrees(heading) + fix.heading_deg)
+            filter_.consider(pose, near, scan)
+
+    def _matches(self, filter_: PoseFilter, near: Mirrors) -> tuple[WallMatch, ...]:
+        """The walls that the lines in a map of the last meters are."""
+        x, y, heading = filter_.state[:3].tolist()
+        here = Pose(x, y, math.degrees(heading))
+        lines = self._trail.lines(self._himm)
+        found = (matched(sighted(line, here), near, here, _LINES_GATE) for line in lines)
+        return tuple(match for match in found if match is not None)
+
+    def _around(self, x_mm: float, y_mm: float) -> Mirrors:
+        """The walls that can be heard from here; found anew after each meter."""
+        moved = math.hypot(x_mm - self._near_at[0], y_mm - self._near_at[1])
+        if self._near is None or moved > _NEAR_MM:
+            reach = self._sonar.reach_mm + self._sonar.ring_mm + _NEAR_MM
+            self._near, self._near_at = self._mirrors.near(x_mm, y_mm, reach), (x_mm, y_mm)
+        return self._near
+
+
+def _blur_rad(last: Position | None, at: Position) -> float:
+    """By how much the heading at a scan may be off because scan and position are not quite of one moment."""
+    if last is None or at.t_ns <= last.t_ns:
+        return 0.0
+    turned = math.radians(abs(math.remainder(at.heading - last.heading, 360.0)))
+    return turned / ((at.t_ns - last.t_ns) / 1e9) * _TIMING_S
+
+
+def _rows(match: WallMatch, state: Floats) -> tuple[Row, ...]:
+    """What a wall that was found in a local map tells of the pose: the heading, and how far away it is."""
+    x, y, heading = state[:3].tolist()
+    off = match.normal_x * x + match.normal_y * y + match.shift_mm
+    turned = heading + math.radians(match.turn_deg)
+    return (
+        Row(0.0, 0.0, 1.0, turned, math.radians(math.hypot(match.turn_sd_deg, _LINES_DEG))),
+        Row(match.normal_x, match.normal_y, 0.0, off, math.hypot(match.shift_sd_mm, _LINES_MM)),
+    )
+
+
+def step_between(last: Position, now: Position) -> Step:
+    """How the robot moved from one position to the next, in its own frame."""
+    turned = math.radians(math.remainder(now.heading - last.heading, 360.0))
+    heading = math.radians(last.heading)
+    dx, dy = now.x - last.x, now.y - last.y
+    sine, cosine = math.sin(heading), math.cos(heading)
+    return Step(-dx * sine + dy * cosine, -dx * cosine - dy * sine, turned)
+
+
+def position_at(t_ns: int, now: Position, last: Position | None) -> Position:
+    """Where the robot was at a time near that of its newest position, if it goes on as it went before."""
+    if last is None or now.t_ns <= last.t_ns or t_ns == now.t_ns:
+        return now
+    part = min(max((t_ns - now.t_ns) / (now.t_ns - last.t_ns), -1.0), 1.0)
+    turned = math.remainder(now.heading - last.heading, 360.0)
+    return Position(
+        x=now.x + part * (now.x - last.x),
+        y=now.y + part * (now.y - last.y),
+        heading=now.heading + part * turned,
+        t_ns=t_ns,
+    )

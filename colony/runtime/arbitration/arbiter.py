@@ -1,0 +1,281 @@
+"""When an actuator is commanded in a frame, and by whom: protocol logic without input, output or a clock.
+
+Being served first is not subsuming: a server that executed the requests of a frame in the order of their
+priorities would end up with the *last* command, the least important one. So of all that is asked for in a
+frame exactly one command is dispatched, once:
+
+- Requests carry the exclusive guard: whoever bids a command knows that the network lets it through, and
+  normally nobody else bids one in that frame. Priorities are the second line of defense.
+- The frame is decided as soon as a command has come and no live client with a higher place is still to be
+  heard; a higher one that stays out delays it by the grace at most, for by its exclusive guard the command is
+  the right one. When all live clients have been heard and none commands, it is idle.
+- At the deadline the highest command of those that came is dispatched, or the idle command. A late or lost
+  client therefore leads to idle, never to a lesser behavior.
+- Two commands in one frame are a violation: it is recorded, and the higher place wins.
+- Connections from outside the network, locks and the emergency stop come in as `Others`.
+
+`ballot.py` has the rule, `Arbiter` the protocol around it: ticks, requests and times in, events out.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Literal, NamedTuple
+
+from colony.ir.program import Actuator
+from colony.ir.types import ScalarValue
+from colony.runtime.arbitration.ballot import NOBODY, Ballot, Choice, Others, Places, malformed
+from colony.runtime.protocol.messages import Fate, Hold, Request, Tick, Verdict
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Timing:
+    """Times after a tick, or after the first command, at which an arbiter stops waiting.
+
+    The deadline counts from the time that the tick tells; with `from_arrival`, from when it came.
+    """
+
+    deadline_ns: int
+    grace_ns: int
+    from_arrival: bool = False
+
+
+def timing(frame_ns: int, *, lockstep: bool = False) -> Timing:
+    """A deadline that leaves a fifth of the frame, and a tenth of it of grace.
+
+    In lockstep the times of ticks count frames, and say nothing of when these really began.
+    """
+    return Timing(deadline_ns=max(1, frame_ns * 4 // 5), grace_ns=frame_ns // 10, from_arrival=lockstep)
+
+
+class Dispatch(NamedTuple):
+    """Event: send this now. `values` are in base units; None when nothing is sent (`idle hold`)."""
+
+    k: int
+    by: str | None
+    values: tuple[ScalarValue, ...] | None
+    fault: str | None
+    outside: str | None = None
+    hold: Hold | None = None
+
+
+Event = Dispatch | Verdict
+
+AHEAD = 64
+"""How many frames before its tick a request may come; a wilder one is refused."""
+
+MOST_NOTES = 20
+LONGEST_NOTE = 200
+"""What a verdict has of notes at most, and of a note in characters, whatever anybody sends."""
+
+Phase = Literal["open", "dispatched", "closed"]
+
+
+class Arbiter:
+    """The protocol of one actuator. Mutable: the requests of the present frame and of those to come.
+
+    Every frame gives exactly one `Dispatch` and one `Verdict`: the dispatch when it is decided, the verdict
+    when every live client has been heard too, or the next frame begins. `places` are the clients, highest
+    first, and `priorities` theirs; without these they count down to 1.
+    """
+
+    def __init__(
+        self, actuator: Actuator, places: tuple[str, ...], times: Timing, priorities: tuple[int, ...] = ()
+    ) -> None:
+        self._actuator = actuator
+        self._places = Places(places, priorities)
+        self._times = times
+        self._phase: Phase = "closed"
+        self._tick = Tick(k=-1, t_ns=0)
+        self._ahead: dict[int, list[Request]] = {}
+        self._remarks: list[str] = []
+        self._begin(self._tick, frozenset(), 0, NOBODY)
+
+    def _begin(self, tick: Tick, lost: frozenset[str], now_ns: int, others: Others) -> None:
+        self._tick, self._others = tick, others
+        self._lost = lost.intersection(self._places.names) if lost else lost
+        self._ballot = Ballot(self._places, self._lost)
+        self._late: set[str] = set()
+        self._refused: set[str] = set()
+        self._notes, self._remarks = self._remarks, []
+        began_ns = now_ns if self._times.from_arrival else tick.t_ns
+        self._deadline_ns = began_ns + self._times.deadline_ns
+        self._decide_by = self._deadline_ns
+        self._sent: Dispatch | None = None
+
+    @property
+    def wake_at(self) -> int | None:
+        """When to call `wake` if nothing else happens."""
+        return self._decide_by if self._phase == "open" else None
+
+    def open(
+        self, tick: Tick, lost: frozenset[str], now_ns: int, others: Others = NOBODY
+    ) -> tuple[Event, ...]:
+        """A frame begins; the one before it ends, however it stands. Ticks of the past are ignored."""
+        if tick.k <= self._tick.k:
+            return ()
+        events = self._end_frame()
+        self._begin(tick, lost, now_ns, others)
+        self._phase = "open"
+        if self._ahead:
+            for request in self._ahead.pop(tick.k, ()):
+                self._note(request, now_ns)
+            self._ahead = {k: v for k, v in self._ahead.items() if k > tick.k}
+        return (*events, *self._advance(now_ns))
+
+    def receive(self, request: Request, now_ns: int) -> tuple[Event, ...]:
+        """A request came. One for a frame that is over changes nothing."""
+        k = self._tick.k
+        if request.k > k:
+            self._keep_for_later(request)
+            return ()
+        if request.k < k or self._phase == "closed":
+            return ()
+        self._note(request, now_ns)
+        return self._advance(now_ns)
+
+    def intervene(self, others: Others, now_ns: int) -> tuple[Event, ...]:
+        """What counts besides the network has changed; a frame that is dispatched already stays as it is."""
+        if self._phase != "open":
+            return ()
+        self._others = others
+        return self._advance(now_ns)
+
+    def wake(self, now_ns: int) -> tuple[Event, ...]:
+        """Time went by."""
+        return self._advance(now_ns)
+
+    def finish(self) -> tuple[Event, ...]:
+        """No frame follows: the present one ends as it stands."""
+        return self._end_frame()
+
+    def remark(self, note: str) -> None:
+        """Something for people, about this frame or, if that is over, about the next."""
+        notes = self._notes if self._phase in ("open", "dispatched") else self._remarks
+        if len(notes) < MOST_NOTES:
+            notes.append(note if len(note) <= LONGEST_NOTE else f"{note[: LONGEST_NOTE - 3]}...")
+
+    def _keep_for_later(self, request: Request) -> None:
+        if request.client not in self._places.rank:
+            return
+        if self._tick.k >= 0:
+            wild = request.k > self._tick.k + AHEAD
+        else:  # no tick yet: the first may have any number
+            wild = request.k not in self._ahead and len(self._ahead) >= AHEAD
+        kept = None if wild else self._ahead.setdefault(request.k, [])
+        if kept is not None and len(kept) < 2 * len(self._places.names):
+            kept.append(request)
+
+    def _note(self, request: Request, now_ns: int) -> None:
+        client = request.client
+        if client in self._ballot.requests or client in self._refused or client in self._late:
+            return  # a message doubled on its way
+        wrong = malformed(request, self._actuator, self._places.rank)
+        if wrong is not None:
+            self.remark(wrong)
+            if client in self._places.rank:
+                self._refused.add(client)
+                self._ballot.without(client)
+            return
+        if self._phase == "dispatched" and self._at_deadline:
+            self._late.add(client)
+            self._ballot.late(client)
+            if request.bid == "command":
+                self.remark(f"`{client}` commanded after the deadline")
+            return
+        self._ballot.take(request)
+        if request.bid == "command" and self._phase == "open":
+            self._decide_by = min(self._decide_by, now_ns + self._times.grace_ns)
+
+    def _advance(self, now_ns: int) -> tuple[Event, ...]:
+        dispatch: Dispatch | None = None
+        if self._phase == "open":
+            choice = self._ballot.choose(self._others)
+            if choice.settled or now_ns >= self._decide_by:
+                self._at_deadline = now_ns >= self._deadline_ns
+                dispatch = self._dispatch(choice)
+        if self._phase == "dispatched" and self._ballot.complete:
+            verdict = self._verdict()
+            return (verdict,) if dispatch is None else (dispatch, verdict)
+        return () if dispatch is None else (dispatch,)
+
+    def _end_frame(self) -> tuple[Event, ...]:
+        if self._phase == "open":
+            return (self._dispatch(self._ballot.choose(self._others)), self._verdict())
+        return (self._verdict(),) if self._phase == "dispatched" else ()
+
+    def _dispatch(self, choice: Choice) -> Dispatch:
+        values, fault = self._actuator.idle, None
+        if choice.outside is not None:
+            values = choice.outside.values
+        elif choice.by is not None:
+            request = self._ballot.requests[choice.by]
+            fault = request.fault
+            if request.values is not None and fault is None:
+                values = request.values
+        outside = None if choice.outside is None else choice.outside.connection
+        self._sent = Dispatch(self._tick.k, choice.by, values, fault, outside, self._others.hold)
+        self._phase = "dispatched"
+        return self._sent
+
+    def _verdict(self) -> Verdict:
+        sent = self._sent
+        assert sent is not None
+        self._phase = "closed"
+        return Verdict(
+            k=self._tick.k,
+            t_ns=self._tick.t_ns,
+            actuator=self._actuator.name,
+            by=sent.by,
+            values=declared_units(self._actuator, sent.values),
+            fates=(*((c, self._fate(c, sent)) for c in self._places.names), *self._fates_outside(sent)),
+            fault=sent.fault,
+            violation=self._ballot.commands > 1,
+            notes=tuple(self._notes),
+            outside=sent.outside,
+            hold=sent.hold,
+        )
+
+    def _fate(self, client: str, sent: Dispatch) -> Fate:
+        if client == sent.by:
+            return "won"
+        if client in self._lost:
+            return "lost"
+        if client in self._refused:
+            return "refused"
+        request = self._ballot.requests.get(client)
+        if request is None:
+            return "late"
+        if request.bid != "command":
+            return request.bid
+        return _outdone(sent)
+
+    def _fates_outside(self, sent: Dispatch) -> tuple[tuple[str, Fate], ...]:
+        """Of those outside whose command was not sent; they come after the clients of the network."""
+        if not self._others.commands:
+            return ()
+        fate: Fate = "overridden" if sent.hold is None else _outdone(sent)
+        return tuple((c.connection, fate) for c in self._others.commands if c.connection != sent.outside)
+
+
+def _outdone(sent: Dispatch) -> Fate:
+    """Why a client with a command did not get through."""
+    match sent.hold:
+        case "stopped":
+            return "stopped"
+        case "locked":
+            return "locked out"
+        case None:
+            return "overruled" if sent.outside is None else "overridden"
+
+
+def declared_units(
+    actuator: Actuator, values: tuple[ScalarValue, ...] | None
+) -> tuple[ScalarValue, ...] | None:
+    """A command in the units in which the program declares its fields."""
+    if values is None:
+        return None
+    return tuple(
+        v if isinstance(v, bool) or f.factor == 1.0 else v / f.factor
+        for f, v in zip(actuator.fields, values, strict=True)
+    )

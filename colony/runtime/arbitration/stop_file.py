@@ -1,0 +1,163 @@
+"""The file in which the Clock keeps the emergency stop, so that a Clock that is started again knows of it.
+
+Its size never changes, and it is written in place: once the file is there, keeping a stop takes no room on
+the disk, be it full to the last byte. (A file system that writes each change to a new place, such as btrfs,
+may want room all the same; then the stop is not kept, and that is told.) A checksum covers the whole content.
+What was torn by a loss of power, or is no such file at all, cannot be read: to the Clock that is a stop.
+
+The file stays open. A path that leads to another file in the meantime, or nowhere, is noticed by `is_intact`,
+and so is another content: what was written would not be found again.
+"""
+
+from __future__ import annotations
+
+import errno
+import os
+from pathlib import Path
+from zlib import crc32
+
+import msgspec
+
+from colony.files import open_descriptor, read_all, sync_folder
+from colony.runtime.protocol.messages import Stopped
+
+FILE_BYTES = 4096
+"""Size of the file: one block of common file systems, and one page of memory."""
+
+_MAGIC = b"colony stop 1 "
+_BODY_BYTES = FILE_BYTES - len(_MAGIC) - 9
+_FLAGS = os.O_NOFOLLOW
+"""A link is not followed: writing through it would change a file that is not the Clock's."""
+
+
+class Kept(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
+    """The content of the file: the stop that is on, and the time of the last release."""
+
+    stopped: Stopped | None
+    released_ns: int
+
+
+class BadStopFile(Exception):
+    """Content that no Clock wrote, or not to its end."""
+
+
+class StopFile:
+    """The file at `path`.
+
+    Mutable: the descriptor under which it is open to be written, if it is, and what was written last.
+    """
+
+    def __init__(self, path: Path) -> None:
+        self.path = path
+        self._descriptor: int | None = None
+        self._written = b""
+        self._left_over = path.with_name(f"{path.name}.new")
+
+    def read(self) -> Kept | None:
+        """Return what is kept, None if there is no file yet.
+
+        Raises:
+            BadStopFile: the content is damaged, or a `.new` file was left over by an earlier version, whose
+                Clock died while it replaced this one.
+            OSError: it cannot be read.
+        """
+        if os.path.lexists(self._left_over):
+            raise BadStopFile(f"{self._left_over.name} was left over")
+        try:
+            descriptor = open_descriptor(self.path, os.O_RDONLY | _FLAGS)
+        except FileNotFoundError:
+            return None
+        with open(descriptor, "rb") as file:
+            return _decoded(read_all(file, FILE_BYTES, self.path))
+
+    def write(self, kept: Kept) -> None:
+        """Write the file, and wait until the disk has it. There is a new one if the path leads to none.
+
+        Raises:
+            OSError: it is not kept.
+        """
+        data, opens = _encoded(kept), not self._in_place
+        try:
+            if opens:
+                self.close()
+                self._descriptor = self._reserved()
+            assert self._descriptor is not None
+            _write(self._descriptor, data)
+            self._written = data
+            if opens or os.path.lexists(self._left_over):
+                self._left_over.unlink(missing_ok=True)
+                sync_folder(self.path.parent)
+            if not self._in_place:
+                raise OSError(errno.ESTALE, "it was moved away while it was written")
+        except OSError:
+            self.close()
+            raise
+
+    @property
+    def is_intact(self) -> bool:
+        """True if the path leads to the open file, and that has what was written last."""
+        if self._descriptor is None:
+            return False
+        try:
+            return self._in_place and os.pread(self._descriptor, FILE_BYTES + 1, 0) == self._written
+        except OSError:
+            return False
+
+    def close(self) -> None:
+        """Close the file; closing twice does nothing."""
+        descriptor, self._descriptor = self._descriptor, None
+        if descriptor is not None:
+            os.close(descriptor)
+
+    @property
+    def _in_place(self) -> bool:
+        if self._descriptor is None:
+            return False
+        try:
+            return os.path.samestat(os.lstat(self.path), os.fstat(self._descriptor))
+        except OSError:
+            return False
+
+    def _reserved(self) -> int:
+        """Open the file to be written; where there is none, make one with all of its room."""
+        try:
+            return open_descriptor(self.path, os.O_RDWR | _FLAGS)
+        except FileNotFoundError:
+            descriptor = open_descriptor(self.path, os.O_RDWR | os.O_CREAT | os.O_EXCL | _FLAGS)
+        try:
+            _write(descriptor, bytes(FILE_BYTES))  # damaged to whoever reads it now: a stop
+        except OSError:
+            os.close(descriptor)
+            self.path.unlink(missing_ok=True)
+            raise
+        return descriptor
+
+
+def _write(descriptor: int, data: bytes) -> None:
+    if os.pwrite(descriptor, data, 0) != len(data):
+        raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+    if os.fstat(descriptor).st_size != len(data):
+        os.ftruncate(descriptor, len(data))
+    os.fdatasync(descriptor)
+
+
+def _encoded(kept: Kept) -> bytes:
+    body = msgspec.json.encode(kept).ljust(_BODY_BYTES - 1) + b"\n"
+    assert len(body) == _BODY_BYTES
+    return b"%s%08x %s" % (_MAGIC, crc32(body), body)
+
+
+def _decoded(data: bytes) -> Kept:
+    head, body = data[:-_BODY_BYTES], data[-_BODY_BYTES:]
+    if not data:
+        raise BadStopFile("it is empty")
+    if len(data) != FILE_BYTES or not head.startswith(_MAGIC):
+        raise BadStopFile("no Clock of this version wrote it")
+    if head != b"%s%08x " % (_MAGIC, crc32(body)):
+        raise BadStopFile("it is damaged: the checksum is wrong")
+    try:
+        kept = msgspec.json.decode(body, type=Kept)
+        msgspec.msgpack.encode(kept)  # what a tick could not carry is no time
+    except (msgspec.DecodeError, UnicodeDecodeError, OverflowError) as problem:
+        raise BadStopFile(str(problem)) from None
+    return kept

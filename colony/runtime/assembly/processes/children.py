@@ -1,0 +1,257 @@
+"""The processes that a supervisor started: watched, started again when they die, ended in order.
+
+Each is started afresh (never forked from a process that has a session open), in a process group of its own,
+so that Ctrl-C at a terminal reaches the supervisor alone, which then ends the others in their order. What a
+process prints goes to a file of its own, and the last lines of that are shown when it dies.
+"""
+
+from __future__ import annotations
+
+import os
+import signal
+import site
+import subprocess
+import sys
+import time
+from collections.abc import Callable, Iterable, Iterator
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import IO, NamedTuple
+
+import colony
+from colony.files import open_regular
+from colony.runtime.assembly.processes.ending import EXIT_FINAL
+from colony.runtime.assembly.processes.restarts import Restarts
+
+TAIL_BYTES = 4096
+TAIL_LINES = 8
+POLL_S = 0.005
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Job:
+    """A process to start: `module` is run with `arguments`, and what it prints goes into the file `log`.
+
+    `wave` tells when it is ended: those of wave 0 first, the next ones when these are gone. Without an
+    `essential` one there is no point in going on.
+    """
+
+    name: str
+    module: str
+    arguments: tuple[str, ...]
+    log: Path
+    wave: int
+    essential: bool
+
+
+class Death(NamedTuple):
+    """A process ended although nobody told it to.
+
+    `said` are the last lines that it printed. `pause_s` is the time until it is started again; None: it is
+    given up. `final`: it said that it was started wrongly.
+    """
+
+    job: Job
+    why: str
+    said: tuple[str, ...]
+    pause_s: float | None
+    final: bool
+
+
+@dataclass(frozen=False, slots=True)
+class _Child:
+    job: Job
+    process: subprocess.Popen[bytes] | None = None
+    began_ns: int = 0
+    due_ns: int | None = None
+    restarts: Restarts = field(default_factory=Restarts)
+
+
+class Children:
+    """Mutable: which processes live.
+
+    Args:
+        clock: nanoseconds that never go back.
+    """
+
+    def __init__(self, *, clock: Callable[[], int] = time.monotonic_ns) -> None:
+        self._clock = clock
+        self._children: dict[str, _Child] = {}
+
+    def start(self, job: Job) -> None:
+        """Start a process.
+
+        Raises:
+            OSError: it could not be started.
+        """
+        job.log.unlink(missing_ok=True)
+        child = _Child(job)
+        self._children[job.name] = child
+        self._spawn(child)
+
+    def poll(self) -> tuple[Death, ...]:
+        """Who died since; and start again those whose time has come."""
+        return tuple(death for child in self._children.values() for death in self._look(child))
+
+    def pid(self, name: str) -> int | None:
+        """Of a process that lives."""
+        child = self._children.get(name)
+        return child.process.pid if child is not None and child.process is not None else None
+
+    def restarts(self) -> int:
+        """How often one was started again."""
+        return sum(child.restarts.total for child in self._children.values())
+
+    def stop(self, patience_s: float) -> tuple[str, ...]:
+        """End all of them, wave by wave; gives who had to be killed.
+
+        Where this is interrupted, those that live still are told to end, and end by themselves.
+        """
+        killed: list[str] = []
+        try:
+            for wave in sorted({child.job.wave for child in self._children.values()}):
+                killed += self._end([c for c in self._children.values() if c.job.wave == wave], patience_s)
+        finally:
+            self._let_go()
+        return tuple(killed)
+
+    # --- one process ---------------------------------------------------------------------------------
+
+    def _spawn(self, child: _Child) -> None:
+        python = (sys.executable, "-P", "-u", "-X", "faulthandler")
+        with _log(child.job.log) as log:
+            child.process = subprocess.Popen(
+                [*python, "-m", child.job.module, *child.job.arguments],
+                stdin=subprocess.PIPE,
+                stdout=log,
+                stderr=subprocess.STDOUT,
+                env=_environment(one_thread=not child.job.essential),
+                process_group=0,
+            )
+        child.began_ns, child.due_ns = self._clock(), None
+
+    def _look(self, child: _Child) -> Iterator[Death]:
+        if child.process is None:
+            if child.due_ns is not None and self._clock() >= child.due_ns:
+                self._spawn(child)
+            return
+        code = child.process.poll()
+        if code is None:
+            return
+        _forget(child)
+        now = self._clock()
+        child.due_ns = None if code == EXIT_FINAL else child.restarts.died(child.began_ns, now)
+        pause_s = None if child.due_ns is None else (child.due_ns - now) / 1e9
+        yield Death(child.job, _told(code), last_lines(child.job.log), pause_s, code == EXIT_FINAL)
+        if child.due_ns is not None and child.due_ns <= now:
+            self._spawn(child)
+
+    def _end(self, children: list[_Child], patience_s: float) -> Iterable[str]:
+        for child in children:
+            child.due_ns = None
+            if child.process is not None:
+                child.process.send_signal(signal.SIGTERM)
+        until = time.monotonic() + patience_s
+        living = [c for c in children if c.process is not None]
+        while living and time.monotonic() < until:
+            living = [c for c in living if c.process is not None and c.process.poll() is None]
+            if living:
+                time.sleep(POLL_S)
+        for child in living:
+            assert child.process is not None
+            child.process.kill()
+            child.process.wait()
+        for child in children:
+            _forget(child)
+        return [child.job.name for child in living]
+
+    def _let_go(self) -> None:
+        for child in self._children.values():
+            if child.process is not None:
+                child.process.send_signal(signal.SIGTERM)
+            _forget(child)
+
+
+def _forget(child: _Child) -> None:
+    """Close its standard input, at which it ends where it lives still."""
+    process, child.process = child.process, None
+    if process is not None:
+        stdin: IO[bytes] | None = process.stdin
+        if stdin is not None:
+            stdin.close()
+
+
+def _log(path: Path) -> IO[bytes]:
+    """Open the file of what a process prints; where it cannot be made, because the disk is full for one,
+    what it prints is dropped."""
+    try:
+        return open(path, "ab", opener=_private)
+    except OSError:
+        return open(os.devnull, "ab")
+
+
+def _private(path: str, flags: int) -> int:
+    return os.open(path, flags, 0o600)
+
+
+ONE_THREAD = (
+    "(app: (worker_threads: 1), "
+    + ", ".join(f"{part}: (handover: app)" for part in ("net", "acc", "tx", "rx"))
+    + ")"
+)
+"""Threads of zenoh in a client of a program, as `ZENOH_RUNTIME` gives them: one for all of its tasks. A
+process that hands all to one thread of Python gains nothing from more, and each costs switches (measured,
+with direct hosts: a third of a frame's time). That thread must not wait for room at a link, which it would
+have to make itself: see `live/host.py`. Servers, and the gateway, keep zenoh's own threads: one that is
+flooded with calls has to go on telling the others that it lives, or they give up their links to it."""
+
+ONE_ARENA = "1"
+"""Number of heaps of the C library, as `MALLOC_ARENA_MAX` says it. Threads that come and go with connections
+would get heaps of their own, whose free memory no other thread uses again (measured: 15 MB instead of 2 in a
+server that saw 178 clients die)."""
+
+
+def _environment(*, one_thread: bool) -> dict[str, str]:
+    """The same as here, and where this package is found also if it is not installed."""
+    root = str(Path(colony.__file__).parent.parent)
+    threads = {"ZENOH_RUNTIME": ONE_THREAD} if one_thread else {}
+    environment = {**threads, "MALLOC_ARENA_MAX": ONE_ARENA, **os.environ}
+    if root not in site.getsitepackages():
+        before = environment.get("PYTHONPATH")
+        environment["PYTHONPATH"] = root if not before else os.pathsep.join((root, before))
+    return environment
+
+
+def _told(code: int) -> str:
+    if code >= 0:
+        return f"ended with exit code {code}"
+    try:
+        return f"was killed by {signal.Signals(-code).name}"
+    except ValueError:
+        return f"was killed by signal {-code}"
+
+
+def last_lines(path: Path) -> tuple[str, ...]:
+    """The end of a file of text, a few lines at most; none where it cannot be read."""
+    try:
+        with open_regular(path) as file:
+            file.seek(max(0, file.seek(0, os.SEEK_END) - TAIL_BYTES))
+            text = file.read().decode("utf-8", "replace")
+    except OSError:
+        return ()
+    return tuple(line for line in text.splitlines() if line.strip())[-TAIL_LINES:]
+
+
+def told(death: Death) -> str:
+    """A death in words: what happens next, and the last that was heard."""
+    name, pause_s = death.job.name, death.pause_s
+    if death.final and death.said:
+        return f"{name}: {death.said[-1]}"
+    if pause_s is None:
+        then = "it is given up"
+    else:
+        then = "it is started again" + (f" in {pause_s:.2g} s" if pause_s > 0 else "")
+    lines = [f"{name} {death.why}; {then}"]
+    if death.said:
+        lines += [f"its last lines, from {death.job.log}:", *(f"  {line}" for line in death.said)]
+    return "\n".join(lines)

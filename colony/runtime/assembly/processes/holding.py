@@ -1,0 +1,41 @@
+"""Variables of DServer that are held, as an operator holds a lever: set again and again, so that they are as
+fresh as any sensor that reads them wants them to be."""
+
+from __future__ import annotations
+
+import threading
+from collections.abc import Mapping
+
+from colony.ir.types import Value
+from colony.runtime.kit.connection import Session
+from colony.runtime.kit.errors import ConnectionProblem
+from colony.runtime.library import data
+from colony.runtime.protocol.fields import DSERVER
+
+AGAIN_S = 0.1
+
+
+class Holding:
+    """Sets `values` until it is closed. Mutable: the thread that does."""
+
+    def __init__(self, session: Session, values: Mapping[str, Value]) -> None:
+        self._session = session
+        self._values = values
+        self._stop = threading.Event()
+        self._thread = threading.Thread(target=self._hold, name="held variables", daemon=True)
+        self._thread.start()
+
+    def close(self) -> None:
+        """Let go; again is nothing."""
+        self._stop.set()
+        self._thread.join()
+
+    def _hold(self) -> None:
+        while not self._stop.wait(AGAIN_S):
+            try:
+                with self._session.connect(DSERVER.name, name="held variables") as connection:
+                    while not self._stop.is_set():
+                        connection.do(data.set_many(self._values))
+                        self._stop.wait(AGAIN_S)
+            except ConnectionProblem:
+                continue  # the server is on its way back

@@ -1,0 +1,114 @@
+"""What the leader of a run knows of it, and tells whoever asks: who is on time, late, lost; who drives."""
+
+from __future__ import annotations
+
+import os
+from collections import Counter
+from collections.abc import Iterable
+from dataclasses import dataclass, field
+
+from colony.runtime.library.leader import LEADER, ClientStanding, RunStatus, Standing
+from colony.runtime.observe.observer import FrameLog
+from colony.runtime.protocol.calls import Asked, CallDesk, Nothing, method
+from colony.runtime.protocol.deployment import Deployment, client_addresses
+from colony.runtime.protocol.messages import Effect, Message
+from colony.runtime.protocol.topics import client_address
+
+
+@dataclass(frozen=False, slots=True, kw_only=True)
+class _Client:
+    standing: Standing = "starting"
+    fates: Counter[Standing] = field(default_factory=Counter)
+    restarts: int = 0
+    last_error: str | None = None
+
+
+class Standings:
+    """A sink that counts, for every client, in how many frames it was on time. Mutable: the counts."""
+
+    def __init__(self, deployed: Deployment, *, file: str) -> None:
+        self._deployed = deployed
+        self._file = file
+        self._clients = {address: _Client() for address, _ in client_addresses(deployed)}
+        self._commanded_by: dict[str, str | None] = {}
+        self._k = -1
+        self._frames = 0
+        self._restarts = 0
+        self._disagreements = 0
+
+    def take(self, log: FrameLog) -> None:
+        self._frames += 1
+        self._k = log.tick.k
+        self._restarts += log.restart
+        self._disagreements += bool(log.disagreements)
+        for actuator, verdict in log.verdicts.items():
+            self._commanded_by[actuator] = verdict.by
+            for module, fate in verdict.fates:
+                client = self._clients.get(client_address(actuator, module))
+                if client is not None:
+                    client.standing = "late" if fate == "late" else "lost" if fate == "lost" else "alive"
+                    client.fates[client.standing] += 1
+
+    def close(self) -> None:
+        """The counts stay."""
+
+    @property
+    def frames(self) -> int:
+        """How many were decided."""
+        return self._frames
+
+    def died(self, address: str, said: str) -> None:
+        """The process of a client died, with these last words; of another process it is ignored."""
+        client = self._clients.get(address)
+        if client is not None:
+            client.restarts += 1
+            client.last_error = said
+
+    def status(self) -> RunStatus:
+        """All of it."""
+        return RunStatus(
+            run=self._deployed.run,
+            program=self._deployed.program,
+            file=self._file,
+            process=os.getpid(),
+            k=self._k,
+            frames=self._frames,
+            restarts=self._restarts,
+            disagreements=self._disagreements,
+            commanded_by=dict(self._commanded_by),
+            clients=tuple(
+                ClientStanding(
+                    address=address,
+                    standing=c.standing,
+                    on_time=c.fates["alive"],
+                    late=c.fates["late"],
+                    lost=c.fates["lost"],
+                    restarts=c.restarts,
+                    last_error=c.last_error,
+                )
+                for address, c in self._clients.items()
+            ),
+        )
+
+
+class LeaderServer:
+    """Answers `run` with the standings. Mutable: who is connected."""
+
+    address = LEADER
+
+    def __init__(self, standings: Standings) -> None:
+        self._standings = standings
+        self._desk = CallDesk(LEADER, (method("run", Nothing, self._run, right="read"),))
+        self.listens = self._desk.listens
+
+    def start(self, now_ns: int) -> Iterable[Effect]:
+        return ()
+
+    def handle(self, message: Message, now_ns: int) -> Iterable[Effect]:
+        return self._desk.handle(message, now_ns)
+
+    def close(self) -> None:
+        """It holds nothing."""
+
+    def _run(self, asked: Asked, arguments: object, now_ns: int) -> RunStatus:
+        return self._standings.status()

@@ -1,0 +1,114 @@
+"""The leader's connections: it deploys the program at the Clock and at every server that takes part, and
+again wherever one of them was started anew. The run ends with these connections.
+
+Each server has a thread of its own here, so that one that is missing holds up no other.
+"""
+
+from __future__ import annotations
+
+import threading
+from collections.abc import Callable, Iterable
+from contextlib import ExitStack
+
+from colony.runtime.kit.connection import Connection, Session
+from colony.runtime.kit.errors import CallRefused, ConnectionProblem, ServerNotFound
+from colony.runtime.library.clock import deploy
+from colony.runtime.protocol.deployment import Deployment
+
+PAUSE_S = 0.05
+"""Between two attempts to reach a server."""
+
+REFUSED_PAUSE_S = 0.5
+"""Until a server that leads another run is asked again: who led that may be about to be given up."""
+
+BUSY_S = 3.0
+"""For how long a server may be in another run before this one is given up: longer than a lease."""
+
+
+class Leading:
+    """Mutable: which servers the program is deployed at, and what stands in the way.
+
+    Args:
+        session: what the process has with the robot; stays open.
+        deployment: what is to be run.
+        servers: where, by name.
+        report: told of what is awaited, from other threads.
+    """
+
+    def __init__(
+        self, session: Session, deployment: Deployment, servers: Iterable[str], report: Callable[[str], None]
+    ) -> None:
+        self._session = session
+        self._deployment = deployment
+        self._report = report
+        self._stop = threading.Event()
+        self._deployed: set[str] = set()
+        self.refused: str | None = None
+        self._threads = [
+            threading.Thread(target=self._lead, args=(server,), name=f"leads {server}", daemon=True)
+            for server in servers
+        ]
+        for thread in self._threads:
+            thread.start()
+
+    @property
+    def deployed(self) -> frozenset[str]:
+        """The servers that took the program."""
+        return frozenset(self._deployed)
+
+    def close(self) -> None:
+        """End the run; again is nothing."""
+        self._stop.set()
+        for thread in self._threads:
+            thread.join()
+
+    # --- one server ----------------------------------------------------------------------------------
+
+    def _lead(self, server: str) -> None:
+        with ExitStack() as holds:
+            connection = self._connected(server)
+            if connection is None:
+                return
+            holds.enter_context(connection)
+            if self._deploy(server, connection):
+                self._deployed.add(server)
+                self._stop.wait()
+
+    def _connected(self, server: str) -> Connection | None:
+        """A connection, as soon as the server is there."""
+        name = f"run of {self._deployment.program}"
+        told = False
+        while not self._stop.is_set():
+            try:
+                return self._session.connect(server, name=name)
+            except ServerNotFound as problem:
+                if not told:
+                    self._report(f"waiting: {problem}")
+                    told = True
+            except CallRefused as problem:
+                self._give_up(server, problem)
+                return None
+            except ConnectionProblem:
+                pass
+            self._stop.wait(PAUSE_S)
+        return None
+
+    def _deploy(self, server: str, connection: Connection) -> bool:
+        """Deploy now and whenever the server comes back; whether it took it."""
+        waited_s = 0.0
+        while not self._stop.is_set():
+            try:
+                connection.keep(deploy(self._deployment))
+                return True
+            except CallRefused as problem:
+                if problem.code != "busy" or waited_s >= BUSY_S:
+                    self._give_up(server, problem)
+                    return False
+                self._stop.wait(REFUSED_PAUSE_S)
+                waited_s += REFUSED_PAUSE_S
+            except ConnectionProblem:
+                self._stop.wait(PAUSE_S)
+        return False
+
+    def _give_up(self, server: str, problem: CallRefused) -> None:
+        self.refused = self.refused or f"{server}: {problem.message}"

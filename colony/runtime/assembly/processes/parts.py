@@ -1,0 +1,156 @@
+"""From what a spec says to the nodes of a process. Each kind imports only what it needs: processes start
+soon."""
+
+from __future__ import annotations
+
+import sys
+from contextlib import ExitStack
+from functools import partial
+from pathlib import Path
+from typing import TYPE_CHECKING, assert_never
+
+from colony.runtime.assembly.processes.devices import Devices
+from colony.runtime.assembly.processes.ending import say
+from colony.runtime.assembly.processes.spec import (
+    AnnouncerPart,
+    ClientPart,
+    ClockPart,
+    CServerPart,
+    DServerPart,
+    NodePart,
+    PServerPart,
+    RServerPart,
+)
+from colony.runtime.protocol.messages import Node
+from colony.runtime.store.store import Store, StoreFull, UnmadeStore
+from colony.runtime.transport.live.place import Local, Place
+
+if TYPE_CHECKING:
+    from colony.runtime.assembly.processes.compiled import Compiled
+
+KEPT = 2000
+"""How many frames servers keep for who missed one: two seconds, also of frames of a millisecond."""
+
+
+def serves(part: NodePart) -> bool:
+    """Whether others look for it by its name."""
+    return not isinstance(part, (ClientPart, AnnouncerPart))
+
+
+def at_once(part: NodePart, nodes: tuple[Node, ...]) -> bool:
+    """Whether the part's nodes handle any message of a frame in no time to speak of: without images, disks,
+    and code in Python that somebody wrote for a module."""
+    match part:
+        case ClockPart() | RServerPart() | PServerPart():
+            return True
+        case ClientPart():
+            from colony.runtime.clients.client import ClientNode
+
+            return all(isinstance(node, ClientNode) and node.part.portable for node in nodes)
+        case CServerPart() | DServerPart() | AnnouncerPart():
+            return False
+        case _:
+            assert_never(part)
+
+
+def nodes_of(part: NodePart, place: Place, devices: Devices | None, holds: ExitStack) -> tuple[Node, ...]:
+    """The nodes that a part consists of; what they hold besides is closed with `holds`.
+
+    Raises:
+        Failure: a module in Python cannot be imported or built.
+        StoreError: what DServer kept cannot be read.
+        NotOurs, OSError: the compiled program cannot be read.
+        ValueError: the part needs hardware, or has to be on the robot's own machine, and this is not so.
+    """
+    match part:
+        case ClockPart(servers=servers, stop=stop):
+            return _clock(servers, Path(stop))
+        case RServerPart() | PServerPart() | CServerPart():
+            return (_driving(part, place, devices, holds),)
+        case DServerPart():
+            return (_dserver(part, place),)
+        case ClientPart():
+            return (_client(part),)
+        case AnnouncerPart():
+            return (_announcer(part),)
+        case _:
+            assert_never(part)
+
+
+def _clock(servers: tuple[str, ...], stop: Path) -> tuple[Node, ...]:
+    from colony.runtime.frames.clock import Clock
+    from colony.runtime.servers.runtime_server import RuntimeServer
+
+    runtime = RuntimeServer(keep=KEPT)
+    clock = Clock(servers=servers, keep=KEPT, told=runtime.use, stop_path=stop, report=say)
+    return clock, runtime
+
+
+def _driving(
+    part: RServerPart | PServerPart | CServerPart, place: Place, devices: Devices | None, holds: ExitStack
+) -> Node:
+    if devices is None or not isinstance(place, Local):
+        raise ValueError("a server of hardware runs where the hardware is")
+    robot, base_ns, device = place.robot, place.directory.base_ns(), part.device
+    match part:
+        case RServerPart():
+            from colony.runtime.servers.rserver import RServer
+
+            driver = devices.base(device, robot, base_ns, holds)
+            return RServer(driver, keep=KEPT)
+        case PServerPart():
+            from colony.runtime.servers.pserver import PServer
+
+            return PServer(devices.proximity(device, robot, base_ns, holds), keep=KEPT)
+        case CServerPart(server=server, camera=camera):
+            from colony.runtime.servers.cserver import CServer
+
+            eye = devices.camera(device, robot, camera, base_ns, holds)
+            return CServer(eye, address=server, keep=KEPT)
+
+
+def _dserver(part: DServerPart, place: Place) -> Node:
+    from colony.runtime.servers.dserver import DServer
+    from colony.runtime.store.quarantine import damages
+
+    if not isinstance(place, Local):
+        raise ValueError("DServer runs on the robot's own machine")
+    store, epoch = _store(part), str(place.directory.base_ns())
+    notes = partial(damages, Path(part.store))
+    return DServer(part.held, keep=KEPT, store=store, epoch=epoch, notes=notes)
+
+
+def _store(part: DServerPart) -> Store:
+    """Open DServer's store; one that cannot even be made is made when its disk has room."""
+    from colony.runtime.store.sqlite import SqliteStore
+
+    path = Path(part.store)
+    make = partial(SqliteStore, path, fsync=part.fsync, report=say)
+    try:
+        return make()
+    except StoreFull as problem:
+        if path.exists():
+            raise
+        return UnmadeStore(make, problem)
+
+
+def _client(part: ClientPart) -> Node:
+    from colony.runtime.assembly.nodes import build_client
+
+    compiled = _compiled(part)
+    program, clients, bindings = compiled.program, compiled.clients, compiled.bindings()
+    return build_client(program, clients, bindings, part.actuator, part.module, part.run)
+
+
+def _announcer(part: AnnouncerPart) -> Node:
+    from colony.runtime.assembly.nodes import build_announcer
+
+    compiled = _compiled(part)
+    return build_announcer(compiled.program, compiled.bindings(), part.module, part.run)
+
+
+def _compiled(part: ClientPart | AnnouncerPart) -> Compiled:
+    from colony.runtime.assembly.processes.compiled import read_compiled
+
+    sys.path += part.search
+    return read_compiled(Path(part.program))

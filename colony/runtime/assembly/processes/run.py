@@ -1,0 +1,216 @@
+"""A run of a program by processes: the one that leads it, and those that it started and watches over.
+
+The leading process deploys the program, restarts who dies, sees every frame and hands it to sinks, and tells
+whoever asks how the run stands. When it is over, or the leader is told to stop, clients fall silent first,
+then servers stop the robot. Where the leader is killed instead, all that it started end by themselves.
+"""
+
+from __future__ import annotations
+
+import threading
+import time
+from collections.abc import Callable, Iterable, Mapping
+from contextlib import ExitStack
+from types import TracebackType
+
+from colony.ir.types import Value
+from colony.runtime.assembly.processes.children import Children, Job, told
+from colony.runtime.assembly.processes.holding import Holding
+from colony.runtime.assembly.processes.leader import LeaderServer, Standings
+from colony.runtime.assembly.processes.leading import Leading
+from colony.runtime.assembly.processes.window import Window
+from colony.runtime.kit.connection import Session
+from colony.runtime.kit.hub import Hub
+from colony.runtime.protocol.deployment import Deployment
+from colony.runtime.protocol.messages import Node
+from colony.runtime.transport.live.host import Host
+from colony.runtime.transport.live.place import Local, Place
+
+LOOK_S = 0.01
+"""How often it is looked after the processes."""
+
+ENDING_S = 2.5
+"""For how long those of a wave may take to end before they are killed: longer than they take on their own."""
+
+BEGIN_S = 20.0
+"""A run that has not begun after this time is not going to."""
+
+
+class RunFailed(Exception):
+    """The run cannot begin or go on; the message, of one line or several, tells why."""
+
+
+class LedRun:
+    """A run, from the moment in which its leader has joined the robot's processes. Mutable: everything.
+
+    Args:
+        place: where the robot is.
+        deployed: what is run.
+        servers: those to deploy it at.
+        observer: sees the frames and gives them to `window`.
+        window: what of the run is of interest.
+        standings: how it stands, for who asks; one of the sinks of `window`.
+        report: told what happens, a line or several; also from other threads.
+        ended: called when all that it started has ended, while nobody else can lead a run of the robot yet.
+
+    Raises:
+        AlreadyRunning: another run is led on this machine.
+        RunDirectoryError, NotReached: the robot's processes cannot be joined.
+    """
+
+    def __init__(
+        self,
+        place: Place,
+        deployed: Deployment,
+        servers: Iterable[str],
+        *,
+        observer: Node,
+        window: Window,
+        standings: Standings,
+        report: Callable[[str], None],
+        ended: Callable[[], None] = lambda: None,
+    ) -> None:
+        self._deployed = deployed
+        self._servers = tuple(servers)
+        self._window = window
+        self._standings = standings
+        self._report = report
+        self._held: Mapping[str, Value] = {}
+        self._failure: BaseException | None = None
+        self._holds = ExitStack()
+        with ExitStack() as holds:
+            nodes = (LeaderServer(standings), observer)
+            host = holds.enter_context(
+                Host.open(place, nodes, serves=isinstance(place, Local), report=report)
+            )
+            holds.callback(ended)
+            self._children = Children()
+            holds.callback(self._end_children)
+            self._host = host
+            self._thread = threading.Thread(target=self._observe, name="observer", daemon=True)
+            self._thread.start()
+            holds.callback(self._end_observer)
+            self._holds = holds.pop_all()
+
+    def start(self, jobs: Iterable[Job]) -> None:
+        """Start processes, to be watched from now on.
+
+        Raises:
+            OSError: one cannot be started.
+        """
+        for job in jobs:
+            self._children.start(job)
+
+    def hold(self, values: Mapping[str, Value]) -> None:
+        """Hold these variables of DServer for as long as the run goes on."""
+        self._held = values
+
+    def pid(self, name: str) -> int | None:
+        """The id of a process that was started and lives."""
+        return self._children.pid(name)
+
+    def wait_for(
+        self, ready: Callable[[], bool], stop: Callable[[], bool], *, what: str, most_s: float
+    ) -> bool:
+        """Look after the processes until `ready` says so; False when `stop` ended it first.
+
+        Raises:
+            RunFailed: it takes longer than `most_s` (the message says that it is `what`), or a process cannot
+                live.
+        """
+        until = time.monotonic() + most_s
+        while not ready():
+            if stop():
+                self._window.shut()
+                return False
+            if time.monotonic() > until:
+                raise RunFailed(f"{what}: not in {most_s:g} s")
+            self._look_after_children()
+            self._window.news.wait(LOOK_S)
+        return True
+
+    def follow(self, stop: Callable[[], bool], *, meanwhile: Callable[[], object] = lambda: None) -> bool:
+        """Lead the run until its window is over; False when `stop` ended it. `meanwhile` is called all the
+        time.
+
+        Raises:
+            RunFailed: it cannot begin or go on.
+            OSError: as raised by a sink: a recording cannot be written.
+        """
+        session = Session(Hub(self._host.network))
+        self._holds.callback(session.close)
+        if self._held:
+            self._holds.callback(Holding(session, self._held).close)
+        leading = Leading(session, self._deployed, self._servers, self._report)
+        self._holds.callback(leading.close)
+        begin_by = time.monotonic() + BEGIN_S
+        while not self._window.over:
+            if stop():
+                self._window.shut()
+                return False
+            self._look_after_children()
+            self._check(leading, late=time.monotonic() > begin_by)
+            meanwhile()
+            self._window.news.wait(LOOK_S)
+            if self._window.begun and not self._window.over:
+                self._window.news.clear()
+        self._raise_failure()
+        return True
+
+    def close(self) -> None:
+        """End the run: clients, servers, hardware, in this order, then what observed them; again is nothing.
+
+        Raises:
+            Exception: as raised by a sink.
+        """
+        self._window.shut()
+        self._holds.close()
+        self._raise_failure()
+
+    def __enter__(self) -> LedRun:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self.close()
+
+    # --- inside --------------------------------------------------------------------------------------
+
+    def _observe(self) -> None:
+        """The thread that sees the frames."""
+        try:
+            self._host.run()
+        except BaseException as failure:
+            self._failure = failure
+            self._window.shut()
+
+    def _raise_failure(self) -> None:
+        failure, self._failure = self._failure, None
+        if failure is not None:
+            raise failure
+
+    def _end_observer(self) -> None:
+        self._host.stop()
+        self._thread.join()
+
+    def _end_children(self) -> None:
+        killed = self._children.stop(ENDING_S)
+        if killed:
+            self._report(f"killed, because they did not end: {', '.join(killed)}")
+
+    def _look_after_children(self) -> None:
+        for death in self._children.poll():
+            text = told(death)
+            self._standings.died(death.job.name, death.said[-1] if death.said else death.why)
+            if death.pause_s is None and (death.job.essential or not self._window.begun):
+                raise RunFailed(text)
+            self._report(text)
+
+    def _check(self, leading: Leading, *, late: bool) -> None:
+        if leading.refused is not None:
+            raise RunFailed(leading.refused)
+        if late and not self._window.begun:
+            missing = [s for s in self._servers if s not in leading.deployed]
+            why = f"{', '.join(missing)} did not answer" if missing else "no frame of it was decided"
+            raise RunFailed(f"the run has not begun after {BEGIN_S:g} s: {why}")

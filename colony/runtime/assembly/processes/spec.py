@@ -1,0 +1,197 @@
+"""What a process of a robot is told when it is started: where the robot is, and which part of it to be.
+
+It is a small file of JSON in a folder of the user's alone. The compiled program, where one is needed, is a
+file beside it (see `compiled.py`).
+"""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+
+import msgspec
+
+from colony.files import read_file
+from colony.ir.types import Value
+from colony.os_errors import naming
+from colony.runtime.transport.live.place import Credentials, Local, Place, Remote
+from colony.runtime.transport.live.run_directory import RobotDirectory
+
+SPEC_BYTES = 4 * 1024 * 1024
+"""Largest spec; it holds no more than a command line."""
+
+
+class Here(msgspec.Struct, frozen=True, kw_only=True, tag="here"):
+    """A robot of this machine, by its folder."""
+
+    robot: str
+    folder: str
+
+
+class There(msgspec.Struct, frozen=True, kw_only=True, tag="there"):
+    """A robot behind a gateway; the last four are a user's name, and paths of PEM files."""
+
+    robot: str
+    endpoint: str
+    user: str
+    certificate: str
+    key: str
+    authority: str
+
+
+class Device(msgspec.Struct, frozen=True, kw_only=True):
+    """Where the hardware is that a server drives: the socket of the plant."""
+
+    plant: str
+
+
+class ClockPart(msgspec.Struct, frozen=True, kw_only=True, tag="Clock"):
+    """The Clock, with the server `Runtime`; `servers` are expected to answer ticks, and the file `stop`
+    remembers an emergency stop."""
+
+    servers: tuple[str, ...]
+    stop: str
+
+
+class RServerPart(msgspec.Struct, frozen=True, kw_only=True, tag="RServer"):
+    """The base."""
+
+    device: Device
+
+
+class PServerPart(msgspec.Struct, frozen=True, kw_only=True, tag="PServer"):
+    """The sonars and infrared detectors."""
+
+    device: Device
+
+
+class CServerPart(msgspec.Struct, frozen=True, kw_only=True, tag="CServer"):
+    """The camera `camera`, under the name `server`."""
+
+    device: Device
+    server: str
+    camera: str
+
+
+class DServerPart(msgspec.Struct, frozen=True, kw_only=True, tag="DServer"):
+    """The variables and semaphores, kept in the file `store`; with `fsync` they outlive a loss of power.
+
+    `held` are variables that are as fresh as each frame, as if an operator kept setting them.
+    """
+
+    store: str
+    fsync: bool = False
+    held: dict[str, Value] = {}
+
+
+class GatewayPart(msgspec.Struct, frozen=True, kw_only=True, tag="Gateway"):
+    """The way to the robot from other machines, listening at `listen`; `security` is the table of users."""
+
+    listen: str
+    security: str
+
+
+class ClientPart(msgspec.Struct, frozen=True, kw_only=True, tag="client"):
+    """What `module` is for `actuator`, in `run` of the compiled program at `program`.
+
+    Modules in Python are looked for in `search`, too.
+    """
+
+    run: str
+    program: str
+    actuator: str
+    module: str
+    search: tuple[str, ...] = ()
+
+
+class AnnouncerPart(msgspec.Struct, frozen=True, kw_only=True, tag="announcer"):
+    """What tells the activity of `module`, which is written in Python; the others are as of a client."""
+
+    run: str
+    program: str
+    module: str
+    search: tuple[str, ...] = ()
+
+
+NodePart = ClockPart | RServerPart | PServerPart | CServerPart | DServerPart | ClientPart | AnnouncerPart
+Part = NodePart | GatewayPart
+
+
+class Spec(msgspec.Struct, frozen=True, kw_only=True):
+    """All that a process is told."""
+
+    place: Here | There
+    part: Part
+
+
+def write_spec(path: Path, spec: msgspec.Struct) -> None:
+    """Write it for this user alone.
+
+    Raises:
+        OSError: it cannot be written.
+    """
+    path.unlink(missing_ok=True)
+    with naming(path), open(os.open(path, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o600), "wb") as file:
+        file.write(msgspec.json.encode(spec))
+
+
+def read_spec(path: Path) -> Spec:
+    """Read it.
+
+    Raises:
+        msgspec.DecodeError: it is none.
+        OSError: it cannot be read.
+    """
+    return msgspec.json.decode(read_file(path, SPEC_BYTES), type=Spec)
+
+
+def said_of(place: Place) -> Here | There:
+    """A place, as it stands in a spec."""
+    match place:
+        case Local(directory=directory):
+            return Here(robot=directory.robot, folder=str(directory.path))
+        case Remote(robot=robot, endpoint=endpoint, credentials=credentials):
+            return There(
+                robot=robot,
+                endpoint=endpoint,
+                user=credentials.user,
+                certificate=str(credentials.certificate),
+                key=str(credentials.key),
+                authority=str(credentials.authority),
+            )
+
+
+def place_of(said: Here | There) -> Place:
+    """The place that a spec speaks of."""
+    match said:
+        case Here(robot=robot, folder=folder):
+            return Local(RobotDirectory(Path(folder), robot))
+        case There(robot=robot, endpoint=endpoint):
+            credentials = Credentials(
+                user=said.user,
+                certificate=Path(said.certificate),
+                key=Path(said.key),
+                authority=Path(said.authority),
+            )
+            return Remote(robot=robot, endpoint=endpoint, credentials=credentials)
+
+
+def name_of(part: Part) -> str:
+    """What a part is called: the address of its node."""
+    match part:
+        case ClockPart():
+            return "Clock"
+        case RServerPart():
+            return "RServer"
+        case PServerPart():
+            return "PServer"
+        case DServerPart():
+            return "DServer"
+        case CServerPart(server=server):
+            return server
+        case GatewayPart():
+            return "Gateway"
+        case ClientPart(actuator=actuator, module=module):
+            return f"{actuator}/{module}"
+        case AnnouncerPart(module=module):
+            return f"activity/{module}"

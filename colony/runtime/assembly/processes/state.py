@@ -1,0 +1,116 @@
+"""What can be seen of a robot from outside: which servers are up, who is connected, how its run stands."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from typing import Any, TypeVar
+
+import msgspec
+
+from colony.runtime.kit.connection import Session
+from colony.runtime.kit.errors import ConnectionProblem
+from colony.runtime.library.ask import Ask
+from colony.runtime.library.clock import Who, who
+from colony.runtime.library.leader import LEADER, RunStatus, run_status
+from colony.runtime.library.robot import Arbitration, arbitration
+from colony.runtime.protocol.calls import ConnectionStatus, Nothing, Status
+from colony.runtime.protocol.fields import DSERVER, PSERVER, RSERVER, RUNTIME
+from colony.runtime.protocol.topics import CLOCK, OBSERVER
+from colony.runtime.transport.live.place import Local, Place
+
+ALWAYS = (CLOCK, RSERVER.name, PSERVER.name, DSERVER.name, RUNTIME.name)
+"""The servers that every robot has."""
+
+PATIENCE_S = 1.0
+
+STATUS: Ask[Status] = Ask("status", Nothing(), Status, "read", repeatable=True)
+
+T = TypeVar("T")
+
+
+class ServerState(msgspec.Struct, frozen=True, kw_only=True):
+    """A server by name. `state`: it answers, or is "down" (not there), or "silent" (there, without a word).
+
+    `process` is known on the robot's own machine. `connections` are who is connected, `full` the limits that
+    are reached.
+    """
+
+    server: str
+    state: str
+    process: int | None
+    connections: tuple[ConnectionStatus, ...] = ()
+    malformed: int = 0
+    full: tuple[str, ...] = ()
+    problem: str | None = None
+
+
+class RobotState(msgspec.Struct, frozen=True, kw_only=True):
+    """A robot. `run`, `arbitration` and `who` are as their servers tell, None where these do not answer."""
+
+    robot: str
+    servers: tuple[ServerState, ...]
+    run: RunStatus | None
+    arbitration: Arbitration | None
+    who: Who | None
+
+
+def as_json(states: Sequence[RobotState]) -> str:
+    """An array of them, for programs."""
+    return msgspec.json.format(msgspec.json.encode(states), indent=2).decode()
+
+
+def state_of(session: Session, place: Place) -> RobotState:
+    """Ask everyone, all at once; who does not answer soon is told of as silent."""
+    processes = dict(place.directory.running()) if isinstance(place, Local) else {}
+    there = {address for address in session.servers() if "/" not in address} - {OBSERVER}
+    names = sorted({*ALWAYS, *there, *processes} - {OBSERVER}, key=_order)
+    with ThreadPoolExecutor(max_workers=len(names)) as pool:
+        asked = {name: pool.submit(_ask, session, name, name in there, processes.get(name)) for name in names}
+        found = {name: future.result() for name, future in asked.items()}
+    return RobotState(
+        robot=place.robot,
+        servers=tuple(state for state, _ in found.values()),
+        run=_answer(found.get(LEADER), RunStatus),
+        arbitration=_answer(found.get(RSERVER.name), Arbitration),
+        who=_answer(found.get(CLOCK), Who),
+    )
+
+
+def _order(name: str) -> tuple[int, str]:
+    return (ALWAYS.index(name) if name in ALWAYS else len(ALWAYS), name)
+
+
+_MORE: dict[str, Callable[[], Ask[Any]]] = {
+    CLOCK: who,
+    RSERVER.name: arbitration,
+    LEADER: run_status,
+}
+"""What else some servers are asked."""
+
+
+def _ask(session: Session, name: str, there: bool, process: int | None) -> tuple[ServerState, object]:
+    if not there:
+        # what has a process and no node, as the plant, is no server that could be asked
+        state = "down" if process is None or name in ALWAYS else "up"
+        return ServerState(server=name, state=state, process=process), None
+    try:
+        with session.connect(name, name="colony ps", timeout_s=PATIENCE_S) as connection:
+            status = connection.do(STATUS)
+            more = connection.do(_MORE[name]()) if name in _MORE else None
+    except ConnectionProblem as problem:
+        return ServerState(server=name, state="silent", process=process, problem=str(problem)), None
+    others = tuple(c for c in status.connections if c.name != "colony ps")
+    found = ServerState(
+        server=name,
+        state="up",
+        process=process,
+        connections=others,
+        malformed=status.malformed,
+        full=status.full,
+    )
+    return found, more
+
+
+def _answer(found: tuple[ServerState, object] | None, kind: type[T]) -> T | None:
+    return found[1] if found is not None and isinstance(found[1], kind) else None

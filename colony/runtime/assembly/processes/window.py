@@ -1,0 +1,81 @@
+"""The part of a robot's life that a run is about: its first so many seconds, with times from 0."""
+
+from __future__ import annotations
+
+import threading
+from contextlib import ExitStack
+from dataclasses import replace
+
+import msgspec
+
+from colony.runtime.observe.observer import FrameLog, Sink
+
+
+class Window:
+    """A sink in front of others. Mutable: where it begins, and whether it is over.
+
+    Args:
+        length_ns: how much of the run it shows; None: all.
+        frame_ns: the length of a frame.
+        sinks: get the frames with times that begin with 0.
+    """
+
+    def __init__(self, length_ns: int | None, *, frame_ns: int, sinks: tuple[Sink, ...]) -> None:
+        self._length_ns = length_ns
+        self._frame_ns = frame_ns
+        self._sinks = sinks
+        self._recordings: list[Sink] = []
+        self._begin_ns: int | None = None
+        self._shown_ns = 0
+        self._shut = False
+        self.news = threading.Event()
+
+    def record(self, sink: Sink) -> None:
+        """One more, which gets the frames as they are, in the robot's own time; before the first one."""
+        self._recordings.append(sink)
+
+    def take(self, log: FrameLog) -> None:
+        if self._shut:
+            return
+        first = self._begin_ns is None
+        if self._begin_ns is None:
+            self._begin_ns = log.tick.t_ns
+        t_ns = log.tick.t_ns - self._begin_ns
+        if self._length_ns is not None and t_ns >= self._length_ns:
+            self.shut()
+            return
+        for sink in self._recordings:
+            sink.take(log)
+        tick = msgspec.structs.replace(log.tick, t_ns=t_ns)
+        moved = replace(log, tick=tick, frame=log.frame._replace(t_ns=log.frame.t_ns - self._begin_ns))
+        for sink in self._sinks:
+            sink.take(moved)
+        self._shown_ns = t_ns + self._frame_ns
+        if first:
+            self.news.set()
+
+    def close(self) -> None:
+        self._shut = True
+        with ExitStack() as closing:  # each is closed, even where closing another fails
+            for sink in (*self._sinks, *self._recordings):
+                closing.callback(sink.close)
+
+    def shut(self) -> None:
+        """What comes from now on is of no interest; from any thread."""
+        self._shut = True
+        self.news.set()
+
+    @property
+    def begun(self) -> bool:
+        """Whether a frame was shown."""
+        return self._shown_ns > 0
+
+    @property
+    def over(self) -> bool:
+        """Whether all of it was shown, or nobody wants to see more."""
+        return self._shut
+
+    @property
+    def shown_ns(self) -> int:
+        """How much was shown, to the end of the last frame."""
+        return self._shown_ns

@@ -1,0 +1,77 @@
+"""A module in Python as a process whose activity other clients' guards need: it tells DServer each frame."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator
+from typing import Protocol
+
+from colony.ir.frame import Frame
+from colony.runtime.frames.assembly import FrameAssembler
+from colony.runtime.frames.membership import Membership
+from colony.runtime.protocol import topics
+from colony.runtime.protocol.fields import DSERVER
+from colony.runtime.protocol.messages import Announcement, Effect, Fetch, Message, Send, ServerFrame, Tick
+
+
+class Activity(Protocol):
+    """Tells of each frame whether a module is active, from its initial memory after each `restart`."""
+
+    def step(self, frame: Frame) -> bool: ...
+
+    def restart(self) -> None: ...
+
+
+class Announcer:
+    """Mutable: the module's memory, what it announced, and frames that are not complete yet.
+
+    It tells the activity of every frame, also of those that it is late for: others wait for it. What it told
+    is told again to who asks DServer for it, as DServer may have been started anew. The memory of an object
+    in Python cannot be saved: an announcer that takes the place of a dead one, and cannot step through all
+    frames since the epoch began, asks for a new one.
+    """
+
+    def __init__(
+        self, module: str, assembler: FrameAssembler, activity: Activity, *, run: str, keep: int
+    ) -> None:
+        self.address = topics.activity(DSERVER.name, module)
+        self.listens = tuple(dict.fromkeys((*assembler.listens, topics.fetches(DSERVER.name))))
+        self._module = module
+        self._assembler = assembler
+        self._activity = activity
+        self._membership = Membership(self.address, run)
+        self._told: dict[int, Announcement] = {}
+        self._keep = keep
+        self._fresh = True
+
+    def start(self, now_ns: int) -> Iterable[Effect]:
+        return self._membership.start(now_ns)
+
+    def handle(self, message: Message, now_ns: int) -> Iterator[Effect]:
+        match message:
+            case Tick():
+                yield from self._membership.heard(message, now_ns)
+                yield from self._assembler.take(message)
+                yield from self._announce()
+                if self._assembler.lost and message.run == self._membership.run:
+                    yield self._membership.begin_anew(self._assembler.start)
+            case ServerFrame():
+                self._assembler.take(message)
+                yield from self._announce()
+            case Fetch() if message.server == self.address and message.k in self._told:
+                yield Send(topics.announcements(DSERVER.name), self._told[message.k])
+            case _:
+                return
+
+    def close(self) -> None:
+        """It holds nothing outside this process."""
+
+    def _announce(self) -> Iterator[Effect]:
+        for assembled in self._assembler.complete():
+            if assembled.restart and not self._fresh:
+                self._activity.restart()
+            self._fresh = False
+            k = assembled.tick.k
+            told = Announcement(k=k, module=self._module, active=self._activity.step(assembled.frame))
+            self._told[k] = told
+            self._told.pop(k - self._keep, None)
+            yield Send(topics.announcements(DSERVER.name), told)

@@ -1,0 +1,40 @@
+"""The memory of a client as bytes, for checkpoints: msgpack, checked on the way back."""
+
+from __future__ import annotations
+
+import msgspec
+
+from colony.execute.executor import ClientMemory
+
+
+class BadMemory(ValueError):
+    """These bytes are no client's memory; the text says what is wrong with them."""
+
+
+class _Memory(msgspec.Struct, frozen=True, array_like=True):
+    """Without the answers of a module in Python: what that remembers is not ours to save."""
+
+    first_ns: int | None
+    cells: dict[str, float | bool | int]
+
+
+_encoder = msgspec.msgpack.Encoder()
+_decoder = msgspec.msgpack.Decoder(_Memory)
+
+
+def encode_memory(memory: ClientMemory) -> bytes:
+    """The memory of a client without a module in Python of its own."""
+    return _encoder.encode(_Memory(memory.first_ns, memory.cells))
+
+
+def decode_memory(data: bytes) -> ClientMemory:
+    """The memory in these bytes.
+
+    Raises:
+        BadMemory: there is none.
+    """
+    try:
+        memory = _decoder.decode(data)
+    except (msgspec.DecodeError, UnicodeDecodeError, RecursionError) as problem:
+        raise BadMemory(str(problem) or type(problem).__name__) from None
+    return ClientMemory(memory.first_ns, memory.cells)

@@ -1,0 +1,285 @@
+"""From ticks and server frames, arriving in any order, to the consistent frames that executors step on.
+
+A sensor is missing when its server said "no value", when its value is older than `within`, when the tick
+says that the server is down, or when a later tick says that the server's frame is void. A frame not delivered
+is none of these: it is asked for again (servers keep what they published for `KEPT_NS`), and no later frame
+is handed out before it, because memory must see every frame, and all readers the same one.
+
+Where that cannot be had (the frame is older than what is kept, or was handed out and is void by now), the
+assembler says that it is `lost`; memory then has to come from elsewhere, or the network to begin anew. With
+each epoch (`Tick.start`) everything before it is forgotten.
+
+The activity of a module in Python cannot be missing: nobody knows what it would have been. It is waited for;
+only where lesser behaviors may take over (`degrade`) the module counts as not active.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from typing import NamedTuple, TypeVar
+
+from colony.ir.frame import Frame, Reading
+from colony.ir.types import Value
+from colony.runtime.protocol import topics
+from colony.runtime.protocol.bindings import SensorBinding
+from colony.runtime.protocol.fields import DSERVER
+from colony.runtime.protocol.messages import Effect, Fetch, Sample, Send, ServerFrame, Tick
+
+KEPT_NS = 2_000_000_000
+"""For how long servers keep the frames that they published, and readers wait for one."""
+
+KEPT_MOST = 10_000
+"""How many frames a server keeps at most, however short they are."""
+
+ACTIVE = "active"
+"""The one field of the frames in which the activity of a module in Python is published."""
+
+ASKED_AT_ONCE = 100
+"""Missing ticks and frames that are fetched with each tick, the oldest first. One that does not come is
+fetched again when it is 2, 4, 8... ticks old, so that a server gets no more fetches the further it is
+behind."""
+
+V = TypeVar("V")
+
+
+def frames_kept(frame_ns: int) -> int:
+    """How many frames everyone keeps."""
+    return min(max(2, KEPT_NS // frame_ns), KEPT_MOST)
+
+
+class Assembled(NamedTuple):
+    """Frame `tick.k` as a program sees it; `current` is whether no later tick has come.
+
+    `active` is the activity, in the frame, of the modules in Python that were asked for.
+    """
+
+    tick: Tick
+    frame: Frame
+    current: bool
+    active: Mapping[str, bool]
+
+    @property
+    def restart(self) -> bool:
+        """Whether all memory begins anew with this frame."""
+        return self.tick.k == self.tick.start
+
+
+class FrameAssembler:
+    """Collects what one process reads. Mutable: the frames that are not complete yet.
+
+    Args:
+        bindings: the sensors that it reads.
+        modules: the modules in Python whose activity it needs.
+        run: whose ticks count.
+        keep: how many frames servers keep.
+        degrade: a module whose activity cannot be known counts as not active.
+    """
+
+    def __init__(
+        self,
+        bindings: tuple[SensorBinding, ...],
+        modules: tuple[str, ...] = (),
+        *,
+        run: str = "",
+        keep: int = KEPT_MOST,
+        degrade: bool = False,
+    ) -> None:
+        self._bindings = bindings
+        self._modules = {topics.activity(DSERVER.name, module): module for module in modules}
+        self._servers = tuple(sorted({b.server for b in bindings}.union(self._modules)))
+        self._run = run
+        self._keep = keep
+        self._degrade = degrade
+        self._ticks: dict[int, Tick] = {}
+        self._frames: dict[int, dict[str, ServerFrame]] = {}
+        self._void: dict[tuple[str, int], int] = {}  # and by which tick
+        self._start = self._next = self._latest = self._asked = -1
+        self._contradicted = False
+
+    @property
+    def listens(self) -> tuple[str, ...]:
+        """The topics that its frames come from."""
+        return (topics.TICKS, *(topics.frames(server) for server in (topics.CLOCK, *self._servers)))
+
+    @property
+    def start(self) -> int:
+        """The first frame of the epoch, -1 before any tick."""
+        return self._start
+
+    @property
+    def next(self) -> int:
+        """The frame to be handed out next."""
+        return self._next
+
+    @property
+    def latest(self) -> int:
+        """The newest frame that it heard of, -1 before any tick."""
+        return self._latest
+
+    @property
+    def lost(self) -> bool:
+        """Whether the frame to be handed out next cannot be had any more, or one before it was wrong.
+
+        It is for an epoch to mend this, or for `resume`.
+        """
+        if self._contradicted:
+            return True
+        return self._latest - self._next >= self._keep and not self._only_modules_down()
+
+    def take(self, message: Tick | ServerFrame) -> tuple[Effect, ...]:
+        """Note a message; gives requests for what should have come before it and did not."""
+        if isinstance(message, ServerFrame):
+            self._take_frame(message)
+            return ()
+        if message.run != self._run or not self._start <= message.start <= message.k:
+            return ()
+        if message.start > self._start:
+            self._begin(message)
+        if message.k < self._next or message.k in self._ticks:
+            return ()
+        self._ticks[message.k] = message
+        for server, k in message.void:
+            self._take_void(server, k, message.k)
+        if message.k <= self._latest:
+            return ()
+        self._latest = message.k
+        self._trim(self._ticks)
+        return () if self.lost else tuple(self._gaps())
+
+    def complete(self) -> Iterator[Assembled]:
+        """Every frame that can be handed out now, in order, each once."""
+        while not self._contradicted and (tick := self._ticks.get(self._next)) is not None:
+            got = self._frames.get(self._next, {})
+            gone = self._gone(tick)
+            if any(s not in got and s not in gone for s in self._servers):
+                return
+            del self._ticks[self._next]
+            self._frames.pop(self._next, None)
+            self._next += 1
+            if gone:
+                got = {server: frame for server, frame in got.items() if server not in gone}
+            for void in tick.void:  # what is older than a frame handed out needs no telling any more
+                self._void.pop(void, None)
+            yield Assembled(tick, self._assemble(tick, got), tick.k == self._latest, self._active(got))
+
+    def resume(self, k: int) -> tuple[Effect, ...]:
+        """Hand out frame `k` next: memory is that after frame k - 1. Gives requests for what is not here."""
+        self._go_to(k)
+        self._contradicted = any(
+            at < k <= by and server not in self._modules for (server, at), by in self._void.items()
+        )
+        return () if self.lost else tuple(self._gaps())
+
+    def skip(self) -> int:
+        """Do without what is lost, for who does not command anything; gives how many frames are left out."""
+        left_out = self._latest - self._next if self._latest - self._next >= self._keep else 0
+        self._go_to(self._next + left_out)
+        self._contradicted = False
+        return left_out
+
+    def _go_to(self, k: int) -> None:
+        self._next, self._asked = k, k - 1
+        self._ticks = {at: tick for at, tick in self._ticks.items() if at >= k}
+        self._frames = {at: got for at, got in self._frames.items() if at >= k}
+
+    # --- what comes in ---------------------------------------------------------------------------------
+
+    def _take_frame(self, frame: ServerFrame) -> None:
+        if frame.k < self._next or frame.server not in self._servers:
+            return
+        self._frames.setdefault(frame.k, {})[frame.server] = frame
+        self._trim(self._frames)
+
+    def _trim(self, stock: dict[int, V]) -> None:
+        """While nothing can be handed out, keep the frame that comes next and the newest."""
+        while len(stock) > 2 * self._keep:
+            del stock[next(at for at in stock if at != self._next)]
+
+    def _take_void(self, server: str, k: int, by: int) -> None:
+        if k < self._start or (server not in self._servers and server != DSERVER.name):
+            return
+        if k < self._next and server in self._servers and server not in self._modules:
+            self._contradicted = True  # it was handed out with what others never got
+        self._void[server, k] = by
+        if len(self._void) > KEPT_MOST:
+            del self._void[next(iter(self._void))]
+
+    def _begin(self, tick: Tick) -> None:
+        self._start = self._next = tick.start
+        self._latest = self._asked = -1
+        self._contradicted = False
+        self._ticks.clear()
+        self._void.clear()
+        self._frames = {k: got for k, got in self._frames.items() if k >= tick.start}
+
+    def _gaps(self) -> Iterator[Effect]:
+        left = ASKED_AT_ONCE
+        down = self._ticks[self._latest].down if self._latest in self._ticks else ()
+        for k in range(self._next, self._latest):
+            if left <= 0:
+                return
+            age = self._latest - k
+            if k <= self._asked and age & (age - 1):
+                continue
+            self._asked = max(self._asked, k)
+            tick = self._ticks.get(k)
+            if tick is None:
+                left -= 1
+                yield Send(topics.fetches(topics.CLOCK), Fetch(server=topics.CLOCK, k=k))
+            here = {*self._frames.get(k, ()), *down, *(() if tick is None else self._gone(tick))}
+            for server in self._servers:
+                if server in here:
+                    continue
+                left -= 1
+                asked = DSERVER.name if server in self._modules else server
+                yield Send(topics.fetches(asked), Fetch(server=server, k=k))
+
+    # --- what goes out ---------------------------------------------------------------------------------
+
+    def _gone(self, tick: Tick) -> frozenset[str]:
+        """Whose frames are not waited for, and do not count if they come."""
+        if not tick.down and not self._void:
+            return _NOBODY
+        k = tick.k
+        gone = {s for s in (*self._servers, DSERVER.name) if s in tick.down or (s, k) in self._void}
+        if not self._degrade:
+            return frozenset(gone.difference(self._modules))
+        return frozenset(gone.union(self._modules) if DSERVER.name in gone else gone)
+
+    def _only_modules_down(self) -> bool:
+        """Whether it waits for modules in Python of which none lives: a new epoch would not help them."""
+        tick, newest = self._ticks.get(self._next), self._ticks.get(self._latest)
+        if tick is None or newest is None:
+            return False
+        here = self._gone(tick).union(self._frames.get(self._next, ()))
+        waited = [s for s in self._servers if s not in here]
+        return bool(waited) and all(s in self._modules and s in newest.down for s in waited)
+
+    def _active(self, got: Mapping[str, ServerFrame]) -> dict[str, bool]:
+        found = {}
+        for server, module in self._modules.items():
+            sample = got[server].fields.get(ACTIVE) if server in got else None
+            found[module] = sample is not None and bool(sample.value)
+        return found
+
+    def _assemble(self, tick: Tick, got: Mapping[str, ServerFrame]) -> Frame:
+        readings: dict[str, Reading] = {}
+        for b in self._bindings:
+            frame = got.get(b.server)
+            sample = None if frame is None else frame.fields.get(b.field)
+            if sample is not None and _fresh(sample, tick.t_ns, b.within_ns):
+                readings[b.sensor] = sample.value if b.factor == 1.0 else _scaled(sample.value, b.factor)
+        return Frame(tick.t_ns, readings)
+
+
+_NOBODY: frozenset[str] = frozenset()
+
+
+def _fresh(sample: Sample, now_ns: int, within_ns: int | None) -> bool:
+    return within_ns is None or now_ns - sample.t_ns <= within_ns
+
+
+def _scaled(value: Value, factor: float) -> Value:
+    if isinstance(value, tuple):
+        return tuple(v / factor for v in value)
+    return value / factor

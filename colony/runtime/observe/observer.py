@@ -1,0 +1,256 @@
+"""The process that sees everything and commands nothing: it puts each frame together with its verdicts,
+has it checked by the monitor, and hands it to the sinks (a recording, a summary, a progress line).
+
+A frame of a server that is killed while it publishes may reach the observer and nobody else. When a tick
+declares it void, the monitor has stepped over what no client saw, and could expect nothing for the rest of
+the run. Like a client to which this happens, the observer then asks the Clock for a new epoch.
+"""
+
+from __future__ import annotations
+
+from collections import deque
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+from typing import NamedTuple, Protocol, TypeVar
+
+from colony.ir.frame import Frame, Outcome
+from colony.runtime.frames.assembly import KEPT_NS, Assembled, FrameAssembler
+from colony.runtime.observe.closing import close_all
+from colony.runtime.observe.monitor import Keyframe, Monitor
+from colony.runtime.protocol import topics
+from colony.runtime.protocol.messages import (
+    Effect,
+    Fate,
+    Message,
+    Request,
+    Restart,
+    Send,
+    ServerFrame,
+    Tick,
+    Verdict,
+)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class FrameLog:
+    """All of one frame: what was sensed, what each actuator's server decided, and what should have been.
+
+    A verdict may be absent, where a run broke off in the middle of a frame. `disagreements` tell how the
+    verdicts differ from `expected` although nobody was late or lost: there should never be one. `restart`
+    tells that all memory began anew with this frame in the middle of a run, `requests` what the clients asked
+    for, as they came (unless nobody wants to know). `skipped` frames before this one were missed for good;
+    from there to the next restart nothing is expected, as memory is not known. `keyframe`, at least every
+    `KEYFRAME_NS`, has the memory before the frame.
+    """
+
+    tick: Tick
+    frame: Frame
+    verdicts: Mapping[str, Verdict]
+    expected: Outcome
+    disagreements: tuple[str, ...]
+    restart: bool = False
+    requests: tuple[Request, ...] = ()
+    skipped: int = 0
+    keyframe: Keyframe | None = None
+
+    @property
+    def breaches(self) -> tuple[str, ...]:
+        """The contracts that are broken in this frame."""
+        return self.expected.breaches
+
+    @property
+    def damaged(self) -> bool:
+        """Whether something before this frame is damaged, which only a recording can be."""
+        return False
+
+    @property
+    def astray(self) -> bool:
+        """Whether memory is not known, and so nothing is expected."""
+        return not self.expected.decisions
+
+
+class Sink(Protocol):
+    """Takes frames in their order."""
+
+    def take(self, log: FrameLog) -> None: ...
+
+    def close(self) -> None:
+        """No more frames come; called once, also after a failure."""
+        ...
+
+
+class _Waiting(NamedTuple):
+    """A frame that came at `came_ns`, after `skipped` that did not; `astray`: memory was lost before it."""
+
+    assembled: Assembled
+    came_ns: int
+    skipped: int
+    astray: bool
+
+
+KEYFRAME_NS = 400_000_000
+"""The longest time from a keyframe to the end of the last frame before the next one, where frames are not
+longer. With the frame that is being decided it stays below half a second."""
+
+_UNHEARD: frozenset[Fate] = frozenset({"late", "lost", "refused"})
+
+
+class Observer:
+    """Mutable: frames that still wait for verdicts, and the epoch of which it stepped over a void frame.
+
+    Args:
+        assembler: of all sensors.
+        actuators: by name; a frame is complete with a verdict of each.
+        monitor, sinks: who checks the frames, and who takes them.
+        heeded: servers whose requests are handed on too.
+        frame_ns: the period of the program's frames.
+    """
+
+    address = topics.OBSERVER
+
+    def __init__(
+        self,
+        assembler: FrameAssembler,
+        actuators: tuple[str, ...],
+        monitor: Monitor,
+        sinks: tuple[Sink, ...],
+        heeded: tuple[str, ...] = (),
+        *,
+        frame_ns: int = 0,
+    ) -> None:
+        self._assembler = assembler
+        self._actuators = frozenset(actuators)
+        self._monitor = monitor
+        self._sinks = sinks
+        self._waiting: deque[_Waiting] = deque()
+        self._verdicts: dict[int, dict[str, Verdict]] = {}
+        self._requests: dict[int, dict[tuple[str, str], Request]] = {}
+        self._heeds = bool(heeded)
+        self._first = True
+        self._keyframe_ns: int | None = None
+        self._frame_ns = frame_ns
+        self._skipped, self._astray = 0, True
+        self._contradicted: int | None = None
+        self.listens = (*assembler.listens, topics.VERDICTS, *(topics.requests(s) for s in heeded))
+
+    def add(self, sink: Sink) -> None:
+        """One more sink, before the first frame."""
+        self._sinks = (*self._sinks, sink)
+
+    def start(self, now_ns: int) -> Iterable[Effect]:
+        return ()
+
+    def handle(self, message: Message, now_ns: int) -> Iterable[Effect]:
+        effects: tuple[Effect, ...] = ()
+        match message:
+            case Tick() | ServerFrame():
+                effects = self._assembler.take(message)
+                self._collect(now_ns)
+                if self._assembler.lost:
+                    self._skip()
+                    self._collect(now_ns)
+                if isinstance(message, Tick) and self._contradicted == self._assembler.start:
+                    restart = Restart(client=self.address, start=self._contradicted)
+                    effects = (*effects, Send(topics.RESTARTS, restart))
+            case Verdict():
+                if message.actuator in self._actuators:
+                    _kept(self._verdicts, message.k)[message.actuator] = message
+            case Request():
+                _kept(self._requests, message.k).setdefault((message.actuator, message.client), message)
+            case _:
+                return ()
+        while self._waiting and self._ready(self._waiting[0], now_ns):
+            self._release()
+        return effects
+
+    def close(self) -> None:
+        """Hand over what is there, and close the sinks whatever happens."""
+        try:
+            while self._waiting:
+                self._release()
+        finally:
+            close_all(self._sinks)
+
+    def _skip(self) -> None:
+        """Skip frames that cannot be had; note the epoch if a frame that was handed out has turned void."""
+        left_out = self._assembler.skip()
+        if not left_out:
+            self._contradicted = self._assembler.start
+        self._skipped += left_out
+        self._astray = True
+
+    def _collect(self, now_ns: int) -> None:
+        for assembled in self._assembler.complete():
+            self._waiting.append(_Waiting(assembled, now_ns, self._skipped, self._astray))
+            self._skipped, self._astray = 0, False
+
+    def _ready(self, first: _Waiting, now_ns: int) -> bool:
+        k = first.assembled.tick.k
+        if len(self._verdicts.get(k, ())) < len(self._actuators):
+            return now_ns - first.came_ns > KEPT_NS
+        return not self._heeds or self._heard(k) or len(self._waiting) > 1
+
+    def _heard(self, k: int) -> bool:
+        """Whether the requests are here that the verdicts of a frame tell of: they may come after these."""
+        requests, verdicts = self._requests.get(k, {}), self._verdicts.get(k, {})
+        return all(
+            (actuator, client) in requests or fate in _UNHEARD
+            for actuator, verdict in verdicts.items()
+            for client, fate in verdict.fates
+        )
+
+    def _release(self) -> None:
+        assembled, _, skipped, astray = self._waiting.popleft()
+        tick, frame = assembled.tick, assembled.frame
+        verdicts, requests = _taken(self._verdicts, tick.k), _taken(self._requests, tick.k)
+        if assembled.restart:
+            self._monitor.restart()
+        elif astray:
+            self._monitor.lose()
+        keyframe = self._keyframe(tick.t_ns, assembled.restart or astray)
+        expected, disagreements = self._monitor.check(frame, verdicts, tick.lost)
+        log = FrameLog(
+            tick=tick,
+            frame=frame,
+            verdicts=verdicts,
+            expected=expected,
+            disagreements=disagreements,
+            restart=assembled.restart and not self._first,
+            requests=tuple(requests.values()),
+            skipped=skipped,
+            keyframe=keyframe,
+        )
+        self._first = False
+        for sink in self._sinks:
+            sink.take(log)
+
+    def _keyframe(self, t_ns: int, jumped: bool) -> Keyframe | None:
+        """Return the memory before a frame if it is time for it, or it `jumped`: a frame is missing."""
+        begun_ns = self._keyframe_ns
+        if begun_ns is not None and t_ns + self._frame_ns - begun_ns <= KEYFRAME_NS and not jumped:
+            return None
+        self._keyframe_ns = t_ns
+        return self._monitor.keyframe()
+
+
+K = TypeVar("K")
+V = TypeVar("V")
+
+_MOST_WAITING = 20_000
+"""Frames of which something is kept although they did not come yet."""
+
+
+def _kept(of: dict[int, dict[K, V]], k: int) -> dict[K, V]:
+    """What there is of frame `k` so far."""
+    found = of.setdefault(k, {})
+    if len(of) > _MOST_WAITING:
+        del of[next(iter(of))]
+    return found
+
+
+def _taken(of: dict[int, dict[K, V]], k: int) -> dict[K, V]:
+    """What there is of frame `k`, which is the last time that it is asked for; older ones are let go."""
+    found = of.pop(k, {})
+    for old in [at for at in of if at < k]:
+        del of[old]
+    return found

@@ -1,0 +1,276 @@
+"""What a run came to: who drove how long, what was bumped into, which contracts broke; data first."""
+
+from __future__ import annotations
+
+from collections import Counter
+from dataclasses import asdict, dataclass
+from typing import assert_never
+
+from colony.ir.frame import RecordKind
+from colony.ir.program import Program
+from colony.runtime.observe.observer import FrameLog
+from colony.runtime.protocol.messages import Fate, Hold
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Share:
+    """In how many frames, and for how many seconds, `module` commanded; None: nobody did."""
+
+    module: str | None
+    frames: int
+    seconds: float
+    percent: float
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ActuatorSummary:
+    """Shares of every client, highest place first, and of nobody, last."""
+
+    actuator: str
+    shares: tuple[Share, ...]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class BreachSummary:
+    """A contract that was broken in `frames` frames, first and last at these seconds."""
+
+    contract: str
+    frames: int
+    first_s: float
+    last_s: float
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class RecordSummary:
+    """Something recorded (`kind`, as `colony.ir.frame.RecordKind`) about `subject`, in `frames` frames."""
+
+    kind: RecordKind
+    subject: str
+    frames: int
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class TroubleSummary:
+    """A client that was late, lost, refused or overruled in `frames` frames."""
+
+    client: str
+    fate: Fate
+    frames: int
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class InterventionSummary:
+    """The network did not decide over `actuator` in `frames` frames: the client `by` outside it commanded, or
+    `hold` was on."""
+
+    actuator: str
+    by: str | None
+    hold: Hold | None
+    frames: int
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Travel:
+    """How a body went: times that it began to touch something, and millimeters of path."""
+
+    bumps: int
+    distance_mm: float
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class RunSummary:
+    """All of one run. `mean_speed_mm_s` is over its whole duration, `contracts` how many were watched.
+
+    `broke_off` tells why the run ended before its time, although nobody interrupted it. `unwritten` are
+    files that could not be written after it.
+
+    `restarts` is how often all memory began anew, `skipped` how many frames were missed for good. Of a real
+    robot nobody knows how it went: `bumps` and the two after it are None.
+    """
+
+    robot: str
+    seed: int
+    frames: int
+    duration_s: float
+    interrupted: bool
+    bumps: int | None
+    distance_mm: float | None
+    mean_speed_mm_s: float | None
+    actuators: tuple[ActuatorSummary, ...]
+    contracts: int
+    breaches: tuple[BreachSummary, ...]
+    records: tuple[RecordSummary, ...]
+    troubles: tuple[TroubleSummary, ...]
+    interventions: tuple[InterventionSummary, ...]
+    restarts: int
+    skipped: int
+    disagreements: tuple[str, ...]
+    broke_off: str | None = None
+    unwritten: tuple[str, ...] = ()
+
+    def as_json(self) -> dict[str, object]:
+        """The same in plain dicts and lists."""
+        return asdict(self)
+
+    @property
+    def sound(self) -> bool:
+        """No contract was broken, the runtime did what the program says, and the run did not break off."""
+        return not self.breaches and not self.disagreements and self.broke_off is None
+
+
+_TROUBLES: tuple[Fate, ...] = ("late", "lost", "refused", "overruled")
+_MOST_DISAGREEMENTS = 10
+
+
+class Tally:
+    """Counts frames as they come. A sink; mutable: the counts."""
+
+    def __init__(self, program: Program, places: dict[str, tuple[str, ...]]) -> None:
+        self._program = program
+        self._places = places
+        self._drove: dict[str, Counter[str | None]] = {a: Counter() for a in places}
+        self._records: Counter[tuple[RecordKind, str]] = Counter()
+        self._troubles: Counter[tuple[str, Fate]] = Counter()
+        self._interventions: Counter[tuple[str, str | None, Hold | None]] = Counter()
+        self._breaches: dict[str, BreachSummary] = {}
+        self._disagreements: list[str] = []
+        self.frames = 0
+        self._restarts = 0
+        self._skipped = 0
+
+    def take(self, log: FrameLog) -> None:
+        self.frames += 1
+        self._restarts += log.restart
+        self._skipped += log.skipped
+        for name, verdict in log.verdicts.items():
+            self._drove[name][verdict.by] += 1
+            if verdict.outside is not None or verdict.hold is not None:
+                self._interventions[name, verdict.outside, verdict.hold] += 1
+            for client, fate in verdict.fates:
+                if fate in _TROUBLES:
+                    self._troubles[client, fate] += 1
+        self._records.update((r.kind, r.subject) for r in log.expected.records)
+        t = log.frame.t_ns / 1e9
+        for contract in log.expected.breaches:
+            before = self._breaches.get(contract)
+            self._breaches[contract] = BreachSummary(
+                contract=contract,
+                frames=before.frames + 1 if before else 1,
+                first_s=before.first_s if before else t,
+                last_s=t,
+            )
+        if log.disagreements and len(self._disagreements) < _MOST_DISAGREEMENTS:
+            self._disagreements.extend(f"at {t:g} s, {text}" for text in log.disagreements)
+
+    def close(self) -> None:
+        """The counts stay."""
+
+    def summary(
+        self, *, seed: int, duration_s: float, interrupted: bool, travel: Travel | None
+    ) -> RunSummary:
+        """All counts so far."""
+        return RunSummary(
+            robot=self._program.robot.name,
+            seed=seed,
+            frames=self.frames,
+            duration_s=duration_s,
+            interrupted=interrupted,
+            bumps=None if travel is None else travel.bumps,
+            distance_mm=None if travel is None else travel.distance_mm,
+            mean_speed_mm_s=None if travel is None else _per(travel.distance_mm, duration_s),
+            actuators=tuple(self._actuator(a.name) for a in self._program.robot.actuators),
+            contracts=len(self._program.contracts),
+            breaches=tuple(self._breaches.values()),
+            records=tuple(
+                RecordSummary(kind=kind, subject=subject, frames=n)
+                for (kind, subject), n in self._records.items()
+            ),
+            troubles=tuple(
+                TroubleSummary(client=client, fate=fate, frames=n)
+                for (client, fate), n in self._troubles.items()
+            ),
+            interventions=tuple(
+                InterventionSummary(actuator=actuator, by=by, hold=hold, frames=n)
+                for (actuator, by, hold), n in self._interventions.items()
+            ),
+            restarts=self._restarts,
+            skipped=self._skipped,
+            disagreements=tuple(self._disagreements),
+        )
+
+    def _actuator(self, name: str) -> ActuatorSummary:
+        counts = self._drove[name]
+        period_s = self._program.robot.frame_ns / 1e9
+        rows: list[str | None] = [*self._places[name], None]
+        return ActuatorSummary(
+            actuator=name,
+            shares=tuple(
+                Share(
+                    module=module,
+                    frames=counts[module],
+                    seconds=counts[module] * period_s,
+                    percent=100.0 * counts[module] / self.frames if self.frames else 0.0,
+                )
+                for module in rows
+            ),
+        )
+
+
+def _per(distance_mm: float, duration_s: float) -> float:
+    return distance_mm / duration_s if duration_s > 0 else 0.0
+
+
+def render(summary: RunSummary) -> str:
+    """The summary for a person, in plain text."""
+    end = ", interrupted" if summary.interrupted else ", broken off" if summary.broke_off else ""
+    length = f"{summary.duration_s:.1f} s, {_times(summary.frames, 'frame')}"
+    head = f"{summary.robot}: {length}, seed {summary.seed}{end}"
+    lines = [head]
+    for actuator in summary.actuators:
+        width = max(len(s.module or "(nobody)") for s in actuator.shares)
+        lines.append(f"  {actuator.actuator} was commanded by")
+        lines += [
+            f"    {share.module or '(nobody)':<{width}}  {share.seconds:7.2f} s  {share.percent:5.1f} %"
+            for share in actuator.shares
+        ]
+    if summary.distance_mm is not None and summary.mean_speed_mm_s is not None:
+        lines.append(
+            f"  traveled {summary.distance_mm / 1000:.2f} m "
+            f"at {summary.mean_speed_mm_s:.0f} mm/s on average, {_times(summary.bumps or 0, 'bump')}"
+        )
+    lines += [f"  {r.subject}: {r.kind} in {_times(r.frames, 'frame')}" for r in summary.records]
+    lines += [f"  client {t.client}: {t.fate} in {_times(t.frames, 'frame')}" for t in summary.troubles]
+    lines += [f"  {i.actuator}: {_told(i)} in {_times(i.frames, 'frame')}" for i in summary.interventions]
+    if summary.restarts:
+        lines.append(f"  all memory began anew {_times(summary.restarts, 'time')}")
+    if summary.skipped:
+        lines.append(f"  {_times(summary.skipped, 'frame')} could not be observed")
+    lines += [
+        f"  contract {b.contract}: BROKEN in {_times(b.frames, 'frame')}, "
+        f"first at {b.first_s:g} s, last at {b.last_s:g} s"
+        for b in summary.breaches
+    ]
+    if summary.contracts and summary.frames and not summary.breaches:
+        lines.append(f"  {_times(summary.contracts, 'contract')} held in every frame")
+    lines += [f"  INTERNAL: {text}" for text in summary.disagreements]
+    lines += [] if summary.broke_off is None else [f"  {summary.broke_off}"]
+    return "\n".join(lines)
+
+
+def _told(intervention: InterventionSummary) -> str:
+    match intervention.hold:
+        case None:
+            what = f"{intervention.by} commanded from outside the network"
+        case "stopped":
+            what = "the EMERGENCY STOP was on (`colony stop --release` ends it)"
+        case "locked" if intervention.by is not None:
+            what = f"{intervention.by} commanded, who has the lock,"
+        case "locked":
+            what = "somebody outside the network had the lock"
+        case _ as never:
+            assert_never(never)
+    return what
+
+
+def _times(n: int, what: str) -> str:
+    return f"{n} {what}{'' if n == 1 else 's'}"

@@ -1,0 +1,192 @@
+"""The binding of a program's sensors and actuators to the servers of a robot, checked before anything moves.
+
+Codes: R001 no such server, R002 no such field, R003 a type that does not fit, R004 no such command,
+R005 no such parameter, R006 two actuators on one command.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+from difflib import get_close_matches
+
+from colony.ir.program import Actuator, Program, Sensor
+from colony.ir.types import Array, Bool, Enum, Quantity, Scalar, Type
+from colony.runtime.protocol.fields import SERVERS, CommandSpec, FieldSpec, ServerSpec
+from colony.text.diagnostics import Diagnostic, Failure, error
+from colony.text.units import NUMBER
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class SensorBinding:
+    """A sensor reads `field` of `server`; a reading enters divided by `factor`, for the declared unit."""
+
+    sensor: str
+    server: str
+    field: str
+    within_ns: int | None
+    factor: float
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ActuatorBinding:
+    """An actuator sends `command` of `server`.
+
+    `places[i]` is the position in the actuator's fields of the command's parameter i, None where it is 0;
+    an empty tuple where the server takes the fields as they are.
+    """
+
+    actuator: str
+    server: str
+    command: str
+    places: tuple[int | None, ...]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Bindings:
+    """Where every sensor and actuator of a program is, in the order declared."""
+
+    sensors: tuple[SensorBinding, ...]
+    actuators: tuple[ActuatorBinding, ...]
+
+
+def bind(program: Program, servers: tuple[ServerSpec, ...] = SERVERS) -> Bindings:
+    """Find each sensor's field and each actuator's command among `servers`.
+
+    Raises:
+        Failure: something does not fit; all that does not is reported, at its declaration.
+    """
+    found: list[Diagnostic] = []
+    robot = program.robot
+    sensors = [_bind_sensor(s, servers, found) for s in robot.sensors]
+    actuators = [_bind_actuator(a, servers, found) for a in robot.actuators]
+    found.extend(_shared_commands(robot.actuators))
+    if found:
+        raise Failure(found)
+    return Bindings(
+        sensors=tuple(s for s in sensors if s is not None),
+        actuators=tuple(a for a in actuators if a is not None),
+    )
+
+
+def did_you_mean(name: str, known: Iterable[str]) -> str:
+    """A hint: the known name nearest to `name`, or all of them."""
+    names = list(known)
+    folded = {n.casefold(): n for n in names}
+    close = get_close_matches(name.casefold(), folded, n=1)
+    if close:
+        return f"did you mean `{folded[close[0]]}`?"
+    return "known are: " + ", ".join(names) if names else "there is none"
+
+
+def _server(
+    declared: Sensor | Actuator, servers: tuple[ServerSpec, ...], found: list[Diagnostic]
+) -> ServerSpec | None:
+    for server in servers:
+        if server.name == declared.server:
+            return server
+    hint = did_you_mean(declared.server, (s.name for s in servers))
+    found.append(
+        error("R001", declared.span, f"`{declared.name}`: there is no server `{declared.server}`", hint)
+    )
+    return None
+
+
+def _bind_sensor(
+    sensor: Sensor, servers: tuple[ServerSpec, ...], found: list[Diagnostic]
+) -> SensorBinding | None:
+    server = _server(sensor, servers, found)
+    if server is None:
+        return None
+    factor = 1.0
+    if not server.open_fields:
+        spec = next((f for f in server.fields if f.name == sensor.field), None)
+        if spec is None:
+            hint = did_you_mean(sensor.field, (f.name for f in server.fields))
+            what = f"`{sensor.name}`: {server.name} has no field `{sensor.field}`"
+            found.append(error("R002", sensor.span, what, hint))
+            return None
+        if not _sensor_fits(sensor.type, spec):
+            what = f"`{sensor.name}`: {server.name}.{spec.name} is {spec.type}, not {sensor.type}"
+            found.append(error("R003", sensor.span, what, f"it is {spec.meaning}"))
+            return None
+        factor = sensor.factor
+    return SensorBinding(
+        sensor=sensor.name,
+        server=server.name,
+        field=sensor.field,
+        within_ns=sensor.within_ns,
+        factor=factor,
+    )
+
+
+def _sensor_fits(declared: Type, spec: FieldSpec) -> bool:
+    match declared, spec.type:
+        case Array(element=mine, size=n), Array(element=its, size=m):
+            return n == m and _fits(mine, its)
+        case (Bool() | Quantity() | Enum()) as mine, (Bool() | Quantity() | Enum()) as its:
+            return _fits(mine, its)
+        case _:
+            return False
+
+
+def _fits(mine: Scalar, its: Scalar) -> bool:
+    """Equal types, or a plain number for any quantity: it is then in base units."""
+    match mine, its:
+        case Quantity(dimension=a), Quantity(dimension=b):
+            return a in (b, NUMBER)
+        case Bool(), Bool():
+            return True
+        case _:
+            return False
+
+
+def _bind_actuator(
+    actuator: Actuator, servers: tuple[ServerSpec, ...], found: list[Diagnostic]
+) -> ActuatorBinding | None:
+    server = _server(actuator, servers, found)
+    if server is None:
+        return None
+    places: tuple[int | None, ...] = ()
+    if not server.open_fields:
+        command = next((c for c in server.commands if c.name == actuator.command), None)
+        if command is None:
+            hint = did_you_mean(actuator.command, (c.name for c in server.commands))
+            what = f"`{actuator.name}`: {server.name} has no command `{actuator.command}`"
+            found.append(error("R004", actuator.span, what, hint))
+            return None
+        before = len(found)
+        _check_parameters(actuator, command, found)
+        if len(found) > before:
+            return None
+        names = [f.name for f in actuator.fields]
+        places = tuple(names.index(p.name) if p.name in names else None for p in command.parameters)
+    return ActuatorBinding(
+        actuator=actuator.name, server=server.name, command=actuator.command, places=places
+    )
+
+
+def _check_parameters(actuator: Actuator, command: CommandSpec, found: list[Diagnostic]) -> None:
+    known = {p.name: p for p in command.parameters}
+    for field in actuator.fields:
+        spec = known.get(field.name)
+        if spec is None:
+            what = f"`{actuator.name}.{field.name}`: {actuator.server}.{command.name} takes no `{field.name}`"
+            found.append(error("R005", field.span, what, did_you_mean(field.name, known)))
+        elif not _fits(field.type, spec.type):
+            what = f"`{actuator.name}.{field.name}` is {field.type}, but the command takes {spec.type}"
+            found.append(error("R003", field.span, what, f"it is the {spec.meaning}"))
+
+
+def _shared_commands(actuators: tuple[Actuator, ...]) -> Iterable[Diagnostic]:
+    first: dict[tuple[str, str], str] = {}
+    for actuator in actuators:
+        other = first.setdefault((actuator.server, actuator.command), actuator.name)
+        if other != actuator.name:
+            where = f"{actuator.server}.{actuator.command}"
+            yield error(
+                "R006",
+                actuator.span,
+                f"`{actuator.name}` and `{other}` both command {where}: nothing would arbitrate between them",
+                "wire the modules of both under one actuator",
+            )

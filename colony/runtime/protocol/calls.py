@@ -1,0 +1,533 @@
+"""The part of a server that takes calls: connections with priorities, methods with typed arguments, replies
+now or later, and callers that die (thesis section 4.5.3).
+
+A server lists its methods and gives its messages to a `CallDesk`:
+
+    METHODS = (method("level", Level, read_level, right="read"), ...)
+    desk = CallDesk("Battery", METHODS)
+    effects = desk.handle(message, now_ns)
+
+A connection begins with the call `open` and ends with the call `close`, or when nothing was heard of it for
+the lease. A call that changes something is done once however often it arrives: what was answered is answered
+again in the same words. A handler gives the result, raises `Refused`, or says `LATER` and answers through
+`CallDesk.answer` in its time.
+"""
+
+from __future__ import annotations
+
+from collections import OrderedDict
+from collections.abc import Callable, Iterable, Iterator
+from dataclasses import dataclass, field
+from typing import Any, Final, NamedTuple
+
+import msgspec
+
+from colony.runtime.protocol import topics
+from colony.runtime.protocol.messages import (
+    Alive,
+    Call,
+    Effect,
+    Malformed,
+    Message,
+    Notice,
+    Problem,
+    Reply,
+    Right,
+    Send,
+    Wake,
+    WakeAt,
+)
+
+LEASE_NS = 750_000_000
+"""After this time without a sign of life a connection is lost. Clients give one every quarter of a second."""
+
+ANSWERS_KEPT = 64
+"""Replies that are kept for each connection, for calls that arrive again."""
+
+ANSWER_BYTES_KEPT = 1024 * 1024
+"""Bytes of the replies kept for each connection; the newest is kept whatever its size."""
+
+ANSWER_OVERHEAD = 300
+"""Bytes of memory that a kept reply takes besides its result."""
+
+ANSWER_BYTES = 8 * 1024 * 1024
+"""Bytes of the replies kept for all connections together."""
+
+STOPS_KEPT = 256
+"""Replies to emergency stops that are kept, so that a call which arrives again is no second stop."""
+
+CONNECTIONS = 1000
+"""Connections that a server has at a time."""
+
+CONNECTIONS_EACH = 500
+"""Connections of one user, so that a single user cannot take all of them."""
+
+MOST_REACHED = 16
+"""Sentences in `status` about limits of the connections that were reached."""
+
+LONGEST_NAME = 255
+"""Characters of a connection's name; the rest is cut off."""
+
+WAITING_EACH = 256
+"""Calls of one connection that may wait for their answers."""
+
+ARGUMENT_BYTES = 64 * 1024
+"""Largest arguments, in msgpack, of a method that sets no limit of its own."""
+
+
+LONGEST_TEXT = 1000
+"""Characters of a message for people; the rest of a longer one is left out."""
+
+
+class Refused(Exception):
+    """A call that a server does not do.
+
+    `code` is for programs: "arguments", "size", "method", "right", "closed", "malformed", "full", or one of
+    the server's own. Further codes are "flood", from the server's inbox, for a call that came too fast, and
+    "not kept", for an emergency stop that the Clock could not write to its file.
+    """
+
+    def __init__(self, code: str, message: str) -> None:
+        super().__init__(message)
+        self.problem = Problem(code=code, message=message[:LONGEST_TEXT])
+
+
+class Caller(NamedTuple):
+    """Who calls: a connection (`user/id`), the name that it goes by, its priority, its user."""
+
+    connection: str
+    name: str
+    priority: int
+    user: str
+
+
+class Asked(NamedTuple):
+    """One call, of which the answer is due."""
+
+    caller: Caller
+    number: int
+
+
+class Later:
+    """The type of `LATER`."""
+
+
+LATER: Final = Later()
+"""The result of a handler whose answer comes later."""
+
+EMERGENCY_STOP = "emergency_stop"
+"""The method that stops a server's actuators."""
+
+Handler = Callable[[Asked, Any, int], object]
+"""From the call, its arguments and the time to its result, which msgspec can put into bytes."""
+
+
+class Method(NamedTuple):
+    """A method of a server: the msgspec struct of its arguments, the right that it needs, and the most bytes
+    of arguments that it decodes. A `lasting` one goes on to cost the server something after its answer: the
+    right to stop does not do for it."""
+
+    name: str
+    arguments: type[msgspec.Struct]
+    handler: Handler
+    right: Right
+    largest: int = ARGUMENT_BYTES
+    lasting: bool = False
+
+
+def method(
+    name: str,
+    arguments: type[msgspec.Struct],
+    handler: Handler,
+    *,
+    right: Right = "command",
+    largest: int = ARGUMENT_BYTES,
+    lasting: bool = False,
+) -> Method:
+    """Return a line of a server's table of methods.
+
+    Arguments of more than `largest` bytes are refused with the code "size" before they are decoded.
+    """
+    return Method(name, arguments, handler, right, largest, lasting)
+
+
+class Open(msgspec.Struct, frozen=True, kw_only=True):
+    """`open`: the name that the connection goes by, for people; its priority is that of the call."""
+
+    name: str
+
+
+class Nothing(msgspec.Struct, frozen=True, kw_only=True):
+    """The arguments of a method that has none."""
+
+
+class ConnectionStatus(msgspec.Struct, frozen=True, kw_only=True):
+    """A connection as its server sees it; `since_ns` is the robot's time at which it was opened."""
+
+    connection: str
+    name: str
+    priority: int
+    since_ns: int
+    calls: int
+    problems: int
+    last_problem: str | None
+
+
+class Status(msgspec.Struct, frozen=True, kw_only=True):
+    """`status`: the connections, and the number of messages that could not be decoded.
+
+    `full` has a sentence for each limit of the server that is reached, or was since it started, and for what
+    else people have to see to.
+    """
+
+    server: str
+    connections: tuple[ConnectionStatus, ...]
+    malformed: int
+    last_malformed: str | None
+    full: tuple[str, ...] = ()
+
+
+@dataclass(frozen=False, slots=True, kw_only=True)
+class _Connection:
+    caller: Caller
+    since_ns: int
+    heard_ns: int
+    calls: int = 0
+    problems: int = 0
+    last_problem: str | None = None
+    pending: set[int] = field(default_factory=set)
+    answers: OrderedDict[int, Reply] = field(default_factory=OrderedDict)
+    answer_bytes: int = 0
+    forgotten: int = 0
+
+    def keep(self, reply: Reply) -> int:
+        """Keep an answer, forget the oldest ones beyond the limits, and return the growth in bytes."""
+        before = self.answer_bytes
+        self.answers[reply.number] = reply
+        self.answer_bytes += _size(reply)
+        while len(self.answers) > ANSWERS_KEPT or (
+            len(self.answers) > 1 and self.answer_bytes > ANSWER_BYTES_KEPT
+        ):
+            self.forget_oldest()
+        return self.answer_bytes - before
+
+    def forget_oldest(self) -> int:
+        """Forget the oldest answer, and return its bytes."""
+        number, old = self.answers.popitem(last=False)
+        size = _size(old)
+        self.answer_bytes -= size
+        self.forgotten = max(self.forgotten, number)
+        return size
+
+
+_RIGHTS: dict[Right, tuple[Right, ...]] = {
+    "read": ("read", "command", "stop"),
+    "command": ("command",),
+    "stop": ("stop", "command"),
+}
+"""By which rights a method may be called; stopping is open to who may command."""
+
+
+class CallDesk:
+    """Mutable: the connections and what they were answered.
+
+    Args:
+        server: its name.
+        methods: what it does; `open`, `close` and `status` it has already.
+        admit: asked before a connection opens; raises `Refused` to turn it away.
+        lost: told that a connection ended, by `close` or by its lease; gives effects.
+        lease_ns: after which silence a connection is lost.
+        stop: carries out an emergency stop, given the connection and the time; raises `Refused` if it could
+            not do all of it. Without it the server has nothing to stop.
+        full: returns sentences about limits that the server's other parts have reached, for `status`.
+    """
+
+    def __init__(
+        self,
+        server: str,
+        methods: Iterable[Method],
+        *,
+        admit: Callable[[Caller], None] = lambda caller: None,
+        lost: Callable[[Caller, int], Iterable[Effect]] = lambda caller, now_ns: (),
+        lease_ns: int = LEASE_NS,
+        stop: Callable[[str, int], None] | None = None,
+        full: Callable[[], Iterable[str]] = lambda: (),
+    ) -> None:
+        self._server = server
+        self._stop = stop
+        self._full = full
+        own = (
+            method("open", Open, lambda *_: None, right="read"),
+            method("close", Nothing, lambda *_: None, right="read"),
+            method("status", Nothing, self._status, right="read"),
+        )
+        self._methods = {m.name: (m, msgspec.msgpack.Decoder(m.arguments)) for m in (*own, *methods)}
+        self._admit = admit
+        self._lost = lost
+        self._lease_ns = lease_ns
+        self._connections: dict[str, _Connection] = {}
+        self._stops: OrderedDict[tuple[str, int], Effect] = OrderedDict()
+        self._answer_bytes = 0
+        self._reached: dict[str, None] = {}
+        self._malformed = 0
+        self._last_malformed: str | None = None
+        self._alarm: int | None = None
+        self.listens = (topics.calls(server),)
+
+    def handle(self, message: Message, now_ns: int) -> Iterator[Effect]:
+        """Take a call, a sign of life, what could not be read, or the time; anything else is ignored."""
+        match message:
+            case Call(method=called) if called == EMERGENCY_STOP and self._stop is not None:
+                yield self._stop_at_once(self._stop, message, now_ns)
+            case Call():
+                yield from self._call(message, now_ns)
+            case Alive():
+                connection = self._connections.get(message.connection)
+                if connection is not None:
+                    connection.heard_ns = now_ns
+                else:
+                    yield self._fail(message.connection, 0, _CLOSED)
+            case Malformed():
+                self._malformed += 1
+                self._last_malformed = message.reason[:LONGEST_TEXT]
+                if message.connection is not None:
+                    problem = Problem(code="malformed", message=f"{self._server}: {self._last_malformed}")
+                    yield self._fail(message.connection, 0, problem)
+            case Wake():
+                yield from self._expire(now_ns)
+            case _:
+                pass
+
+    def answer(self, asked: Asked, result: object) -> Iterator[Effect]:
+        """The result of a call whose handler said `LATER`; nothing where the caller is gone."""
+        yield from self._reply(asked, _result(asked, result))
+
+    def refuse(self, asked: Asked, refused: Refused) -> Iterator[Effect]:
+        """The same for a call that is not done after all."""
+        yield from self._reply(asked, _problem(asked, refused.problem))
+
+    def settle(self, answers: Iterable[tuple[Asked, object]]) -> Iterator[Effect]:
+        """Answer calls whose handlers said `LATER`; a result of the type `Refused` refuses its call."""
+        for asked, result in answers:
+            if isinstance(result, Refused):
+                yield from self.refuse(asked, result)
+            else:
+                yield from self.answer(asked, result)
+
+    def notify(self, caller: Caller, subject: str, body: object) -> Iterator[Effect]:
+        """Tell a caller something, if it is still there."""
+        if caller.connection in self._connections:
+            raw = msgspec.Raw(msgspec.msgpack.encode(body))
+            notice = Notice(connection=caller.connection, subject=subject, body=raw)
+            yield Send(topics.replies(self._server, caller.connection), notice)
+
+    @property
+    def callers(self) -> tuple[Caller, ...]:
+        """Who is connected, in the order in which they came."""
+        return tuple(c.caller for c in self._connections.values())
+
+    # --- calls ---------------------------------------------------------------------------------------
+
+    def _stop_at_once(self, stop: Callable[[str, int], None], call: Call, now_ns: int) -> Effect:
+        """Carry out an emergency stop, also without an open connection and whatever its priority.
+
+        A call that arrives again is not a second stop: the robot may have been released in the meantime.
+        """
+        known = self._stops.get((call.connection, call.number))
+        if known is not None:
+            return known
+        if call.right == "read":
+            text = f"{self._server}.{EMERGENCY_STOP} needs the right to stop, not to read"
+            return self._fail(call.connection, call.number, Problem(code="right", message=text))
+        connection = self._connections.get(call.connection)
+        if connection is not None:
+            connection.heard_ns = now_ns
+            connection.calls += 1
+        try:
+            stop(call.connection, now_ns)
+        except Refused as refused:
+            sent = self._fail(call.connection, call.number, refused.problem)
+        else:
+            reply = Reply(connection=call.connection, number=call.number)
+            sent = Send(topics.replies(self._server, call.connection), reply)
+        self._stops[call.connection, call.number] = sent
+        if len(self._stops) > STOPS_KEPT:
+            self._stops.popitem(last=False)
+        return sent
+
+    def _call(self, call: Call, now_ns: int) -> Iterator[Effect]:
+        connection = self._connections.get(call.connection)
+        if connection is None and call.method == "open":
+            connection, problem = self._open(call, now_ns)
+            if connection is None:
+                yield self._fail(call.connection, call.number, problem)
+                return
+            yield from self._watch(now_ns)
+        if connection is None:
+            yield self._fail(call.connection, call.number, _CLOSED)
+            return
+        connection.heard_ns = now_ns
+        number = call.number
+        if number in connection.answers:
+            yield Send(topics.replies(self._server, call.connection), connection.answers[number])
+        elif number not in connection.pending and number > connection.forgotten:
+            full = len(connection.pending) >= WAITING_EACH
+            connection.pending.add(number)
+            connection.calls += 1
+            if full:
+                text = f"{self._server}: {WAITING_EACH} calls of this connection wait for answers already"
+                yield from self.refuse(Asked(connection.caller, number), Refused("full", text))
+            else:
+                yield from self._do(connection, call, now_ns)
+
+    def _do(self, connection: _Connection, call: Call, now_ns: int) -> Iterator[Effect]:
+        asked = Asked(connection.caller, call.number)
+        known = self._methods.get(call.method)
+        # what was only read is read again for a call that arrives again: answers may be large
+        kept = known is not None and known[0].right != "read"
+        try:
+            result = self._result_of(asked, call, now_ns)
+        except Refused as refused:
+            yield from self._reply(asked, _problem(asked, refused.problem), kept=kept)
+            return
+        if not isinstance(result, Later):
+            yield from self._reply(asked, _result(asked, result), kept=kept)
+        if call.method == "close":
+            yield from self._end(call.connection, now_ns)
+
+    def _result_of(self, asked: Asked, call: Call, now_ns: int) -> object:
+        found = self._methods.get(call.method)
+        if found is None:
+            known, name = ", ".join(self._methods), call.method[:LONGEST_NAME]
+            raise Refused("method", f"{self._server} has no method `{name}`; it has {known}")
+        called, decoder = found
+        where = f"{self._server}.{called.name}"
+        if call.right not in _RIGHTS[called.right] or (called.lasting and call.right == "stop"):
+            raise Refused("right", f"{where} needs the right to {called.right}, not to {call.right}")
+        if call.priority != asked.caller.priority:
+            mine = asked.caller.priority
+            raise Refused("arguments", f"{where}: the connection has priority {mine}, not {call.priority}")
+        size = len(memoryview(call.arguments))
+        if size > called.largest:
+            raise Refused("size", f"{where}: {size} bytes of arguments; expected at most {called.largest}")
+        try:
+            arguments = decoder.decode(call.arguments)
+        except (msgspec.DecodeError, UnicodeDecodeError, RecursionError) as problem:
+            raise Refused("arguments", f"{where}: {problem}") from None
+        return called.handler(asked, arguments, now_ns)
+
+    def _open(self, call: Call, now_ns: int) -> tuple[_Connection | None, Problem]:
+        try:
+            opening = msgspec.msgpack.decode(call.arguments, type=Open)
+        except (msgspec.DecodeError, UnicodeDecodeError, RecursionError) as problem:
+            return None, Problem(code="arguments", message=f"{self._server}.open: {problem}")
+        user = topics.user_of(call.connection)
+        if len(self._connections) >= CONNECTIONS:
+            return None, self._no_room(f"{self._server} has {CONNECTIONS} connections already")
+        if sum(c.caller.user == user for c in self._connections.values()) >= CONNECTIONS_EACH:
+            return None, self._no_room(f"{self._server} has {CONNECTIONS_EACH} connections of {user} already")
+        caller = Caller(call.connection, opening.name[:LONGEST_NAME], call.priority, user)
+        try:
+            self._admit(caller)
+        except Refused as refused:
+            return None, refused.problem
+        connection = _Connection(caller=caller, since_ns=now_ns, heard_ns=now_ns)
+        self._connections[call.connection] = connection
+        return connection, _CLOSED
+
+    def _no_room(self, text: str) -> Problem:
+        self._note(text)
+        return Problem(code="full", message=text)
+
+    def _note(self, reached: str) -> None:
+        if len(self._reached) < MOST_REACHED:
+            self._reached[reached] = None
+
+    def _reply(self, asked: Asked, reply: Reply, *, kept: bool = True) -> Iterator[Effect]:
+        connection = self._connections.get(asked.caller.connection)
+        if connection is None:
+            return
+        connection.pending.discard(reply.number)
+        if kept:
+            self._answer_bytes += connection.keep(reply)
+            if self._answer_bytes > ANSWER_BYTES:
+                self._forget_answers()
+        if reply.problem is not None:
+            connection.problems += 1
+            connection.last_problem = reply.problem.message
+        yield Send(topics.replies(self._server, asked.caller.connection), reply)
+
+    def _forget_answers(self) -> None:
+        """Forget answers of the connection that has most of them, perhaps even the newest one."""
+        most = max(self._connections.values(), key=lambda each: each.answer_bytes)
+        while self._answer_bytes > ANSWER_BYTES and most.answers:
+            self._answer_bytes -= most.forget_oldest()
+        self._note(f"{self._server} keeps {ANSWER_BYTES >> 20} MiB of answers, and forgets the oldest")
+
+    def _fail(self, connection: str, number: int, problem: Problem) -> Effect:
+        reply = Reply(connection=connection, number=number, problem=problem)
+        return Send(topics.replies(self._server, connection), reply)
+
+    def _status(self, asked: Asked, arguments: object, now_ns: int) -> Status:
+        return Status(
+            server=self._server,
+            connections=tuple(
+                ConnectionStatus(
+                    connection=c.caller.connection,
+                    name=c.caller.name,
+                    priority=c.caller.priority,
+                    since_ns=c.since_ns,
+                    calls=c.calls,
+                    problems=c.problems,
+                    last_problem=c.last_problem,
+                )
+                for c in self._connections.values()
+            ),
+            malformed=self._malformed,
+            last_malformed=self._last_malformed,
+            full=(*self._reached, *self._full()),
+        )
+
+    # --- who lives -----------------------------------------------------------------------------------
+
+    def _watch(self, now_ns: int) -> Iterator[Effect]:
+        """See to it that a wake comes when the next connection could be lost."""
+        if not self._connections:
+            self._alarm = None
+            return
+        due = min(c.heard_ns for c in self._connections.values()) + self._lease_ns + 1
+        if self._alarm is None or now_ns >= self._alarm or due < self._alarm:
+            self._alarm = max(due, now_ns + 1)
+            yield WakeAt(self._alarm)
+
+    def _expire(self, now_ns: int) -> Iterator[Effect]:
+        if self._alarm is None or now_ns < self._alarm:
+            return
+        dead = [k for k, c in self._connections.items() if now_ns - c.heard_ns > self._lease_ns]
+        for connection in dead:
+            yield from self._end(connection, now_ns)
+            yield self._fail(connection, 0, _CLOSED)
+        yield from self._watch(now_ns)
+
+    def _end(self, connection: str, now_ns: int) -> Iterator[Effect]:
+        ended = self._connections.pop(connection)
+        self._answer_bytes -= ended.answer_bytes
+        yield from self._lost(ended.caller, now_ns)
+
+
+_CLOSED = Problem(code="closed", message="the connection is not open, or was lost")
+
+
+def _size(reply: Reply) -> int:
+    """Return about how many bytes of memory an answer takes."""
+    text = 0 if reply.problem is None else len(reply.problem.message)
+    return len(memoryview(reply.result)) + text + ANSWER_OVERHEAD
+
+
+def _result(asked: Asked, result: object) -> Reply:
+    raw = msgspec.Raw(msgspec.msgpack.encode(result))
+    return Reply(connection=asked.caller.connection, number=asked.number, result=raw)
+
+
+def _problem(asked: Asked, problem: Problem) -> Reply:
+    return Reply(connection=asked.caller.connection, number=asked.number, problem=problem)

@@ -1,0 +1,101 @@
+"""Messages as bytes: one byte of version, then msgpack. What comes in is checked against the types.
+
+A message that is too large, of another version, or not of its type is never half-read: `decode` raises
+`NotAMessage`, which says what was found, where, and what was expected.
+"""
+
+from __future__ import annotations
+
+import msgspec
+
+from colony.runtime.protocol.messages import (
+    Announcement,
+    Checkpoint,
+    Fetch,
+    Ready,
+    Recall,
+    Request,
+    Restart,
+    Sent,
+    ServerFrame,
+    Tick,
+    Verdict,
+)
+
+VERSION = 1
+"""Version of the protocol. A field with a default may be added at the end of a message; every other change is
+a new version."""
+
+LARGEST = 4 * 1024 * 1024
+"""Bytes of the largest message: enough for a color image of 1280x960 and what goes with it."""
+
+_LARGEST: dict[type, int] = {
+    **dict.fromkeys((Tick, Verdict, Checkpoint, Recall), 1024 * 1024 + 65_536),
+    ServerFrame: 256 * 1024,
+    **dict.fromkeys((Request, Announcement, Fetch, Ready, Restart), 65_536),
+}
+"""Bytes of the largest message of each kind that frames consist of: many small values take long to decode,
+and these messages are decoded in every frame."""
+
+_LARGEST_BY_TAG = {msgspec.msgpack.encode(kind.__name__): most for kind, most in _LARGEST.items()}
+"""The same by tag: the name of the kind in msgpack."""
+
+_TAG_AT = 2
+"""Index of the tag in a message, after the version and the length of the array."""
+
+
+def largest(kind: type) -> int:
+    """Return the limit, in bytes, for messages of a kind."""
+    return _LARGEST.get(kind, LARGEST)
+
+
+_PREFIX = bytes([VERSION])
+
+
+class NotAMessage(ValueError):
+    """These bytes are no message of this version; the text says what is wrong with them."""
+
+
+_encoder = msgspec.msgpack.Encoder()
+_decoder: msgspec.msgpack.Decoder[Sent] = msgspec.msgpack.Decoder(Sent)
+
+
+def encode(message: Sent) -> bytes:
+    """Encode a message.
+
+    Raises:
+        ValueError: it would be larger than its kind may be.
+    """
+    data = _PREFIX + _encoder.encode(message)
+    most = largest(type(message))
+    if len(data) > most:
+        raise ValueError(f"{type(message).__name__}: {len(data)} bytes; expected at most {most}")
+    return data
+
+
+def decode(data: bytes) -> Sent:
+    """Decode a message.
+
+    Raises:
+        NotAMessage: these bytes are no message, or too many for one of their kind.
+    """
+    if len(data) > (most := _largest_here(data)):
+        raise NotAMessage(f"{len(data)} bytes; expected at most {most}")
+    if data[:1] != _PREFIX:
+        found = f"version {data[0]}" if data else "nothing"
+        raise NotAMessage(f"found {found}; expected a message of version {VERSION}")
+    try:
+        return _decoder.decode(memoryview(data)[1:])
+    except (msgspec.DecodeError, UnicodeDecodeError, RecursionError) as problem:
+        raise NotAMessage(str(problem) or type(problem).__name__) from None
+
+
+def _largest_here(data: bytes) -> int:
+    """Return the limit, in bytes, for messages that begin like these bytes."""
+    if len(data) <= _SMALLEST_LIMIT:
+        return _SMALLEST_LIMIT
+    tag = data[_TAG_AT : _TAG_AT + 1 + (data[_TAG_AT] & 0x1F)]  # a short string of msgpack, with its length
+    return _LARGEST_BY_TAG.get(tag, LARGEST)
+
+
+_SMALLEST_LIMIT = min(_LARGEST.values())

@@ -1,0 +1,234 @@
+"""What the servers of a robot have to know of the program that is run on it: who commands what, in which
+order, and how the frames go. It is a message, so that the program itself may be anywhere.
+
+The process that leads a run deploys it at the Clock and at every server that an actuator is bound to, and
+again wherever one of these was started anew. As long as the leader lives, nobody else may.
+"""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Iterator
+from typing import Literal
+
+import msgspec
+
+from colony.compile.clients import ClientList
+from colony.ir.program import Actuator, ActuatorField, Program
+from colony.ir.types import BOOL, PLAIN, Bool, ScalarValue
+from colony.runtime.protocol import topics
+from colony.runtime.protocol.bindings import ActuatorBinding, Bindings
+from colony.runtime.protocol.fields import DSERVER
+from colony.runtime.protocol.plausibility import NUMBER_NS
+from colony.runtime.servers.commanding import Commanded
+
+SHORTEST_FRAME_NS = NUMBER_NS
+LONGEST_FRAME_NS = 3_600_000_000_000
+"""Of the frames of a robot. Faster ones would run out of numbers (see `clock.py`); with slower ones nobody
+would notice for hours that a client is lost."""
+
+DEPLOYMENT_BYTES = 256 * 1024
+"""Bytes of the largest deployment, in msgpack, that the method `deploy` of a server decodes."""
+
+
+MOST_CLIENTS = 2000
+"""Clients that the actuators of a program may have together: each frame tells the fate of every one of
+them."""
+
+MOST_OTHERS = 1000
+"""Actuators, fields of one, modules in Python, servers and variables that a deployment may name, of each."""
+
+MOST_TOLD = 5
+"""Names or priorities that the message about a problem lists."""
+
+LONGEST_NAME = 255
+"""Characters of any name in a deployment."""
+
+
+class FieldTable(msgspec.Struct, frozen=True, kw_only=True):
+    """A field of an actuator; `low` and `high` are in base units."""
+
+    name: str
+    kind: Literal["bool", "number"]
+    factor: float
+    low: float | None
+    high: float | None
+
+
+class ActuatorTable(msgspec.Struct, frozen=True, kw_only=True):
+    """An actuator, where it is bound to, and its clients, highest place first, each with its priority."""
+
+    name: str
+    fields: tuple[FieldTable, ...]
+    server: str
+    command: str
+    places: tuple[int | None, ...]
+    idle: tuple[ScalarValue, ...] | None
+    on_loss: Literal["stop", "degrade"]
+    clients: tuple[tuple[str, int], ...]
+
+
+class Deployment(msgspec.Struct, frozen=True, kw_only=True):
+    """A program on a robot. `run` is different for every run; "" is that of a robot without a program.
+
+    `announced` are the modules in Python whose activity DServer hands on; `seed` is that of `Runtime.random`;
+    `servers` are read besides those that every robot has.
+    `lockstep`: each frame begins as soon as the one before it is decided, instead of after `frame_ns`.
+    `reads` are the variables that the program's sensors are bound to: DServer's frames show them.
+    """
+
+    run: str
+    program: str
+    frame_ns: int
+    seed: int
+    actuators: tuple[ActuatorTable, ...]
+    announced: tuple[str, ...] = ()
+    lockstep: bool = False
+    servers: tuple[str, ...] = ()
+    reads: tuple[str, ...] = ()
+
+
+def deployment(
+    program: Program,
+    clients: ClientList,
+    bindings: Bindings,
+    *,
+    run: str,
+    seed: int,
+    announced: tuple[str, ...] = (),
+    lockstep: bool = False,
+    servers: tuple[str, ...] = (),
+) -> Deployment:
+    """What servers have to know of a compiled program."""
+    wired = {a.actuator: tuple((c.module, c.priority) for c in a.clients) for a in clients.actuators}
+    return Deployment(
+        run=run,
+        program=program.robot.name,
+        frame_ns=program.robot.frame_ns,
+        seed=seed,
+        actuators=tuple(
+            _table(actuator, binding, wired.get(actuator.name, ()))
+            for actuator, binding in zip(program.robot.actuators, bindings.actuators, strict=True)
+        ),
+        announced=announced,
+        lockstep=lockstep,
+        servers=servers,
+        reads=variables_read(bindings),
+    )
+
+
+def variables_read(bindings: Bindings) -> tuple[str, ...]:
+    """Return the variables of DServer that sensors are bound to, each once, in the order declared."""
+    return tuple(dict.fromkeys(b.field for b in bindings.sensors if b.server == DSERVER.name))
+
+
+def commanded_by(deployed: Deployment, server: str) -> tuple[Commanded, ...]:
+    """The actuators that are bound to a server, each with its clients."""
+    return tuple(_commanded(table) for table in deployed.actuators if table.server == server)
+
+
+def client_addresses(deployed: Deployment) -> tuple[tuple[str, str], ...]:
+    """Every client's address, and the server that it sends its requests to."""
+    return tuple(
+        (topics.client_address(table.name, client), table.server)
+        for table in deployed.actuators
+        for client, _ in table.clients
+    )
+
+
+def problems(deployed: Deployment) -> tuple[str, ...]:
+    """Return what makes a deployment impossible: no name, frames without length, two clients with one name or
+    priority, more of anything than a robot can have. Limits come first, so that nothing large is looked
+    at."""
+    return tuple(_too_many(deployed)) or tuple(_problems(deployed))
+
+
+def _too_many(deployed: Deployment) -> Iterator[str]:
+    tables = deployed.actuators
+    counts = [
+        ("clients", sum(len(table.clients) for table in tables), MOST_CLIENTS),
+        ("actuators", len(tables), MOST_OTHERS),
+        ("fields of an actuator", max((len(t.fields) for t in tables), default=0), MOST_OTHERS),
+        ("modules in Python", len(deployed.announced), MOST_OTHERS),
+        ("servers", len(deployed.servers), MOST_OTHERS),
+        ("variables", len(deployed.reads), MOST_OTHERS),
+    ]
+    for what, count, most in counts:
+        if count > most:
+            yield f"{count} {what}; expected at most {most}"
+    for name in (deployed.run, deployed.program, *deployed.announced, *deployed.servers, *deployed.reads):
+        if len(name) > LONGEST_NAME:
+            yield f"the name `{name[:20]}...` has {len(name)} characters; expected at most {LONGEST_NAME}"
+
+
+def _problems(deployed: Deployment) -> Iterator[str]:
+    if not deployed.run:
+        yield "a run without a name"
+    if not SHORTEST_FRAME_NS <= deployed.frame_ns <= LONGEST_FRAME_NS:
+        expected = f"expected {SHORTEST_FRAME_NS} to {LONGEST_FRAME_NS}"
+        yield f"a frame of {deployed.frame_ns} ns; {expected}"
+    for table in deployed.actuators:
+        yield from _problems_of(table)
+
+
+def _problems_of(table: ActuatorTable) -> Iterator[str]:
+    for what, of in (("name", 0), ("priority", 1)):
+        counted = Counter(client[of] for client in table.clients)
+        for twice in sorted(str(x) for x, count in counted.items() if count > 1)[:MOST_TOLD]:
+            yield f"{table.name}: two clients have the {what} {twice}"
+    if any(len(name) > LONGEST_NAME for name, _ in table.clients):
+        yield f"{table.name}: the name of a client has more than {LONGEST_NAME} characters"
+    if table.idle is not None and len(table.idle) != len(table.fields):
+        yield f"{table.name}: an idle command of {len(table.idle)} values, not {len(table.fields)}"
+
+
+def _table(
+    actuator: Actuator, binding: ActuatorBinding, clients: tuple[tuple[str, int], ...]
+) -> ActuatorTable:
+    return ActuatorTable(
+        name=actuator.name,
+        fields=tuple(
+            FieldTable(
+                name=f.name,
+                kind="bool" if isinstance(f.type, Bool) else "number",
+                factor=f.factor,
+                low=f.low,
+                high=f.high,
+            )
+            for f in actuator.fields
+        ),
+        server=binding.server,
+        command=binding.command,
+        places=binding.places,
+        idle=actuator.idle,
+        on_loss=actuator.on_loss,
+        clients=clients,
+    )
+
+
+def _commanded(table: ActuatorTable) -> Commanded:
+    fields = tuple(
+        ActuatorField(
+            name=f.name,
+            type=BOOL if f.kind == "bool" else PLAIN,
+            factor=f.factor,
+            low=f.low,
+            high=f.high,
+        )
+        for f in table.fields
+    )
+    return Commanded(
+        actuator=Actuator(
+            name=table.name,
+            fields=fields,
+            server=table.server,
+            command=table.command,
+            idle=table.idle,
+            on_loss=table.on_loss,
+        ),
+        binding=ActuatorBinding(
+            actuator=table.name, server=table.server, command=table.command, places=table.places
+        ),
+        places=tuple(client for client, _ in table.clients),
+        priorities=tuple(priority for _, priority in table.clients),
+    )

@@ -1,0 +1,102 @@
+"""What the servers of a robot offer: the fields that sensors bind to, the commands that actuators bind to.
+
+Fields of hardware are in base units (mm, s, deg), whatever unit a program declares: a sensor in meters
+`from PServer.sonar` gets meters. Headings, sonars and infrareds go counterclockwise, 12 looks ahead.
+DServer has the variables that programs give it, in the units in which they were set.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from colony.ir.types import BOOL, DEGREES, DISTANCE, PLAIN, Array, Quantity, Scalar, Type
+from colony.text.units import ANGLE, LENGTH, TIME
+
+PROXIMITY_SENSORS = 24
+SPEED = Quantity(LENGTH.over(TIME))
+TURN_RATE = Quantity(ANGLE.over(TIME))
+
+
+@dataclass(frozen=True, slots=True)
+class FieldSpec:
+    """A field of a server's frames; `type` is in base units."""
+
+    name: str
+    type: Type
+    meaning: str
+
+
+@dataclass(frozen=True, slots=True)
+class ParameterSpec:
+    """A parameter of a command, in base units; one that an actuator does not declare is 0."""
+
+    name: str
+    type: Scalar
+    meaning: str
+
+
+@dataclass(frozen=True, slots=True)
+class CommandSpec:
+    """A command of a server, by name, with its parameters in the order in which the server takes them."""
+
+    name: str
+    parameters: tuple[ParameterSpec, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class ServerSpec:
+    """A server by name. `open_fields`: it has a field of any name (and a command of any name)."""
+
+    name: str
+    fields: tuple[FieldSpec, ...] = ()
+    commands: tuple[CommandSpec, ...] = ()
+    open_fields: bool = False
+
+
+PSERVER = ServerSpec(
+    "PServer",
+    fields=(
+        FieldSpec("sonar", Array(DISTANCE, PROXIMITY_SENSORS), "range of each ultrasonic sensor"),
+        FieldSpec(
+            "infrared", Array(BOOL, PROXIMITY_SENSORS), "whether each infrared detector sees something"
+        ),
+    ),
+)
+"""The proximity subsystem (thesis section 4.6.2)."""
+
+RSERVER = ServerSpec(
+    "RServer",
+    fields=(
+        FieldSpec("bumper", BOOL, "whether a bumper touches something"),
+        FieldSpec("front_bumper", BOOL, "whether the front bumper touches something"),
+        FieldSpec("rear_bumper", BOOL, "whether the rear bumper touches something"),
+        FieldSpec("x", DISTANCE, "position by dead reckoning, growing to the east"),
+        FieldSpec("y", DISTANCE, "position by dead reckoning, growing to the north"),
+        FieldSpec("heading", DEGREES, "heading by dead reckoning, 0 north, 90 west, in [0, 360)"),
+        FieldSpec("speed", SPEED, "measured forward speed, negative backward"),
+        FieldSpec("turn_rate", TURN_RATE, "measured turning speed, positive counterclockwise"),
+        FieldSpec("wheel_speed", SPEED, "mean of the magnitudes of both wheels' speeds"),
+        FieldSpec("speed_setting", SPEED, "the forward speed commanded last"),
+        FieldSpec("turn_setting", TURN_RATE, "the turning speed commanded last"),
+    ),
+    commands=(
+        CommandSpec(
+            "drive",
+            (
+                ParameterSpec("velocity", SPEED, "forward speed"),
+                ParameterSpec("turn", TURN_RATE, "turning speed, positive counterclockwise"),
+            ),
+        ),
+    ),
+)
+"""The base (thesis section 4.6.3, Table 4.1)."""
+
+DSERVER = ServerSpec("DServer", open_fields=True)
+"""Variables that processes share (thesis section 4.6.1); `to DServer.X` sets variable X."""
+
+RUNTIME = ServerSpec(
+    "Runtime", fields=(FieldSpec("random", PLAIN, "uniform in [0, 1), new each frame, from the run's seed"),)
+)
+"""What every robot has besides its hardware."""
+
+SERVERS = (PSERVER, RSERVER, DSERVER, RUNTIME)

@@ -1,0 +1,91 @@
+"""Checks of messages against the robot's time. A message that cannot be true counts as malformed, and has no
+other effect.
+
+The Clock numbers frames, at most one for each `NUMBER_NS` of the robot's time (see `clock.py`). So no frame
+has a higher number than the time allows. A server that accepted one would ignore all ticks until the Clock
+gets there.
+"""
+
+from __future__ import annotations
+
+from colony.runtime.protocol.codec import NotAMessage
+from colony.runtime.protocol.messages import (
+    Announcement,
+    Checkpoint,
+    Fetch,
+    Ready,
+    Request,
+    Restart,
+    Sent,
+    ServerFrame,
+    Stopped,
+    Tick,
+    Verdict,
+)
+
+NUMBER_NS = 100_000
+"""Nanoseconds of the robot's time for each number of a frame, and so the shortest frame."""
+
+AHEAD_NS = 1_000_000_000
+"""Nanoseconds by which a sender's clock may be ahead of this process's."""
+
+LONGEST_NAME = 600
+"""Characters of the longest address. It has two names, of 255 characters each: an actuator and a module, or a
+server and a module whose activity it relays."""
+
+MOST_NAMES = 10_000
+"""Servers, clients or void frames in a tick, of each."""
+
+
+def check_plausible(message: Sent, now_ns: int) -> None:
+    """Check numbers of frames, times and names against what is possible at `now_ns` of the robot.
+
+    Raises:
+        NotAMessage: the message cannot be true.
+    """
+    match message:
+        case Tick():
+            _check_tick(message, now_ns)
+        case ServerFrame(k=k, server=server, since=since, stopped=stopped):
+            _check_number(k, now_ns)
+            _check_number(since, now_ns)
+            _check_name(server)
+            _check_stop(stopped, now_ns)
+        case Request(k=k, client=client) | Ready(k=k, client=client) | Checkpoint(k=k, client=client):
+            _check_number(k, now_ns)
+            _check_name(client)
+        case Announcement(k=k, module=name) | Fetch(k=k, server=name) | Verdict(k=k, actuator=name):
+            _check_number(k, now_ns)
+            _check_name(name)
+        case Restart(start=start, client=client):
+            _check_number(start, now_ns)
+            _check_name(client)
+        case _:
+            pass
+
+
+def _check_tick(tick: Tick, now_ns: int) -> None:
+    _check_number(tick.k, now_ns)
+    if not 0 <= tick.start <= tick.k:
+        raise NotAMessage(f"frame {tick.k} of an epoch that began at {tick.start}")
+    if max(len(tick.down), len(tick.lost), len(tick.void)) > MOST_NAMES:
+        raise NotAMessage(f"more than {MOST_NAMES} servers or clients in a tick")
+    if tick.released_ns > now_ns + AHEAD_NS:
+        raise NotAMessage(f"a release at {tick.released_ns} ns, and it is {now_ns}")
+    _check_stop(tick.stopped, now_ns)
+
+
+def _check_stop(stopped: Stopped | None, now_ns: int) -> None:
+    if stopped is not None and stopped.t_ns > now_ns + AHEAD_NS:
+        raise NotAMessage(f"an emergency stop at {stopped.t_ns} ns, and it is {now_ns}")
+
+
+def _check_number(k: int, now_ns: int) -> None:
+    """Check the number of a frame; -1 stands for no frame."""
+    if not -1 <= k <= (now_ns + AHEAD_NS) // NUMBER_NS:
+        raise NotAMessage(f"frame {k} cannot be yet")
+
+
+def _check_name(name: str) -> None:
+    if len(name) > LONGEST_NAME:
+        raise NotAMessage(f"the name `{name[:20]}...` has {len(name)} characters")

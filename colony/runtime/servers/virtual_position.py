@@ -1,0 +1,101 @@
+"""Where a base is by its own reckoning, far beyond what its registers can say, and as users set it
+(thesis section 4.6.3, "Virtual X-Y Coordinate").
+
+A Labmate keeps x and y in 16-bit registers, so they jump by 65536 mm where one overflows. A jump is known by
+a change of sign over more than half of that range, the sign of 0 counting as plus; it is never mistaken while
+the robot goes less than 32768 mm from one look at the registers to the next. RServer looks in every frame.
+
+Positions that users set are kept here and not in the registers: what was remembered begins anew there.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+from colony.runtime.servers.drivers import BaseState
+
+
+class VirtualAxis:
+    """Extends one register of `bits` bits beyond its range; None: it never overflows.
+
+    Mutable: the value seen last, and how many times the register went round since.
+    """
+
+    def __init__(self, bits: int | None) -> None:
+        self._half = None if bits is None else float(1 << (bits - 1))
+        self._last: float | None = None
+        self._rounds = 0
+
+    def extend(self, register: float) -> float:
+        """The position that a register's value stands for."""
+        if self._half is None:
+            return register
+        last, self._last = self._last, register
+        if last is not None and abs(register - last) > self._half and (last >= 0.0) != (register >= 0.0):
+            self._rounds += 1 if last >= 0.0 else -1
+        return register + 2.0 * self._half * self._rounds
+
+    def reset(self) -> None:
+        """Forget all: the next value is taken as it is."""
+        self._last, self._rounds = None, 0
+
+
+class Pose(NamedTuple):
+    """x and y in mm, heading in degrees counterclockwise from north."""
+
+    x: float
+    y: float
+    heading: float
+
+
+class Odometer:
+    """Both axes of a base and its heading. Mutable: what it saw last, and the pose that users set.
+
+    `track` is how the base moved since the first look, without jumps: a heading that goes on beyond 360, and
+    a position in the axes of the base's own reckoning, whatever users set. Motions are measured by it.
+    """
+
+    def __init__(self, register_bits: int | None) -> None:
+        self._axes = (VirtualAxis(register_bits), VirtualAxis(register_bits))
+        self._seen: Pose | None = None
+        self._anchor = (Pose(0.0, 0.0, 0.0), Pose(0.0, 0.0, 0.0))
+        self.track: Pose | None = None
+
+    def observe(self, state: BaseState) -> Pose:
+        """Take a snapshot of the base in; gives the pose as users know it, with its heading in [0, 360)."""
+        x, y = self._axes[0].extend(state.x), self._axes[1].extend(state.y)
+        before, self._seen = self._seen, Pose(x, y, state.heading)
+        if self.track is None or before is None:
+            self.track = self._seen
+        else:
+            turned = math.remainder(state.heading - before.heading, 360.0)
+            track = self.track
+            self.track = Pose(track.x + x - before.x, track.y + y - before.y, track.heading + turned)
+        return self._as_set(self._seen)
+
+    def set(self, state: BaseState, pose: Pose) -> None:
+        """The base, in this state, is at `pose`; from there on it is reckoned along its new heading."""
+        self.observe(state)
+        for axis in self._axes:
+            axis.reset()
+        here = Pose(self._axes[0].extend(state.x), self._axes[1].extend(state.y), state.heading)
+        self._seen = here
+        self._anchor = (here, pose)
+
+    def adjust(self, state: BaseState, by: Pose) -> None:
+        """The base, in this state, is off by so much in x, y and heading."""
+        at = self.observe(state)
+        self.set(state, Pose(at.x + by.x, at.y + by.y, at.heading + by.heading))
+
+    def _as_set(self, seen: Pose) -> Pose:
+        here, there = self._anchor
+        turned = there.heading - here.heading
+        angle = math.radians(turned)
+        dx, dy = seen.x - here.x, seen.y - here.y
+        cos, sin = (1.0, 0.0) if turned == 0.0 else (math.cos(angle), math.sin(angle))
+        return Pose(
+            there.x + cos * dx - sin * dy,
+            there.y + sin * dx + cos * dy,
+            (seen.heading + turned) % 360.0,
+        )

@@ -1,0 +1,344 @@
+"""A store in one file, by SQLite.
+
+What survives what. A commit appends to the write-ahead log with plain writes: once they are done the
+operating system has the bytes, and SIGKILL of the process cannot take them back, synchronized to the disk or
+not. So the default is `synchronous=NORMAL`, which synchronizes only when the log is carried over into the
+database, about every four megabytes. `OFF` would be no faster in between, and after a loss of power may leave
+a file that cannot be read; with `NORMAL` a loss of power costs the last moments, never the file. With `fsync`
+each commit waits for the disk (`synchronous=FULL`), and a loss of power costs nothing.
+
+The file is locked while it is open: two servers cannot write one state. Pages are small because most entries
+are: a commit writes whole pages. Each entry has a checksum, as the file format itself has none. The table has
+row ids, so that keys are in an index of their own: a search among entries of a megabyte would have to read
+those that it comes across.
+
+A full disk. Beside the file is a reserve, which takes up room. When a commit finds no room, the reserve is
+given up, the log is carried over into the database, and the commit is tried again: what was being done can
+be kept. From then on the store is `full`, until there is room for the reserve again. A limit of the size of
+files, or a quota, counts as a full disk.
+
+A file that is empty or damaged is kept aside (`aside.py`), and the store begins with nothing: it says so, and
+DServer goes on saying so. An empty file is damaged because none is ever made: a new database is filled under
+another name. A file that is not DServer's, or is a later version's, is refused and left alone.
+"""
+
+from __future__ import annotations
+
+import errno
+import os
+import resource
+import sqlite3
+import zlib
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import closing, suppress
+from pathlib import Path
+
+from colony.files import open_regular, reason, sync_folder
+from colony.os_errors import limit_advice
+from colony.runtime.store.quarantine import BESIDE, put_aside
+from colony.runtime.store.reserve import RESERVE_BYTES, Reserve
+from colony.runtime.store.store import Key, StoreError, StoreFull
+
+APPLICATION = 0x436F6C44
+"""`ColD`: marks a file as DServer's."""
+
+VERSION = 2
+"""Version of the table's form. Version 1 had no row ids; its files are converted."""
+
+_PAGE = 1024
+_CARRIED_OVER_AFTER = 4096  # pages of the log: four megabytes
+
+_TABLE = """
+CREATE TABLE state (
+    kind TEXT NOT NULL, name TEXT NOT NULL, slot INTEGER NOT NULL, data BLOB NOT NULL, sum INTEGER NOT NULL,
+    PRIMARY KEY (kind, name, slot)
+)
+"""
+_PUT = """
+INSERT INTO state VALUES (?, ?, ?, ?, ?)
+ON CONFLICT (kind, name, slot) DO UPDATE SET data = excluded.data, sum = excluded.sum
+"""
+_DROP = "DELETE FROM state WHERE kind = ? AND name = ? AND slot = ?"
+
+
+class SqliteStore:
+    """Keeps entries in the database at `path`, which is made where there is none. Mutable: the file.
+
+    Args:
+        path: of the database; beside it SQLite keeps its log, `<path>-wal`, and this the `<path>.reserve`.
+        fsync: whether a commit outlives a loss of power, too.
+        patience_s: for how long to wait for another server to let go of the file.
+        report: called with a line for people when the file is damaged and was put aside.
+
+    Raises:
+        StoreFull: the file is not there, or is of an earlier version, and the disk has no room for a new one.
+        StoreError: the file cannot be opened or put aside, is in use, or is something else.
+    """
+
+    def __init__(
+        self,
+        path: str | os.PathLike[str],
+        *,
+        fsync: bool = False,
+        patience_s: float = 1.0,
+        report: Callable[[str], None] = lambda line: None,
+    ) -> None:
+        self._path = Path(path)
+        self._fsync, self._patience_s, self._report = fsync, patience_s, report
+        self._database: sqlite3.Connection | None = None
+        try:
+            self._begin()
+        except _Damaged as damage:
+            self._begin_with_nothing(damage)
+
+    def _begin(self) -> None:
+        """Open the database, or make it where there is none."""
+        is_new = _look_at(self._path)
+        try:
+            if is_new:
+                _make(self._path)
+            self._database = sqlite3.connect(
+                self._path, timeout=self._patience_s, isolation_level=None, check_same_thread=False
+            )
+            self._prepare(self._database, self._fsync)
+        except (sqlite3.Error, UnicodeDecodeError) as problem:  # the latter from messages about damage
+            self._abandon()
+            raise self._error(problem) from None
+        except BaseException:
+            self._abandon()
+            raise
+        self._reserve = Reserve(self._path.with_name(self._path.name + ".reserve"))
+        self.full: str | None = None
+        self.make_room()
+
+    def make_room(self) -> None:
+        """Put the reserve aside, again if it was given up; without room for it the store is full."""
+        try:
+            _expect_growth(self._path)
+            self._reserve.take()
+        except OSError as problem:
+            self.full = str(self._no_room(problem))
+        else:
+            self.full = None
+
+    def _begin_with_nothing(self, damage: _Damaged) -> None:
+        """Put a damaged database aside, and make a new one."""
+        self._abandon()
+        try:
+            aside = put_aside(self._path)
+        except BlockingIOError:
+            raise StoreError(f"{self._path} is in use by another server") from None
+        except OSError as problem:
+            raise StoreError(f"{damage}; it cannot be kept aside: {reason(problem)}") from None
+        self._report(f"{damage}; it is kept as {aside.name}, and DServer begins with nothing")
+        self._begin()
+
+    def load(self) -> Iterator[tuple[Key, bytes]]:
+        try:
+            entries = list(self._entries())
+        except _Damaged as damage:
+            self._begin_with_nothing(damage)
+            entries = []
+        return iter(entries)
+
+    def _entries(self) -> Iterator[tuple[Key, bytes]]:
+        try:
+            for kind, name, slot, data, found in self._open().execute("SELECT * FROM state"):
+                key = Key(kind, name, slot)
+                if not isinstance(data, bytes) or found != _checksum(key, data):
+                    raise _Damaged(self._path, f"the {kind} `{name}` is not what was written")
+                yield key, data
+        except (sqlite3.Error, UnicodeDecodeError) as problem:
+            raise self._error(problem) from None
+
+    def commit(self, changes: Mapping[Key, bytes | None]) -> None:
+        try:
+            self._commit(changes)
+        except StoreFull as problem:
+            self.full = str(problem)
+            self._reserve.give_up()
+            self._carry_over()
+            self._commit(changes)
+
+    def _commit(self, changes: Mapping[Key, bytes | None]) -> None:
+        database = self._open()
+        try:
+            database.execute("BEGIN")
+            database.executemany(
+                _PUT, [(*k, data, _checksum(k, data)) for k, data in changes.items() if data is not None]
+            )
+            dropped = [key for key, data in changes.items() if data is None]
+            if dropped:
+                database.executemany(_DROP, dropped)
+            database.execute("COMMIT")
+        except sqlite3.Error as problem:
+            if database.in_transaction:
+                database.execute("ROLLBACK")
+            raise self._error(problem) from None
+
+    def close(self) -> None:
+        """Carry the log over into the database, and let go of the file."""
+        database, self._database = self._database, None
+        if database is not None:
+            self._reserve.give_up()
+            database.close()
+
+    def _carry_over(self) -> None:
+        """Carry the log over into the database, as far as there is room for it, and begin the log again."""
+        with suppress(sqlite3.Error):
+            self._open().execute("PRAGMA wal_checkpoint(TRUNCATE)").fetchone()
+
+    # --- opening ---------------------------------------------------------------------------------------
+
+    def _prepare(self, database: sqlite3.Connection, fsync: bool) -> None:
+        database.execute("PRAGMA locking_mode = EXCLUSIVE")
+        self._check_owner(database)
+        mode = database.execute("PRAGMA journal_mode = WAL").fetchone()[0]
+        if mode != "wal":
+            raise StoreError(f"{self._path}: SQLite cannot keep a log here (it is in mode `{mode}`)")
+        database.execute(f"PRAGMA synchronous = {'FULL' if fsync else 'NORMAL'}")
+        database.execute(f"PRAGMA wal_autocheckpoint = {_CARRIED_OVER_AFTER}")
+        database.execute("PRAGMA secure_delete = OFF")  # zeros over what was replaced double what is written
+        database.execute("BEGIN EXCLUSIVE")
+        if database.execute("PRAGMA user_version").fetchone()[0] == 1:
+            database.execute("ALTER TABLE state RENAME TO state_1")
+            _fill(database)
+            database.execute("INSERT INTO state SELECT * FROM state_1")
+            database.execute("DROP TABLE state_1")
+        database.execute("COMMIT")
+        found = database.execute("PRAGMA integrity_check(1)").fetchone()[0]
+        if found != "ok":
+            raise _Damaged(self._path, found)
+
+    def _check_owner(self, database: sqlite3.Connection) -> None:
+        """Refuse what is another program's, or of a later version, before anything is written to it."""
+        owner = database.execute("PRAGMA application_id").fetchone()[0]
+        version = database.execute("PRAGMA user_version").fetchone()[0]
+        if owner == APPLICATION and version in (1, VERSION):
+            return
+        if owner == APPLICATION:
+            raise StoreError(f"{self._path} is of version {version}; this is a server of version {VERSION}")
+        if owner != 0 or database.execute("SELECT count(*) FROM sqlite_schema").fetchone()[0]:
+            raise StoreError(f"{self._path} is another program's database; give DServer a file of its own")
+        raise _Damaged(self._path, "there is nothing in it")
+
+    def _open(self) -> sqlite3.Connection:
+        if self._database is None:
+            raise StoreError(f"{self._path} is closed")
+        return self._database
+
+    def _abandon(self) -> None:
+        if self._database is not None:
+            self._database.close()
+            self._database = None
+
+    def _error(self, problem: Exception) -> StoreError:
+        code = getattr(problem, "sqlite_errorcode", None)
+        primary = None if code is None else code & 0xFF
+        if primary in (sqlite3.SQLITE_BUSY, sqlite3.SQLITE_LOCKED):
+            return StoreError(f"{self._path} is in use by another server")
+        if code == sqlite3.SQLITE_IOERR_WRITE and _most_bytes() is not None:
+            return self._no_room(_too_large(self._path))
+        if primary == sqlite3.SQLITE_FULL or code == sqlite3.SQLITE_IOERR_WRITE:
+            return self._no_room(problem)
+        if primary in _DAMAGE or isinstance(problem, UnicodeDecodeError):
+            return _Damaged(self._path, str(problem))
+        return StoreError(f"{self._path}: {problem}")
+
+    def _no_room(self, problem: Exception) -> StoreFull:
+        advice = limit_advice(problem) if isinstance(problem, OSError) else None
+        room = f"free some space in {self._path.parent}"
+        return StoreFull(f"{self._path}: {reason(problem)}: {advice or room}")
+
+
+class _Damaged(StoreError):
+    """A database that is not what DServer wrote, or not all of it."""
+
+    def __init__(self, path: Path, why: str) -> None:
+        super().__init__(f"{path} is damaged: {why}")
+
+
+_DAMAGE = (sqlite3.SQLITE_CORRUPT, sqlite3.SQLITE_NOTADB, sqlite3.SQLITE_ERROR)
+"""What SQLite finds wrong with content; the last is of tables that are not there."""
+
+_HEADER = b"SQLite format 3\0"
+
+
+def _look_at(path: Path) -> bool:
+    """Tell apart what SQLite would wait for, or take for an empty database; return True if there is none."""
+    for ending in BESIDE:
+        _header(path.with_name(path.name + ending))
+    header, log = _header(path), _header(path.with_name(f"{path.name}-wal"))
+    if header is None and log:
+        raise _Damaged(path, "it is missing, but its log is there")
+    if header == b"":
+        raise _Damaged(path, "it is empty")
+    if header is not None and header != _HEADER:
+        raise _Damaged(path, "it is no database")
+    return header is None
+
+
+def _header(path: Path) -> bytes | None:
+    try:
+        with open_regular(path) as file:
+            return file.read(len(_HEADER))
+    except FileNotFoundError:
+        return None
+    except OSError as problem:
+        raise StoreError(f"{path} cannot be read: {reason(problem)}") from None
+
+
+def _make(path: Path) -> None:
+    """Make a database without entries, whole or not at all."""
+    beside = path.with_name(f"{path.name}.new")
+    try:
+        _discard(beside)  # of a server that died while it made one
+        try:
+            with closing(sqlite3.connect(beside, isolation_level=None)) as database:
+                database.execute(f"PRAGMA page_size = {_PAGE}")
+                database.execute("BEGIN")
+                _fill(database)
+                database.execute("COMMIT")
+            os.rename(beside, path)
+        except BaseException:
+            _discard(beside)
+            raise
+        sync_folder(path.parent)
+    except OSError as problem:
+        raise StoreError(f"{path}: {reason(problem)}") from None
+
+
+def _fill(database: sqlite3.Connection) -> None:
+    database.execute(_TABLE)
+    database.execute(f"PRAGMA application_id = {APPLICATION}")
+    database.execute(f"PRAGMA user_version = {VERSION}")
+
+
+def _discard(path: Path) -> None:
+    for ending in ("", *BESIDE):
+        path.with_name(path.name + ending).unlink(missing_ok=True)
+
+
+def _expect_growth(path: Path) -> None:
+    """Check that a file may grow by as much as the reserve: a limit of the size of files knows no reserve.
+
+    Raises:
+        OSError: it may not.
+    """
+    most = _most_bytes()
+    if most is not None and path.stat().st_size + RESERVE_BYTES > most:
+        raise _too_large(path)
+
+
+def _most_bytes() -> int | None:
+    """Return the limit of the size of files, None if there is none."""
+    most = resource.getrlimit(resource.RLIMIT_FSIZE)[0]
+    return None if most == resource.RLIM_INFINITY else most
+
+
+def _too_large(path: Path) -> OSError:
+    return OSError(errno.EFBIG, os.strerror(errno.EFBIG), str(path))
+
+
+def _checksum(key: Key, data: bytes) -> int:
+    return zlib.crc32(data, zlib.crc32(f"{key.kind}\0{key.name}\0{key.slot}".encode()))

@@ -1,0 +1,35 @@
+"""Addresses of gateways: `tls/HOST:PORT`. Between machines nothing goes in the clear."""
+
+from __future__ import annotations
+
+import re
+from typing import NamedTuple
+
+from colony.runtime.transport.live.errors import SecurityError
+
+_TLS = re.compile(r"tls/(?:\[([0-9A-Fa-f:.]+)\]|([^\s:/\[\]]+)):([0-9]{1,5})")
+_LARGEST_PORT = 65535
+
+
+class Endpoint(NamedTuple):
+    """A host (name or address) and a port."""
+
+    host: str
+    port: int
+
+
+def parse_endpoint(text: str) -> Endpoint:
+    """Read `tls/HOST:PORT`; an IPv6 address stands in brackets.
+
+    Raises:
+        SecurityError: it is something else, or in the clear.
+    """
+    found = _TLS.fullmatch(text)
+    if found is not None and int(found[3]) <= _LARGEST_PORT:
+        return Endpoint(found[1] or found[2], int(found[3]))
+    if text.partition("/")[0] in ("tcp", "udp", "ws"):
+        raise SecurityError(
+            f"`{text}` would go in the clear, and whoever is on the network could drive the robot: "
+            "expected tls/HOST:PORT"
+        )
+    raise SecurityError(f"`{text}` is no address of a gateway: expected tls/HOST:PORT")

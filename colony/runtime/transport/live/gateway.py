@@ -1,0 +1,126 @@
+"""The way to a robot from other machines: a process that joins the robot's sockets and listens with TLS.
+
+It routes messages, and tells users what rights they have. Messages without the right never get past it.
+"""
+
+from __future__ import annotations
+
+import resource
+from collections.abc import Callable, Iterable
+from contextlib import ExitStack
+
+import msgspec
+
+from colony.runtime.library.ask import Ask
+from colony.runtime.protocol.calls import Asked, CallDesk, Nothing, method
+from colony.runtime.protocol.messages import Effect, Message, WakeAt
+from colony.runtime.transport.live import configuration
+from colony.runtime.transport.live.access import access_control
+from colony.runtime.transport.live.configuration import GATEWAY as GATEWAY
+from colony.runtime.transport.live.endpoint import parse_endpoint
+from colony.runtime.transport.live.errors import GatewayFull
+from colony.runtime.transport.live.host import Host
+from colony.runtime.transport.live.limits import allow_descriptors
+from colony.runtime.transport.live.network import Network, local_time
+from colony.runtime.transport.live.outbox import Report
+from colony.runtime.transport.live.place import Local
+from colony.runtime.transport.live.security import PERMISSIONS, Permission, Security
+
+
+class Admitted(msgspec.Struct, frozen=True, kw_only=True):
+    """The result of `whoami`: the authenticated identity, and the rights granted to it."""
+
+    user: str
+    may: tuple[Permission, ...]
+
+
+def whoami() -> Ask[Admitted]:
+    """Who am I, and what may I?"""
+    return Ask("whoami", Nothing(), Admitted, "read", repeatable=True)
+
+
+GROWTH_BYTES = 64 * 1024 * 1024
+"""Bytes of resident memory by which a gateway may grow until it restarts; it begins with 45 MiB. Zenoh keeps
+1.3 KB for every key that a session declares, for as long as the session lives, without a limit; so do the
+robot's servers, for the keys that come through the gateway."""
+
+LOOK_NS = 500_000_000
+"""Nanoseconds between two checks of the gateway's memory."""
+
+
+def resident_bytes() -> int:
+    """Return the resident memory of this process."""
+    with open("/proc/self/statm", encoding="ascii") as file:
+        return int(file.read().split()[1]) * resource.getpagesize()
+
+
+class GatewayNode:
+    """Answers `whoami`, and watches the memory. Users that are not in the table are those of this machine,
+    who have every right.
+
+    Args:
+        security: the table of users.
+        memory: returns the resident memory of this process in bytes.
+
+    Raises:
+        GatewayFull: from `handle`, when the memory has reached its limit.
+    """
+
+    address = GATEWAY
+
+    def __init__(self, security: Security, memory: Callable[[], int] = resident_bytes) -> None:
+        self._users = security.users
+        self._memory = memory
+        self._look_ns = self._began_with = 0
+        self._desk = CallDesk(GATEWAY, (method("whoami", Nothing, self._whoami, right="read"),))
+        self.listens = self._desk.listens
+
+    def start(self, now_ns: int) -> Iterable[Effect]:
+        self._began_with = self._memory()
+        self._look_ns = now_ns + LOOK_NS
+        yield WakeAt(self._look_ns)
+
+    def handle(self, message: Message, now_ns: int) -> Iterable[Effect]:
+        yield from self._desk.handle(message, now_ns)
+        if now_ns >= self._look_ns:
+            self._look()
+            self._look_ns = now_ns + LOOK_NS
+            yield WakeAt(self._look_ns)
+
+    def _look(self) -> None:
+        used = self._memory()
+        if used > self._began_with + GROWTH_BYTES:
+            most = (self._began_with + GROWTH_BYTES) >> 20
+            raise GatewayFull(f"{GATEWAY}: {used >> 20} MiB of memory are used; expected at most {most}")
+
+    def close(self) -> None:
+        """It holds nothing."""
+
+    def _whoami(self, asked: Asked, arguments: Nothing, now_ns: int) -> Admitted:
+        user = asked.caller.user
+        return Admitted(user=user, may=self._users.get(user, PERMISSIONS))
+
+
+def open_gateway(
+    place: Local, listen: str, security: Security, *, report: Report = lambda problem: None
+) -> Host:
+    """A gateway to a robot of this machine, listening at `listen` (`tls/HOST:PORT`); it works from when it is
+    opened, and answers from when its `run` is called.
+
+    Raises:
+        SecurityError: `listen` is no address for TLS.
+        AlreadyRunning: there is a gateway to this robot.
+        RunDirectoryError: the robot's folder cannot be used.
+        NotReached: it cannot listen there.
+    """
+    parse_endpoint(listen)
+    allow_descriptors()
+    settings = {
+        **configuration.gateway_settings(place.directory, listen, security),
+        "access_control": access_control(place.robot, security),
+    }
+    with ExitStack() as holds:
+        network = holds.enter_context(Network.open(place, listens=(GATEWAY,), settings=settings))
+        host = Host(network, [GatewayNode(security)], time=local_time(place), report=report)
+        host.and_close(holds.pop_all())
+        return host

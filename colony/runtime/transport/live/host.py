@@ -1,0 +1,448 @@
+"""A process of the runtime over zenoh: it runs one or several nodes, the very same that run in virtual time.
+
+    with Host.open(place, [RServer(driver)], serves=True) as host:
+        signal.signal(signal.SIGTERM, lambda *_: host.stop())
+        host.run()
+
+The threads of the network put bytes into the inbox. One thread, that of `run`, does all else: it takes
+messages in their order (see `waiting.py`), reads them, gives them to the nodes, lets these settle, and sends
+what they want sent. While it sends, which may have to wait for room, others may hand messages to the nodes.
+
+Emergency stops have a thread of their own (`stop_lane.py`). It takes over the nodes as soon as they have
+handled their present message, before everything that waits, and never waits for room to send its replies.
+
+For nodes that never keep anyone waiting there is a shorter way: in a `direct` host the thread that receives
+a message of a frame hands it to the nodes itself, if nothing else waits or is being handled, and spares two
+switches between threads. Calls always wait in the inbox, where the urgent ones overtake the others.
+"""
+
+from __future__ import annotations
+
+import heapq
+from collections.abc import Callable, Sequence
+from contextlib import ExitStack, suppress
+from threading import Event, Lock
+from types import TracebackType
+
+import zenoh
+
+from colony.runtime.observe.closing import close_all
+from colony.runtime.protocol import codec, topics
+from colony.runtime.protocol.codec import LARGEST, NotAMessage
+from colony.runtime.protocol.messages import (
+    Call,
+    Checkpoint,
+    Effect,
+    Malformed,
+    Message,
+    Node,
+    Notice,
+    Problem,
+    Reply,
+    Send,
+    Settling,
+    Wake,
+)
+from colony.runtime.protocol.plausibility import check_plausible
+from colony.runtime.transport.live import keys
+from colony.runtime.transport.live.border import Border
+from colony.runtime.transport.live.inbox import Inbox
+from colony.runtime.transport.live.network import Network, local_user
+from colony.runtime.transport.live.outbox import Outbox, Report
+from colony.runtime.transport.live.place import Place
+from colony.runtime.transport.live.robot_time import time_of
+from colony.runtime.transport.live.stop_lane import StopLane
+from colony.runtime.transport.live.waiting import Waiting, WaitingRoom
+
+BATCH = 64
+"""How many messages are handled, at most, before nodes settle and their effects leave."""
+
+NEVER_NS = 1 << 63
+"""A time that does not come."""
+
+
+class Host:
+    """Mutable: what waits, who is to be woken when, and whether it is to stop."""
+
+    def __init__(
+        self,
+        network: Network,
+        nodes: Sequence[Node],
+        *,
+        time: Callable[[], int],
+        direct: bool = False,
+        report: Report = lambda problem: None,
+    ) -> None:
+        """For a network that is open already and stays so; `Host.open` opens one of its own.
+
+        Args:
+            nodes: all have different addresses.
+            time: the robot's, in nanoseconds.
+            direct: the thread that receives a message of a frame may hand it to the nodes. Only for those
+                that take no time to speak of over any message, as nothing is received meanwhile; nodes that
+                have to settle do without.
+            report: told of what went wrong and is survived, from a thread that handles messages.
+        """
+        self._nodes = tuple(nodes)
+        self._network = network
+        self._time = time
+        self._report = report
+        self._inbox = Inbox(WaitingRoom())
+        session, robot, user = network.session, network.robot, network.user
+        self._outbox = Outbox(session, robot, report, user=user)
+        self._stop_outbox = Outbox(session, robot, report, user=user, urgent=True)
+        self._border = Border(local_user())
+        self._listeners: dict[str, list[Node]] = {}
+        for node in nodes:
+            for topic in dict.fromkeys(node.listens):
+                self._listeners.setdefault(topic, []).append(node)
+        self._settling = tuple(node for node in nodes if isinstance(node, Settling))
+        self._direct = direct and not self._settling
+        self._handling = Lock()
+        self._calm = Event()  # cleared while an emergency stop is waiting for the nodes
+        self._calm.set()
+        self._wakes: list[tuple[int, int, Node]] = []
+        self._sleeps_until = NEVER_NS
+        self._later: list[Send] = []
+        self._count = 0
+        self._stopping = False
+        self._failure: BaseException | None = None
+        self._holds = ExitStack()
+
+    @classmethod
+    def open(
+        cls,
+        place: Place,
+        nodes: Sequence[Node],
+        *,
+        serves: bool = False,
+        time: Callable[[], int] | None = None,
+        direct: bool = False,
+        report: Report = lambda problem: None,
+    ) -> Host:
+        """Join the robot's processes with these nodes; they begin in `run`.
+
+        With `serves` it is the one process of this machine that has nodes of these addresses, and is found
+        under the socket of the first. `time` is the robot's, unless another is given.
+
+        Raises:
+            AlreadyRunning: one of the nodes runs already.
+            RunDirectoryError: the robot's folder cannot be used.
+            NotReached: the gateway cannot be reached, or refuses, or no Clock ticks behind it.
+        """
+        listens = tuple(node.address for node in nodes) if serves else ()
+        with ExitStack() as holds:
+            network = holds.enter_context(Network.open(place, listens=listens))
+            if time is None:
+                time = time_of(network)
+            host = cls(network, nodes, time=time, direct=direct, report=report)
+            host.and_close(holds.pop_all())
+            return host
+
+    @property
+    def network(self) -> Network:
+        """What the process is part of, for connections besides its nodes."""
+        return self._network
+
+    def run(self) -> None:
+        """Run the nodes until `stop`, or until one fails; in the end all are closed, whatever happens."""
+        try:
+            with ExitStack() as declared:
+                with self._handling:
+                    self._listen(declared)
+                    self._begin()
+                self._announce(declared)
+                while not self._stopping:
+                    self._turn()
+                with self._handling:
+                    later, self._later = self._later, []
+                self._send(later, self._outbox)
+        finally:
+            self._handling.acquire()  # for good: from now on nobody hands the nodes anything
+            close_all(self._nodes)
+        if self._failure is not None:
+            raise self._failure
+
+    def stop(self) -> None:
+        """End `run` soon; from any thread, or from a signal handler."""
+        self._stopping = True
+        self._inbox.rouse()
+
+    def and_close(self, holds: ExitStack) -> None:
+        """Close these too, when the host is closed."""
+        self._holds.push(holds)
+
+    def close(self) -> None:
+        """Leave the network; again is nothing."""
+        self._holds.close()
+
+    def __enter__(self) -> Host:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self.close()
+
+    # --- the thread of `run` -------------------------------------------------------------------------
+
+    def _begin(self) -> None:
+        effects: list[_Due] = []
+        for node in self._nodes:
+            effects.extend((node, effect) for effect in node.start(self._time()))
+        self._settle()
+        self._send(self._note_wakes(effects), self._outbox)
+
+    def _turn(self) -> None:
+        """Handle what is due and what waits; sleep where there is nothing."""
+        self._calm.wait()
+        with self._handling:
+            sends, self._later = self._later, []
+            handled = self._handle_batch(sends)
+            self._sleeps_until = self._wakes[0][0] if self._wakes else NEVER_NS
+        self._send(sends, self._outbox)
+        if self._inbox.gave_up:
+            self._refuse_given_up()
+        if not handled:
+            self._inbox.sleep(self._until_wake_s())
+
+    def _handle_batch(self, sends: list[Send]) -> bool:
+        """Handle what is due; whether there was anything. What is to be sent is added to `sends`."""
+        effects: list[_Due] = []
+        handled = self._wake(effects)
+        for _ in range(BATCH if self._settling else 1):
+            waiting = self._inbox.pop()
+            if waiting is None:
+                break
+            handled = True
+            self._deliver(waiting.topic, self._read(waiting), effects)
+            if not self._calm.is_set():
+                break
+        if handled:
+            self._settle()
+            sends += self._note_wakes(effects)
+        return handled
+
+    def _settle(self) -> None:
+        for settling in self._settling:
+            settling.settle()
+
+    def _wake(self, effects: list[_Due]) -> bool:
+        """Wake who is due; whether somebody was."""
+        now, woken = self._time(), False
+        while self._wakes and self._wakes[0][0] <= now:
+            node = heapq.heappop(self._wakes)[2]
+            effects.extend((node, effect) for effect in node.handle(Wake(), now))
+            woken = True
+        return woken
+
+    def _until_wake_s(self) -> float | None:
+        until = self._sleeps_until
+        return None if until == NEVER_NS else max(0.0, (until - self._time()) / 1e9)
+
+    def _deliver(self, topic: str, message: Message, effects: list[_Due]) -> None:
+        now = self._time()
+        for node in self._listeners[topic]:
+            effects.extend((node, effect) for effect in node.handle(message, now))
+
+    def _note_wakes(self, effects: list[_Due]) -> list[Send]:
+        """Note when nodes are to be woken; gives what is to be sent."""
+        sends: list[Send] = []
+        for node, effect in effects:
+            if isinstance(effect, Send):
+                sends.append(effect)
+            else:
+                self._count += 1
+                heapq.heappush(self._wakes, (effect.t_ns, self._count, node))
+        return sends
+
+    def _send(self, sends: list[Send], outbox: Outbox) -> None:
+        now = self._time()
+        for topic, message in sends:
+            outbox.send(topic, message, now)
+
+    def _refuse_given_up(self) -> None:
+        for topic, connection, number in self._inbox.given_up():
+            server = topic.partition("/")[0]
+            text = f"{server}: too many calls of {connection}; this one was not done"
+            reply = Reply(connection=connection, number=number, problem=Problem(code="flood", message=text))
+            self._outbox.send(topics.replies(server, connection), reply, self._time())
+
+    # --- the threads of the network ------------------------------------------------------------------
+
+    def _at_once(self, topic: str, data: bytes) -> bool:
+        """Handle a message of a frame in this thread, and what waits because of it; False if it must wait."""
+        if not self._calm.is_set() or not self._handling.acquire(blocking=False):
+            return False  # somebody is handling, perhaps this very thread: a node hears another of its host
+        try:
+            if self._stopping or not self._inbox.claim():
+                return False
+            waiting: Waiting | None = Waiting(topic, data)
+            while waiting is not None:
+                effects: list[_Due] = []
+                self._deliver(waiting.topic, self._read(waiting), effects)
+                sends = self._note_wakes(effects)
+                self._later += filter(_may_be_large, sends)
+                self._send([send for send in sends if not _may_be_large(send)], self._outbox)
+                waiting = self._inbox.pop()
+            if self._later or (self._wakes and self._wakes[0][0] < self._sleeps_until):
+                self._sleeps_until = self._wakes[0][0] if self._wakes else NEVER_NS
+                self._inbox.rouse()
+        except BaseException as failure:
+            self._failure = failure
+            self.stop()
+        finally:
+            self._handling.release()
+        return True
+
+    def _listen(self, declared: ExitStack) -> None:
+        robot = self._network.robot
+        for topic in self._listeners:
+            if keys.takes_calls(topic):
+                for right in keys.RIGHTS:
+                    if right != "stop":
+                        key = keys.listening_to_calls(robot, topic, right)
+                        self._subscribe(key, self._takes_call(topic), declared)
+                self._listen_to_stops(topic, declared)
+            else:
+                self._subscribe(keys.listening(robot, topic), self._takes_frame(topic), declared)
+
+    def _listen_to_stops(self, topic: str, declared: ExitStack) -> None:
+        """Have a lane for what comes under the right to stop, over both sessions where there are two."""
+        lane = StopLane(self._stop_nodes, self._inbox.call)
+        declared.callback(lane.close)
+        key = keys.listening_to_calls(self._network.robot, topic, "stop")
+        self._subscribe(key, _takes_stop(topic, lane, self._border, twice=False), declared)
+        if self._network.stops is not None:
+            take = _takes_stop(topic, lane, Border(local_user()), twice=True)
+            self._subscribe(key, take, declared, self._network.stops)
+
+    def _subscribe(
+        self,
+        key: str,
+        take: Callable[[zenoh.Sample], None],
+        declared: ExitStack,
+        session: zenoh.Session | None = None,
+    ) -> None:
+        handler = zenoh.handlers.Callback(take, indirect=False)
+        session = self._network.session if session is None else session
+        declared.callback(session.declare_subscriber(key, handler).undeclare)
+
+    def _announce(self, declared: ExitStack) -> None:
+        """Tell that the nodes are there, once they can hear."""
+        for node in self._nodes:
+            key = keys.alive(self._network.robot, node.address)
+            declared.callback(self._network.session.liveliness().declare_token(key).undeclare)
+
+    def _takes_frame(self, topic: str) -> Callable[[zenoh.Sample], None]:
+        frame, direct, border = self._inbox.frame, self._direct, self._border
+        kind = keys.kind_of_users(topic)
+
+        def take(sample: zenoh.Sample) -> None:
+            payload = sample.payload
+            size = len(payload)
+            if kind is not None and not border.frame(kind, str(sample.key_expr).rpartition("/")[2], size):
+                return  # without a reply: a reader asks again for a frame that it missed
+            if size > LARGEST:
+                frame(topic, _too_large(topic, None, size))
+                return
+            data = payload.to_bytes()
+            if not (direct and self._at_once(topic, data)):
+                frame(topic, data)
+
+        return take
+
+    def _takes_call(self, topic: str) -> Callable[[zenoh.Sample], None]:
+        inbox, border = self._inbox, self._border
+
+        def take(sample: zenoh.Sample) -> None:
+            payload = sample.payload
+            key = keys.call_key(str(sample.key_expr))
+            size = len(payload)
+            if key is None:
+                return  # a key without a connection leaves nobody to reply to
+            if inbox.crowded(key.connection) or not border.call(key.connection, size):
+                if border.refusal(key.connection) and size <= LARGEST:
+                    self._refuse(topic, key, payload.to_bytes())
+                return
+            if size > LARGEST:
+                inbox.call(topic, key.connection, _too_large(topic, key.connection, size), 0)
+                return
+            try:
+                message = keys.check_call(codec.decode(payload.to_bytes()), key)
+            except NotAMessage as problem:
+                malformed = Malformed(topic=topic, connection=key.connection, reason=str(problem))
+                inbox.call(topic, key.connection, malformed, 0)
+            else:
+                inbox.call(topic, key.connection, message, size)
+
+        return take
+
+    def _refuse(self, topic: str, key: keys.CallKey, data: bytes) -> None:
+        """Have a call refused with the code "flood"; bytes that are no call get no reply."""
+        with suppress(NotAMessage):
+            message = keys.check_call(codec.decode(data), key)
+            number = message.number if isinstance(message, Call) else 0
+            self._inbox.refuse(topic, key.connection, number)
+
+    # --- the thread of emergency stops ---------------------------------------------------------------
+
+    def _stop_nodes(self, topic: str, message: Call) -> None:
+        """Hand the nodes an emergency stop, before anything that waits."""
+        try:
+            self._send(self._stopped(topic, message), self._stop_outbox)
+        except BaseException as failure:
+            self._failure = failure
+            self.stop()
+
+    def _stopped(self, topic: str, message: Call) -> list[Send]:
+        """Give what the nodes have to say to it. Nobody else takes the nodes meanwhile."""
+        self._calm.clear()
+        try:
+            with self._handling:
+                if self._stopping:
+                    return []
+                effects: list[_Due] = []
+                self._deliver(topic, message, effects)
+                self._settle()
+                return self._note_wakes(effects)
+        finally:
+            self._calm.set()
+            self._inbox.rouse()  # a node may want to be woken earlier now
+
+    def _read(self, waiting: Waiting) -> Message:
+        if not isinstance(waiting.message, bytes):
+            return waiting.message
+        try:
+            message = keys.check_frame(codec.decode(waiting.message), waiting.topic)
+            check_plausible(message, self._time())
+        except NotAMessage as problem:
+            return Malformed(topic=waiting.topic, connection=None, reason=str(problem))
+        return message
+
+
+def _takes_stop(topic: str, lane: StopLane, border: Border, *, twice: bool) -> Callable[[zenoh.Sample], None]:
+    """Return what takes messages of one session under the right to stop. `twice`: another session brings the
+    same, and what is no emergency stop is left to that one."""
+
+    def take(sample: zenoh.Sample) -> None:
+        payload = sample.payload
+        key = keys.call_key(str(sample.key_expr))
+        if key is not None and len(payload) <= LARGEST and border.stop(key.connection, len(payload)):
+            lane.put(topic, key, payload.to_bytes(), twice=twice)
+
+    return take
+
+
+_Due = tuple[Node, Effect]
+"""An effect, and whose it is."""
+
+
+def _may_be_large(send: Send) -> bool:
+    """Whether this is to be sent by the thread of `run`: it may be larger than the room that a link has at
+    once, and must not be dropped. A thread of the network that waited for room would wait for itself."""
+    return isinstance(send.message, (Checkpoint, Reply, Notice))
+
+
+def _too_large(topic: str, connection: str | None, size: int) -> Malformed:
+    return Malformed(topic=topic, connection=connection, reason=f"{size} bytes; expected at most {LARGEST}")

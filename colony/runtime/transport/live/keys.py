@@ -1,0 +1,164 @@
+"""Topics as keys of zenoh, and what a key says of the message on it.
+
+    Clock/ticks                    colony/rome/Clock/ticks
+    RServer/reply/ada/7            colony/rome/RServer/reply/ada/7
+    RServer/call                   colony/rome/RServer/call/<right>/ada/7
+    RServer/fetches                colony/rome/RServer/fetches/ada
+
+The key of a call carries its right and its connection, and the keys of all other messages from clients carry
+the user, because keys are what access control can tie to users. What the message itself says of these must be
+the same. For the same reason each topic takes only its own kinds of messages: a user who may only fetch
+frames must not be able to send a call there.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple, get_args
+
+from colony.runtime.protocol.codec import NotAMessage
+from colony.runtime.protocol.messages import (
+    Alive,
+    Announcement,
+    Call,
+    Checkpoint,
+    Fetch,
+    Notice,
+    Ready,
+    Recall,
+    Reply,
+    Request,
+    Restart,
+    Right,
+    Sent,
+    ServerFrame,
+    Tick,
+    Verdict,
+)
+
+RIGHTS: tuple[Right, ...] = get_args(Right)
+_CALL = "/call"
+
+_KINDS: dict[str, tuple[type, ...]] = {
+    "ticks": (Tick,),
+    "frames": (ServerFrame, Tick),
+    "answers": (ServerFrame,),
+    "activity": (ServerFrame,),
+    "fetches": (Fetch,),
+    "requests": (Request,),
+    "announcements": (Announcement,),
+    "checkpoints": (Checkpoint, Recall),
+    "recalled": (Checkpoint,),
+    "ready": (Ready,),
+    "restarts": (Restart,),
+    "verdicts": (Verdict,),
+    "reply": (Reply, Notice),
+}
+"""What comes on topics, by what stands second in them (or alone)."""
+
+
+_OF_USERS = frozenset({"fetches", "requests", "announcements", "checkpoints", "ready", "restarts"})
+"""Kinds of messages that clients send to servers besides calls: the second part of the topic."""
+
+
+class CallKey(NamedTuple):
+    """What the key of a call says."""
+
+    right: Right
+    connection: str
+
+
+def prefix(robot: str) -> str:
+    """What the keys of a robot begin with."""
+    return f"colony/{robot}/"
+
+
+def takes_calls(topic: str) -> bool:
+    """Whether a topic is one of calls."""
+    return topic.endswith(_CALL)
+
+
+def kind_of_users(topic: str) -> str | None:
+    """Return the kind of messages on a topic if clients send them with their user in the key, else None."""
+    _, _, kind = topic.partition("/")
+    return kind if kind in _OF_USERS else None
+
+
+def listening(robot: str, topic: str) -> str:
+    """The key expression on which a topic is listened to."""
+    if takes_calls(topic):
+        return f"colony/{robot}/{topic}/*/*/*"
+    return f"colony/{robot}/{topic}" + ("/*" if kind_of_users(topic) else "")
+
+
+def listening_to_calls(robot: str, topic: str, right: Right) -> str:
+    """Return the key expression of the calls on a topic that are made under one right."""
+    return f"colony/{robot}/{topic}/{right}/*/*"
+
+
+def sending(robot: str, topic: str, message: Sent, *, user: str, least: Right = "read") -> str:
+    """Return the key on which `user` sends a message to a topic.
+
+    A sign of life goes under `least`, which may be any right of its sender.
+    """
+    match message:
+        case Call(right=right, connection=connection):
+            return f"colony/{robot}/{topic}/{right}/{connection}"
+        case Alive(connection=connection):
+            return f"colony/{robot}/{topic}/{least}/{connection}"
+        case _:
+            return f"colony/{robot}/{topic}" + (f"/{user}" if kind_of_users(topic) else "")
+
+
+def replies_to_process(robot: str, user: str, bucket: str) -> str:
+    """Return the key expression of the replies to all connections of a process: their ids begin with
+    `bucket`."""
+    return f"colony/{robot}/*/reply/{user}/{bucket}-$*"
+
+
+def alive(robot: str, address: str) -> str:
+    """The key of the token that a node is there."""
+    return f"colony/{robot}/alive/{address}"
+
+
+def call_key(key: str) -> CallKey | None:
+    """What the key of a call says; None where it is none."""
+    parts = key.rsplit("/", 3)
+    if len(parts) != 4:
+        return None
+    for right in RIGHTS:
+        if parts[1] == right:
+            return CallKey(right, f"{parts[2]}/{parts[3]}")
+    return None
+
+
+def check_call(message: Sent, key: CallKey) -> Call | Alive:
+    """The message, where it may come on this key.
+
+    Raises:
+        NotAMessage: it is no call, another's, or claims another right.
+    """
+    match message:
+        case Call(right=right, connection=connection):
+            if right != key.right:
+                raise NotAMessage(f"it claims the right to {right}, but came under that to {key.right}")
+        case Alive(connection=connection):
+            pass
+        case _:
+            raise NotAMessage(f"found {type(message).__name__}; expected Call or Alive")
+    if connection != key.connection:
+        raise NotAMessage(f"it claims to be of {connection}, but is of {key.connection}")
+    return message
+
+
+def check_frame(message: Sent, topic: str) -> Sent:
+    """The message, where it may come on this topic, which is none of calls.
+
+    Raises:
+        NotAMessage: it belongs elsewhere.
+    """
+    parts = topic.split("/", 2)
+    kinds = _KINDS.get(parts[min(1, len(parts) - 1)])
+    if isinstance(message, (Call, Alive)) or (kinds is not None and not isinstance(message, kinds)):
+        expected = "no call" if kinds is None else " or ".join(kind.__name__ for kind in kinds)
+        raise NotAMessage(f"found {type(message).__name__}; expected {expected}")
+    return message

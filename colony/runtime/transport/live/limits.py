@@ -1,0 +1,123 @@
+"""The limits of the gateway: sizes, numbers and times of what passes between the robot and other machines.
+
+A gateway never waits for a receiver. It drops messages for which a busy server or a slow user leaves no room,
+and the protocol sends them again (a call after 250 ms, with the same number; a frame at the next tick).
+Waiting would hold up everybody else, and zenoh closes a link on which it waited in vain. For the same reason
+users choose neither their priority nor what happens when there is no room: the key of a message decides.
+
+Nothing here limits the rate of messages. Zenoh's `downsampling` allows no bursts: of calls that a user makes
+at once it would drop all but one, and drop them again when they are repeated, again at once. Servers count
+messages instead (`border.py`).
+"""
+
+from __future__ import annotations
+
+import resource
+from typing import Any
+
+from colony.runtime.protocol.codec import LARGEST
+from colony.runtime.transport.live import keys
+
+HANDSHAKE_MS = 2000
+"""Timeout of a TLS handshake, in milliseconds; its connection is then closed."""
+
+LOGIN_MS = 2000
+"""Timeout of zenoh's login, in milliseconds. The login begins after TLS has accepted the certificate."""
+
+LOGINS_PENDING = 100
+"""Logins that the gateway handles at the same time."""
+
+SESSIONS = 200
+"""Sessions of users and of the robot's own processes together; a server of the robot has two."""
+
+DESCRIPTORS = 8192
+"""Files that a gateway may have open, if the system allows it: many more than the connections that can wait
+for the timeout of their handshake."""
+
+SMALL, MIDDLE = 1024, 257 * 1024
+"""Bytes of the largest message of the two kinds that are limited further; see `_sizes`."""
+
+_REMOTE = ["tls"]
+
+
+def limits(robot: str) -> dict[str, Any]:
+    """Return the settings of a gateway that limit what passes through it."""
+    return {
+        "transport/unicast/accept_timeout": LOGIN_MS,
+        "transport/unicast/accept_pending": LOGINS_PENDING,
+        "transport/unicast/max_sessions": SESSIONS,
+        "transport/link/tx/queue/size": _QUEUES,
+        "transport/link/tx/queue/congestion_control/drop/max_wait_before_drop_fragments": 200_000,
+        "low_pass_filter": list(_sizes(robot)),
+        "qos/network": list(_urgency(robot)),
+    }
+
+
+_QUEUES = {
+    "control": 2,
+    "real_time": 2,
+    "interactive_high": 4,
+    "interactive_low": 2,
+    "data_high": 2,
+    "data": 16,
+    "data_low": 2,
+    "background": 2,
+}
+"""Batches of 64 KiB that may wait on each link, by priority, allocated as they are needed. Replies get a
+whole megabyte, because a message is dropped if one of its fragments finds no room."""
+
+
+def _sizes(robot: str) -> list[dict[str, Any]]:
+    """Limit the size of messages by their keys; where several keys match, the smallest limit counts."""
+    small = ("*/call/stop/**", "*/fetches/**", "Clock/ready/**", "Clock/restarts/**")
+    return [
+        _size(robot, "small", small, SMALL),
+        _size(robot, "middle", ("*/call/read/**", "*/requests/**", "*/announcements/**"), MIDDLE),
+        _size(robot, "large", ("**",), LARGEST + SMALL),
+    ]
+
+
+def _size(robot: str, name: str, key_exprs: tuple[str, ...], limit: int) -> dict[str, Any]:
+    return {
+        "id": name,
+        "link_protocols": _REMOTE,
+        "flows": ["ingress"],
+        "messages": ["put"],
+        "key_exprs": [keys.prefix(robot) + key for key in key_exprs],
+        "size_limit": limit,
+    }
+
+
+def _urgency(robot: str) -> list[dict[str, Any]]:
+    """Set priorities by key, of which the last that matches counts; no message waits for room."""
+    frames = ("*/requests/**", "*/announcements/**", "Clock/ready/**", "Clock/restarts/**")
+    calls = {"priority": "data", "congestion_control": "drop", "express": False}
+    return [
+        _overwrite(robot, "out", "egress", ("**",), {"congestion_control": "drop"}),
+        _overwrite(robot, "in", "ingress", ("**",), calls),
+        _overwrite(robot, "frames", "ingress", frames, {"priority": "interactive_high"}),
+        _overwrite(
+            robot, "stops", "ingress", ("*/call/stop/**",), {"priority": "real_time", "express": True}
+        ),
+    ]
+
+
+def _overwrite(
+    robot: str, name: str, flow: str, key_exprs: tuple[str, ...], overwrite: dict[str, Any]
+) -> dict[str, Any]:
+    return {
+        "id": name,
+        "link_protocols": _REMOTE,
+        "flows": [flow],
+        "messages": ["put", "delete"],
+        "key_exprs": [keys.prefix(robot) + key for key in key_exprs],
+        "overwrite": overwrite,
+    }
+
+
+def allow_descriptors() -> None:
+    """Raise this process's limit of open files to `DESCRIPTORS`, or as far as the system allows."""
+    soft, hard = resource.getrlimit(resource.RLIMIT_NOFILE)
+    most = DESCRIPTORS if hard == resource.RLIM_INFINITY else min(DESCRIPTORS, hard)
+    if soft != resource.RLIM_INFINITY and soft < most:
+        resource.setrlimit(resource.RLIMIT_NOFILE, (most, hard))

@@ -1,0 +1,52 @@
+"""Why a gateway cannot be reached: zenoh only says that the time was over, so the steps are tried here one by
+one, with the TLS of the standard library."""
+
+from __future__ import annotations
+
+import socket
+import ssl
+
+from colony.runtime.transport.live.endpoint import parse_endpoint
+from colony.runtime.transport.live.place import Remote
+
+STEP_S = 2.0
+ALERT_S = 0.5
+"""For how long it is waited whether the gateway refuses our certificate after the handshake."""
+
+
+def why_not_reached(place: Remote) -> str:
+    """In a sentence: nobody listens, it is no gateway, we refuse it, or it refuses us."""
+    host, port = parse_endpoint(place.endpoint)
+    who = place.credentials
+    try:
+        with socket.create_connection((host, port), timeout=STEP_S) as plain:
+            return _why_no_login(plain, host, place)
+    except TimeoutError:
+        return f"{place.endpoint} does not answer: is the machine on, and on the network?"
+    except ssl.SSLCertVerificationError as problem:
+        return (
+            f"{place.endpoint} is not to be trusted: {problem.verify_message} (checked with {who.authority}, "
+            f"and the certificate must be for `{host}`)"
+        )
+    except ssl.SSLError as problem:
+        return f"{place.endpoint} does not take part in TLS: {problem.reason or problem}"
+    except OSError as problem:
+        return f"nobody listens at {place.endpoint}: {problem.strerror or problem}"
+
+
+def _why_no_login(plain: socket.socket, host: str, place: Remote) -> str:
+    who = place.credentials
+    context = ssl.create_default_context(cafile=str(who.authority))
+    context.load_cert_chain(who.certificate, who.key)
+    with context.wrap_socket(plain, server_hostname=host) as secured:
+        secured.settimeout(ALERT_S)
+        try:
+            closed = secured.recv(1) == b""  # in TLS 1.3 the verdict on our certificate comes after
+        except TimeoutError:
+            closed = False
+        except (ssl.SSLError, ConnectionError) as problem:
+            reason = getattr(problem, "reason", None) or problem
+            return f"{place.endpoint} refuses {who.certificate}: {reason}"
+    if closed:
+        return f"{place.endpoint} ended the login with {who.certificate}"
+    return f"{place.endpoint} takes the login of {who.user}, but does not answer as a gateway"

@@ -1,0 +1,326 @@
+"""Where the processes of the robots of one machine find each other: a folder of the user, with one a robot.
+
+    <run directory>/<robot>/RServer.sock     the socket on which RServer listens
+    <run directory>/<robot>/RServer.claim    locked by the process that serves it, with its process id
+    <run directory>/<robot>/base             where the robot's time begins
+
+Whoever may open the sockets may do everything with the robot, so nobody but the owner gets into the folder.
+"""
+
+from __future__ import annotations
+
+import errno
+import fcntl
+import os
+import stat
+import time
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager, suppress
+from dataclasses import dataclass
+from pathlib import Path
+from types import TracebackType
+
+import msgspec
+
+from colony.files import UnfitFile, open_descriptor, read_file, reason
+from colony.os_errors import NO_ROOM, limit_advice, naming
+from colony.runtime.transport.live.errors import AlreadyRunning, RunDirectoryError
+from colony.runtime.transport.live.names import check_name
+
+CHOOSE = "set COLONY_RUN_DIR to a folder of yours"
+
+LONGEST_SOCKET = 107
+"""Bytes of the path of a unix socket (`sun_path` without its end)."""
+
+NOT_IN_ENDPOINTS = "#?"
+"""What ends the address in an endpoint of zenoh, and so cannot be in the path of a socket."""
+
+CLAIM_BYTES = 32
+"""Size of a claim: the id of a process, filled up with blanks."""
+
+BASE_BYTES = 4096
+"""Largest file of the base of a robot's time."""
+
+CLAIM_TRIES = 10
+CLAIM_PAUSE_S = 0.01
+
+BOOT_ID = Path("/proc/sys/kernel/random/boot_id")
+
+
+@dataclass(frozen=True, slots=True)
+class RunDirectory:
+    """The folder of all robots of this user on this machine."""
+
+    path: Path
+
+    @classmethod
+    def find(cls, environment: Mapping[str, str]) -> RunDirectory:
+        """`$COLONY_RUN_DIR`, else `$XDG_RUNTIME_DIR/colony`, else `/tmp/colony-<uid>`; it need not exist."""
+        if chosen := environment.get("COLONY_RUN_DIR"):
+            return cls(Path(chosen).absolute())
+        if runtime := environment.get("XDG_RUNTIME_DIR"):
+            return cls(Path(runtime).absolute() / "colony")
+        return cls(Path(f"/tmp/colony-{os.getuid()}"))
+
+    def robot(self, name: str) -> RobotDirectory:
+        """The folder of a robot; it need not exist.
+
+        Raises:
+            RunDirectoryError: no robot can have this name.
+        """
+        try:
+            return RobotDirectory(self.path / check_name("robot", name), name)
+        except ValueError as problem:
+            raise RunDirectoryError(str(problem)) from None
+
+    def robots(self) -> tuple[str, ...]:
+        """The robots that have a folder, whether or not one of their servers runs.
+
+        Raises:
+            RunDirectoryError: the folder of all is somebody else's, or open to others.
+        """
+        if not os.path.lexists(self.path):
+            return ()
+        _check_private(self.path)
+        return tuple(sorted(p.name for p in self.path.iterdir() if p.is_dir()))
+
+
+@dataclass(frozen=True, slots=True)
+class RobotDirectory:
+    """The folder of one robot."""
+
+    path: Path
+    robot: str
+
+    def prepare(self) -> None:
+        """Make the folder where there is none, and see to it that nobody else gets in.
+
+        Raises:
+            RunDirectoryError: it is somebody else's, open to others, or cannot be made.
+        """
+        for folder in (self.path.parent, self.path):
+            _make_private(folder)
+
+    def socket(self, server: str) -> Path:
+        """The path of a server's socket.
+
+        Raises:
+            RunDirectoryError: it is too long, zenoh could not read it, or no server can have this name.
+        """
+        try:
+            path = self.path / f"{check_name('server', server)}.sock"
+        except ValueError as problem:
+            raise RunDirectoryError(str(problem)) from None
+        if not _is_utf8(path):
+            raise RunDirectoryError(f"{path} is not UTF-8, as the path of a socket has to be: {CHOOSE}")
+        if odd := [sign for sign in NOT_IN_ENDPOINTS if sign in str(path)]:
+            raise RunDirectoryError(
+                f"{path} cannot be the path of a socket, for the `{odd[0]}` in it: "
+                "set COLONY_RUN_DIR to a folder without"
+            )
+        size = len(os.fsencode(path))
+        if size > LONGEST_SOCKET:
+            raise RunDirectoryError(
+                f"{path} is {size} bytes long, and the path of a socket can have {LONGEST_SOCKET}: "
+                "set COLONY_RUN_DIR to a shorter folder"
+            )
+        return path
+
+    def endpoint(self, server: str) -> str:
+        """The socket of a server, as zenoh writes it."""
+        return f"unixsock-stream/{self.socket(server)}"
+
+    def servers(self) -> tuple[str, ...]:
+        """The servers that have a socket here; one that was killed leaves its own behind."""
+        return tuple(sorted(p.stem for p in self.path.glob("*.sock")))
+
+    def running(self) -> Mapping[str, int]:
+        """The servers that run, each with the id of its process."""
+        found = {p.stem: _holder(p) for p in sorted(self.path.glob("*.claim"))}
+        return {name: pid for name, pid in found.items() if pid is not None}
+
+    def claim(self, server: str) -> Claim:
+        """Be the one process that serves `server`, until the claim is closed or the process ends.
+
+        Raises:
+            AlreadyRunning: another process is.
+            RunDirectoryError: the folder cannot be used.
+        """
+        self.prepare()
+        path = self.socket(server).with_suffix(".claim")
+        with in_run_directory(path):
+            descriptor = open_descriptor(path, os.O_RDWR | os.O_CREAT)
+            try:
+                if not _locks(descriptor):
+                    holder = os.read(descriptor, CLAIM_BYTES).decode("ascii", "replace").strip()
+                    raise AlreadyRunning(
+                        f"{server} of {self.robot} runs already, as process {holder or 'unknown'}: "
+                        "end that one first, or give another --robot"
+                    )
+                _note(descriptor, str(os.getpid()))
+            except BaseException:
+                os.close(descriptor)
+                raise
+        return Claim(descriptor)
+
+    def base_ns(self, *, monotonic: Callable[[], int] = time.monotonic_ns) -> int:
+        """Where the robot's time begins: robot time is the monotonic clock minus this.
+
+        The first process that asks decides. A base from before the machine was started anew is replaced,
+        so that the robot's time goes on by as much as the wall clock did.
+
+        Raises:
+            RunDirectoryError: the folder cannot be used, or the base in it cannot be read.
+        """
+        self.prepare()
+        with in_run_directory(self.path), _locked(self.path):
+            path, boot = self.path / "base", _boot_id()
+            known = _read_base(path)
+            if known is not None and known.boot == boot:
+                return known.base_ns
+            gone = 0 if known is None else max(0, time.time_ns() - known.wall_ns)
+            new = _Base(boot=boot, base_ns=monotonic() - gone, wall_ns=time.time_ns() - gone)
+            temporary = path.with_suffix(".new")
+            with naming(path):
+                temporary.write_bytes(msgspec.json.encode(new))
+            temporary.replace(path)
+            return new.base_ns
+
+
+class Claim:
+    """The right to serve, held by a lock on a file. Mutable: closed or not."""
+
+    def __init__(self, descriptor: int) -> None:
+        self._descriptor = descriptor
+
+    def close(self) -> None:
+        """Give it up; again is nothing."""
+        if self._descriptor >= 0:
+            descriptor, self._descriptor = self._descriptor, -1
+            with suppress(OSError):
+                _note(descriptor, "")
+            os.close(descriptor)
+
+    def __enter__(self) -> Claim:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self.close()
+
+
+class _Base(msgspec.Struct, frozen=True, kw_only=True):
+    boot: str
+    base_ns: int
+    wall_ns: int
+
+
+@contextmanager
+def in_run_directory(path: Path) -> Iterator[None]:
+    """Tell of an OSError with what to do about it; `path` is the file, where the error names none.
+
+    Raises:
+        RunDirectoryError: in place of any OSError but that no more files can be opened.
+    """
+    try:
+        yield
+    except OSError as problem:
+        if problem.errno in (errno.EMFILE, errno.ENFILE):
+            raise
+        room = f"free some space or {CHOOSE}" if problem.errno in NO_ROOM else CHOOSE
+        advice = limit_advice(problem) or room
+        raise RunDirectoryError(f"{problem.filename or path}: {problem.strerror}: {advice}") from None
+
+
+def _make_private(folder: Path) -> None:
+    with in_run_directory(folder):
+        folder.mkdir(mode=0o700, parents=True, exist_ok=True)
+    _check_private(folder)
+
+
+def _check_private(folder: Path) -> None:
+    with in_run_directory(folder):
+        found = folder.lstat()
+    if not stat.S_ISDIR(found.st_mode):
+        raise RunDirectoryError(f"{folder} is no folder: set COLONY_RUN_DIR to one of yours")
+    if found.st_uid != os.getuid():
+        raise RunDirectoryError(
+            f"{folder} belongs to user {found.st_uid}, and this is user {os.getuid()}: {CHOOSE}"
+        )
+    if found.st_mode & 0o077:
+        raise RunDirectoryError(
+            f"{folder} is open to others (mode {stat.S_IMODE(found.st_mode):04o}), who could drive the "
+            f"robot: `chmod 700 {folder}`"
+        )
+
+
+def _note(descriptor: int, holder: str) -> None:
+    """Write who holds a claim over who held it before: a file that keeps its size needs no room on a full
+    disk, so that a server can be started again."""
+    os.pwrite(descriptor, f"{holder:<{CLAIM_BYTES - 1}}\n".encode(), 0)
+
+
+def _locks(descriptor: int) -> bool:
+    """Lock a file. Who only looks who holds it has it for a moment, too, so it is tried more than once."""
+    for _ in range(CLAIM_TRIES):
+        try:
+            fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except BlockingIOError:
+            time.sleep(CLAIM_PAUSE_S)
+        else:
+            return True
+    return False
+
+
+def _holder(path: Path) -> int | None:
+    """The process that holds the lock of a claim."""
+    try:
+        descriptor = open_descriptor(path)
+    except (FileNotFoundError, UnfitFile):
+        return None
+    try:
+        fcntl.flock(descriptor, fcntl.LOCK_SH | fcntl.LOCK_NB)
+    except BlockingIOError:
+        text = os.read(descriptor, CLAIM_BYTES).strip()
+        return int(text) if text.isdigit() else None
+    else:
+        return None
+    finally:
+        os.close(descriptor)
+
+
+def _is_utf8(path: Path) -> bool:
+    try:
+        str(path).encode()
+    except UnicodeEncodeError:
+        return False
+    return True
+
+
+def _boot_id() -> str:
+    try:
+        return BOOT_ID.read_text().strip()
+    except OSError:
+        return "unknown"
+
+
+def _read_base(path: Path) -> _Base | None:
+    try:
+        return msgspec.json.decode(read_file(path, BASE_BYTES), type=_Base)
+    except FileNotFoundError:
+        return None
+    except (msgspec.DecodeError, UnfitFile) as problem:
+        raise RunDirectoryError(
+            f"{path}: {reason(problem)}: remove it while nothing of the robot runs"
+        ) from None
+
+
+@contextmanager
+def _locked(folder: Path) -> Iterator[None]:
+    descriptor = os.open(folder, os.O_RDONLY | os.O_CLOEXEC)
+    try:
+        fcntl.flock(descriptor, fcntl.LOCK_EX)
+        yield
+    finally:
+        os.close(descriptor)

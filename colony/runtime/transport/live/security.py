@@ -1,0 +1,205 @@
+"""Who may do what with a robot from another machine: the table of users, as a file of TOML.
+
+    [gateway]
+    certificate = "gateway.pem"      # paths are relative to this file
+    key = "gateway.key"
+    authority = "authority.pem"      # who signed the certificates of the users
+
+    [users.ada]
+    may = ["read", "command"]
+
+A user is the common name of a certificate that the authority signed. `read` is to look, `stop` to stop the
+robot in an emergency, `command` to change and move things, and to stop too, `run` to run programs on it: to
+speak as their clients, besides all the others.
+"""
+
+from __future__ import annotations
+
+import ssl
+import stat
+import tomllib
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Literal, get_args
+
+from colony.files import read_file, reason
+from colony.runtime.protocol.messages import Right
+from colony.runtime.transport.live.errors import SecurityError
+from colony.runtime.transport.live.names import check_user, local_user
+from colony.runtime.transport.live.place import Credentials
+
+Permission = Literal["read", "command", "stop", "run"]
+PERMISSIONS: tuple[Permission, ...] = get_args(Permission)
+
+IMPLIED: Mapping[Permission, tuple[Right, ...]] = {
+    "read": ("read",),
+    "stop": ("stop",),
+    "command": ("command", "stop"),
+    "run": ("read", "command", "stop"),
+}
+"""The rights that come with a permission."""
+
+_FILES = ("certificate", "key", "authority")
+
+FILE_BYTES = 1024 * 1024
+"""Largest table of users, certificate or key."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Security:
+    """What a gateway has to know: its own certificate and key, the authority of its users, and these."""
+
+    certificate: Path
+    key: Path
+    authority: Path
+    users: Mapping[str, tuple[Permission, ...]]
+
+
+def rights(permissions: tuple[Permission, ...]) -> tuple[Right, ...]:
+    """The rights that come with permissions, `read` first."""
+    found = {right for permission in permissions for right in IMPLIED[permission]}
+    order: tuple[Right, ...] = ("read", "command", "stop")
+    return tuple(right for right in order if right in found)
+
+
+def read_security(path: Path) -> Security:
+    """Read the table of users, and see to it that the certificates in it can be used.
+
+    Raises:
+        SecurityError: something is wrong; all that is found is told, each with its place.
+    """
+    table = _read_toml(path)
+    problems = list(_unknown(table, ("gateway", "users"), ""))
+    files = _files(path, table.get("gateway"), "gateway", problems)
+    users = _users(table.get("users"), problems)
+    if not problems:
+        problems.extend(_unusable(files["certificate"], files["key"], files["authority"]))
+    _raise(path, problems)
+    return Security(users=users, **files)
+
+
+def read_credentials(path: Path) -> Credentials:
+    """Read who one is: a file of TOML with `user`, `certificate`, `key` and `authority`.
+
+    Raises:
+        SecurityError: something is wrong; all that is found is told, each with its place.
+    """
+    table = _read_toml(path)
+    problems: list[str] = []
+    user = table.pop("user", None)
+    try:
+        if not isinstance(user, str):
+            raise ValueError("expected the name of the user, as in the certificate")
+        check_user(user)
+    except ValueError as problem:
+        problems.append(f"user: {problem}")
+    files = _files(path, table, "", problems)
+    if not problems:
+        problems.extend(_unusable(files["certificate"], files["key"], files["authority"]))
+    _raise(path, problems)
+    return Credentials(user=str(user), **files)
+
+
+def check_credentials(credentials: Credentials) -> None:
+    """See to it that certificates and key can be used.
+
+    Raises:
+        SecurityError: they cannot.
+    """
+    problems = list(_unusable(credentials.certificate, credentials.key, credentials.authority))
+    if problems:
+        raise SecurityError("\n".join(problems))
+
+
+def _raise(path: Path, problems: list[str]) -> None:
+    if problems:
+        raise SecurityError("\n".join(f"{path}: {problem}" for problem in problems))
+
+
+def _read_toml(path: Path) -> dict[str, object]:
+    try:
+        return tomllib.loads(read_file(path, FILE_BYTES).decode("utf-8"))
+    except OSError as problem:
+        raise SecurityError(f"{path}: {reason(problem)}") from None
+    except RecursionError:
+        raise SecurityError(f"{path}: brackets nest too deep") from None
+    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as problem:
+        raise SecurityError(f"{path}: {problem}") from None
+
+
+def _unknown(table: Mapping[str, object], known: tuple[str, ...], where: str) -> Iterator[str]:
+    for name in table:
+        if name not in known:
+            yield f"{where}{name}: unknown; expected {', '.join(known)}"
+
+
+def _files(path: Path, table: object, where: str, problems: list[str]) -> dict[str, Path]:
+    """The three paths of a table; those that are missing are among the problems."""
+    prefix = f"{where}." if where else ""
+    if not isinstance(table, dict):
+        problems.append(f"{where}: missing; expected a table with {', '.join(_FILES)}")
+        return {}
+    problems.extend(_unknown(table, _FILES, prefix))
+    found: dict[str, Path] = {}
+    for name in _FILES:
+        value = table.get(name)
+        if isinstance(value, str):
+            found[name] = path.absolute().parent / value
+        else:
+            problems.append(f"{prefix}{name}: expected the path of a PEM file")
+    return found
+
+
+def _users(table: object, problems: list[str]) -> dict[str, tuple[Permission, ...]]:
+    if not isinstance(table, dict) or not table:
+        problems.append("users: missing; expected at least one, as `[users.ada]` with `may = [...]`")
+        return {}
+    found: dict[str, tuple[Permission, ...]] = {}
+    for name, entry in table.items():
+        where = f"users.{name}"
+        try:
+            check_user(name)
+        except ValueError as problem:
+            problems.append(f"{where}: {problem}")
+        if name == local_user():
+            problems.append(f"{where}: the robot's own programs go by this name; expected another one")
+        if not isinstance(entry, dict) or not isinstance(entry.get("may"), list) or not entry["may"]:
+            problems.append(f"{where}: expected `may = [...]` with some of {', '.join(PERMISSIONS)}")
+            continue
+        problems.extend(_unknown(entry, ("may",), f"{where}."))
+        found[name] = tuple(p for p in PERMISSIONS if p in entry["may"])
+        for place, permission in enumerate(entry["may"]):
+            if permission not in PERMISSIONS:
+                expected = ", ".join(PERMISSIONS)
+                problems.append(f"{where}.may[{place}]: found {permission!r}; expected one of {expected}")
+    return found
+
+
+def _unreadable(file: Path) -> str | None:
+    try:
+        read_file(file, FILE_BYTES)
+    except FileNotFoundError:
+        return "there is no such file"
+    except OSError as problem:
+        return reason(problem)
+    return None
+
+
+def _unusable(certificate: Path, key: Path, authority: Path) -> Iterator[str]:
+    """What keeps certificates and key from being used."""
+    unreadable = [f"{file}: {why}" for file in (certificate, key, authority) if (why := _unreadable(file))]
+    if unreadable:
+        yield from unreadable
+        return
+    if key.stat().st_mode & (stat.S_IRWXG | stat.S_IRWXO):
+        yield f"{key}: others may read this private key: `chmod 600 {key}`"
+    context = ssl.SSLContext(ssl.PROTOCOL_TLS_CLIENT)
+    try:
+        context.load_cert_chain(certificate, key, password="")
+    except (ssl.SSLError, OSError) as problem:
+        yield f"{certificate}, {key}: no certificate and its key without a password, in PEM: {problem}"
+    try:
+        context.load_verify_locations(authority)
+    except (ssl.SSLError, OSError) as problem:
+        yield f"{authority}: no certificate in PEM: {problem}"

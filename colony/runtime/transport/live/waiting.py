@@ -1,0 +1,217 @@
+"""What waits to be handled by a server, and in which order it is taken.
+
+Calls under the right to stop go first, then the messages of frames in order of arrival, then all other calls:
+by the priority of their connection, first come first served within one (thesis section 4.3). Emergency stops
+themselves do not wait here; they have a lane of their own (`stop_lane.py`).
+
+Nothing here grows without bound. Of a connection that calls faster than it is served, further calls are
+refused; when all connections together hold too much, the one that holds most does. Messages of frames are
+given up only when they alone would fill the memory: readers ask again for a frame that they missed.
+"""
+
+from __future__ import annotations
+
+import heapq
+from collections import deque
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+from typing import NamedTuple
+
+from colony.runtime.protocol.messages import Alive, Call, Malformed
+
+CALLS_EACH = 256
+"""Calls of one connection that may wait."""
+
+STOPS_EACH = 16
+"""Calls of one connection under the right to stop that may wait."""
+
+LINES = 2048
+"""Connections of which something may wait; of one more nothing is taken."""
+
+OVERHEAD = 512
+"""What a waiting message takes in memory besides its bytes, about."""
+
+BYTES_EACH = 8 * 1024 * 1024
+BYTES_CALLS = 24 * 1024 * 1024
+BYTES_FRAMES = 32 * 1024 * 1024
+
+TOLD_MOST = 1024
+"""Calls given up at once of which the callers are told; of more they are not."""
+
+
+class Waiting(NamedTuple):
+    """A message for whoever listens to `topic`, in bytes still or read already."""
+
+    topic: str
+    message: bytes | Call | Alive | Malformed
+
+
+class GivenUp(NamedTuple):
+    """A call that is not going to be done: too many waited."""
+
+    topic: str
+    connection: str
+    number: int
+
+
+class _Entry(NamedTuple):
+    waiting: Waiting
+    connection: str
+    size: int
+
+
+@dataclass(frozen=False, slots=True)
+class _Line:
+    """What waits of one connection: its calls, by their places in the order of arrival."""
+
+    calls: dict[int, None] = field(default_factory=dict)
+    size: int = 0
+    stops: int = 0
+    alive: bool = False
+
+
+class WaitingRoom:
+    """Mutable: what waits. Not for several threads at once; see `inbox.py`."""
+
+    def __init__(
+        self,
+        *,
+        lines: int = LINES,
+        overhead: int = OVERHEAD,
+        calls_each: int = CALLS_EACH,
+        bytes_each: int = BYTES_EACH,
+        bytes_calls: int = BYTES_CALLS,
+        bytes_frames: int = BYTES_FRAMES,
+    ) -> None:
+        self._most_lines = lines
+        self._overhead = overhead
+        self._calls_each = calls_each
+        self._bytes_each = bytes_each
+        self._bytes_calls = bytes_calls
+        self._bytes_frames = bytes_frames
+        self._stops: deque[_Entry] = deque()
+        self._frames: deque[_Entry] = deque()
+        self._frames_size = 0
+        self._order: list[tuple[int, int]] = []
+        self._calls: dict[int, _Entry] = {}
+        self._calls_size = 0
+        self._lines: dict[str, _Line] = {}
+        self._given_up: deque[GivenUp] = deque(maxlen=TOLD_MOST)
+        self._count = 0
+        self.frames_lost = 0
+
+    def frame(self, topic: str, data: bytes | Malformed) -> None:
+        """A message that is no call."""
+        size = self._overhead + (len(data) if isinstance(data, bytes) else 0)
+        self._frames.append(_Entry(Waiting(topic, data), "", size))
+        self._frames_size += size
+        while self._frames_size > self._bytes_frames:
+            self._frames_size -= self._frames.popleft().size
+            self.frames_lost += 1
+
+    def call(self, topic: str, connection: str, message: Call | Alive | Malformed, size: int) -> None:
+        """A call of a connection, a sign of life of it, or what would have been one of these."""
+        entry = _Entry(Waiting(topic, message), connection, size + self._overhead)
+        line = self._lines.get(connection)
+        if line is None:
+            if len(self._lines) >= self._most_lines:
+                self._tell(entry)
+                return
+            line = self._lines[connection] = _Line()
+        if isinstance(message, Alive):
+            if not line.alive:  # one tells as much as many
+                line.alive = True
+                self._frames.append(entry._replace(size=0))
+        elif isinstance(message, Call) and message.right == "stop":
+            if line.stops < STOPS_EACH:
+                line.stops += 1
+                self._stops.append(entry)
+            else:
+                self._tell(entry)
+        else:
+            self._queue(entry, line)
+
+    def crowded(self, connection: str) -> bool:
+        """Return whether as many calls of a connection wait as may wait: one more would be refused."""
+        line = self._lines.get(connection)
+        return line is not None and len(line.calls) >= self._calls_each
+
+    def refuse(self, topic: str, connection: str, number: int) -> None:
+        """Note a call that did not come in, so that the caller gets a refusal."""
+        self._given_up.append(GivenUp(topic, connection, number))
+
+    def pop(self) -> Waiting | None:
+        """What is to be handled next."""
+        if self._stops:
+            entry = self._stops.popleft()
+            self._lines[entry.connection].stops -= 1
+        elif self._frames:
+            entry = self._frames.popleft()
+            self._frames_size -= entry.size
+            if not entry.connection:
+                return entry.waiting
+            self._lines[entry.connection].alive = False
+        else:
+            while self._order and self._order[0][1] not in self._calls:
+                heapq.heappop(self._order)
+            if not self._order:
+                return None
+            entry = self._take(heapq.heappop(self._order)[1])
+        self._tidy(entry.connection)
+        return entry.waiting
+
+    @property
+    def empty(self) -> bool:
+        """Whether nothing waits."""
+        return not (self._frames or self._calls or self._stops)
+
+    @property
+    def gave_up(self) -> bool:
+        """Whether calls were given up of which the callers are to be told."""
+        return bool(self._given_up)
+
+    def given_up(self) -> Iterator[GivenUp]:
+        """The calls that were given up since the last time."""
+        while self._given_up:
+            yield self._given_up.popleft()
+
+    def _queue(self, entry: _Entry, line: _Line) -> None:
+        if len(line.calls) >= self._calls_each:
+            self._tell(entry)
+            return
+        message = entry.waiting.message
+        priority = message.priority if isinstance(message, Call) else 0
+        self._count += 1
+        self._calls[self._count] = entry
+        heapq.heappush(self._order, (-priority, self._count))
+        line.calls[self._count] = None
+        line.size += entry.size
+        self._calls_size += entry.size
+        while line.size > self._bytes_each and len(line.calls) > 1:
+            self._give_up(line)
+        while self._calls_size > self._bytes_calls:
+            self._give_up(max(self._lines.values(), key=lambda each: each.size))
+        if len(self._order) > 2 * len(self._calls) + 64:
+            self._order = [place for place in self._order if place[1] in self._calls]
+            heapq.heapify(self._order)
+
+    def _give_up(self, line: _Line) -> None:
+        self._tell(self._take(next(iter(line.calls))))
+
+    def _take(self, place: int) -> _Entry:
+        entry = self._calls.pop(place)
+        line = self._lines[entry.connection]
+        del line.calls[place]
+        line.size -= entry.size
+        self._calls_size -= entry.size
+        return entry
+
+    def _tell(self, entry: _Entry) -> None:
+        message = entry.waiting.message
+        number = message.number if isinstance(message, Call) else 0
+        self._given_up.append(GivenUp(entry.waiting.topic, entry.connection, number))
+
+    def _tidy(self, connection: str) -> None:
+        line = self._lines[connection]
+        if not line.calls and not line.stops and not line.alive:
+            del self._lines[connection]

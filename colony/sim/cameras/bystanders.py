@@ -1,0 +1,110 @@
+"""Robots and people in front of a camera that looks along the floor: the robots as upright cylinders, people
+as upright pictures that face the camera."""
+
+from __future__ import annotations
+
+import math
+
+from colony.sim.cameras.atlas import paint_picture
+from colony.sim.cameras.rays import Eye, Lens, Ray, level_of, light_at, paint, row_below
+from colony.sim.cameras.silhouettes import LOOKS, PERSON_WIDTH_MM
+from colony.sim.cameras.surfaces import Scene
+from colony.sim.compiled import Floats, Floats2, inlined
+
+_ROBOT_SHADE, _ROBOT_TOP_SHADE, _ROBOT_RIM = 0.30, 0.18, 0.4
+_STEP_MM = 400.0  # after so much way people have the other picture
+_LEAST_DEPTH_MM = 200.0
+
+
+@inlined
+def _robot_depth(ray: Ray, x: float, y: float, radius: float) -> tuple[float, float]:
+    """Between which depths a ray is in the hull of a robot at (x, y); infinite where it misses it."""
+    ox, oy, squared = x - ray.x, y - ray.y, ray.length * ray.length
+    ahead = ox * ray.dx + oy * ray.dy
+    under_root = ahead * ahead - squared * (ox * ox + oy * oy - radius * radius)
+    near = far = math.inf
+    if under_root > 0.0 and ahead > 0.0:
+        root = math.sqrt(under_root)
+        near, far = (ahead - root) / squared, (ahead + root) / squared
+    return near, far
+
+
+@inlined
+def _person_depth(eye: Eye, ray: Ray, x: float, y: float) -> float:
+    """The depth of somebody at (x, y) whom a ray sees, who is as flat as a picture; infinite where it misses
+    them."""
+    ox, oy = x - eye.x, y - eye.y
+    depth, right = oy * eye.cosine - ox * eye.sine, ox * eye.cosine + oy * eye.sine
+    met = (
+        depth > _LEAST_DEPTH_MM and abs(right - ray.right * depth) < PERSON_WIDTH_MM / 2.0 + ray.half * depth
+    )
+    return depth if met else math.inf
+
+
+@inlined
+def _paint_robot(column: Floats, near: float, far: float, ray: Ray, axis: float, lens: Lens) -> None:
+    """An upright cylinder, darker at the rim, from above."""
+    rows = column.shape[0]
+    thickness = (far - near) * ray.length / (2.0 * lens.robot_radius)
+    shade = _ROBOT_SHADE * (_ROBOT_RIM + (1.0 - _ROBOT_RIM) * thickness)
+    rear = row_below(lens.robot_height, far, axis, lens, rows)
+    top, bottom = row_below(lens.robot_height, near, axis, lens, rows), row_below(0.0, near, axis, lens, rows)
+    paint(column, rear, top, level_of(_ROBOT_TOP_SHADE, near * ray.length))
+    paint(column, top, bottom, level_of(shade, near * ray.length))
+
+
+@inlined
+def _paint_person(
+    column: Floats,
+    number: int,
+    x: float,
+    y: float,
+    depth: float,
+    ray: Ray,
+    eye: Eye,
+    lens: Lens,
+    scene: Scene,
+) -> None:
+    """Somebody at (x, y): who it is is told by their number, and how the legs are by the place."""
+    picture = 2 * (number % LOOKS) + int(math.floor((x + y) / _STEP_MM) % 2.0)
+    middle = (x - eye.x) * eye.cosine + (y - eye.y) * eye.sine
+    left = (ray.right - ray.half) * depth - middle + PERSON_WIDTH_MM / 2.0
+    right = left + 2.0 * ray.half * depth
+    high = scene.atlas.pictures[picture, 2] * scene.atlas.pictures[picture, 4]
+    step = depth / lens.focal
+    above = high - lens.above_floor - (eye.axis + 0.5) * step
+    first = int(min(max(math.floor(-above / step), 0.0), column.shape[0] + 0.0))
+    last = int(min(max(math.ceil((high - above) / step), 0.0), column.shape[0] + 0.0))
+    start, end = max(left, 0.0), min(right, PERSON_WIDTH_MM)
+    if first < last and start < end:
+        gain = level_of(light_at(x, y, scene.lighting), depth * ray.length)
+        paint_picture(
+            column, scene.atlas, picture, start, end, right - left, first, last, above, step, 0.0, high, gain
+        )
+
+
+@inlined
+def paint_others(
+    column: Floats, robot: int, poses: Floats2, people: Floats2, depth: float, ray: Ray, eye: Eye, lens: Lens,
+    scene: Scene,
+) -> None:  # fmt: skip
+    """The robots and people who are nearer than `depth`, from far to near."""
+    limit, robots = depth, poses.shape[0]
+    more = robots > 1 or people.shape[0] > 0
+    while more:
+        which, nearest, farthest = -1, 0.0, 0.0
+        for other in range(robots):
+            if other != robot:
+                near, far = _robot_depth(ray, poses[other, 0], poses[other, 1], lens.robot_radius)
+                if near > nearest and near < limit:
+                    which, nearest, farthest = other, near, far
+        for person in range(people.shape[0]):
+            near = _person_depth(eye, ray, people[person, 0], people[person, 1])
+            if near > nearest and near < limit:
+                which, nearest = robots + person, near
+        more, limit = which >= 0, nearest
+        if which >= robots:
+            x, y = people[which - robots, 0], people[which - robots, 1]
+            _paint_person(column, which - robots, x, y, nearest, ray, eye, lens, scene)
+        elif more:
+            _paint_robot(column, nearest, farthest, ray, eye.axis, lens)

@@ -1,0 +1,203 @@
+"""What the cameras of a robot see that look along the floor: an image of the building in shades of gray.
+
+The optical axis is level, and walls are upright. So a ray of an image column looks in one direction over the
+floor, it ends at one wall, and all of the wall in that column is equally far away: a column is the ceiling,
+the wall with what is on it, the floor, and the robots and people in front of them, from far to near. A column
+has several rays, spread over its width and over the time of the exposure, so that edges are where they are to
+a part of a pixel, and what moves is smeared.
+
+Depths are measured along the optical axis, as projection wants them; what is far away is darker.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass, field, fields
+
+import numpy as np
+
+from colony.sim.cameras.atlas import Atlas
+from colony.sim.cameras.columns import Canvas, canvas_of, draw_columns
+from colony.sim.cameras.fitting import fitted
+from colony.sim.cameras.optics import Optics, Sensor, blur_columns, expose, gain_at, sensor_of
+from colony.sim.cameras.rays import Lens
+from colony.sim.cameras.surfaces import Lighting, Scene
+from colony.sim.compiled import Bytes2, Floats2, compiled
+from colony.sim.world.world import World
+
+MOST_PIXELS = 4_000_000
+
+_NOBODY = np.zeros((0, 2))
+_RECORDS = (Atlas, Lighting)  # parts of a scene, whose types the compiler looks up here
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class CameraConfig:
+    """A camera on the robot's axis, looking along the floor.
+
+    Attributes:
+        width, height: of the image in pixels, which are square.
+        view_deg: the angle that the image's width sees, below 180.
+        yaw_deg: where it looks, counterclockwise from ahead: 90 is to the left.
+        above_floor_mm: the height of the lens; below the ceiling.
+        optics: its lens and sensor.
+
+    Raises:
+        ValueError: a number is not finite or not in its range.
+    """
+
+    width: int = 240
+    height: int = 120
+    view_deg: float = 60.0
+    yaw_deg: float = 0.0
+    above_floor_mm: float = 1350.0
+    optics: Optics = field(default_factory=Optics)
+
+    def __post_init__(self) -> None:
+        for one in fields(self):
+            if one.name != "optics" and not math.isfinite(getattr(self, one.name)):
+                raise ValueError(f"{one.name} is {getattr(self, one.name)!r}; expected a finite number")
+        if min(self.width, self.height) < 1 or self.width * self.height > MOST_PIXELS:
+            raise ValueError(
+                f"an image of {self.width} x {self.height}; expected 1 to {MOST_PIXELS} pixels in all"
+            )
+        if not 0.0 < self.view_deg < 180.0:
+            raise ValueError(f"view_deg is {self.view_deg}; expected an angle above 0 and below 180")
+        if self.above_floor_mm <= 0.0:
+            raise ValueError(f"above_floor_mm is {self.above_floor_mm}; expected a height above 0")
+
+
+def lens_of(config: CameraConfig, *, robot_radius_mm: float, robot_height_mm: float) -> Lens:
+    """A camera as the renderer takes it."""
+    return Lens(
+        focal=config.width / 2.0 / math.tan(math.radians(config.view_deg) / 2.0),
+        above_floor=float(config.above_floor_mm),
+        yaw=math.radians(config.yaw_deg),
+        robot_radius=float(robot_radius_mm),
+        robot_height=float(robot_height_mm),
+        rays=config.optics.rays,
+        exposure=float(config.optics.exposure_s),
+    )
+
+
+@compiled
+def render(
+    poses: Floats2, robot: int, people: Floats2, velocity: float, turn: float, t_ns: int, scene: Scene,
+    lens: Lens, sensor: Sensor, canvas: Canvas, first: int, height: int, image: Bytes2,
+) -> None:  # fmt: skip
+    """Draw some rows of what a camera of a robot sees.
+
+    Args:
+        poses: (robots, 3), x and y in mm, heading in degrees.
+        robot: whose camera it is.
+        people: (people, 2), where they are.
+        velocity, turn: how the robot moves, in mm/s and degrees/s.
+        t_ns: when.
+        canvas: larger than the image by what the blur reaches, on all sides.
+        first, height: the number of the first row drawn, and how many the whole image has.
+        image: (rows, width), gets the rows, from 0, black, to 255.
+    """
+    reach = sensor.weights.shape[0] - 1
+    middle, axis = image.shape[1] / 2.0 + reach, height / 2.0 - 0.5 - first + reach
+    draw_columns(poses, robot, people, velocity, turn, scene, lens, middle, axis, canvas)
+    gain = gain_at(poses[robot, 0], poses[robot, 1], sensor)
+    if reach > 0:
+        blur_columns(canvas.picture, canvas.blurred, sensor)
+        expose(canvas.blurred, t_ns, first, height, gain, sensor, image)
+    else:
+        expose(canvas.picture, t_ns, first, height, gain, sensor, image)
+
+
+class Camera:
+    """A camera of a robot, in a scene. Mutable: the canvas that it draws on, and the scene, whose doors are
+    as those of the world that it saw last.
+
+    Args:
+        scene: what there is to be seen.
+        config: the camera.
+        robot_radius_mm, robot_height_mm: the hull of other robots.
+        seed: of the noise and of the gain.
+
+    Raises:
+        ValueError: the lens would be in the ceiling or above.
+    """
+
+    def __init__(
+        self,
+        scene: Scene,
+        config: CameraConfig,
+        *,
+        robot_radius_mm: float,
+        robot_height_mm: float = 1000.0,
+        seed: int = 0,
+    ) -> None:
+        if config.above_floor_mm >= scene.ceiling:
+            found = f"above_floor_mm is {config.above_floor_mm}"
+            raise ValueError(f"{found}; expected less than the ceiling's {scene.ceiling}")
+        self.config = config
+        self._scene = scene
+        self._seen_walls: Floats2 | None = None
+        self._lens = lens_of(config, robot_radius_mm=robot_radius_mm, robot_height_mm=robot_height_mm)
+        own_seed = seed * 1_000_003 + round(config.yaw_deg * 1000.0) % 360_000
+        self._sensor = sensor_of(config.optics, width=config.width, seed=own_seed)
+        self._canvas: Canvas | None = None
+
+    def shot(self, world: World, robot: int, t_ns: int) -> Callable[[int, int], Bytes2]:
+        """Take a picture of a world as it is, to be drawn later.
+
+        Gives what draws `count` rows from row `first` on, exactly as they are in the whole image, or raises
+        `ValueError` where the image has none such."""
+        if world.walls is not self._seen_walls:
+            self._scene, self._seen_walls = fitted(self._scene, world.walls), world.walls
+        scene, poses, people, speed = self._scene, world.true_poses, world.people, world.speed(robot)
+        return lambda first, count: self._drawn(scene, poses, robot, t_ns, people, speed, first, count)
+
+    def see(self, world: World, robot: int, t_ns: int) -> Bytes2:
+        """What robot number `robot` of a world sees, with its people and its doors as they are; (height,
+        width)."""
+        return self.shot(world, robot, t_ns)(0, self.config.height)
+
+    def image(
+        self,
+        poses: Floats2,
+        robot: int,
+        t_ns: int = 0,
+        *,
+        people: Floats2 = _NOBODY,
+        speed: tuple[float, float] = (0.0, 0.0),
+    ) -> Bytes2:
+        """What robot number `robot` of those at `poses`, (robots, 3), sees; (height, width) of uint8.
+
+        Args:
+            t_ns: when.
+            people: (people, 2), where they are, in mm.
+            speed: how the robot moves, in mm/s and degrees/s.
+        """
+        return self._drawn(self._scene, poses, robot, t_ns, people, speed, 0, self.config.height)
+
+    def _drawn(
+        self, scene: Scene, poses: Floats2, robot: int, t_ns: int, people: Floats2,
+        speed: tuple[float, float], first: int, count: int,
+    ) -> Bytes2:  # fmt: skip
+        height = self.config.height
+        if first < 0 or count < 1 or first + count > height:
+            raise ValueError(
+                f"{count} rows from row {first} on; expected at least 1 of rows 0 to {height - 1}"
+            )
+        image = np.empty((count, self.config.width), dtype=np.uint8)
+        render(
+            np.ascontiguousarray(poses, dtype=np.float64), robot, np.ascontiguousarray(people),
+            float(speed[0]), float(speed[1]), t_ns, scene, self._lens, self._sensor,
+            self._room(count, len(scene.walls)), first, height, image,
+        )  # fmt: skip
+        return image
+
+    def _room(self, rows: int, walls: int) -> Canvas:
+        """A canvas for so many rows, and for a scene of so many walls."""
+        margin = 2 * (len(self._sensor.weights) - 1)
+        size = self.config.width + margin, rows + margin
+        canvas = self._canvas
+        if canvas is None or canvas.picture.shape != size or len(canvas.near) < walls:
+            canvas = self._canvas = canvas_of(*size, walls)
+        return canvas

@@ -1,0 +1,107 @@
+"""What is written in a building: the plates of doors, the markers of elevators, posters.
+
+Letters come from a real font, DejaVu Sans Bold, whose file matplotlib brings along.
+"""
+
+from __future__ import annotations
+
+from functools import lru_cache
+from importlib.util import find_spec
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from colony.nav.maps.signs import (
+    CHARACTER_HEIGHT_MM,
+    MARKER_BITS,
+    MARKER_WIDTH_MM,
+    PLATE_HEIGHT_MM,
+    PLATE_WIDTH_MM,
+    STRIPE_HEIGHT_MM,
+)
+from colony.sim.cameras.atlas import Picture
+from colony.sim.compiled import Floats2
+
+if TYPE_CHECKING:  # who draws no letters loads no library for it
+    from PIL.Image import Image
+
+TEXEL_MM = 2.0
+
+_BLACK, _WHITE = 0.05, 0.90
+_MARGIN_MM = 14.0  # free at either side of a plate's characters, which are narrower where there are many
+_FINE = 4  # letters are drawn so much larger, and reduced
+
+
+def font_file() -> Path:
+    """The file of DejaVu Sans Bold.
+
+    Raises:
+        FileNotFoundError: matplotlib is not installed, or has no such font.
+    """
+    found = find_spec("matplotlib")
+    if found is None or found.origin is None:
+        raise FileNotFoundError("matplotlib, whose fonts plates are written in, is not installed")
+    path = Path(found.origin).parent / "mpl-data" / "fonts" / "ttf" / "DejaVuSans-Bold.ttf"
+    if not path.is_file():
+        raise FileNotFoundError(f"{path}: no such font; expected it with matplotlib")
+    return path
+
+
+@lru_cache(maxsize=256)
+def plate(text: str) -> Picture:
+    """The plate of a door: white characters on black."""
+    high, wide = round(PLATE_HEIGHT_MM / TEXEL_MM), round(PLATE_WIDTH_MM / TEXEL_MM)
+    ink = np.zeros((high, wide))
+    _write(ink, text, height_mm=CHARACTER_HEIGHT_MM, middle=(wide / 2, high / 2), room=wide)
+    return Picture(
+        shades=_BLACK + (_WHITE - _BLACK) * ink, width_mm=PLATE_WIDTH_MM, height_mm=PLATE_HEIGHT_MM
+    )
+
+
+@lru_cache(maxsize=16)
+def marker(code: int) -> Picture:
+    """The marker of an elevator: a separator, a bit and so on, the first bit leftmost."""
+    stripes = [_BLACK]
+    for bit in reversed(range(MARKER_BITS)):
+        stripes += [_BLACK if code >> bit & 1 else _WHITE, _BLACK]
+    return Picture(shades=np.array([stripes]), width_mm=MARKER_WIDTH_MM, height_mm=STRIPE_HEIGHT_MM)
+
+
+def write_lines(ink: Floats2, lines: tuple[str, ...], *, height_mm: float) -> None:
+    """Write lines of that character height, spread evenly over a picture of `TEXEL_MM` a texel."""
+    high, wide = ink.shape
+    for number, line in enumerate(lines):
+        middle = (wide / 2, high * (number + 0.5) / len(lines))
+        _write(ink, line, height_mm=height_mm, middle=middle, room=wide)
+
+
+def _write(ink: Floats2, text: str, *, height_mm: float, middle: tuple[float, float], room: int) -> None:
+    """Add how much of each texel is ink of the text, whose capitals are `height_mm` high; in place."""
+    if not text:
+        return
+    from PIL.Image import Resampling
+
+    letters = _letters(text, round(_FINE * height_mm / TEXEL_MM))
+    high = round(height_mm / TEXEL_MM * letters.height / round(_FINE * height_mm / TEXEL_MM))
+    most = max(1, room - round(2 * _MARGIN_MM / TEXEL_MM))
+    wide = min(round(letters.width / _FINE), most)
+    small = letters.resize((wide, max(high, 1)), Resampling.BOX)
+    top, left = round(middle[1] - small.height / 2), round(middle[0] - small.width / 2)
+    rows = slice(max(top, 0), min(top + small.height, ink.shape[0]))
+    columns = slice(max(left, 0), min(left + small.width, ink.shape[1]))
+    drawn = np.asarray(small, dtype=np.float64) / 255.0
+    ink[rows, columns] = drawn[rows.start - top : rows.stop - top, columns.start - left : columns.stop - left]
+
+
+def _letters(text: str, capital: int) -> Image:
+    """A text, as large as its ink is; capitals are `capital` pixels high."""
+    from PIL import Image, ImageDraw, ImageFont
+
+    trial = ImageFont.truetype(str(font_file()), 1000)
+    _, top, _, bottom = trial.getbbox("H")
+    font = ImageFont.truetype(str(font_file()), max(1, round(1000 * capital / (bottom - top))))
+    left, top, right, bottom = (round(side) for side in font.getbbox(text))
+    canvas = Image.new("L", (max(right - left, 1), max(bottom - top, 1)))
+    ImageDraw.Draw(canvas).text((-left, -top), text, fill=255, font=font)
+    return canvas

@@ -1,0 +1,144 @@
+"""What a lens and a sensor make of a picture: blur, dark corners, the gain, noise.
+
+Noise is counted, not drawn in order: it depends on the seed, the time of the image and the pixel, so that a
+band of rows rendered alone is the same as in the whole image.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, fields
+from typing import NamedTuple
+
+import numpy as np
+
+from colony.sim.cameras.grain import QUANTILES, quantiles
+from colony.sim.chance import PIXELS, SEEDS, chance, mixed
+from colony.sim.compiled import Bytes2, Floats, Floats2, inlined
+
+GAINS = PIXELS + 1
+"""The stream of chance of the gain; those before it are in `colony.sim.chance`."""
+
+_GAIN_MM = 4000.0
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Optics:
+    """A lens and a sensor.
+
+    Attributes:
+        rays: how many rays make a column, spread over its width and over the exposure.
+        blur: the standard deviation of the lens's blur, as a part of the image's width.
+        vignetting: by which part the image is darker in its corners.
+        exposure_s: for how long light is gathered; what moves is smeared.
+        gain: by which part the gain that the camera chooses is off at most; it changes from place to place.
+        noise: the standard deviation of a pixel, in gray levels.
+
+    Raises:
+        ValueError: a number is not in its range.
+    """
+
+    rays: int = 4
+    blur: float = 0.5 / 240.0
+    vignetting: float = 0.22
+    exposure_s: float = 0.016
+    gain: float = 0.2
+    noise: float = 2.5
+
+    def __post_init__(self) -> None:
+        highest = {"rays": 16.0, "blur": 0.02, "vignetting": 1.0, "exposure_s": 1.0, "gain": 0.9}
+        for field in fields(self):
+            value, low, high = getattr(self, field.name), float(field.name == "rays"), highest.get(field.name)
+            if not low <= value <= (255.0 if high is None else high):
+                raise ValueError(f"{field.name} is {value!r}; expected {low:g} to {high or 255.0:g}")
+
+
+PINHOLE = Optics(rays=1, blur=0.0, vignetting=0.0, exposure_s=0.0, gain=0.0, noise=0.0)
+"""A camera without errors: a ray for the middle of each pixel."""
+
+
+class Sensor(NamedTuple):
+    """Optics as the renderer takes them: the blur's weights from the middle on, and the quantiles of the
+    normal distribution."""
+
+    weights: Floats
+    quantiles: Floats
+    vignetting: float
+    gain: float
+    noise: float
+    seed: int
+
+
+def sensor_of(optics: Optics, *, width: int, seed: int) -> Sensor:
+    """Optics in front of an image so many pixels wide."""
+    sigma = optics.blur * width
+    steps = np.arange(math.ceil(2.5 * sigma) + 1)
+    weights = np.exp(-0.5 * (steps / sigma) ** 2) if sigma > 0.0 else np.ones(1)
+    return Sensor(
+        weights=weights / (2.0 * weights.sum() - weights[0]),
+        quantiles=quantiles(),
+        vignetting=float(optics.vignetting),
+        gain=float(optics.gain),
+        noise=float(optics.noise),
+        seed=seed % SEEDS,
+    )
+
+
+@inlined
+def gain_at(x: float, y: float, sensor: Sensor) -> float:
+    """By what the camera multiplies gray levels at a place: smooth noise about 1."""
+    east, north = math.floor(x / _GAIN_MM), math.floor(y / _GAIN_MM)
+    across, along = x / _GAIN_MM - east, y / _GAIN_MM - north
+    across, along = across * across * (3.0 - 2.0 * across), along * along * (3.0 - 2.0 * along)
+    found = 0.0
+    for column in range(2):
+        for row in range(2):
+            share = (across if column else 1.0 - across) * (along if row else 1.0 - along)
+            place = (int(east) + column + 500_000) * 1_000_000 + int(north) + row + 500_000
+            found += share * (2.0 * chance(sensor.seed, GAINS, place, 0) - 1.0)
+    return 1.0 + sensor.gain * found
+
+
+@inlined
+def blur_columns(picture: Floats2, blurred: Floats2, sensor: Sensor) -> None:
+    """Blur along the rows of the image, which are the columns of `picture`, (columns, rows); those at either
+    end, as many as the blur reaches, are not set."""
+    reach = sensor.weights.shape[0] - 1
+    for column in range(reach, picture.shape[0] - reach):
+        for row in range(picture.shape[1]):
+            blurred[column, row] = sensor.weights[0] * picture[column, row]
+        for step in range(1, reach + 1):
+            weight = sensor.weights[step]
+            for row in range(picture.shape[1]):
+                blurred[column, row] += weight * (picture[column - step, row] + picture[column + step, row])
+
+
+@inlined
+def expose(
+    picture: Floats2, t_ns: int, first: int, height: int, gain: float, sensor: Sensor, image: Bytes2
+) -> None:
+    """Turn a picture, (columns, rows), with a margin as wide as the blur reaches on all sides, into an image.
+
+    Args:
+        first: the number of the image's first row in the whole of `height` rows.
+    """
+    reach = sensor.weights.shape[0] - 1
+    middle, halfway = (image.shape[1] - 1) / 2.0, (height - 1) / 2.0
+    for row in range(image.shape[0]):
+        down = (first + row - halfway) / (halfway + 0.5)
+        bits = np.uint64(0)
+        for column in range(image.shape[1]):
+            level = sensor.weights[0] * picture[column + reach, row + reach]
+            for step in range(1, reach + 1):
+                above, below = row + reach - step, row + reach + step
+                level += sensor.weights[step] * (
+                    picture[column + reach, above] + picture[column + reach, below]
+                )
+            right = (column - middle) / (middle + 0.5)
+            level *= gain * (1.0 - sensor.vignetting * (right * right + down * down) / 2.0)
+            if sensor.noise > 0.0:
+                if column % 4 == 0:  # four pixels have sixteen bits each
+                    bits = mixed(sensor.seed, PIXELS, t_ns, (first + row) * 8192 + column)
+                level += sensor.noise * sensor.quantiles[int(bits & np.uint64(QUANTILES - 1))] + 0.5
+                bits >>= np.uint64(16)
+            image[row, column] = np.uint8(min(max(level, 0.0), 255.0))

@@ -1,0 +1,116 @@
+"""Posters and notices, as they hang in the corridors of a university.
+
+The black ones are those that a finder of door plates may take for one: black with pale writing, as large as a
+plate or a little larger (thesis Table 6.3 has four false plates of this kind).
+"""
+
+from __future__ import annotations
+
+from functools import lru_cache
+
+import numpy as np
+
+from colony.sim.cameras.atlas import Picture
+from colony.sim.cameras.lettering import TEXEL_MM, write_lines
+from colony.sim.compiled import Floats2
+
+SIGN_MM = (150.0, 200.0)
+"""How wide and high the sign above a fire extinguisher is."""
+
+_BLACK = (
+    ((420.0, 150.0), ("ROBOTICS", "LAB"), 0.75),
+    ((340.0, 130.0), ("SPARTY",), 0.60),
+    ((300.0, 180.0), ("IEEE", "MEETING", "7 PM"), 0.70),
+    ((480.0, 220.0), ("SENIOR DESIGN", "DAY 1994"), 0.80),
+    ((360.0, 120.0), ("NO FOOD",), 0.85),
+)
+"""Size in mm, lines and the shade of the writing."""
+
+_COLORED = (
+    ((420.0, 594.0), 0.32, 0.90),
+    ((594.0, 841.0), 0.55, 0.15),
+    ((594.0, 420.0), 0.70, 0.20),
+    ((841.0, 594.0), 0.24, 0.80),
+)
+"""Size in mm, and the shades of the paper and of the print."""
+
+_NOTICES = 2
+_NOTICE_MM = (216.0, 279.0)
+POSTERS_MM = (*(size for size, _, _ in _BLACK), *(size for size, _, _ in _COLORED), *(_NOTICE_MM,) * _NOTICES)
+"""How wide and high each kind of poster is."""
+
+BLACK_KINDS = tuple(range(len(_BLACK)))
+OTHER_KINDS = tuple(range(len(_BLACK), len(_BLACK) + len(_COLORED) + _NOTICES))
+"""The numbers of the posters that are black, and of all others."""
+
+
+@lru_cache(maxsize=1)
+def posters() -> tuple[Picture, ...]:
+    """All kinds of posters, by number."""
+    black = [_black(size, lines, shade) for size, lines, shade in _BLACK]
+    colored = [_colored(size, paper, ink, seed) for seed, (size, paper, ink) in enumerate(_COLORED)]
+    return (*black, *colored, *(_notice(seed) for seed in range(_NOTICES)))
+
+
+def _sheet(size: tuple[float, float], shade: float) -> Floats2:
+    return np.full((round(size[1] / TEXEL_MM), round(size[0] / TEXEL_MM)), shade)
+
+
+def _picture(shades: Floats2, size: tuple[float, float]) -> Picture:
+    return Picture(shades=np.clip(shades, 0.0, 1.0), width_mm=size[0], height_mm=size[1])
+
+
+def _black(size: tuple[float, float], lines: tuple[str, ...], shade: float) -> Picture:
+    sheet = _sheet(size, 0.06)
+    ink = np.zeros_like(sheet)
+    write_lines(ink, lines, height_mm=min(70.0, 0.55 * size[1] / len(lines)))
+    return _picture(sheet + (shade - sheet) * ink, size)
+
+
+def _colored(size: tuple[float, float], paper: float, print_: float, seed: int) -> Picture:
+    """A heading, a picture and a few lines of text too small to be read."""
+    rng = np.random.default_rng(100 + seed)
+    sheet = _sheet(size, paper)
+    high, wide = sheet.shape
+    head = np.zeros((high // 5, wide))
+    write_lines(head, (("CAREER FAIR", "JAZZ", "COLLOQUIUM", "CALL FOR PAPERS")[seed],), height_mm=55.0)
+    sheet[: high // 5] += (print_ - sheet[: high // 5]) * head
+    rows, columns = slice(high // 4, high * 3 // 5), slice(wide // 8, wide * 7 // 8)
+    patches = rng.random((3, 4))
+    shape = sheet[rows, columns].shape
+    sheet[rows, columns] = np.kron(patches, np.ones((-(-shape[0] // 3), -(-shape[1] // 4))))[
+        : shape[0], : shape[1]
+    ]
+    _lines_of_text(sheet, range(high * 13 // 20, high * 19 // 20, 12), print_, rng)
+    return _picture(sheet, size)
+
+
+def _notice(seed: int) -> Picture:
+    """A white sheet of letter paper with lines of text."""
+    rng = np.random.default_rng(200 + seed)
+    sheet = _sheet(_NOTICE_MM, 0.93)
+    _lines_of_text(sheet, range(12, sheet.shape[0] - 8, 8), 0.25, rng)
+    return _picture(sheet, _NOTICE_MM)
+
+
+def _lines_of_text(sheet: Floats2, rows: range, ink: float, rng: np.random.Generator) -> None:
+    """Lines of words, each a little bar of gray; in place."""
+    wide = sheet.shape[1]
+    for row in rows:
+        column = end = wide // 8
+        stop = wide - wide // 8 - int(rng.integers(0, wide // 4))
+        while end < stop:
+            end = min(column + int(rng.integers(6, 18)), stop)
+            sheet[row : row + 3, column:end] += 0.7 * (ink - sheet[row : row + 3, column:end])
+            column = end + 3
+
+
+@lru_cache(maxsize=1)
+def extinguisher_sign() -> Picture:
+    """FIRE, pale on red."""
+    sheet = _sheet(SIGN_MM, 0.30)
+    ink = np.zeros_like(sheet)
+    write_lines(ink, ("FIRE", "", "EXT"), height_mm=34.0)
+    high, wide = sheet.shape
+    ink[high * 2 // 5 : high * 3 // 5, wide * 2 // 5 : wide * 3 // 5] = 1.0
+    return _picture(sheet + (0.88 - sheet) * ink, SIGN_MM)

@@ -1,0 +1,82 @@
+"""Rays from a camera that looks along the floor, and what they bring back: levels of gray in rows."""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+from colony.sim.cameras.surfaces import Lighting
+from colony.sim.compiled import Floats, inlined
+
+_HALF_LIGHT_MM = 12_000.0  # what is as far away as this is half as bright
+
+
+class Lens(NamedTuple):
+    """A camera as the renderer takes it: focal length in pixels, heights in mm, yaw in radians, the hull of
+    the robots that it sees, its rays a column, and for how many seconds it gathers light."""
+
+    focal: float
+    above_floor: float
+    yaw: float
+    robot_radius: float
+    robot_height: float
+    rays: int
+    exposure: float
+
+
+class Eye(NamedTuple):
+    """A camera in one moment: where it is, its heading in radians, and the row, from the first one drawn, of
+    its optical axis."""
+
+    x: float
+    y: float
+    sine: float
+    cosine: float
+    axis: float
+
+
+class Ray(NamedTuple):
+    """A direction in the world's frame, for one mm of depth, and where it starts: `right` to the right of the
+    optical axis. The ray stands for all that is up to `half` to either side of it."""
+
+    x: float
+    y: float
+    dx: float
+    dy: float
+    length: float
+    right: float
+    half: float
+
+
+@inlined
+def level_of(shade: float, distance: float) -> float:
+    """A shade as it comes out from a distance, in gray levels."""
+    return 255.0 * shade / (1.0 + distance / _HALF_LIGHT_MM)
+
+
+@inlined
+def light_at(x: float, y: float, lighting: Lighting) -> float:
+    """How light it is at (x, y)."""
+    columns, rows = lighting.levels.shape
+    across = min(max((x - lighting.x) / lighting.cell, 0.0), columns - 1.0)
+    along = min(max((y - lighting.y) / lighting.cell, 0.0), rows - 1.0)
+    column, row = int(across), int(along)
+    right, above = min(column + 1, columns - 1), min(row + 1, rows - 1)
+    across, along = across - column, along - row
+    low: float = lighting.levels[column, row] * (1.0 - across) + lighting.levels[right, row] * across
+    high: float = lighting.levels[column, above] * (1.0 - across) + lighting.levels[right, above] * across
+    found: float = low * (1.0 - along) + high * along
+    return found
+
+
+@inlined
+def row_below(height: float, depth: float, axis: float, lens: Lens, rows: int) -> int:
+    """The first row, from 0 to `rows`, that looks below a height at a depth."""
+    row = axis - lens.focal * (height - lens.above_floor) / depth
+    return int(min(max(math.ceil(row), 0.0), rows + 0.0))
+
+
+@inlined
+def paint(column: Floats, start: int, end: int, level: float) -> None:
+    for row in range(start, end):
+        column[row] = level

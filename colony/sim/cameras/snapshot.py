@@ -1,0 +1,59 @@
+"""One picture of a building, without a robot that drives there."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from colony.nav.maps.stickrep.model import Map
+from colony.sim.cameras.camera import Camera, CameraConfig
+from colony.sim.cameras.scene import scene_of
+from colony.sim.compiled import Bytes2, Floats2
+from colony.sim.config import RobotConfig
+from colony.sim.hazards.scenery import Scenery
+
+
+def snapshot(
+    floor: Map,
+    pose: tuple[float, float, float],
+    config: CameraConfig,
+    *,
+    scenery: Scenery | None = None,
+    t_ns: int = 0,
+    seed: int = 0,
+    speed_mm_s: float = 0.0,
+) -> Bytes2:
+    """What a camera sees of a robot at a pose (x and y in mm, heading in degrees): (height, width).
+
+    Args:
+        scenery: the building in one run, its people where they begin; without one everything is shut, and
+            nobody is there.
+        t_ns, seed: of the noise.
+        speed_mm_s: how fast the robot drives, which smears what is near.
+
+    Raises:
+        ValueError: a number of the pose is not finite, or the lens would be in the ceiling.
+    """
+    if not all(map(math.isfinite, pose)):
+        raise ValueError(f"the pose is {tuple(pose)}; expected finite numbers")
+    camera = Camera(scene_of(floor, scenery), config, robot_radius_mm=RobotConfig().radius_mm, seed=seed)
+    return camera.image(
+        np.array([pose], dtype=np.float64), 0, t_ns, people=_people(scenery), speed=(speed_mm_s, 0.0)
+    )
+
+
+def png_of(image: Bytes2) -> bytes:
+    """An image, (height, width), as the content of a PNG file."""
+    from io import BytesIO
+
+    from PIL import Image
+
+    written = BytesIO()
+    Image.fromarray(image).save(written, format="PNG")
+    return written.getvalue()
+
+
+def _people(scenery: Scenery | None) -> Floats2:
+    people = [] if scenery is None else [p.track.at(p.along_mm, p.offset_mm) for p in scenery.people]
+    return np.array(people, dtype=np.float64).reshape(-1, 2)

@@ -1,0 +1,191 @@
+"""What walls are made of, as pictures that repeat to the sides and are as high as the wall.
+
+Shades only, from 0, black, to 1: painted blocks with their joints, bare bricks, glass bricks with the light
+behind them, plaster, steel, windows. Each is drawn from chance of its own, always the same.
+"""
+
+from __future__ import annotations
+
+from functools import lru_cache
+
+import numpy as np
+
+from colony.sim.cameras.atlas import Picture
+from colony.sim.compiled import Floats2
+
+TEXEL_MM = 5.0
+
+_PLASTER = 0.78
+_HEIGHTS = 2  # of walls for which each picture is kept, of 3 MB: all ceilings of a building are as high
+
+
+def _grid(width_mm: float, height_mm: float) -> tuple[Floats2, Floats2]:
+    """The middles of texels: from the left, and from the floor, in mm."""
+    across = (np.arange(round(width_mm / TEXEL_MM)) + 0.5) * TEXEL_MM
+    up = height_mm - (np.arange(round(height_mm / TEXEL_MM)) + 0.5) * TEXEL_MM
+    made_across, made_up = np.meshgrid(across, up)
+    return made_across, made_up
+
+
+def _cloud(shape: tuple[int, int], cells: tuple[int, int], rng: np.random.Generator) -> Floats2:
+    """Smooth noise of standard deviation 1 that repeats to the sides, with so many lumps down and across."""
+    spectrum = np.fft.rfft2(rng.standard_normal(shape))
+    down, across = np.fft.fftfreq(shape[0]) * shape[0], np.fft.rfftfreq(shape[1]) * shape[1]
+    spectrum *= np.exp(-((down[:, None] / cells[0]) ** 2) - (across[None, :] / cells[1]) ** 2)
+    spectrum[0, 0] = 0.0
+    found: Floats2 = np.fft.irfft2(spectrum, s=shape)
+    found /= found.std()
+    return found
+
+
+def _blocks(
+    across: Floats2, up: Floats2, block: tuple[float, float], *, staggered: bool
+) -> tuple[Floats2, Floats2, Floats2, Floats2]:
+    """The number of the course and of the block in it of each texel, and how far it is from the block's edge
+    to the side and up or down, in mm."""
+    wide, high = block
+    course = np.floor(up / high)
+    shifted = across + (wide / 2 * (course % 2) if staggered else 0.0)
+    number = np.floor(shifted / wide)
+    aside, above = shifted - number * wide, up - course * high
+    return course, number, np.minimum(aside, wide - aside), np.minimum(above, high - above)
+
+
+def _masonry(
+    *, block: tuple[float, float], columns: int, height_mm: float, shade: float, joint: float,
+    joint_mm: float, spread: float, seed: int,
+) -> Picture:  # fmt: skip
+    rng = np.random.default_rng(seed)
+    width_mm = columns * block[0]
+    across, up = _grid(width_mm, height_mm)
+    course, number, aside, above = _blocks(across, up, block, staggered=True)
+    own = rng.standard_normal((int(course.max()) + 1, columns))
+    shades = shade + spread * own[course.astype(int), number.astype(int) % columns]
+    shades += 0.012 * _cloud(shades.shape, (12, 16), rng)
+    in_joint = np.clip((joint_mm / 2 + 1.5 - np.minimum(aside, above)) / 3.0, 0.0, 1.0)
+    shades += in_joint * (joint - shades)
+    return Picture(shades=np.clip(shades, 0.0, 1.0), width_mm=width_mm, height_mm=height_mm, wraps=True)
+
+
+@lru_cache(maxsize=_HEIGHTS)
+def painted_brick(height_mm: float) -> Picture:
+    """Concrete blocks of 406 by 203 mm, painted over: joints show as shallow lines."""
+    return _masonry(
+        block=(405.0, 203.0), columns=8, height_mm=height_mm, shade=0.74, joint=0.60, joint_mm=10.0,
+        spread=0.010, seed=11,
+    )  # fmt: skip
+
+
+@lru_cache(maxsize=_HEIGHTS)
+def bare_brick(height_mm: float) -> Picture:
+    """Bricks of 203 by 67 mm, unpainted, with pale joints."""
+    return _masonry(
+        block=(205.0, 68.0), columns=16, height_mm=height_mm, shade=0.42, joint=0.58, joint_mm=10.0,
+        spread=0.045, seed=12,
+    )  # fmt: skip
+
+
+@lru_cache(maxsize=_HEIGHTS)
+def glass_brick(height_mm: float) -> Picture:
+    """Glass blocks of 200 by 200 mm in dark joints. The light behind them is uneven: groups are bright,
+    others dark, and each block has a pale rim and a darker middle or the other way around."""
+    rng = np.random.default_rng(13)
+    size, columns = 200.0, 20
+    across, up = _grid(size * columns, height_mm)
+    course, number, aside, above = _blocks(across, up, (size, size), staggered=False)
+    rows, cols = course.astype(int), number.astype(int) % columns
+    block_rows = int(course.max()) + 1
+    behind = 0.50 + 0.20 * _cloud((block_rows, columns), (3, 4), rng)
+    behind += 0.10 * rng.standard_normal((block_rows, columns))
+    behind = np.where(rng.random(behind.shape) < 0.14, 0.10, behind)  # what stands behind it is dark
+    rim = 0.10 * rng.standard_normal((block_rows, columns))
+    inside = np.clip(np.minimum(aside, above) / (size / 2), 0.0, 1.0)
+    shades = behind[rows, cols] + rim[rows, cols] * (0.5 - inside)
+    shades += 0.03 * _cloud(shades.shape, (40, 60), rng)
+    in_joint = np.clip((7.0 - np.minimum(aside, above)) / 3.0, 0.0, 1.0)
+    shades += in_joint * (0.16 - shades)
+    return Picture(
+        shades=np.clip(shades, 0.03, 1.0), width_mm=size * columns, height_mm=height_mm, wraps=True
+    )
+
+
+@lru_cache(maxsize=_HEIGHTS)
+def plaster(height_mm: float) -> Picture:
+    """A plain wall, a little uneven."""
+    rng = np.random.default_rng(14)
+    shape = (round(height_mm / TEXEL_MM), 640)
+    shades = _PLASTER + 0.010 * _cloud(shape, (10, 12), rng) + 0.008 * _cloud(shape, (120, 140), rng)
+    return Picture(shades=shades, width_mm=shape[1] * TEXEL_MM, height_mm=height_mm, wraps=True)
+
+
+@lru_cache(maxsize=_HEIGHTS)
+def tile(height_mm: float) -> Picture:
+    """Slabs of 300 by 300 mm with fine dark joints: tile, marble, sandstone."""
+    return _masonry(
+        block=(300.0, 300.0), columns=10, height_mm=height_mm, shade=0.66, joint=0.45, joint_mm=5.0,
+        spread=0.03, seed=15,
+    )  # fmt: skip
+
+
+@lru_cache(maxsize=_HEIGHTS)
+def steel(height_mm: float) -> Picture:
+    """Brushed steel: soft upright streaks, paler above than below."""
+    rng = np.random.default_rng(16)
+    shape = (round(height_mm / TEXEL_MM), 400)
+    streaks = _cloud((1, shape[1]), (1, 90), rng) * 0.012
+    slope = np.linspace(0.04, -0.04, shape[0])[:, None]
+    shades = 0.62 + slope + streaks + 0.02 * _cloud(shape, (3, 4), rng)
+    return Picture(shades=shades, width_mm=shape[1] * TEXEL_MM, height_mm=height_mm, wraps=True)
+
+
+@lru_cache(maxsize=_HEIGHTS)
+def window(height_mm: float) -> Picture:
+    """Panes of 900 mm from 900 mm above the floor on, in dark frames; the day is bright behind them."""
+    across, up = _grid(3600.0, height_mm)
+    rng = np.random.default_rng(17)
+    pane = (up > 900.0) & (up < 2400.0)
+    outside = 0.86 + 0.07 * _cloud(across.shape, (4, 6), rng)
+    aside = across % 900.0
+    frame = np.minimum(aside, 900.0 - aside) < 30.0
+    frame |= (np.abs(up - 900.0) < 30.0) | (np.abs(up - 2400.0) < 30.0)
+    shades = np.where(pane, outside, _PLASTER)
+    return Picture(
+        shades=np.clip(np.where(frame & (up > 870.0) & (up < 2430.0), 0.25, shades), 0.0, 1.0),
+        width_mm=3600.0, height_mm=height_mm, wraps=True,
+    )  # fmt: skip
+
+
+@lru_cache(maxsize=_HEIGHTS)
+def glass(height_mm: float) -> Picture:
+    """Panes of clear glass in steel frames: what is seen through them is dim, with soft reflections."""
+    across, up = _grid(3600.0, height_mm)
+    rng = np.random.default_rng(18)
+    aside = across % 900.0
+    frame = (np.minimum(aside, 900.0 - aside) < 35.0) | (np.abs(up - 1000.0) < 40.0)
+    frame |= (up < 120.0) | (up > 2040.0)
+    seen = 0.36 + 0.10 * _cloud(across.shape, (5, 7), rng)
+    return Picture(
+        shades=np.clip(np.where(frame, 0.55, seen), 0.05, 1.0),
+        width_mm=3600.0, height_mm=height_mm, wraps=True,
+    )  # fmt: skip
+
+
+@lru_cache(maxsize=_HEIGHTS)
+def shelves(height_mm: float) -> Picture:
+    """The wall of a room: shelves full of books up to 1.9 m, 1.6 m wide, then as much plain wall."""
+    rng = np.random.default_rng(19)
+    across, up = _grid(3200.0, height_mm)
+    shades = 0.66 + 0.012 * _cloud(across.shape, (10, 12), rng)
+    books = rng.uniform(0.08, 0.75, size=(6, 40))
+    tops = rng.uniform(190.0, 290.0, size=(6, 40))
+    shelf, spine = np.floor(up / 320.0).astype(int), np.floor(across / 40.0).astype(int)
+    on_shelf = (across < 1600.0) & (up < 1920.0)
+    shelf, spine = np.minimum(shelf, 5), np.minimum(spine, 39)
+    is_book = on_shelf & (up % 320.0 > 25.0) & (up % 320.0 < tops[shelf, spine])
+    shades = np.where(on_shelf, 0.10, shades)
+    shades = np.where(is_book, books[shelf, spine], shades)
+    board = on_shelf & ((up % 320.0 <= 25.0) | (across % 800.0 < 25.0))
+    return Picture(
+        shades=np.clip(np.where(board, 0.40, shades), 0.0, 1.0),
+        width_mm=3200.0, height_mm=height_mm, wraps=True,
+    )  # fmt: skip

@@ -1,0 +1,312 @@
+"""What goes wrong in a building: hazards with their rates, each with a switch and chance of its own.
+
+    scenery = draw(Hazards(), floor, seed=7)
+    world = World(walls=scenery, poses=[floor.start], seed=7)
+
+The rates are those of docs/hazards.md; they were fixed before any program was tuned against them. Each hazard
+draws from a stream of its own, and for everything that it might befall in the order of the map, so that
+switching one off, or changing its rate, leaves the others as they are.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from dataclasses import dataclass, fields, replace
+from enum import IntEnum
+
+import numpy as np
+from numpy.typing import NDArray
+
+from colony.nav.maps.stickrep.model import Map
+from colony.sim.cameras.furnishing import Spacings, furnished
+from colony.sim.cameras.rooms import opened
+from colony.sim.compiled import Floats2
+from colony.sim.hazards.premises import Premises, premises_of
+from colony.sim.hazards.scenery import (
+    NO_SLIP,
+    CeilingLight,
+    Extinguisher,
+    Iron,
+    Joint,
+    OpenDoor,
+    Person,
+    Poster,
+    Scenery,
+    Slip,
+    SunBand,
+    Track,
+)
+
+_OFFSET_PART = 0.6  # people like to walk up to so much of the free half of a corridor aside of its middle
+_SUN_LEVEL = 45.0  # by how much the whole ceiling of a sunlit corridor is brighter, in gray levels
+_BAND_LEVEL = 60.0  # and what a window throws there, on top
+_BAND_SPACING_MM = (4000.0, 8000.0)
+_BAND_MM = (800.0, 2500.0)
+
+
+_MOST = dict.fromkeys(("slip", "glass", "light_out", "light_dim", "dim_brightness", "sunlit"), 1.0)
+_MOST |= {"poster_on_door": 1.0, "open_door": 1.0, "cross_talk": 1.0, "door_deg": 90.0, "compass_deg": 180.0}
+"""What a number of `Hazards` is at most, where it has a limit."""
+
+
+class Hazard(IntEnum):
+    """What can go wrong. The number is that of its stream of chance, and never changes."""
+
+    SLIP = 0
+    GLASS = 1
+    LIGHTS = 2
+    SUN = 3
+    PEOPLE = 4
+    DOORS = 5
+    CROSS_TALK = 6
+    ENCODERS = 7
+    COMPASS = 8
+    POSTERS = 9
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Hazards:
+    """Which hazards there are, and how bad they are; lengths in mm, angles in degrees, times in seconds.
+
+    Attributes:
+        on: the hazards that are switched on.
+        slip: the probability that wheels slip when a robot's middle crosses a metal joint.
+        slip_turn_deg: the standard deviation of the turn that goes with it.
+        slip_loss_mm: between which lengths the wheels spin.
+        joint_spacing_mm: so much corridor has one joint, besides those between the wings.
+        glass: the probability that a glass door is not noticed by sonar and infrared in this run.
+        light_out, light_dim: the probabilities of a light; `dim_brightness` is that of a dim one.
+        sunlit: the probability that a corridor's ceiling is lit by the sun.
+        person_spacing_mm: so much corridor has one person in the mean.
+        walk_mm_s: between which speeds people walk.
+        open_door: the probability of a door; `door_deg` are the angles between which it stands open.
+        cross_talk: the probability that a sonar reading is false.
+        encoder_scale: the standard deviation of a factor common to both wheels.
+        compass_deg: the compass is off by this much at most.
+        black_poster_spacing_mm, poster_spacing_mm, extinguisher_spacing_mm: so much wall has one black
+            poster, another one, and a fire extinguisher in the mean.
+        poster_on_door: the probability that a black poster hangs on a door.
+
+    Raises:
+        ValueError: a number is not finite or not in its range, or of two the first is the greater.
+    """
+
+    on: frozenset[Hazard] = frozenset(Hazard)
+    slip: float = 0.25
+    slip_turn_deg: float = 10.0
+    slip_loss_mm: tuple[float, float] = (30.0, 80.0)
+    joint_spacing_mm: float = 60_000.0
+    glass: float = 0.8
+    light_out: float = 0.05
+    light_dim: float = 0.05
+    dim_brightness: float = 1.0 / 3.0
+    sunlit: float = 0.1
+    person_spacing_mm: float = 40_000.0
+    walk_mm_s: tuple[float, float] = (600.0, 1400.0)
+    open_door: float = 0.12
+    door_deg: tuple[float, float] = (30.0, 90.0)
+    cross_talk: float = 0.005
+    encoder_scale: float = 0.01
+    compass_deg: float = 60.0
+    black_poster_spacing_mm: float = 80_000.0
+    poster_spacing_mm: float = 15_000.0
+    extinguisher_spacing_mm: float = 25_000.0
+    poster_on_door: float = 0.02
+
+    def __post_init__(self) -> None:
+        for field in fields(self):
+            value = getattr(self, field.name)
+            if field.name == "on":
+                continue
+            pair = isinstance(field.default, tuple)
+            numbers = tuple(value) if pair else (value,)
+            most = _MOST.get(field.name, math.inf)
+            sound = len(numbers) == 1 + pair and all(0.0 <= n <= most and math.isfinite(n) for n in numbers)
+            if not sound or list(numbers) != sorted(numbers):
+                expected = "of at least 0" if most == math.inf else f"from 0 to {most:g}"
+                number = "two finite numbers, the lower one first," if pair else "a finite number"
+                raise ValueError(f"Hazards.{field.name} is {value!r}; expected {number} {expected}")
+        if self.light_out + self.light_dim > 1.0:
+            found = f"light_out and light_dim are {self.light_out} and {self.light_dim}"
+            raise ValueError(f"{found}; expected 1 at most in all")
+        spacings = [field.name for field in fields(self) if field.name.endswith("_spacing_mm")]
+        if min(getattr(self, name) for name in spacings) <= 0.0:
+            raise ValueError(f"{', '.join(spacings)}: expected more than 0; see Hazards.without")
+
+    @staticmethod
+    def none() -> Hazards:
+        """A building in which nothing goes wrong."""
+        return Hazards(on=frozenset())
+
+    def without(self, *hazards: Hazard) -> Hazards:
+        """The same with some switched off."""
+        return replace(self, on=self.on - frozenset(hazards))
+
+    def only(self, *hazards: Hazard) -> Hazards:
+        """The same with all others switched off."""
+        return replace(self, on=self.on & frozenset(hazards))
+
+
+def draw(hazards: Hazards, floor: Map, seed: int) -> Scenery:
+    """What a floor is like in the run of a seed.
+
+    Floors that share a seed share their luck: of each the same lights are out, counted in the order of the
+    map. So each floor of a building has a seed of its own.
+
+    Raises:
+        ValueError: the seed is below 0.
+    """
+    if seed < 0:
+        raise ValueError(f"the seed of a scenery is {seed}; expected 0 or more")
+    premises = premises_of(floor)
+    glass, doors = _glass(hazards, premises, seed), _doors(hazards, premises, seed)
+    posters, extinguishers = _furnishings(hazards, floor, seed)
+    walls, silent = _walls(premises, glass, doors)
+    return Scenery(
+        seed=seed,
+        walls=walls,
+        silent=silent,
+        doors=tuple(door for door, _ in doors),
+        glass=glass,
+        lights=_lights(hazards, premises, seed),
+        sun=tuple(_sun(hazards, premises, seed)),
+        people=tuple(_people(hazards, premises, seed)),
+        joints=_joints(hazards, premises, seed),
+        slip=_slip(hazards),
+        cross_talk=hazards.cross_talk if Hazard.CROSS_TALK in hazards.on else 0.0,
+        encoder_scale=_encoder_scale(hazards, seed),
+        iron=_iron(hazards, seed),
+        posters=posters,
+        extinguishers=extinguishers,
+    )
+
+
+def _stream(seed: int, hazard: Hazard, item: int = 0) -> np.random.Generator:
+    return np.random.default_rng(np.random.SeedSequence(seed, spawn_key=(int(hazard), item)))
+
+
+def _glass(hazards: Hazards, premises: Premises, seed: int) -> tuple[int, ...]:
+    drawn = _stream(seed, Hazard.GLASS).random(len(premises.walls))
+    unseen = drawn < hazards.glass if Hazard.GLASS in hazards.on else np.zeros(len(drawn), dtype=np.bool_)
+    return tuple(edge for edge in premises.glass if unseen[edge])
+
+
+def _doors(hazards: Hazards, premises: Premises, seed: int) -> list[tuple[OpenDoor, bool]]:
+    """The doors that stand open, and whether they hang where they begin."""
+    drawn = _stream(seed, Hazard.DOORS).random((len(premises.walls), 3)).tolist()
+    low, high = hazards.door_deg
+    return [
+        (OpenDoor(edge=edge, angle_deg=low + drawn[edge][1] * (high - low)), drawn[edge][2] < 0.5)
+        for edge in premises.rooms
+        if Hazard.DOORS in hazards.on and drawn[edge][0] < hazards.open_door
+    ]
+
+
+def _walls(
+    premises: Premises, glass: tuple[int, ...], doors: list[tuple[OpenDoor, bool]]
+) -> tuple[Floats2, NDArray[np.bool_]]:
+    """What is solid, edge by edge, and whether it is silent."""
+    standing_open = {door.edge: (door.angle_deg, hinge_first) for door, hinge_first in doors}
+    rows: list[tuple[float, ...]] = []
+    silent: list[bool] = []
+    for edge, wall in enumerate(premises.walls.tolist()):
+        parts = opened(premises.rooms[edge], *standing_open[edge]) if edge in standing_open else [tuple(wall)]
+        rows += parts
+        silent += [edge in glass] * len(parts)
+    walls, quiet = np.array(rows, dtype=np.float64).reshape(-1, 4), np.array(silent, dtype=np.bool_)
+    walls.flags.writeable = quiet.flags.writeable = False
+    return walls, quiet
+
+
+def _lights(hazards: Hazards, premises: Premises, seed: int) -> tuple[CeilingLight, ...]:
+    drawn = _stream(seed, Hazard.LIGHTS).random(len(premises.lights)).tolist()
+    if Hazard.LIGHTS not in hazards.on:
+        return premises.lights
+    out, dim = hazards.light_out, hazards.light_out + hazards.light_dim
+    brightness = [0.0 if u < out else hazards.dim_brightness if u < dim else 1.0 for u in drawn]
+    return tuple(replace(light, brightness=b) for light, b in zip(premises.lights, brightness, strict=True))
+
+
+def _sun(hazards: Hazards, premises: Premises, seed: int) -> Iterator[SunBand]:
+    for number, track in enumerate(premises.tracks):
+        rng = _stream(seed, Hazard.SUN, number)
+        if rng.random() >= hazards.sunlit or Hazard.SUN not in hazards.on:
+            continue
+        yield _band(track, 0.0, track.length_mm, _SUN_LEVEL)
+        at = rng.uniform(*_BAND_SPACING_MM) / 2
+        while at < track.length_mm:
+            length = rng.uniform(*_BAND_MM)
+            yield _band(track, at, min(at + length, track.length_mm), _BAND_LEVEL)
+            at += rng.uniform(*_BAND_SPACING_MM)
+
+
+def _band(track: Track, start: float, end: float, level: float) -> SunBand:
+    x, y = track.at((start + end) / 2)
+    return SunBand(
+        x_mm=x, y_mm=y, heading_deg=track.heading_deg,
+        length_mm=end - start, width_mm=2 * track.half_width_mm, level=level,
+    )  # fmt: skip
+
+
+def _people(hazards: Hazards, premises: Premises, seed: int) -> Iterator[Person]:
+    for number, track in enumerate(premises.walks):
+        if track is None or Hazard.PEOPLE not in hazards.on:
+            continue
+        rng = _stream(seed, Hazard.PEOPLE, number)
+        for _ in range(rng.poisson(premises.tracks[number].length_mm / hazards.person_spacing_mm)):
+            along, aside, forward, speed = rng.random(4).tolist()
+            slowest, fastest = hazards.walk_mm_s
+            yield Person(
+                track=track,
+                along_mm=along * track.length_mm,
+                offset_mm=(2.0 * aside - 1.0) * _OFFSET_PART * track.half_width_mm,
+                forward=forward < 0.5,
+                speed_mm_s=slowest + speed * (fastest - slowest),
+            )
+
+
+def _joints(hazards: Hazards, premises: Premises, seed: int) -> tuple[Joint, ...]:
+    """Between the wings, and every so many meters of all corridors, laid end to end."""
+    phase = _stream(seed, Hazard.SLIP).random()
+    if Hazard.SLIP not in hazards.on:
+        return ()
+    joints = list(premises.wing_joints)
+    at = phase * hazards.joint_spacing_mm
+    for track in premises.tracks:
+        while at < track.length_mm:
+            joints.append(track.joint(at))
+            at += hazards.joint_spacing_mm
+        at -= track.length_mm
+    return tuple(joints)
+
+
+def _slip(hazards: Hazards) -> Slip:
+    if Hazard.SLIP not in hazards.on:
+        return NO_SLIP
+    least, most = hazards.slip_loss_mm
+    return Slip(probability=hazards.slip, turn_deg=hazards.slip_turn_deg, least_mm=least, most_mm=most)
+
+
+def _encoder_scale(hazards: Hazards, seed: int) -> float:
+    drawn = float(_stream(seed, Hazard.ENCODERS).standard_normal())
+    return 1.0 + hazards.encoder_scale * drawn if Hazard.ENCODERS in hazards.on else 1.0
+
+
+def _furnishings(
+    hazards: Hazards, floor: Map, seed: int
+) -> tuple[tuple[Poster, ...], tuple[Extinguisher, ...]]:
+    if Hazard.POSTERS not in hazards.on:
+        return (), ()
+    spacings = Spacings(
+        black_poster_mm=hazards.black_poster_spacing_mm,
+        poster_mm=hazards.poster_spacing_mm,
+        extinguisher_mm=hazards.extinguisher_spacing_mm,
+        on_door=hazards.poster_on_door,
+    )
+    return furnished(floor, spacings, lambda item: _stream(seed, Hazard.POSTERS, item))
+
+
+def _iron(hazards: Hazards, seed: int) -> Iron:
+    drawn = int(_stream(seed, Hazard.COMPASS).integers(2**62))
+    return Iron(seed=drawn, most_deg=hazards.compass_deg) if Hazard.COMPASS in hazards.on else Iron()

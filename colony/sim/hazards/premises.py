@@ -1,0 +1,138 @@
+"""What there is in a building for hazards to befall: doors and the rooms behind them, corridors, lights.
+
+Nothing here depends on chance. Old and new wing are told apart by their corridors: where corridors of
+different widths meet, two wings do, and the floor has a joint.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import lru_cache
+
+import numpy as np
+from numpy.typing import NDArray
+
+from colony.nav.maps.corridors import Corridor, corridors_of, turning_spaces_of
+from colony.nav.maps.stickrep.model import EdgeKind, Map
+from colony.nav.maps.walls import lights_of, walls_of
+from colony.sim.cameras.rooms import Room, room_behind
+from colony.sim.hazards.scenery import PERSON_RADIUS_MM, CeilingLight, Joint, Track
+
+_WING_MM = 300.0  # corridors whose widths differ by more belong to different wings
+_TURN_MM = 800.0  # before the wall at the end of a corridor people turn around
+_LEAST_WALK_MM = 3000.0
+_LEAST_MOUTH_MM = 1000.0  # a mouth nearer to the end of a corridor is in the wall
+_SHOULDER_MM = 60.0
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Premises:
+    """A floor without hazards.
+
+    Attributes:
+        walls: (n, 4) float64, the edges of the map in its order, in mm.
+        glass: the edges that are panes of glass.
+        rooms: by edge, what is behind the doors that can be opened.
+        lights: all of them, on.
+        tracks: the corridors.
+        walks: for each corridor the part of it where people can walk, or None.
+        wing_joints: where corridors of different wings meet.
+    """
+
+    walls: NDArray[np.float64]
+    glass: tuple[int, ...]
+    rooms: Mapping[int, Room]
+    lights: tuple[CeilingLight, ...]
+    tracks: tuple[Track, ...]
+    walks: tuple[Track | None, ...]
+    wing_joints: tuple[Joint, ...]
+
+
+@lru_cache(maxsize=16)
+def premises_of(floor: Map) -> Premises:
+    """A floor as hazards take it; kept, as experiments ask for the same floor a thousand times."""
+    walls, corridors = walls_of(floor), corridors_of(floor)
+    tracks = tuple(_track(corridor) for corridor in corridors)
+    rooms = {
+        edge: room_behind(walls.segments, edge)
+        for edge, (kind, is_glass) in enumerate(zip(walls.kinds, walls.glass, strict=True))
+        if kind is EdgeKind.DOOR and not is_glass
+    }
+    return Premises(
+        walls=walls.segments,
+        glass=tuple(edge for edge, is_glass in enumerate(walls.glass) if is_glass),
+        rooms={edge: room for edge, room in rooms.items() if room is not None},
+        lights=tuple(_light(x, y, tracks) for x, y in lights_of(floor).tolist()),
+        tracks=tracks,
+        walks=tuple(_walk(track, walls.segments) for track in tracks),
+        wing_joints=tuple(_wing_joints(corridors, tracks)),
+    )
+
+
+def _track(corridor: Corridor) -> Track:
+    return Track(
+        x_mm=corridor.start.x,
+        y_mm=corridor.start.y,
+        heading_deg=corridor.heading_deg,
+        length_mm=corridor.length_mm,
+        half_width_mm=corridor.width_mm / 2,
+    )
+
+
+def _light(x: float, y: float, tracks: tuple[Track, ...]) -> CeilingLight:
+    """A light, along the corridor whose middle line is nearest."""
+    nearest = min(tracks, key=lambda track: round(_distance(track, x, y)), default=None)
+    return CeilingLight(x_mm=x, y_mm=y, heading_deg=0.0 if nearest is None else nearest.heading_deg)
+
+
+def _distance(track: Track, x: float, y: float) -> float:
+    along, aside = track.coordinates(x, y)
+    return math.hypot(max(-along, along - track.length_mm, 0.0), aside)
+
+
+def _walk(track: Track, walls: NDArray[np.float64]) -> Track | None:
+    """The part of a corridor that people walk: not up to its ends, and as wide as the walls leave it."""
+    length = track.length_mm - 2 * _TURN_MM
+    if length < _LEAST_WALK_MM:
+        return None
+    start = track.at(_TURN_MM)
+    walk = Track(
+        x_mm=start.x, y_mm=start.y, heading_deg=track.heading_deg, length_mm=length, half_width_mm=0.0
+    )
+    half = min(track.half_width_mm, _clearance(walk, walls))
+    if half < PERSON_RADIUS_MM + _SHOULDER_MM:
+        return None
+    return Track(
+        x_mm=start.x, y_mm=start.y, heading_deg=track.heading_deg, length_mm=length, half_width_mm=half
+    )
+
+
+def _clearance(track: Track, walls: NDArray[np.float64]) -> float:
+    """How far aside of a track the nearest wall is, anywhere along it (and a shoulder beyond its ends)."""
+    least = math.inf
+    low, high = -PERSON_RADIUS_MM, track.length_mm + PERSON_RADIUS_MM
+    for x0, y0, x1, y1 in walls.tolist():
+        (s0, v0), (s1, v1) = track.coordinates(x0, y0), track.coordinates(x1, y1)
+        if max(s0, s1) < low or min(s0, s1) > high:
+            continue
+        if s0 != s1:
+            slope, ends = (v1 - v0) / (s1 - s0), [min(max(s, low), high) for s in (s0, s1)]
+            v0, v1 = (v0 + (s - s0) * slope for s in ends)
+        least = min(least, 0.0 if v0 * v1 <= 0.0 else min(abs(v0), abs(v1)))
+    return least
+
+
+def _wing_joints(corridors: tuple[Corridor, ...], tracks: tuple[Track, ...]) -> list[Joint]:
+    """A joint across the narrower of two corridors of different wings, at each of its mouths."""
+    joints: list[Joint] = []
+    for space in turning_spaces_of(corridors):
+        one, other = sorted(space.corridors, key=lambda c: corridors[c].width_mm)
+        narrow, wide = corridors[one], corridors[other]
+        if wide.width_mm - narrow.width_mm > _WING_MM:
+            middle = narrow.along(*space.middle)
+            low, high = _LEAST_MOUTH_MM, narrow.length_mm - _LEAST_MOUTH_MM
+            mouths = (middle - wide.width_mm / 2, middle + wide.width_mm / 2)
+            joints += [tracks[one].joint(mouth) for mouth in mouths if low < mouth < high]
+    return joints

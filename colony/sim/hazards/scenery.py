@@ -1,0 +1,193 @@
+"""What a building is like in one run: which doors are open, which lights are out, who walks there.
+
+A scenery is plain data, the same for everybody who looks at it: the world takes from it what is solid and
+what is heard, the ceiling camera what shines. `colony.sim.hazards.hazards.draw` makes one.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from colony.nav.maps.stickrep.geometry import Point, direction
+
+PERSON_RADIUS_MM = 250.0
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Track:
+    """The middle line of a corridor: from (x_mm, y_mm) over `length_mm` toward `heading_deg`, with
+    `half_width_mm` free to either side."""
+
+    x_mm: float
+    y_mm: float
+    heading_deg: float
+    length_mm: float
+    half_width_mm: float
+
+    def at(self, along_mm: float, aside_mm: float = 0.0) -> Point:
+        """The place so far along the line, and so far to its left."""
+        unit = direction(self.heading_deg)
+        x = self.x_mm + along_mm * unit.x - aside_mm * unit.y
+        return Point(x, self.y_mm + along_mm * unit.y + aside_mm * unit.x)
+
+    def coordinates(self, x_mm: float, y_mm: float) -> tuple[float, float]:
+        """How far along the line a place is, and how far to its left."""
+        unit = direction(self.heading_deg)
+        dx, dy = x_mm - self.x_mm, y_mm - self.y_mm
+        return dx * unit.x + dy * unit.y, dy * unit.x - dx * unit.y
+
+    def joint(self, along_mm: float) -> Joint:
+        """A joint across the corridor."""
+        left, right = self.at(along_mm, self.half_width_mm), self.at(along_mm, -self.half_width_mm)
+        return Joint(x0_mm=left.x, y0_mm=left.y, x1_mm=right.x, y1_mm=right.y)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class OpenDoor:
+    """A door that stands open: edge number `edge` of the map, its leaf (or its two) turned into the room by
+    `angle_deg`."""
+
+    edge: int
+    angle_deg: float
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Person:
+    """Somebody who walks up and down a corridor.
+
+    Attributes:
+        track: the corridor.
+        along_mm: where on the track at the beginning.
+        offset_mm: how far to the left of the middle line (as the track runs) they like to walk.
+        forward: whether they begin along the track, or against it.
+        speed_mm_s: of their walk.
+    """
+
+    track: Track
+    along_mm: float
+    offset_mm: float
+    forward: bool
+    speed_mm_s: float
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Joint:
+    """A metal joint in the floor, across a corridor from one end to the other, in mm."""
+
+    x0_mm: float
+    y0_mm: float
+    x1_mm: float
+    y1_mm: float
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Slip:
+    """What happens on joints: with which probability wheels slip on a crossing, the standard deviation of
+    the turn of the robot, and between which lengths (mm) the wheels spin without driving it."""
+
+    probability: float
+    turn_deg: float
+    least_mm: float
+    most_mm: float
+
+
+NO_SLIP = Slip(probability=0.0, turn_deg=0.0, least_mm=0.0, most_mm=0.0)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class CeilingLight:
+    """A lamp of 0.6 m along its corridor by 1.2 m across it. `heading_deg` is along the corridor;
+    `brightness` is 1, less where it is dim, 0 where it is out."""
+
+    x_mm: float
+    y_mm: float
+    heading_deg: float
+    brightness: float = 1.0
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class SunBand:
+    """A rectangle of ceiling on which the sun falls: its middle, the heading of its length, and by how much
+    it is brighter than the rest, in gray levels."""
+
+    x_mm: float
+    y_mm: float
+    heading_deg: float
+    length_mm: float
+    width_mm: float
+    level: float
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Poster:
+    """A sheet on edge number `edge` of the map: it begins `start_mm` along it, and its middle is `middle_mm`
+    above the floor. `kind` is which of `colony.sim.cameras.posters` it is."""
+
+    edge: int
+    start_mm: float
+    middle_mm: float
+    kind: int
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Extinguisher:
+    """A fire extinguisher, and the sign above it, `along_mm` along edge number `edge` of the map."""
+
+    edge: int
+    along_mm: float
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Iron:
+    """What disturbs a compass: a field drawn from `seed` that stays within `most_deg` to either side.
+
+    Its values at the corners of a grid, `spacing_mm` apart, are independent; between them it is smooth.
+    """
+
+    seed: int = 0
+    most_deg: float = 0.0
+    spacing_mm: float = 3000.0
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Scenery:
+    """A building in one run.
+
+    Attributes:
+        seed: of what is decided while a robot drives: slips, cross-talk, what people do.
+        walls: (n, 4) float64, read-only: x0, y0, x1, y1 in mm: all that is solid and stands still.
+        silent: (n,) bool, read-only: which of them neither sonar nor infrared notices.
+        doors: those that stand open.
+        glass: the edges of the map that are silent.
+        lights, sun: on the ceiling.
+        people: who walks there.
+        joints, slip: of the floor.
+        cross_talk: the probability that a sonar reading is false.
+        encoder_scale: what both wheels report of a millimeter, beyond their own errors.
+        iron: what disturbs the compass.
+        posters, extinguishers: on the walls and doors, for cameras to see.
+    """
+
+    seed: int
+    walls: NDArray[np.float64]
+    silent: NDArray[np.bool_]
+    doors: tuple[OpenDoor, ...] = ()
+    glass: tuple[int, ...] = ()
+    lights: tuple[CeilingLight, ...] = ()
+    sun: tuple[SunBand, ...] = ()
+    people: tuple[Person, ...] = ()
+    joints: tuple[Joint, ...] = ()
+    slip: Slip = NO_SLIP
+    cross_talk: float = 0.0
+    encoder_scale: float = 1.0
+    iron: Iron = Iron()
+    posters: tuple[Poster, ...] = ()
+    extinguishers: tuple[Extinguisher, ...] = ()
+
+
+def bare(walls: NDArray[np.float64], *, seed: int = 0) -> Scenery:
+    """Walls, (n, 4) in mm, and nothing else."""
+    return Scenery(seed=seed, walls=walls, silent=np.zeros(len(walls), dtype=np.bool_))

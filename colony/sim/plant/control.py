@@ -1,0 +1,85 @@
+"""What stands outside the simulated robots: what is true of them, and a hand that carries them elsewhere."""
+
+from __future__ import annotations
+
+import os
+import socket
+from pathlib import Path
+from types import TracebackType
+
+from colony.sim.plant.protocol import (
+    LARGEST_FROM_PLANT,
+    Advance,
+    AskTruth,
+    AttachControl,
+    Attached,
+    FromPlant,
+    Place,
+    Refusal,
+    ToPlant,
+    Truth,
+    Unpacker,
+    pack,
+    read_from_plant,
+)
+
+
+class PlantControl:
+    """A connection to the plant that asks and waits for each answer. Not for several threads.
+
+    `began_ns` is when the plant began: another time is another plant, which counts from 0 again.
+
+    Raises, here and in each method:
+        OSError: the plant does not answer, within `timeout_s`.
+        BadBytes: what it answers makes no sense.
+        ValueError: it refuses, in its words.
+    """
+
+    def __init__(self, path: Path, *, timeout_s: float = 5.0) -> None:
+        self._sock = socket.socket(socket.AF_UNIX, socket.SOCK_STREAM)
+        self._unpacker = Unpacker(LARGEST_FROM_PLANT)
+        try:
+            self._sock.settimeout(timeout_s)
+            self._sock.connect(os.fspath(path))
+            attached = self._ask(AttachControl())
+            assert isinstance(attached, Attached)
+            self.began_ns = attached.began_ns
+        except BaseException:
+            self._sock.close()
+            raise
+
+    def truth(self, robot: str) -> Truth:
+        """What is true of a robot."""
+        answer = self._ask(AskTruth(robot=robot))
+        assert isinstance(answer, Truth)
+        return answer
+
+    def place(self, robot: str, x: float, y: float, heading: float) -> None:
+        """Carry a robot there; its odometry does not notice."""
+        self._ask(Place(robot=robot, x=x, y=y, heading=heading))
+
+    def advance(self, dt_ns: int) -> None:
+        """In logical time: let so much of it pass."""
+        self._ask(Advance(dt_ns=dt_ns))
+
+    def close(self) -> None:
+        """End the connection."""
+        self._sock.close()
+
+    def __enter__(self) -> PlantControl:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self.close()
+
+    def _ask(self, message: ToPlant) -> FromPlant:
+        self._sock.sendall(pack(message))
+        while data := self._sock.recv(65536):
+            for payload in self._unpacker.feed(data):
+                answer = read_from_plant(payload)
+                if isinstance(answer, Refusal):
+                    raise ValueError(answer.message)
+                return answer
+        raise ConnectionError("the plant ended the connection")

@@ -1,0 +1,323 @@
+"""Drivers of devices in another process, the plant (`colony.sim.plant.process`).
+
+Each keeps a connection in a thread of its own, which takes what the device reports and connects again, ever
+more patiently, when the plant or the connection dies. Who reads a driver gets the newest report at once, and
+None when it is older than `FRESH_NS`: a robot whose hardware is gone reads "no value", it does not go on with
+what was.
+
+Commands are sent once, when they are given, and never repeated here: the device stops by itself when they
+cease to come.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import os
+import socket
+import threading
+import time
+from collections.abc import Callable
+from pathlib import Path
+from typing import Generic, TypeVar
+
+from colony.runtime.protocol.messages import Sample
+from colony.runtime.servers.drivers import BaseState
+from colony.runtime.servers.images import Image
+from colony.sim.config import RobotConfig, limits_of
+from colony.sim.plant.protocol import (
+    LARGEST_FROM_PLANT,
+    Attach,
+    AttachBase,
+    AttachCamera,
+    Attached,
+    AttachProximity,
+    BadBytes,
+    BaseReading,
+    CameraReading,
+    Drive,
+    FromPlant,
+    Halt,
+    ProximityReading,
+    Reading,
+    Refusal,
+    Sense,
+    ToPlant,
+    Unpacker,
+    pack,
+    read_from_plant,
+)
+
+FRESH_NS = 500_000_000
+"""How old a reading may be; images and all."""
+
+_SHORTEST_PAUSE_S = 0.02
+_LONGEST_PAUSE_S = 0.1
+_ANSWER_S = 1.0
+_CHUNK = 262144
+
+R = TypeVar("R", bound=Reading)
+
+
+class _Cable(Generic[R]):
+    """One connection to the plant, and the newest reading. Mutable: both; used by two threads.
+
+    Args:
+        path: of the plant's socket.
+        attach: what to attach to.
+        kind: what comes from it.
+    """
+
+    def __init__(self, path: Path, attach: Attach, kind: type[R]) -> None:
+        self._path = path
+        self._attach = attach
+        self._kind = kind
+        self._guard = threading.Condition()
+        self._sock: socket.socket | None = None
+        self._attached = False
+        self._logical = False
+        self._newest: R | None = None
+        self._number = 0
+        self._problem = "not connected yet"
+        self._closed = threading.Event()
+        self._thread = threading.Thread(target=self._keep, name=type(attach).__name__, daemon=True)
+        self._thread.start()
+
+    @property
+    def problem(self) -> str | None:
+        """Why there is no connection; None while there is one."""
+        return None if self._attached else self._problem
+
+    def newest(self) -> R | None:
+        """The newest reading, however old; in logical time one that is asked for now."""
+        return self.ask(lambda number: Sense(number=number)) if self._logical else self._newest
+
+    def tell(self, message: ToPlant) -> bool:
+        """Send, unless there is no connection; never waits."""
+        with self._guard:
+            sock = self._sock
+            if sock is None or not self._attached:
+                return False
+            data = pack(message)
+            try:
+                if sock.send(data, socket.MSG_DONTWAIT) == len(data):
+                    return True
+            except OSError:
+                pass
+            _hang_up(sock)  # the device is stuck, or what was sent in part makes no sense
+            return False
+
+    def ask(self, question: Callable[[int], ToPlant]) -> R | None:
+        """Send a numbered message and wait for the reading that answers it; None where none comes."""
+        with self._guard:
+            self._number += 1
+            number = self._number
+        if not self.tell(question(number)):
+            return None
+        with self._guard:
+            self._guard.wait_for(
+                lambda: not self._attached or (self._newest is not None and self._newest.number == number),
+                _ANSWER_S,
+            )
+            newest = self._newest
+        return newest if newest is not None and newest.number == number else None
+
+    @property
+    def logical(self) -> bool:
+        """Whether the device's time passes by commands only."""
+        return self._logical
+
+    def close(self) -> None:
+        """Pull the cable; the device notices. Again is nothing."""
+        self._closed.set()
+        with self._guard:
+            if self._sock is not None:
+                _hang_up(self._sock)
+        self._thread.join()
+
+    # --- the thread ----------------------------------------------------------------------------------
+
+    def _keep(self) -> None:
+        pause_s = _SHORTEST_PAUSE_S
+        while not self._closed.is_set():
+            try:
+                with socket.socket(socket.AF_UNIX, socket.SOCK_STREAM) as sock:
+                    sock.settimeout(_ANSWER_S)
+                    sock.connect(os.fspath(self._path))
+                    sock.sendall(pack(self._attach))
+                    sock.settimeout(None)
+                    if self._adopt(sock):
+                        self._receive(sock)
+            except (OSError, BadBytes) as problem:
+                self._problem = str(problem)
+            with self._guard:
+                pause_s = _SHORTEST_PAUSE_S if self._attached else min(2.0 * pause_s, _LONGEST_PAUSE_S)
+                self._sock, self._attached = None, False
+                self._guard.notify_all()
+            self._closed.wait(pause_s)
+
+    def _adopt(self, sock: socket.socket) -> bool:
+        """Make a connection the one that `close` ends, unless it was called already."""
+        with self._guard:
+            self._sock = None if self._closed.is_set() else sock
+            return self._sock is not None
+
+    def _receive(self, sock: socket.socket) -> None:
+        """Take what comes until the connection ends."""
+        unpacker = Unpacker(LARGEST_FROM_PLANT)
+        while data := sock.recv(_CHUNK):
+            for payload in unpacker.feed(data):
+                self._take(read_from_plant(payload))
+        if self._attached:
+            self._problem = "the plant ended the connection"
+
+    def _take(self, message: FromPlant) -> None:
+        with self._guard:
+            if isinstance(message, Attached):
+                self._logical, self._attached = message.logical, True
+            elif isinstance(message, Refusal):
+                self._problem = message.message
+            elif isinstance(message, self._kind):
+                self._newest = message
+            self._guard.notify_all()
+
+
+def _hang_up(sock: socket.socket) -> None:
+    """End a connection that the other thread may be waiting on; it closes the socket."""
+    with contextlib.suppress(OSError):
+        sock.shutdown(socket.SHUT_RDWR)
+
+
+class _Remote(Generic[R]):
+    """What all remote drivers are."""
+
+    def __init__(
+        self, path: Path, attach: Attach, kind: type[R], base_ns: int, clock: Callable[[], int]
+    ) -> None:
+        self._cable = _Cable(path, attach, kind)
+        self._base_ns = base_ns
+        self._clock = clock
+        self._ahead_ns: int | None = None
+
+    @property
+    def problem(self) -> str | None:
+        """Why there is no connection to the device; None while there is one."""
+        return self._cable.problem
+
+    def close(self) -> None:
+        """Give the device up: no more readings, no more commands."""
+        self._cable.close()
+
+    def _newest(self) -> tuple[R, int] | None:
+        """The newest reading that is fresh, and when it was taken in the robot's time."""
+        reading = self._cable.newest()
+        if reading is None:
+            return None
+        now_ns = self._clock()
+        if self._cable.logical:
+            return reading, self._logical_ns(reading.t_ns, now_ns) - self._base_ns
+        return None if now_ns - reading.t_ns > FRESH_NS else (reading, reading.t_ns - self._base_ns)
+
+    def _logical_ns(self, t_ns: int, now_ns: int) -> int:
+        """The time of a reading where time is logical: it goes as the plant's does, frame by frame, and is
+        never behind the clock. So it is not behind the Clock's ticks either, which begin with the clock and
+        go by frames."""
+        ahead_ns = now_ns - t_ns if self._ahead_ns is None else max(self._ahead_ns, now_ns - t_ns)
+        self._ahead_ns = ahead_ns
+        return t_ns + ahead_ns
+
+
+class RemoteBase(_Remote[BaseReading]):
+    """The base of a robot in the plant.
+
+    Args:
+        path: of the plant's socket.
+        robot: its name.
+        base_ns: where the robot's time begins, on the plant's clock.
+        clock: the plant's clock, the machine's monotonic one.
+        config: what the robot is like; the plant's is not asked.
+    """
+
+    register_bits: int | None = None
+
+    def __init__(
+        self,
+        path: Path,
+        robot: str,
+        *,
+        base_ns: int,
+        clock: Callable[[], int] = time.monotonic_ns,
+        config: RobotConfig | None = None,
+    ) -> None:
+        super().__init__(path, AttachBase(robot=robot), BaseReading, base_ns, clock)
+        self.limits = limits_of(config or RobotConfig())
+
+    def drive(self, velocity: float, turn: float) -> None:
+        if self._cable.logical:
+            self._cable.ask(lambda number: Drive(velocity=velocity, turn=turn, number=number))
+        else:
+            self._cable.tell(Drive(velocity=velocity, turn=turn))
+
+    def stop(self) -> None:
+        self._cable.tell(Halt())
+
+    def state(self) -> BaseState | None:
+        found = self._newest()
+        if found is None:
+            return None
+        reading, t_ns = found
+        return BaseState(
+            t_ns=t_ns,
+            x=reading.x,
+            y=reading.y,
+            heading=reading.heading,
+            front_bumper=reading.front_bumper,
+            rear_bumper=reading.rear_bumper,
+            speed=reading.speed,
+            turn_rate=reading.turn_rate,
+            wheel_speed=reading.wheel_speed,
+        )
+
+
+class RemoteProximity(_Remote[ProximityReading]):
+    """The sonars and infrared detectors of a robot in the plant; arguments as of `RemoteBase`."""
+
+    def __init__(
+        self, path: Path, robot: str, *, base_ns: int, clock: Callable[[], int] = time.monotonic_ns
+    ) -> None:
+        super().__init__(path, AttachProximity(robot=robot), ProximityReading, base_ns, clock)
+
+    def sonar(self) -> Sample | None:
+        found = self._newest()
+        return None if found is None else Sample(found[0].sonar, found[1])
+
+    def infrared(self) -> Sample | None:
+        found = self._newest()
+        return None if found is None else Sample(found[0].infrared, found[1])
+
+
+class RemoteCamera(_Remote[CameraReading]):
+    """Camera `camera` of a robot in the plant; other arguments as of `RemoteBase`."""
+
+    def __init__(
+        self,
+        path: Path,
+        robot: str,
+        camera: str,
+        *,
+        base_ns: int,
+        clock: Callable[[], int] = time.monotonic_ns,
+    ) -> None:
+        super().__init__(path, AttachCamera(robot=robot, camera=camera), CameraReading, base_ns, clock)
+
+    def grab(self) -> Image | None:
+        found = self._newest()
+        if found is None:
+            return None
+        reading, t_ns = found
+        return Image(
+            t_ns=t_ns,
+            height=reading.height,
+            width=reading.width,
+            channels=reading.channels,
+            pixels=reading.pixels,
+        )

@@ -1,0 +1,329 @@
+"""The simulator as a process of its own, as a robot's hardware is: a building with robots in it, which runs
+in real time whoever is connected, behind a unix socket.
+
+    serve_plant(options, stop=stopped.is_set, ready=started.set)
+
+One thread does everything: it lets time pass in small steps, reports what sensors read to whoever is
+attached to them, and takes commands. A reader that is too slow misses readings; it never holds up the others.
+What cannot be read is answered by a refusal and the end of its connection.
+
+In logical time there is one robot, and its time passes by a frame with each command to its base, as fast as
+the commands come; where none is sent, as with `idle hold`, it stands still.
+"""
+
+from __future__ import annotations
+
+import fcntl
+import os
+import selectors
+import socket
+import stat
+import time
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
+from dataclasses import dataclass, field
+from pathlib import Path
+
+from colony.nav.maps.stickrep.model import Map
+from colony.sim.cameras.camera import Camera, CameraConfig
+from colony.sim.cameras.ceiling import CeilingCamera, CeilingCameraConfig
+from colony.sim.cameras.scene import scene_of
+from colony.sim.config import RobotConfig
+from colony.sim.hazards.hazards import Hazards, draw
+from colony.sim.plant.devices import STEP_NS, WATCHDOG_NS, Devices, Eye
+from colony.sim.plant.ports import BasePort, CameraPort, Port, ProximityPort, UnattachedPort
+from colony.sim.plant.protocol import (
+    LARGEST_TO_PLANT,
+    Attached,
+    BadBytes,
+    FromPlant,
+    Refusal,
+    Unpacker,
+    pack,
+    read_to_plant,
+)
+from colony.sim.world.world import World
+
+REPORT_NS = 20_000_000
+"""From one report of a base or a ring to the next."""
+
+IMAGE_NS = 100_000_000
+"""From one image of a camera to the next."""
+
+_CONNECTIONS = 1000
+_IDLE_S = 0.1
+_CHUNK = 65536
+_UNREAD = 65536
+"""Who leaves so many bytes of answers unread is not listened to any more until it reads them."""
+
+
+class PlantInUse(Exception):
+    """Another process serves this socket already."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class PlantOptions:
+    """What is simulated, and where.
+
+    Attributes:
+        path: of the socket, in a folder of the owner alone, which is made where there is none.
+        building: the walls, and what they look like.
+        robots: by name, where each begins: x, y in mm, heading in degrees counterclockwise from north.
+        cameras: of each robot, by name.
+        hazards: what goes wrong in the building; nothing unless told otherwise.
+        hazards_seed: of the hazards.
+        config: what the robots are like.
+        seed: of the simulated errors.
+        step_ns: of the simulation.
+        watchdog_ns: after so much time without a command a base stops.
+        logical_ns: None for real time; else the logical time that passes with each command.
+    """
+
+    path: Path
+    building: Map
+    robots: Mapping[str, tuple[float, float, float]]
+    cameras: Mapping[str, CameraConfig | CeilingCameraConfig] = field(default_factory=dict)
+    hazards: Hazards = field(default_factory=Hazards.none)
+    hazards_seed: int = 0
+    config: RobotConfig = field(default_factory=RobotConfig)
+    seed: int = 0
+    step_ns: int = STEP_NS
+    watchdog_ns: int = WATCHDOG_NS
+    logical_ns: int | None = None
+
+
+def serve_plant(
+    options: PlantOptions,
+    *,
+    stop: Callable[[], bool],
+    ready: Callable[[], None] = lambda: None,
+    clock: Callable[[], int] = time.monotonic_ns,
+) -> None:
+    """Simulate until `stop` says so, which is asked all the time; `ready` is told when drivers can attach.
+
+    Raises:
+        ValueError: the options make no sense: a robot has no room, or logical time with several robots.
+        PlantInUse: another process serves this socket.
+        OSError: the socket cannot be made.
+    """
+    devices = _devices(options, clock)
+    with _listening(options.path) as listener, selectors.DefaultSelector() as selector:
+        server = _Server(devices, listener, selector, clock, logical_ns=options.logical_ns)
+        ready()
+        try:
+            while not stop():
+                server.turn()
+        finally:
+            server.close()
+
+
+def _devices(options: PlantOptions, clock: Callable[[], int]) -> Devices:
+    if options.logical_ns is not None and len(options.robots) != 1:
+        raise ValueError(f"logical time with {len(options.robots)} robots; expected 1")
+    scenery = draw(options.hazards, options.building, options.hazards_seed)
+    world = World(
+        walls=scenery,
+        poses=list(options.robots.values()),
+        config=options.config,
+        seed=options.seed,
+    )
+    scene, radius = scene_of(options.building, scenery), options.config.radius_mm
+    cameras: dict[str, Eye] = {
+        name: CeilingCamera(scenery, config)
+        if isinstance(config, CeilingCameraConfig)
+        else Camera(scene, config, robot_radius_mm=radius, seed=options.seed)
+        for name, config in options.cameras.items()
+    }
+    devices = Devices(
+        world,
+        tuple(options.robots),
+        cameras,
+        now_ns=clock(),
+        step_ns=options.step_ns,
+        watchdog_ns=options.watchdog_ns if options.logical_ns is None else None,
+    )
+    for name in cameras:  # what is slow the first time shall not be when it counts
+        devices.image(0, name)
+    world.sonar(0)
+    return devices
+
+
+@contextmanager
+def _listening(path: Path) -> Iterator[socket.socket]:
+    """A socket at `path`, in place of one that a killed process left behind."""
+    path.parent.mkdir(mode=0o700, parents=True, exist_ok=True)
+    found = path.parent.stat()
+    if found.st_uid != os.getuid() or stat.S_IMODE(found.st_mode) & 0o077:
+        raise PermissionError(f"{path.parent} is open to others, who could drive the robots")
+    lock = os.open(path.with_name(path.name + ".lock"), os.O_RDWR | os.O_CREAT | os.O_CLOEXEC, 0o600)
+    try:
+        try:
+            fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except BlockingIOError:
+            raise PlantInUse(f"{path} is served by another process already") from None
+        path.unlink(missing_ok=True)
+        with socket.socket(socket.AF_UNIX, socket.SOCK_STREAM) as listener:
+            listener.bind(os.fspath(path))
+            listener.listen(128)
+            listener.setblocking(False)
+            yield listener
+            path.unlink(missing_ok=True)
+    finally:
+        os.close(lock)
+
+
+@dataclass(frozen=False, slots=True, kw_only=True, eq=False)
+class _Connection:
+    sock: socket.socket
+    port: Port = field(default_factory=UnattachedPort)
+    unpacker: Unpacker = field(default_factory=lambda: Unpacker(LARGEST_TO_PLANT))
+    outbox: bytearray = field(default_factory=bytearray)
+    due_ns: int = 0
+
+
+class _Server:
+    """Mutable: the connections."""
+
+    def __init__(
+        self,
+        devices: Devices,
+        listener: socket.socket,
+        selector: selectors.BaseSelector,
+        clock: Callable[[], int],
+        *,
+        logical_ns: int | None,
+    ) -> None:
+        self._devices = devices
+        self._listener = listener
+        self._selector = selector
+        self._clock = clock
+        self._logical_ns = logical_ns
+        self._began_ns = clock()
+        self._connections: set[_Connection] = set()
+        selector.register(listener, selectors.EVENT_READ, None)
+
+    def turn(self) -> None:
+        """Let time pass and report; then wait for the next step, or for somebody who wants something."""
+        wait_s = _IDLE_S
+        if self._logical_ns is None:
+            self._devices.advance(self._clock())
+            self._report()
+            wait_s = (self._devices.reached_ns + self._devices.step_ns - self._clock()) / 1e9
+        for key, events in self._selector.select(max(wait_s, 0.0)):
+            if key.data is None:
+                self._accept()
+            else:
+                self._serve(key.data, events)
+
+    def close(self) -> None:
+        for connection in tuple(self._connections):
+            self._drop(connection)
+
+    # --- connections ---------------------------------------------------------------------------------
+
+    def _accept(self) -> None:
+        try:
+            sock, _ = self._listener.accept()
+        except OSError:  # it is gone already, or this process has no more descriptors
+            return
+        if len(self._connections) >= _CONNECTIONS:
+            sock.close()
+            return
+        sock.setblocking(False)
+        connection = _Connection(sock=sock)
+        self._connections.add(connection)
+        self._selector.register(sock, selectors.EVENT_READ, connection)
+
+    def _drop(self, connection: _Connection) -> None:
+        if connection in self._connections:
+            self._connections.remove(connection)
+            self._selector.unregister(connection.sock)
+            connection.sock.close()
+            if isinstance(connection.port, BasePort):
+                self._devices.halt(connection.port.robot)
+
+    def _serve(self, connection: _Connection, events: int) -> None:
+        if events & selectors.EVENT_WRITE:
+            self._flush(connection)
+        if events & selectors.EVENT_READ and connection in self._connections:
+            self._read(connection)
+
+    def _read(self, connection: _Connection) -> None:
+        try:
+            data = connection.sock.recv(_CHUNK)
+        except BlockingIOError:
+            return
+        except OSError:
+            data = b""
+        if not data:
+            self._drop(connection)
+            return
+        try:
+            for payload in connection.unpacker.feed(data):
+                self._take(connection, payload)
+        except (BadBytes, ValueError) as problem:
+            self._send(connection, pack(Refusal(message=str(problem))))
+            self._drop(connection)
+
+    def _take(self, connection: _Connection, payload: bytes) -> None:
+        message = read_to_plant(payload)
+        answer: FromPlant | None
+        if isinstance(connection.port, UnattachedPort):
+            port = connection.port.attach(message, self._devices)
+            if isinstance(port, BasePort):
+                self._make_room(port)
+            connection.port, connection.due_ns = port, self._devices.reached_ns
+            answer = Attached(logical=self._logical_ns is not None, began_ns=self._began_ns)
+        else:
+            answer = connection.port.take(message, self._devices, self._logical_ns)
+        if answer is not None:
+            self._send(connection, pack(answer))
+
+    def _make_room(self, port: BasePort) -> None:
+        """A base has one cable: who drives keeps it, and who does not loses it to the next."""
+        for other in tuple(self._connections):
+            if isinstance(other.port, BasePort) and other.port.robot == port.robot:
+                if self._devices.driven(port.robot):
+                    raise ValueError("the base has a cable already, by which it is driven")
+                self._drop(other)
+
+    # --- sending -------------------------------------------------------------------------------------
+
+    def _report(self) -> None:
+        """Give a reading to each whose time has come, unless the one before is still on its way."""
+        now_ns = self._devices.reached_ns
+        for connection in tuple(self._connections):
+            period_ns = _period_ns(connection.port)
+            if period_ns is None or now_ns < connection.due_ns:
+                continue
+            connection.due_ns += period_ns * (1 + (now_ns - connection.due_ns) // period_ns)
+            if not connection.outbox:
+                reading = connection.port.reading(self._devices)
+                if reading is not None:
+                    self._send(connection, pack(reading))
+
+    def _send(self, connection: _Connection, data: bytes) -> None:
+        connection.outbox += data
+        self._flush(connection)
+
+    def _flush(self, connection: _Connection) -> None:
+        if connection not in self._connections:
+            return
+        try:
+            while connection.outbox:
+                sent = connection.sock.send(connection.outbox)
+                del connection.outbox[:sent]
+        except BlockingIOError:
+            pass
+        except OSError:
+            self._drop(connection)
+            return
+        events = selectors.EVENT_READ if len(connection.outbox) < _UNREAD else 0
+        events |= selectors.EVENT_WRITE if connection.outbox else 0
+        self._selector.modify(connection.sock, events, connection)
+
+
+def _period_ns(port: Port) -> int | None:
+    if isinstance(port, (BasePort, ProximityPort)):
+        return REPORT_NS
+    return IMAGE_NS if isinstance(port, CameraPort) else None

@@ -1,0 +1,246 @@
+"""What the simulated devices and their drivers say to each other over unix stream sockets.
+
+Each message is four bytes of length, most significant first, one byte of version, then msgpack. A connection
+begins with what it is attached to, and is that device's cable from then on: readings come by themselves,
+commands go the other way. A control connection asks and is answered instead.
+
+    driver   -> plant    AttachBase, AttachProximity, AttachCamera
+    plant    -> driver   Attached, then BaseReading, ProximityReading, CameraReading again and again
+    driver   -> plant    Drive, Halt; Sense, in logical time
+    anyone   -> plant    AttachControl, then AskTruth, Place, Advance, each answered by Truth, Done or Refusal
+
+Times are those of the machine's monotonic clock in nanoseconds. In logical time, which stands still but for
+commands, nothing comes by itself: `Drive` lets a frame pass, and `Drive` and `Sense` are answered by a
+reading with the same `number`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import TypeVar
+
+import msgspec
+
+VERSION = 1
+
+LARGEST_TO_PLANT = 4096
+LARGEST_FROM_PLANT = 8 * 1024 * 1024
+"""Bytes of the largest message in each direction."""
+
+_LENGTH = 4
+
+M = TypeVar("M")
+
+
+class _Message(msgspec.Struct, frozen=True, kw_only=True, tag=True, array_like=True):
+    """In bytes, an array that begins with the message's name."""
+
+
+# --- to the plant --------------------------------------------------------------------------------
+
+
+class AttachBase(_Message, frozen=True, kw_only=True):
+    """This is the cable of a robot's base; who drives has it, another one gets it when it is idle."""
+
+    robot: str
+
+
+class AttachProximity(_Message, frozen=True, kw_only=True):
+    """This is a cable of a robot's sonars and infrared detectors."""
+
+    robot: str
+
+
+class AttachCamera(_Message, frozen=True, kw_only=True):
+    """This is a cable of one of a robot's cameras."""
+
+    robot: str
+    camera: str
+
+
+class AttachControl(_Message, frozen=True, kw_only=True):
+    """This connection stands outside the robots."""
+
+
+class Drive(_Message, frozen=True, kw_only=True):
+    """Go at `velocity` mm/s, turning `turn` deg/s; it holds for as long as the watchdog waits."""
+
+    velocity: float
+    turn: float
+    number: int = 0
+
+
+class Halt(_Message, frozen=True, kw_only=True):
+    """Stand still."""
+
+
+class Sense(_Message, frozen=True, kw_only=True):
+    """Give a reading now."""
+
+    number: int
+
+
+class AskTruth(_Message, frozen=True, kw_only=True):
+    """Where is the robot really?"""
+
+    robot: str
+
+
+class Place(_Message, frozen=True, kw_only=True):
+    """Carry a robot there; its odometry does not notice."""
+
+    robot: str
+    x: float
+    y: float
+    heading: float
+
+
+class Advance(_Message, frozen=True, kw_only=True):
+    """In logical time: let so much of it pass."""
+
+    dt_ns: int
+
+
+# --- from the plant ------------------------------------------------------------------------------
+
+
+class Attached(_Message, frozen=True, kw_only=True):
+    """The device is there. `logical`: its time passes by commands only. `began_ns` is when the plant began,
+    which tells one process from another that was started in its place."""
+
+    logical: bool
+    began_ns: int = 0
+
+
+class Refusal(_Message, frozen=True, kw_only=True):
+    """What was asked is not done, and why. What came from a device's cable ends it."""
+
+    message: str
+
+
+class Done(_Message, frozen=True, kw_only=True):
+    """What was asked is done."""
+
+
+class BaseReading(_Message, frozen=True, kw_only=True):
+    """The state of a base, as in `colony.runtime.servers.drivers.BaseState`."""
+
+    t_ns: int
+    x: float
+    y: float
+    heading: float
+    front_bumper: bool
+    rear_bumper: bool
+    speed: float
+    turn_rate: float
+    wheel_speed: float
+    number: int = 0
+
+
+class ProximityReading(_Message, frozen=True, kw_only=True):
+    """Both rings: 24 ranges in mm, and what 24 detectors see."""
+
+    t_ns: int
+    sonar: tuple[float, ...]
+    infrared: tuple[bool, ...]
+    number: int = 0
+
+
+class CameraReading(_Message, frozen=True, kw_only=True):
+    """An image, as in `colony.runtime.servers.images.Image`."""
+
+    t_ns: int
+    height: int
+    width: int
+    channels: int
+    pixels: bytes
+    number: int = 0
+
+
+class Truth(_Message, frozen=True, kw_only=True):
+    """What is true of a robot at `t_ns`, whatever it believes.
+
+    Position in mm, heading in degrees, speeds in mm/s and deg/s, the way driven so far in mm. `bumps` counts
+    how often it ran into something. `driven`: its base has a cable, and was commanded within the watchdog's
+    time. `skipped_ns` is the time that the plant was too late to simulate.
+    """
+
+    t_ns: int
+    x: float
+    y: float
+    heading: float
+    velocity: float
+    turn: float
+    distance: float
+    bumps: int
+    driven: bool
+    skipped_ns: int
+
+
+Attach = AttachBase | AttachProximity | AttachCamera | AttachControl
+ToPlant = Attach | Drive | Halt | Sense | AskTruth | Place | Advance
+Reading = BaseReading | ProximityReading | CameraReading
+FromPlant = Attached | Refusal | Done | Reading | Truth
+
+
+class BadBytes(ValueError):
+    """These bytes are not the protocol; what comes after them cannot be read either."""
+
+
+_encoder = msgspec.msgpack.Encoder()
+_from_plant: msgspec.msgpack.Decoder[FromPlant] = msgspec.msgpack.Decoder(FromPlant)
+_to_plant: msgspec.msgpack.Decoder[ToPlant] = msgspec.msgpack.Decoder(ToPlant)
+
+
+def pack(message: ToPlant | FromPlant) -> bytes:
+    """A message as it goes over a socket."""
+    body = _encoder.encode(message)
+    return (len(body) + 1).to_bytes(_LENGTH, "big") + bytes([VERSION]) + body
+
+
+def read_to_plant(payload: bytes) -> ToPlant:
+    """The message in a payload.
+
+    Raises:
+        BadBytes: there is none.
+    """
+    return _read(payload, _to_plant)
+
+
+def read_from_plant(payload: bytes) -> FromPlant:
+    """Likewise, for the other direction."""
+    return _read(payload, _from_plant)
+
+
+def _read(payload: bytes, decoder: msgspec.msgpack.Decoder[M]) -> M:
+    if payload[:1] != bytes([VERSION]):
+        raise BadBytes(f"found version {payload[0] if payload else 'none'}; expected {VERSION}")
+    try:
+        return decoder.decode(memoryview(payload)[1:])
+    except (msgspec.DecodeError, UnicodeDecodeError, RecursionError) as problem:
+        raise BadBytes(str(problem) or type(problem).__name__) from None
+
+
+class Unpacker:
+    """Cuts what a stream gives into payloads. Mutable: what has come of the next one."""
+
+    def __init__(self, largest: int) -> None:
+        self._largest = largest
+        self._rest = bytearray()
+
+    def feed(self, data: bytes) -> Iterator[bytes]:
+        """Every payload that is complete.
+
+        Raises:
+            BadBytes: one claims to be empty or larger than allowed.
+        """
+        self._rest += data
+        while len(self._rest) >= _LENGTH:
+            length = int.from_bytes(self._rest[:_LENGTH], "big")
+            if not 0 < length <= self._largest:
+                raise BadBytes(f"a message of {length} bytes; expected 1 to {self._largest}")
+            if len(self._rest) < _LENGTH + length:
+                return
+            payload = bytes(self._rest[_LENGTH : _LENGTH + length])
+            del self._rest[: _LENGTH + length]
+            yield payload

@@ -1,0 +1,41 @@
+"""A compass in a building full of iron (thesis Figure 6.2).
+
+The disturbance is noise on a grid: each corner of a grid has a value of its own, and between corners the
+values blend smoothly, so that it stays within its bounds and has no steps (Perlin 1985).
+"""
+
+from __future__ import annotations
+
+import math
+
+from colony.sim.hazards.scenery import Iron
+
+_MASK = 2**64 - 1
+
+
+def disturbance_deg(iron: Iron, x_mm: float, y_mm: float) -> float:
+    """By how much a compass at a place reads too much, in degrees, within `iron.most_deg` to either side."""
+    if iron.most_deg == 0.0:
+        return 0.0
+    column, row = math.floor(x_mm / iron.spacing_mm), math.floor(y_mm / iron.spacing_mm)
+    east = _smooth(x_mm / iron.spacing_mm - column)
+    north = _smooth(y_mm / iron.spacing_mm - row)
+    south_side = _blend(_corner(iron.seed, column, row), _corner(iron.seed, column + 1, row), east)
+    north_side = _blend(_corner(iron.seed, column, row + 1), _corner(iron.seed, column + 1, row + 1), east)
+    return iron.most_deg * _blend(south_side, north_side, north)
+
+
+def _corner(seed: int, column: int, row: int) -> float:
+    """The value of a corner of the grid, in [-1, 1); splitmix64, as in `colony.sim.chance`."""
+    bits = (seed * 0x9E3779B97F4A7C15 + column * 0xD1B54A32D192ED03 + row * 0x8CB92BA72F3D8DD7) & _MASK
+    for shift, factor in ((30, 0xBF58476D1CE4E5B9), (27, 0x94D049BB133111EB)):
+        bits = ((bits ^ (bits >> shift)) * factor) & _MASK
+    return ((bits ^ (bits >> 31)) >> 11) * 2.0**-52 - 1.0
+
+
+def _smooth(part: float) -> float:
+    return part * part * (3.0 - 2.0 * part)
+
+
+def _blend(one: float, other: float, part: float) -> float:
+    return one + part * (other - one)

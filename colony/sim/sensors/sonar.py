@@ -1,0 +1,351 @@
+"""What the 24 sonars and infrared detectors of each robot see.
+
+A transducer hears in a cone. The cone is filled with rays, evenly, two of them on its edges; each ray ends at
+the first thing that it meets, and whether that thing is *heard* is a second question:
+
+- A wall is a mirror for ultrasound. Met within the critical angle to its normal it is heard, beyond that it
+  sends the sound away: the ray is silent, but still hides what is behind.
+- A corner of two walls at right angles sends the sound back where it came from, by two bounces: it is
+  heard from everywhere in front of it.
+- Another robot is heard from everywhere, and so is a person.
+
+The reading is the nearest thing heard by a ray of the cone, and the full range where there is none. Rays are
+exact (they start at the transducer), so that a wall straight ahead of a transducer is read exactly; a wall
+whose nearest point lies between two rays is read too far by less than 0.04 %, and something thin and far away
+may be missed between two of them.
+
+Everything happens in the robot's frame: u ahead, v to the left, so that the rays are a constant table.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+
+from colony.sim.chance import CROSS_TALK, chance
+from colony.sim.compiled import Bools2, Floats, Floats2, Ints2, compiled, inlined
+from colony.sim.config import AHEAD, CHANNELS, SPACING_DEG, RobotConfig
+from colony.sim.world.people import Crowd
+
+RAY_STEP_DEG = 3.0
+"""The angle between neighboring rays of a cone at most; the axis is always one."""
+
+_RETRO_COSINE = math.sin(math.radians(10.0))  # corners count as right angles up to ten degrees
+_NOTHING = -1
+_HULL = -2  # of a robot or a person
+_LEAST_FALSE_MM = 300.0
+_EDGE = 1e-9  # rays meet walls up to this part beyond their ends: no leak where two walls meet
+
+
+class Fan(NamedTuple):
+    """The rays of a robot in its frame, u ahead and v to the left, and room to cast them.
+
+    Attributes:
+        origin_u, origin_v: (24,), the transducers in mm.
+        ray_u, ray_v: (24, rays), unit vectors; the middle one is the axis.
+        depth: (24, rays), how far each ray goes, in mm.
+        target: (24, rays), what stops it: the number of a wall, a hull, or nothing.
+        deepest: (24,), the greatest depth of each cone.
+    """
+
+    origin_u: Floats
+    origin_v: Floats
+    ray_u: Floats2
+    ray_v: Floats2
+    depth: Floats2
+    target: Ints2
+    deepest: Floats
+
+
+class Ears(NamedTuple):
+    """What a robot hears and sees, as in `RobotConfig`; angles are given by what is computed from them."""
+
+    radius: float
+    full_range: float
+    least: float
+    half_beam_rad: float
+    cos_critical: float
+    tan_half_step: float
+    noise_mm: float
+    noise_part: float
+    infrared_range: float
+
+
+class Talk(NamedTuple):
+    """With which probability a reading is false, and the seed of that."""
+
+    probability: float
+    seed: int
+
+
+def _rays_of(config: RobotConfig) -> tuple[int, float]:
+    """How many rays a cone has on either side of its axis, and the angle between them in degrees."""
+    on_a_side = math.ceil(config.sonar_half_beam_deg / RAY_STEP_DEG - 1e-9)
+    return on_a_side, config.sonar_half_beam_deg / on_a_side if on_a_side else RAY_STEP_DEG
+
+
+def fan_of(config: RobotConfig) -> Fan:
+    """The rays of a robot."""
+    on_a_side, step_deg = _rays_of(config)
+    axes = np.radians((np.arange(CHANNELS) - AHEAD) * SPACING_DEG)
+    offsets = np.radians(np.arange(-on_a_side, on_a_side + 1) * step_deg)
+    angles = axes[:, None] + offsets[None, :]
+    return Fan(
+        origin_u=config.sonar_ring_mm * np.cos(axes),
+        origin_v=config.sonar_ring_mm * np.sin(axes),
+        ray_u=np.cos(angles),
+        ray_v=np.sin(angles),
+        depth=np.empty(angles.shape),
+        target=np.empty(angles.shape, dtype=np.int64),
+        deepest=np.empty(CHANNELS),
+    )
+
+
+def ears_of(config: RobotConfig) -> Ears:
+    """What a robot hears and sees."""
+    return Ears(
+        radius=config.radius_mm,
+        full_range=config.sonar_range_mm,
+        least=config.sonar_least_mm,
+        half_beam_rad=math.radians(config.sonar_half_beam_deg),
+        cos_critical=math.cos(math.radians(config.sonar_critical_deg)),
+        tan_half_step=math.tan(math.radians(_rays_of(config)[1] / 2)),
+        noise_mm=config.sonar_noise_mm,
+        noise_part=config.sonar_noise,
+        infrared_range=config.infrared_range_mm,
+    )
+
+
+def wall_table(walls: Floats2) -> Floats2:
+    """Walls as the compiled functions take them.
+
+    Args:
+        walls: (n, 4), x0, y0, x1, y1 in mm; none without length.
+
+    Returns:
+        (n, 7): the same, the unit vector from the first end to the second, and the length.
+    """
+    along = walls[:, 2:] - walls[:, :2]
+    lengths = np.hypot(along[:, 0], along[:, 1])[:, None]
+    return np.ascontiguousarray(np.hstack([walls, along / lengths, lengths]))
+
+
+def corner_reflectors(walls: Floats2) -> Bools2:
+    """Which ends of walls are corners that send sound back, seen from which side.
+
+    Args:
+        walls: (n, 7), as `wall_table` gives them.
+
+    Returns:
+        (n, 4) bool: start seen from the left of the wall, end from the left, start from the right, end from
+        the right.
+    """
+    reflectors = np.zeros((len(walls), 4), dtype=np.bool_)
+    meeting: dict[tuple[int, int], list[tuple[int, int, float, float]]] = {}
+    for i, (x0, y0, x1, y1, u, v, _) in enumerate(walls.tolist()):
+        meeting.setdefault((round(x0), round(y0)), []).append((i, 0, u, v))
+        meeting.setdefault((round(x1), round(y1)), []).append((i, 1, -u, -v))
+    for ends in meeting.values():
+        for wall, end, u, v in ends:
+            for other, _, other_u, other_v in ends:
+                if other != wall and abs(u * other_u + v * other_v) <= _RETRO_COSINE:
+                    on_left = (u * other_v - v * other_u > 0) == (end == 0)
+                    reflectors[wall, end + (0 if on_left else 2)] = True
+    return reflectors
+
+
+@inlined
+def _cones(low: float, high: float, half_beam: float) -> tuple[int, int]:
+    """The first transducer whose cone meets the bearings from low to high (rad), and how many do.
+
+    What is in the cone of a transducer is, seen from the robot's center, even closer to its axis.
+    """
+    spacing = 2.0 * math.pi / CHANNELS
+    first = math.ceil((low - half_beam) / spacing - 1e-6)
+    last = math.floor((high + half_beam) / spacing + 1e-6)
+    return (first + AHEAD + CHANNELS) % CHANNELS, min(last - first + 1, CHANNELS)
+
+
+@inlined
+def _cast_at_wall(
+    wall: int,
+    u0: float,
+    v0: float,
+    u1: float,
+    v1: float,
+    start: float,
+    end: float,
+    half_beam: float,
+    fan: Fan,
+) -> None:
+    """Let one wall, its ends and their bearings in the robot's frame, stop the rays that reach it first."""
+    low, high = min(start, end), max(start, end)
+    if high - low > math.pi:
+        low, high = high, low + 2.0 * math.pi
+    channel, count = _cones(low, high, half_beam)
+    eu, ev = u1 - u0, v1 - v0
+    for _ in range(count):
+        au, av = u0 - fan.origin_u[channel], v0 - fan.origin_v[channel]
+        height = au * ev - av * eu
+        side = 1.0 if height >= 0.0 else -1.0  # which end is to the left does not matter
+        height *= side
+        seu, sev, sau, sav = side * eu, side * ev, side * au, side * av
+        for ray in range(fan.ray_u.shape[1]):  # without branches, so that the compiler makes vectors of it
+            du, dv = fan.ray_u[channel, ray], fan.ray_v[channel, ray]
+            across = du * sev - dv * seu
+            along = sau * dv - sav * du
+            before = fan.depth[channel, ray]
+            first = (across > 0.0) & (height < before * across)
+            first &= (along >= -_EDGE * across) & (along <= (1.0 + _EDGE) * across)
+            fan.depth[channel, ray] = height / across if first else before
+            fan.target[channel, ray] = wall if first else fan.target[channel, ray]
+        channel = 0 if channel == CHANNELS - 1 else channel + 1
+
+
+@inlined
+def _cast_at_hull(u: float, v: float, radius: float, half_beam: float, fan: Fan) -> None:
+    """Let a robot or a person at (u, v) stop the rays that reach it first."""
+    # The arc sine of up to one half (hulls do not overlap) is less than pi / 3 times as much.
+    bearing, half_width = math.atan2(v, u), math.pi / 3.0 * radius / math.sqrt(u * u + v * v)
+    channel, count = _cones(bearing - half_width, bearing + half_width, half_beam)
+    for _ in range(count):
+        cu, cv = u - fan.origin_u[channel], v - fan.origin_v[channel]
+        distance_squared = cu * cu + cv * cv
+        if distance_squared < (fan.deepest[channel] + radius) * (fan.deepest[channel] + radius):
+            for ray in range(fan.ray_u.shape[1]):  # without branches, as above
+                ahead = cu * fan.ray_u[channel, ray] + cv * fan.ray_v[channel, ray]
+                under_root = ahead * ahead - distance_squared + radius * radius
+                reach = max(ahead - math.sqrt(max(under_root, 0.0)), 0.0)
+                before = fan.depth[channel, ray]
+                first = (ahead > 0.0) & (under_root > 0.0) & (reach < before)
+                fan.depth[channel, ray] = reach if first else before
+                fan.target[channel, ray] = _HULL if first else fan.target[channel, ray]
+        channel = 0 if channel == CHANNELS - 1 else channel + 1
+
+
+@inlined
+def _meet_walls(x: float, y: float, sine: float, cosine: float, walls: Floats2, ears: Ears, fan: Fan) -> None:
+    """Find how far the rays of a robot go, at most the full range, and which wall stops them."""
+    for channel in range(CHANNELS):
+        for ray in range(fan.ray_u.shape[1]):
+            fan.depth[channel, ray] = ears.full_range
+            fan.target[channel, ray] = _NOTHING
+    last_x = last_y = math.nan
+    last_bearing = 0.0
+    farthest = (ears.full_range + fan.origin_u[AHEAD]) ** 2
+    for wall in range(walls.shape[0]):
+        x0, y0, x1, y1 = walls[wall, 0] - x, walls[wall, 1] - y, walls[wall, 2] - x, walls[wall, 3] - y
+        part = min(max(-(x0 * walls[wall, 4] + y0 * walls[wall, 5]), 0.0), walls[wall, 6])
+        if (x0 + part * walls[wall, 4]) ** 2 + (y0 + part * walls[wall, 5]) ** 2 < farthest:
+            u0, v0 = y0 * cosine - x0 * sine, -x0 * cosine - y0 * sine
+            u1, v1 = y1 * cosine - x1 * sine, -x1 * cosine - y1 * sine
+            # Walls usually go on where the last one ended.
+            start = last_bearing if x0 == last_x and y0 == last_y else math.atan2(v0, u0)
+            last_x, last_y, last_bearing = x1, y1, math.atan2(v1, u1)
+            _cast_at_wall(wall, u0, v0, u1, v1, start, last_bearing, ears.half_beam_rad, fan)
+
+
+@inlined
+def _meet_hulls(
+    robot: int, poses: Floats2, sine: float, cosine: float, crowd: Crowd, ears: Ears, fan: Fan
+) -> None:
+    """Stop the rays of a robot where they meet another one, or somebody."""
+    for channel in range(CHANNELS):
+        fan.deepest[channel] = fan.depth[channel].max()
+    robots = poses.shape[0]
+    for other in range(robots + crowd.places.shape[0]):
+        hull = poses[other] if other < robots else crowd.places[other - robots]
+        radius = ears.radius if other < robots else crowd.radius
+        dx, dy = hull[0] - poses[robot, 0], hull[1] - poses[robot, 1]
+        if other != robot and dx * dx + dy * dy < (ears.full_range + fan.origin_u[AHEAD] + radius) ** 2:
+            u, v = dy * cosine - dx * sine, -dx * cosine - dy * sine
+            _cast_at_hull(u, v, radius, ears.half_beam_rad, fan)
+
+
+@inlined
+def _wall_echo(
+    x: float, y: float, dx: float, dy: float, reach: float, wall: int, walls: Floats2, reflectors: Bools2,
+    ears: Ears,
+) -> float:  # fmt: skip
+    """How far away a wall is heard by a ray from (x, y) that meets it after `reach`; infinity if it is not.
+
+    All in the world's frame; (dx, dy) is the ray's direction.
+    """
+    wx, wy = walls[wall, 4], walls[wall, 5]
+    cosine = abs(dx * wy - dy * wx)
+    echo = math.inf
+    if cosine >= ears.cos_critical:
+        echo = reach
+    else:  # a corner is heard by the ray that passes closest to it: less than half a step away
+        near = reach * ears.tan_half_step
+        sx, sy = x - walls[wall, 0], y - walls[wall, 1]
+        from_start = sx * wx + sy * wy + reach * (dx * wx + dy * wy)
+        seen_from = 0 if wx * sy - wy * sx > 0.0 else 2
+        if from_start * cosine <= near and reflectors[wall, seen_from]:
+            echo = math.hypot(sx, sy)
+        elif (walls[wall, 6] - from_start) * cosine <= near and reflectors[wall, seen_from + 1]:
+            echo = math.hypot(walls[wall, 2] - x, walls[wall, 3] - y)
+    return echo
+
+
+@inlined
+def _nearest_echo(
+    channel: int, x: float, y: float, sine: float, cosine: float, walls: Floats2, reflectors: Bools2,
+    ears: Ears, fan: Fan,
+) -> float:  # fmt: skip
+    """The nearest thing that a transducer of a robot at (x, y) hears, at most the full range."""
+    u, v = fan.origin_u[channel], fan.origin_v[channel]
+    from_x, from_y = x - u * sine - v * cosine, y + u * cosine - v * sine
+    nearest = ears.full_range
+    for ray in range(fan.ray_u.shape[1]):
+        reach, met = fan.depth[channel, ray], fan.target[channel, ray]
+        if reach < nearest and met == _HULL:
+            nearest = reach
+        elif reach < nearest:
+            u, v = fan.ray_u[channel, ray], fan.ray_v[channel, ray]
+            dx, dy = -u * sine - v * cosine, u * cosine - v * sine
+            nearest = min(nearest, _wall_echo(from_x, from_y, dx, dy, reach, met, walls, reflectors, ears))
+    return nearest
+
+
+@inlined
+def _talked_over(talk: Talk, step: int, channel: int, reading: float) -> float:
+    """A reading, or the sound of another transducer in its place."""
+    if chance(talk.seed, CROSS_TALK, step, channel) < talk.probability and reading > _LEAST_FALSE_MM:
+        part = chance(talk.seed, CROSS_TALK, step, channel + CHANNELS)
+        reading = _LEAST_FALSE_MM + part * (reading - _LEAST_FALSE_MM)
+    return reading
+
+
+@compiled
+def sense(
+    poses: Floats2, walls: Floats2, reflectors: Bools2, crowd: Crowd, ears: Ears, talk: Talk, step: int,
+    fan: Fan, noise: Floats2, at: int, sonar: Floats2, infrared: Bools2,
+) -> None:  # fmt: skip
+    """Cast the rays of all robots and listen to what they meet.
+
+    Args:
+        poses: (robots, 3), x and y in mm, heading in degrees.
+        walls, reflectors: as `wall_table` and `corner_reflectors` give them, without those that are silent.
+        step: how many steps were made so far; each has cross-talk of its own.
+        noise: (robots, k), standard normal; those of the 24 transducers begin at column `at`.
+        sonar: (robots, 24), gets the readings in mm.
+        infrared: (robots, 24), gets whether there is something on the axis, heard or not.
+    """
+    for robot in range(poses.shape[0]):
+        x, y, heading = poses[robot, 0], poses[robot, 1], math.radians(poses[robot, 2])
+        sine, cosine = math.sin(heading), math.cos(heading)
+        _meet_walls(x, y, sine, cosine, walls, ears, fan)
+        if poses.shape[0] + crowd.places.shape[0] > 1:
+            _meet_hulls(robot, poses, sine, cosine, crowd, ears, fan)
+        for channel in range(CHANNELS):
+            reading = _nearest_echo(channel, x, y, sine, cosine, walls, reflectors, ears, fan)
+            if reading < ears.full_range:
+                reading += noise[robot, at + channel] * (ears.noise_mm + ears.noise_part * reading)
+                reading = min(max(reading, ears.least), ears.full_range)
+            if talk.probability > 0.0:
+                reading = _talked_over(talk, step, channel + 2 * CHANNELS * robot, reading)
+            sonar[robot, channel] = reading
+            infrared[robot, channel] = fan.depth[channel, fan.ray_u.shape[1] // 2] <= ears.infrared_range

@@ -1,0 +1,311 @@
+"""How the robots' bases move: two wheels, limited acceleration, a round hull that walls and robots stop.
+
+A step is cut into slices of twenty milliseconds at most. In each slice the speeds move toward the command, as
+far as the acceleration allows, and the robot drives an exact arc. Where the arc's end would be inside a wall
+or another robot, the base goes as far as it can and its wheels stall; it may still turn, and drive away. What
+a robot drives in a slice is much shorter than its hull, so nothing is jumped over. Within a step the robots
+move one after the other.
+
+Odometry integrates what the wheels report, with the same arcs: each wheel has a scale error of its own and
+miscounts at random as it rolls, with a variance that grows with the distance.
+
+Positions are in mm, headings in degrees counterclockwise from north, speeds in mm/s and degrees/s.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+
+from colony.sim.compiled import Bools2, Floats, Floats2, Ints, compiled, inlined
+from colony.sim.world.people import Crowd
+
+SLICE_S = 0.02
+"""The longest time over which speeds are taken as constant."""
+
+_SKIN_MM = 1.0  # nearer than this to the hull counts as touching it
+_BISECTIONS = 40
+
+
+class Bases(NamedTuple):
+    """The state of all robots, one row each, and room to work in.
+
+    Attributes:
+        poses, odometry: (robots, 3), x, y, heading.
+        speeds, commands: (robots, 2), ahead and turning.
+        scales: (robots, 2), what the left and the right wheel report of a millimeter.
+        distances: (robots,), the way driven so far.
+        contacts: (robots, 2), front and rear bumper.
+        bumps: (robots,), how often a robot ran into something so far.
+        impacts: (robots,), how fast it was when it did, at most.
+        wall_room, robot_room, person_room: (walls,), (robots,), (people,), numbers of what is near.
+    """
+
+    poses: Floats2
+    odometry: Floats2
+    speeds: Floats2
+    commands: Floats2
+    scales: Floats2
+    distances: Floats
+    contacts: Bools2
+    bumps: Ints
+    impacts: Floats
+    wall_room: Ints
+    robot_room: Ints
+    person_room: Ints
+
+
+def bases_at(poses: Floats2, scales: Floats2) -> Bases:
+    """Robots that stand at `poses`, (robots, 3), and believe so, with no room yet for what is near."""
+    count = len(poses)
+    return Bases(
+        poses=poses,
+        odometry=poses.copy(),
+        speeds=np.zeros((count, 2)),
+        commands=np.zeros((count, 2)),
+        scales=scales,
+        distances=np.zeros(count),
+        contacts=np.zeros((count, 2), dtype=np.bool_),
+        bumps=np.zeros(count, dtype=np.int64),
+        impacts=np.zeros(count),
+        wall_room=np.empty(0, dtype=np.int64),
+        robot_room=np.empty(count, dtype=np.int64),
+        person_room=np.empty(0, dtype=np.int64),
+    )
+
+
+class Near(NamedTuple):
+    """How many walls, robots and people are in the rooms of `Bases`."""
+
+    walls: int
+    robots: int
+    people: int
+
+
+class Drive(NamedTuple):
+    """How a base drives, as in `RobotConfig`; `slip` is a deviation per square root of a millimeter."""
+
+    radius: float
+    wheel_base: float
+    acceleration: float
+    turn_acceleration: float
+    slip: float
+
+
+@inlined
+def _wall_vector(walls: Floats2, wall: int, x: float, y: float) -> tuple[float, float]:
+    """The vector from a point to the nearest point of a wall."""
+    ax, ay, ex, ey = walls[wall, 0] - x, walls[wall, 1] - y, walls[wall, 4], walls[wall, 5]
+    part = min(max(-(ax * ex + ay * ey), 0.0), walls[wall, 6])
+    return ax + part * ex, ay + part * ey
+
+
+@inlined
+def _wall_distance(walls: Floats2, wall: int, x: float, y: float) -> float:
+    """From a point to a wall."""
+    dx, dy = _wall_vector(walls, wall, x, y)
+    return math.sqrt(dx * dx + dy * dy)
+
+
+@inlined
+def _approach(speed: float, wanted: float, most: float) -> float:
+    """`speed`, changed toward `wanted` by `most` at most."""
+    return speed + min(max(wanted - speed, -most), most)
+
+
+@inlined
+def _arc(heading: float, distance: float, turn: float) -> tuple[float, float]:
+    """The displacement of a drive over `distance` while the heading changes by `turn` degrees."""
+    half = math.radians(turn) / 2.0
+    chord = distance * (math.sin(half) / half if abs(half) > 1e-9 else 1.0)
+    along = math.radians(heading) + half
+    return -math.sin(along) * chord, math.cos(along) * chord
+
+
+@inlined
+def _free_of_wall(
+    x: float, y: float, dx: float, dy: float, walls: Floats2, wall: int, radius: float
+) -> float:
+    """How much of the way (dx, dy) a hull at (x, y) can go before it touches a wall; 1 is all.
+
+    Where the hull is in the wall already, only what comes nearer to it is stopped.
+    """
+    before = _wall_distance(walls, wall, x, y)
+    after = _wall_distance(walls, wall, x + dx, y + dy)
+    free = 1.0
+    if after < radius and after < before:
+        free, high = 0.0, 1.0
+        for _ in range(_BISECTIONS if before > radius else 0):
+            middle = (free + high) / 2.0
+            if _wall_distance(walls, wall, x + middle * dx, y + middle * dy) < radius:
+                high = middle
+            else:
+                free = middle
+    return free
+
+
+@inlined
+def _free_of_hull(ox: float, oy: float, dx: float, dy: float, apart: float) -> float:
+    """How much of the way (dx, dy) a hull can go before it touches one at (ox, oy) from it; 1 is all."""
+    before, after = math.hypot(ox, oy), math.hypot(ox - dx, oy - dy)
+    free = 1.0
+    if after < apart and after < before:
+        free, high = 0.0, 1.0
+        for _ in range(_BISECTIONS if before > apart else 0):
+            middle = (free + high) / 2.0
+            if math.hypot(ox - middle * dx, oy - middle * dy) < apart:
+                high = middle
+            else:
+                free = middle
+    return free
+
+
+@inlined
+def _gather(robot: int, bases: Bases, walls: Floats2, crowd: Crowd, reach: float, radius: float) -> Near:
+    """What is put into the rooms: all that a robot may touch when it moves by `reach` at most."""
+    x, y = bases.poses[robot, 0], bases.poses[robot, 1]
+    most = (radius + reach + _SKIN_MM) ** 2
+    wall_count = 0
+    for wall in range(walls.shape[0]):
+        dx, dy = _wall_vector(walls, wall, x, y)
+        if dx * dx + dy * dy < most:
+            bases.wall_room[wall_count] = wall
+            wall_count += 1
+    most = (2.0 * radius + reach + _SKIN_MM) ** 2
+    robot_count = 0
+    for other in range(bases.poses.shape[0]):
+        dx, dy = bases.poses[other, 0] - x, bases.poses[other, 1] - y
+        if dx * dx + dy * dy < most and other != robot:
+            bases.robot_room[robot_count] = other
+            robot_count += 1
+    most = (radius + crowd.radius + reach + _SKIN_MM) ** 2
+    person_count = 0
+    for person in range(crowd.places.shape[0]):
+        dx, dy = crowd.places[person, 0] - x, crowd.places[person, 1] - y
+        if dx * dx + dy * dy < most:
+            bases.person_room[person_count] = person
+            person_count += 1
+    return Near(wall_count, robot_count, person_count)
+
+
+@inlined
+def _half(heading: float, dx: float, dy: float) -> int:
+    """Which half of the hull is in the direction (dx, dy): 0 the front, 1 the rear."""
+    angle = math.radians(heading)
+    return 0 if dy * math.cos(angle) - dx * math.sin(angle) >= 0.0 else 1
+
+
+@inlined
+def _feel(robot: int, bases: Bases, walls: Floats2, crowd: Crowd, near: Near, radius: float) -> None:
+    """Set the front and rear bumper of a robot: what touches the hull presses the half that it touches.
+
+    Where nothing was touched before, that is a bump.
+    """
+    before = bases.contacts[robot, 0] or bases.contacts[robot, 1]
+    bases.contacts[robot, 0] = bases.contacts[robot, 1] = False
+    x, y, heading = bases.poses[robot, 0], bases.poses[robot, 1], bases.poses[robot, 2]
+    for wall in bases.wall_room[: near.walls]:
+        dx, dy = _wall_vector(walls, wall, x, y)
+        if math.hypot(dx, dy) < radius + _SKIN_MM:
+            bases.contacts[robot, _half(heading, dx, dy)] = True
+    for other in bases.robot_room[: near.robots]:
+        dx, dy = bases.poses[other, 0] - x, bases.poses[other, 1] - y
+        if math.hypot(dx, dy) < 2.0 * radius + _SKIN_MM:
+            bases.contacts[robot, _half(heading, dx, dy)] = True
+    for person in bases.person_room[: near.people]:
+        dx, dy = crowd.places[person, 0] - x, crowd.places[person, 1] - y
+        if math.hypot(dx, dy) < radius + crowd.radius + _SKIN_MM:
+            bases.contacts[robot, _half(heading, dx, dy)] = True
+    if (bases.contacts[robot, 0] or bases.contacts[robot, 1]) and not before:
+        bases.bumps[robot] += 1
+        bases.impacts[robot] = max(bases.impacts[robot], abs(bases.speeds[robot, 0]))
+
+
+@inlined
+def _count(
+    robot: int,
+    bases: Bases,
+    drive: Drive,
+    distance: float,
+    turn: float,
+    left_noise: float,
+    right_noise: float,
+) -> None:
+    """Move a robot's odometry by what its wheels report of a drive."""
+    half_difference = math.radians(turn) * drive.wheel_base / 2.0
+    left, right = distance - half_difference, distance + half_difference
+    left = left * bases.scales[robot, 0] + drive.slip * math.sqrt(abs(left)) * left_noise
+    right = right * bases.scales[robot, 1] + drive.slip * math.sqrt(abs(right)) * right_noise
+    counted = math.degrees((right - left) / drive.wheel_base)
+    dx, dy = _arc(bases.odometry[robot, 2], (left + right) / 2.0, counted)
+    bases.odometry[robot, 0] += dx
+    bases.odometry[robot, 1] += dy
+    bases.odometry[robot, 2] = (bases.odometry[robot, 2] + counted) % 360.0
+
+
+@inlined
+def _free(robot: int, bases: Bases, radius: float, walls: Floats2, crowd: Crowd, near: Near,
+          dx: float, dy: float) -> float:  # fmt: skip
+    """How much of the way (dx, dy) a robot can go before it touches what is near; 1 is all."""
+    x, y = bases.poses[robot, 0], bases.poses[robot, 1]
+    free = 1.0
+    for wall in bases.wall_room[: near.walls]:
+        free = min(free, _free_of_wall(x, y, dx, dy, walls, wall, radius))
+    for other in bases.robot_room[: near.robots]:
+        ox, oy = bases.poses[other, 0] - x, bases.poses[other, 1] - y
+        free = min(free, _free_of_hull(ox, oy, dx, dy, 2.0 * radius))
+    for person in bases.person_room[: near.people]:
+        ox, oy = crowd.places[person, 0] - x, crowd.places[person, 1] - y
+        free = min(free, _free_of_hull(ox, oy, dx, dy, radius + crowd.radius))
+    return free
+
+
+@inlined
+def _slice(
+    robot: int, bases: Bases, drive: Drive, walls: Floats2, crowd: Crowd, near: Near, dt: float,
+    left_noise: float, right_noise: float,
+) -> None:  # fmt: skip
+    """Move one robot for `dt` seconds."""
+    speeds, commands, poses = bases.speeds, bases.commands, bases.poses
+    speeds[robot, 0] = _approach(speeds[robot, 0], commands[robot, 0], drive.acceleration * dt)
+    speeds[robot, 1] = _approach(speeds[robot, 1], commands[robot, 1], drive.turn_acceleration * dt)
+    way, turn = speeds[robot, 0] * dt, speeds[robot, 1] * dt
+    x, y, heading = poses[robot, 0], poses[robot, 1], poses[robot, 2]
+    dx, dy = _arc(heading, way, turn)
+    free = _free(robot, bases, drive.radius, walls, crowd, near, dx, dy)
+    if free < 1.0:
+        bases.impacts[robot] = max(bases.impacts[robot], abs(speeds[robot, 0]))
+        speeds[robot, 0] = 0.0
+        way *= free
+    poses[robot, 0], poses[robot, 1] = x + free * dx, y + free * dy
+    poses[robot, 2] = (heading + turn) % 360.0
+    bases.distances[robot] += abs(way)
+    _count(robot, bases, drive, way, turn, left_noise, right_noise)
+    if near.walls + near.robots + near.people > 0:
+        _feel(robot, bases, walls, crowd, near, drive.radius)
+
+
+@compiled
+def move(
+    bases: Bases, drive: Drive, walls: Floats2, crowd: Crowd, noise: Floats2, at: int, slices: int,
+    time_s: float,
+) -> None:  # fmt: skip
+    """Move all robots for `time_s` seconds, one after the other, in slices of equal length.
+
+    Args:
+        bases: changed.
+        walls: as `wall_table` gives them.
+        crowd: people, who stand still meanwhile.
+        noise: (robots, k), standard normal; those of the wheels begin at column `at`, two a slice.
+    """
+    for robot in range(bases.poses.shape[0]):
+        fastest = max(abs(bases.speeds[robot, 0]), abs(bases.commands[robot, 0]))
+        near = _gather(robot, bases, walls, crowd, fastest * time_s, drive.radius)
+        for part in range(slices):
+            left, right = noise[robot, at + 2 * part], noise[robot, at + 2 * part + 1]
+            _slice(robot, bases, drive, walls, crowd, near, time_s / slices, left, right)
+    for robot in range(bases.poses.shape[0]):  # those that moved later may touch those that moved before
+        near = _gather(robot, bases, walls, crowd, 0.0, drive.radius)
+        _feel(robot, bases, walls, crowd, near, drive.radius)

@@ -1,0 +1,246 @@
+"""The elevators of a building: sliding doors, a cabin behind them, and rides from floor to floor.
+
+    floors = {floor.name: draw(Hazards(), floor, seed=7 + n) for n, floor in enumerate(building.maps)}
+    elevators = Elevators(world, building, floors, "msu_engineering_3")
+    elevators.open("acs.elev.L")          # somebody presses the button
+    elevators.advance(0.05)               # after each step of the world
+
+An elevator's edge is a pair of doors that slide apart, and a cabin 2 m wide and 1.8 m deep lies behind it.
+Until it is opened for the first time it is the shut door that a map has. Doors do not close on a robot: where
+one stands between them they open again, as those do that have a light barrier. The buttons are pressed by
+somebody else (thesis section 5.4.6): `colony/sim/world/operator.py`.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from itertools import pairwise
+
+import numpy as np
+from numpy.typing import NDArray
+
+from colony.nav.maps.building import Building, Landing
+from colony.nav.maps.stickrep.model import EdgeKind, Map
+from colony.nav.maps.walls import walls_of
+from colony.sim.hazards.scenery import Scenery
+from colony.sim.world.world import World
+
+CABIN_WIDTH_MM, CABIN_DEPTH_MM = 2000.0, 1800.0
+SLIDE_S = 2.5
+"""How long doors take to open or close."""
+
+_BARRIER_MM = 30.0
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Cabin:
+    """An elevator on one floor: doors from (x0_mm, y0_mm) to (x1_mm, y1_mm), the cabin to their left."""
+
+    x0_mm: float
+    y0_mm: float
+    x1_mm: float
+    y1_mm: float
+
+    @property
+    def width_mm(self) -> float:
+        """Of the doors."""
+        return math.hypot(self.x1_mm - self.x0_mm, self.y1_mm - self.y0_mm)
+
+    @property
+    def heading_deg(self) -> float:
+        """The way into the cabin."""
+        return math.degrees(math.atan2(self.y1_mm - self.y0_mm, self.x1_mm - self.x0_mm)) % 360.0
+
+    def inside(self, x_mm: float, y_mm: float) -> tuple[float, float]:
+        """How far from the middle of the doors a place is, along them and into the cabin."""
+        ex, ey = self._along
+        dx, dy = x_mm - (self.x0_mm + self.x1_mm) / 2, y_mm - (self.y0_mm + self.y1_mm) / 2
+        return dx * ex + dy * ey, dy * ex - dx * ey
+
+    def at(self, along_mm: float, deep_mm: float) -> tuple[float, float]:
+        """The place so far from the middle of the doors: `inside` the other way around."""
+        ex, ey = self._along
+        x, y = (self.x0_mm + self.x1_mm) / 2, (self.y0_mm + self.y1_mm) / 2
+        return x + along_mm * ex - deep_mm * ey, y + along_mm * ey + deep_mm * ex
+
+    @property
+    def _along(self) -> tuple[float, float]:
+        return (self.x1_mm - self.x0_mm) / self.width_mm, (self.y1_mm - self.y0_mm) / self.width_mm
+
+    def holds(self, x_mm: float, y_mm: float, radius_mm: float) -> bool:
+        """Whether something round is inside, behind the doors, at this place."""
+        along, deep = self.inside(x_mm, y_mm)
+        aside = abs(along) <= CABIN_WIDTH_MM / 2 - radius_mm
+        return aside and radius_mm <= deep <= CABIN_DEPTH_MM - radius_mm
+
+    def walls(self, opening: float) -> list[tuple[float, float, float, float]]:
+        """The cabin, and its doors: `opening` is 0 where they are shut, 1 where they are open."""
+        half, side = self.width_mm / 2, max(CABIN_WIDTH_MM, self.width_mm) / 2
+        corners = [(-half, 0.0), (-side, 0.0), (-side, CABIN_DEPTH_MM)]
+        corners += [(-along, deep) for along, deep in reversed(corners)]
+        gap = half * opening
+        leaves = [((-half, 0.0), (-gap, 0.0)), ((gap, 0.0), (half, 0.0))]
+        lines = [*pairwise(corners), *leaves]
+        return [(*self.at(*one), *self.at(*other)) for one, other in lines if one != other]
+
+
+def cabin_of(floor: Map, node: str) -> Cabin:
+    """The elevator whose edge begins at a node.
+
+    Raises:
+        ValueError: no elevator begins there.
+    """
+    names = [n.name for ring in floor.rings for n in ring.nodes]
+    walls = walls_of(floor)
+    if node not in names or walls.kinds[names.index(node)] is not EdgeKind.ELEVATOR:
+        known = [name for name, kind in zip(names, walls.kinds, strict=True) if kind is EdgeKind.ELEVATOR]
+        raise ValueError(f"`{floor.name}` has no elevator at `{node}`; it has {', '.join(known) or 'none'}")
+    x0, y0, x1, y1 = walls.segments[names.index(node)].tolist()
+    return Cabin(x0_mm=x0, y0_mm=y0, x1_mm=x1, y1_mm=y1)
+
+
+@dataclass(frozen=False, slots=True, kw_only=True)
+class _Doors:
+    """What is in motion. Mutable: how far the doors are open, and whether they are to be."""
+
+    cabin: Cabin
+    opening: float = 0.0
+    to_open: bool = False
+
+    @property
+    def target(self) -> float:
+        return 1.0 if self.to_open else 0.0
+
+
+class Elevators:
+    """The elevators of the floor on which a world's robots are. Mutable: the doors, the floor, and the world.
+
+    Args:
+        world: the robots, on `floor`.
+        building: which elevators lead where.
+        sceneries: each floor, by the name of its map.
+        floor: the name of the map on which the robots are.
+
+    Raises:
+        ValueError: a floor has no scenery.
+    """
+
+    def __init__(
+        self, world: World, building: Building, sceneries: Mapping[str, Scenery], floor: str
+    ) -> None:
+        missing = [one.name for one in building.maps if one.name not in sceneries]
+        if missing or floor not in sceneries:
+            found = ", ".join(missing) or floor
+            raise ValueError(f"floors without scenery: {found}; expected one for each map")
+        self._world = world
+        self._building = building
+        self._sceneries = sceneries
+        self.floor = floor
+        self._doors: dict[str, _Doors] = {}
+
+    def open(self, node: str) -> None:
+        """Let the doors of the elevator at a node of this floor slide open.
+
+        Raises:
+            ValueError: no elevator begins there.
+        """
+        self._at(node).to_open = True
+
+    def close(self, node: str) -> None:
+        """Let them slide shut."""
+        self._at(node).to_open = False
+
+    def cabin(self, node: str) -> Cabin:
+        """The elevator at a node of this floor.
+
+        Raises:
+            ValueError: no elevator begins there.
+        """
+        return self._at(node).cabin
+
+    def opening(self, node: str) -> float:
+        """How far the doors are open: from 0, shut, to 1."""
+        return self._doors[node].opening if node in self._doors else 0.0
+
+    def advance(self, dt_s: float) -> None:
+        """Let the doors slide for so many seconds; to be called after each step of the world."""
+        moved = False
+        for doors in self._doors.values():
+            if not doors.to_open and doors.opening > 0.0 and self._stands_between(doors.cabin):
+                doors.to_open = True
+            step = dt_s / SLIDE_S
+            opening = doors.opening + min(max(doors.target - doors.opening, -step), step)
+            moved |= opening != doors.opening
+            doors.opening = opening
+        if moved:
+            self._world.rebuild(*self._walls())
+
+    def ride(self, node: str, floor: str) -> str:
+        """Take the robots in a cabin to another floor, by the name of its map; gives the node of its doors.
+
+        The doors are shut there, too.
+
+        Raises:
+            ValueError: the elevator does not lead there, its doors are not shut, or a robot is not inside.
+        """
+        doors = self._at(node)
+        there = self._landing(node, floor)
+        if doors.opening > 0.0:
+            raise ValueError(f"the doors at `{node}` are open; expected them shut before the ride")
+        other = cabin_of(self._building.map_named(floor), there)
+        poses = [self._carried(doors.cabin, other, robot) for robot in range(len(self._world))]
+        before = self.floor, self._doors
+        self.floor, self._doors = floor, {there: _Doors(cabin=other)}
+        try:
+            walls, silent = self._walls()
+            scenery = replace(self._sceneries[floor], walls=walls, silent=silent)
+            self._world.enter(scenery, poses)
+        except ValueError:
+            self.floor, self._doors = before
+            raise
+        return there
+
+    def _at(self, node: str) -> _Doors:
+        if node not in self._doors:
+            self._doors[node] = _Doors(cabin=cabin_of(self._building.map_named(self.floor), node))
+        return self._doors[node]
+
+    def _landing(self, node: str, floor: str) -> str:
+        here = Landing(self.floor, node)
+        for ride in self._building.rides:
+            for one, other in ((ride.one, ride.other), (ride.other, ride.one)):
+                if one == here and other.map == floor:
+                    return other.node
+        raise ValueError(f"the elevator at `{node}` of `{self.floor}` does not lead to `{floor}`")
+
+    def _stands_between(self, cabin: Cabin) -> bool:
+        reach = self._world.config.radius_mm + _BARRIER_MM
+        for x, y, _ in self._world.true_poses.tolist():
+            along, deep = cabin.inside(x, y)
+            aside = max(abs(along) - cabin.width_mm / 2, 0.0)
+            if math.hypot(aside, deep) < reach:
+                return True
+        return False
+
+    def _carried(self, here: Cabin, there: Cabin, robot: int) -> tuple[float, float, float]:
+        """Where a robot is after the ride: at the same place of the cabin."""
+        pose, radius = self._world.true_pose(robot), self._world.config.radius_mm
+        along, deep = here.inside(pose.x_mm, pose.y_mm)
+        if not here.holds(pose.x_mm, pose.y_mm, radius):
+            place = f"{deep:.0f} mm behind its doors and {along:.0f} mm aside"
+            raise ValueError(f"robot {robot} is not in the cabin: {place}")
+        return *there.at(along, deep), pose.heading_deg + there.heading_deg - here.heading_deg
+
+    def _walls(self) -> tuple[NDArray[np.float64], NDArray[np.bool_]]:
+        """The walls of this floor, with the cabins whose doors were used in place of their edges."""
+        scenery = self._sceneries[self.floor]
+        walls, silent = scenery.walls, scenery.silent
+        for doors in self._doors.values():
+            cabin = doors.cabin
+            edge = (walls == (cabin.x0_mm, cabin.y0_mm, cabin.x1_mm, cabin.y1_mm)).all(axis=1)
+            fitted = np.array(cabin.walls(doors.opening))
+            walls, silent = np.vstack([walls[~edge], fitted]), silent[~edge]
+            silent = np.append(silent, np.zeros(len(fitted), dtype=np.bool_))
+        return walls, silent

@@ -1,0 +1,94 @@
+"""Metal joints in the floor, on which wheels slip.
+
+When the middle of a robot crosses a joint its wheels may slip: they spin for a few centimeters, which the
+odometry counts and the robot does not drive, and the robot is turned, which the odometry does not notice.
+Whether and how much is drawn for each crossing by itself: the third crossing of a run is the same whenever it
+happens.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+
+from colony.sim.chance import SLIPS, chance, deviate
+from colony.sim.compiled import Floats2, Ints, compiled, inlined
+from colony.sim.hazards.scenery import Joint, Slip
+
+
+class Floor(NamedTuple):
+    """Joints as the compiled functions take them.
+
+    Attributes:
+        joints: (n, 4), x0, y0, x1, y1 in mm.
+        crossings: (robots,), how many each robot has crossed so far, on this floor and others before it.
+        probability, turn_deg, least_mm, most_mm: as in `Slip`.
+        seed: of the slips.
+    """
+
+    joints: Floats2
+    crossings: Ints
+    probability: float
+    turn_deg: float
+    least_mm: float
+    most_mm: float
+    seed: int
+
+
+def floor_of(joints: Sequence[Joint], slip: Slip, *, crossings: Ints, seed: int) -> Floor:
+    """A floor; `crossings`, (robots,), are counted on there."""
+    ends = [(j.x0_mm, j.y0_mm, j.x1_mm, j.y1_mm) for j in joints]
+    return Floor(
+        joints=np.array(ends, dtype=np.float64).reshape(-1, 4),
+        crossings=crossings,
+        probability=float(slip.probability),
+        turn_deg=float(slip.turn_deg),
+        least_mm=float(slip.least_mm),
+        most_mm=float(slip.most_mm),
+        seed=seed,
+    )
+
+
+@inlined
+def _crosses(floor: Floor, x0: float, y0: float, x1: float, y1: float) -> bool:
+    """Whether the way from (x0, y0) to (x1, y1) crosses a joint."""
+    found = False
+    for joint in range(floor.joints.shape[0]):
+        jx, jy = floor.joints[joint, 0], floor.joints[joint, 1]
+        ex, ey = floor.joints[joint, 2] - jx, floor.joints[joint, 3] - jy
+        before, after = ex * (y0 - jy) - ey * (x0 - jx), ex * (y1 - jy) - ey * (x1 - jx)
+        if (before < 0.0) != (after < 0.0):
+            part = before / (before - after)
+            along = (x0 + part * (x1 - x0) - jx) * ex + (y0 + part * (y1 - y0) - jy) * ey
+            found |= (along >= 0.0) & (along <= ex * ex + ey * ey)
+    return found
+
+
+@inlined
+def _slip(robot: int, floor: Floor, poses: Floats2, odometry: Floats2, ahead: float) -> None:
+    """A robot crosses a joint, driving forward (`ahead` is 1) or backward (-1)."""
+    event = floor.crossings[robot] + 1_000_000 * robot
+    floor.crossings[robot] += 1
+    if chance(floor.seed, SLIPS, event, 0) < floor.probability:
+        turn = floor.turn_deg * deviate(floor.seed, SLIPS, event, 1)
+        poses[robot, 2] = (poses[robot, 2] + turn) % 360.0
+        spun = floor.least_mm + (floor.most_mm - floor.least_mm) * chance(floor.seed, SLIPS, event, 3)
+        heading = math.radians(odometry[robot, 2])
+        odometry[robot, 0] -= ahead * spun * math.sin(heading)
+        odometry[robot, 1] += ahead * spun * math.cos(heading)
+
+
+@compiled
+def slip(floor: Floor, before: Floats2, poses: Floats2, speeds: Floats2, odometry: Floats2) -> None:
+    """Let the wheels of robots slip that came from `before` to `poses`, both (robots, 3), in a short time.
+
+    Args:
+        floor, poses, odometry: changed.
+        speeds: (robots, 2), ahead and turning.
+    """
+    for robot in range(poses.shape[0]):
+        if _crosses(floor, before[robot, 0], before[robot, 1], poses[robot, 0], poses[robot, 1]):
+            _slip(robot, floor, poses, odometry, 1.0 if speeds[robot, 0] >= 0.0 else -1.0)

@@ -1,0 +1,380 @@
+"""Was a recorded run what the program says? Every frame is evaluated again by the reference interpreter.
+
+In each frame an actuator must have been sent what the interpreter decides, bit for bit. Where a client was
+late, lost or refused it may also have been sent its idle command, and with `on_loss degrade` the command that
+the network gives without the lost clients. Where a client outside the network commanded, or the emergency
+stop or a lock kept the network from deciding, a frame is counted and not compared. At a restart the
+interpreter begins anew, as all memory did; from a frame that could not be observed to the next restart nobody
+knows what memory was, and nothing is compared.
+
+What is damaged in a recording is never judged. After it the interpreter goes on from the memory that the
+recording holds at the next of its keyframes.
+"""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from typing import Protocol
+
+from colony.ir.frame import Decision, Frame, Outcome
+from colony.ir.memory import ProgramMemory
+from colony.ir.program import Program
+from colony.verify.audit.report import (
+    AuditReport,
+    ClientAccount,
+    ContractCount,
+    DamagedSpan,
+    Difference,
+)
+from colony.verify.audit.resuming import Resuming
+from colony.verify.audit.verdict import RecordedVerdict, is_excused, objection, same_decision
+from colony.verify.reference.interpreter import Interpreter
+
+
+class RecordedTick(Protocol):
+    """Which frame it is, the frame in which all memory was initial, and the addresses (`actuator/module`) of
+    the clients that did not live."""
+
+    @property
+    def k(self) -> int: ...
+
+    @property
+    def start(self) -> int: ...
+
+    @property
+    def lost(self) -> Sequence[str]: ...
+
+
+class Remembered(Protocol):
+    """The memory before a frame, None where it is not known; `degraded`: a client has been lost since it was
+    initial."""
+
+    @property
+    def memory(self) -> ProgramMemory | None: ...
+
+    @property
+    def degraded(self) -> bool: ...
+
+
+class Recorded(Protocol):
+    """One frame of a run, from a recording or from a run that is observed.
+
+    `skipped` frames before it could not be observed; `astray`: nobody knows what memory was. `breaches` are
+    the contracts that were found broken, None where that was not recorded. `damaged`: what was recorded
+    between the frame before it and this one is damaged.
+    """
+
+    @property
+    def tick(self) -> RecordedTick: ...
+
+    @property
+    def frame(self) -> Frame: ...
+
+    @property
+    def verdicts(self) -> Mapping[str, RecordedVerdict]: ...
+
+    @property
+    def restart(self) -> bool: ...
+
+    @property
+    def skipped(self) -> int: ...
+
+    @property
+    def astray(self) -> bool: ...
+
+    @property
+    def breaches(self) -> tuple[str, ...] | None: ...
+
+    @property
+    def keyframe(self) -> Remembered | None: ...
+
+    @property
+    def damaged(self) -> bool: ...
+
+
+class Recording(Protocol):
+    """A recording to be read; once it was, `damaged` tells whether what follows its last frame is damaged."""
+
+    def frames(self, program: Program) -> Iterator[Recorded]: ...
+
+    @property
+    def damaged(self) -> bool: ...
+
+
+def audit_recording(
+    program: Program, recording: Recording, progress: Callable[[], None] = lambda: None
+) -> AuditReport:
+    """Hold a recording against the reference interpreter; `progress` is called after each frame.
+
+    Raises:
+        Failure: as `audit`; or what is recorded is none of the program's.
+    """
+    auditor = Auditor(program)
+    for recorded in recording.frames(program):
+        auditor.take(recorded)
+        progress()
+    if recording.damaged:
+        auditor.end_damaged()
+    return auditor.report()
+
+
+def audit(program: Program, frames: Iterable[Recorded]) -> AuditReport:
+    """Hold a run against the reference interpreter; `frames` from the first one on.
+
+    Raises:
+        Failure: a module in Python cannot be imported or built.
+    """
+    auditor = Auditor(program)
+    for recorded in frames:
+        auditor.take(recorded)
+    return auditor.report()
+
+
+# --- how -------------------------------------------------------------------------------------------
+
+
+class Auditor:
+    """Takes the frames of a run one after another. Mutable: interpreters, and what was counted.
+
+    Raises:
+        Failure: a module in Python cannot be imported or built.
+    """
+
+    def __init__(self, program: Program) -> None:
+        self._program = program
+        self._actuators = {a.name: a for a in program.robot.actuators}
+        self._clients = {
+            a: tuple(m.name for m in program.modules if m.actuator == a) for a in self._actuators
+        }
+        self._begin()
+        self._previous: Recorded | None = None
+        self._first_ns = 0
+        self._counts: Counter[str] = Counter()
+        self._contracts: dict[str, ContractCount] = {}
+        self._first: Difference | None = None
+        self._damaged: list[DamagedSpan] = []
+        self._resuming = Resuming(program)
+        self._remembers = True
+
+    def _begin(self) -> None:
+        """All memory at its initial values."""
+        self._interpreter = Interpreter(self._program)
+        degrades = any(a.on_loss == "degrade" for a in self._program.robot.actuators)
+        self._degraded = Interpreter(self._program) if degrades else None
+        self._remembers = True
+
+    def _resume(self, keyframe: Remembered) -> None:
+        """Go on from the memory that was recorded, if it is known and of this program."""
+        if keyframe.memory is None:
+            return
+        try:
+            interpreter = self._resuming.interpreter(keyframe.memory)
+        except ValueError:
+            return
+        self._begin()
+        self._interpreter = interpreter
+        if self._degraded is not None:
+            known = not keyframe.degraded
+            self._degraded = self._resuming.interpreter(keyframe.memory) if known else None
+        self._counts["resumed"] += 1
+
+    def take(self, recorded: Recorded) -> None:
+        """Compare one frame, and count it."""
+        tick, before = recorded.tick, self._previous
+        begins = recorded.restart or tick.k == tick.start
+        if recorded.damaged:
+            after_ns = None if before is None else before.frame.t_ns
+            self._damaged.append(DamagedSpan(after_ns=after_ns, before_ns=recorded.frame.t_ns))
+            self._remembers = False
+        if before is None:
+            self._first_ns = recorded.frame.t_ns
+        if begins and (before is not None or recorded.damaged):
+            self._begin()
+        elif not self._remembers and recorded.keyframe is not None:
+            self._resume(recorded.keyframe)
+        differences = [*self._sequence(recorded, begins)]
+        if recorded.astray:
+            self._counts["unknown"] += 1
+        elif not self._remembers:
+            self._counts["forgotten"] += 1
+        else:
+            differences += self._decisions(recorded)
+        self._first = self._first or next(iter(differences), None)
+        seen = {fate for v in recorded.verdicts.values() for _, fate in v.fates}
+        self._counts.update(seen & {"late", "lost", "refused"})
+        self._counts["violations"] += any(v.violation for v in recorded.verdicts.values())
+        self._counts["outside"] += any(v.outside is not None for v in recorded.verdicts.values())
+        self._counts["holds"] += any(v.hold is not None for v in recorded.verdicts.values())
+        self._counts["restarts"] += begins and before is not None
+        self._counts["differing"] += bool(differences)
+        self._counts["frames"] += 1
+        self._previous = recorded
+
+    def end_damaged(self) -> None:
+        """What is recorded after the last frame is damaged."""
+        after_ns = None if self._previous is None else self._previous.frame.t_ns
+        self._damaged.append(DamagedSpan(after_ns=after_ns, before_ns=None))
+
+    def report(self) -> AuditReport:
+        """What came of the frames so far."""
+        counts = self._counts
+        return AuditReport(
+            frames=counts["frames"],
+            first_ns=self._first_ns,
+            last_ns=self._previous.frame.t_ns if self._previous else 0,
+            compared=counts["compared"],
+            idled=counts["idled"],
+            unheard=counts["unheard"],
+            late=counts["late"],
+            lost=counts["lost"],
+            refused=counts["refused"],
+            violations=counts["violations"],
+            outside=counts["outside"],
+            holds=counts["holds"],
+            restarts=counts["restarts"],
+            unknown=counts["unknown"],
+            differing=counts["differing"],
+            first=self._first,
+            contracts=tuple(
+                self._contracts[c.name] for c in self._program.contracts if c.name in self._contracts
+            ),
+            damaged=tuple(self._damaged),
+            forgotten=counts["forgotten"],
+            resumed=counts["resumed"],
+            undecided=counts["undecided"],
+        )
+
+    def _sequence(self, recorded: Recorded, begins: bool) -> Iterator[Difference]:
+        """What is wrong with the place of a frame: memory must have seen every frame since its start."""
+        tick, before = recorded.tick, self._previous
+        if before is None:
+            if not begins and not recorded.astray and not recorded.damaged:
+                message = f"the recording begins with frame {tick.k}, but memory with frame {tick.start}"
+                yield self._difference(recorded, message)
+            return
+        gap = tick.k - before.tick.k - 1
+        if gap < 0 or (gap != recorded.skipped and not begins and not recorded.damaged):
+            missing = f": {gap} between them are not in the recording" if gap > 0 else ""
+            message = f"frame {tick.k} follows frame {before.tick.k}{missing}"
+            yield self._difference(recorded, message)
+        if tick.start != before.tick.start and not (begins or recorded.astray or recorded.damaged):
+            yield self._difference(recorded, f"memory began anew with frame {tick.start}, which is missing")
+        if recorded.frame.t_ns <= before.frame.t_ns:
+            message = f"time must rise: {recorded.frame.t_ns} ns follow {before.frame.t_ns} ns"
+            yield self._difference(recorded, message)
+
+    def _decisions(self, recorded: Recorded) -> Iterator[Difference]:
+        """Step, and compare every verdict and the contracts."""
+        heard = self._interpreter.step(recorded.frame)
+        due: dict[str, tuple[Decision, Interpreter]] = {
+            d.actuator: (d, self._interpreter) for d in heard.decisions
+        }
+        if self._degraded is not None:
+            lost = frozenset(address.partition("/")[2] for address in recorded.tick.lost)
+            for decision in self._degraded.step(recorded.frame, lost).decisions:
+                if self._actuators[decision.actuator].on_loss == "degrade":
+                    due[decision.actuator] = decision, self._degraded
+        for name, (decision, interpreter) in due.items():
+            if self._degraded is None and self._actuators[name].on_loss == "degrade":
+                self._counts["undecided"] += 1  # what a lost client changed in memory is damaged
+                continue
+            yield from self._compare(recorded, name, decision, interpreter)
+        self._count_breaches(recorded.frame.t_ns, heard)
+        if (
+            recorded.breaches is not None
+            and recorded.breaches != heard.breaches
+            and self._undisturbed(recorded)
+        ):
+            found, right = (", ".join(names) or "none" for names in (recorded.breaches, heard.breaches))
+            message = f"contracts broken: {found} recorded, {right} by the interpreter"
+            yield self._difference(recorded, message)
+
+    def _compare(
+        self, recorded: Recorded, name: str, due: Decision, interpreter: Interpreter
+    ) -> Iterator[Difference]:
+        verdict, actuator = recorded.verdicts.get(name), self._actuators[name]
+        if verdict is None:
+            self._counts["unheard"] += 1
+            return
+        if verdict.outside is not None or verdict.hold is not None:
+            return
+        self._counts["compared"] += 1
+        strangers = [client for client, _ in verdict.fates if client not in self._clients[name]]
+        if strangers:
+            message: str | None = f"`{strangers[0]}` is no client of `{name}` in this program"
+        else:
+            message = objection(actuator, verdict, due, interpreter.is_active)
+        if message is None:
+            self._counts["idled"] += not same_decision(verdict, due)
+            return
+        yield self._difference(
+            recorded,
+            message,
+            actuator=name,
+            recorded=Decision(name, verdict.by, verdict.values, verdict.fault),
+            expected=due,
+            clients=_accounts(verdict, due, interpreter, self._clients[name]),
+        )
+
+    def _undisturbed(self, recorded: Recorded) -> bool:
+        """Whether the network alone decided, with everybody there."""
+        verdicts = recorded.verdicts
+        return len(verdicts) == len(self._actuators) and not any(
+            is_excused(v) or v.violation or v.outside is not None or v.hold is not None
+            for v in verdicts.values()
+        )
+
+    def _count_breaches(self, t_ns: int, outcome: Outcome) -> None:
+        for name in outcome.breaches:
+            so_far = self._contracts.get(name)
+            self._contracts[name] = ContractCount(
+                contract=name,
+                frames=so_far.frames + 1 if so_far else 1,
+                first_ns=so_far.first_ns if so_far else t_ns,
+                last_ns=t_ns,
+            )
+
+    def _difference(
+        self,
+        of: Recorded,
+        message: str,
+        *,
+        actuator: str | None = None,
+        recorded: Decision | None = None,
+        expected: Decision | None = None,
+        clients: tuple[ClientAccount, ...] = (),
+    ) -> Difference:
+        sensors = (s.name for s in self._program.robot.sensors)
+        return Difference(
+            index=self._counts["frames"],
+            k=of.tick.k,
+            t_ns=of.frame.t_ns,
+            actuator=actuator,
+            message=message,
+            recorded=recorded,
+            expected=expected,
+            clients=clients,
+            missing=tuple(name for name in sensors if of.frame.readings.get(name) is None),
+        )
+
+
+def _accounts(
+    verdict: RecordedVerdict, due: Decision, interpreter: Interpreter, clients: tuple[str, ...]
+) -> tuple[ClientAccount, ...]:
+    """Every client, in the order recorded, or in which they are declared where that is all there is."""
+    fates = dict(verdict.fates)
+    order = dict.fromkeys((*fates, *clients)) if len(fates) < len(clients) else fates
+    known = frozenset(clients)
+    return tuple(
+        ClientAccount(
+            client=client,
+            fate=fates.get(client),
+            part="wins"
+            if client == due.by
+            else "active"
+            if client in known and interpreter.is_active(client)
+            else "silent",
+        )
+        for client in order
+    )

@@ -1,0 +1,30 @@
+"""The reference interpreter, going on from memory that was recorded."""
+
+from __future__ import annotations
+
+from colony.compile.pipeline import traverse
+from colony.execute.executor import ClientListExecutor
+from colony.ir.memory import ProgramMemory
+from colony.ir.program import Program
+from colony.verify.reference.interpreter import Interpreter
+
+
+class Resuming:
+    """Makes interpreters of a program that go on from recorded memory. Mutable: the clients that check it."""
+
+    def __init__(self, program: Program) -> None:
+        self._program = program
+        self._clients: ClientListExecutor | None = None
+
+    def interpreter(self, memory: ProgramMemory) -> Interpreter:
+        """Return an interpreter that has this memory.
+
+        Raises:
+            ValueError: it is not the memory of the program, or modules in Python have memory of their own.
+            Failure: a module in Python cannot be imported or built.
+        """
+        self._clients = self._clients or ClientListExecutor(self._program, traverse(self._program))
+        self._clients.resume(memory)
+        interpreter = Interpreter(self._program)
+        interpreter.resume(memory)
+        return interpreter

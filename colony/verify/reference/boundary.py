@@ -1,0 +1,186 @@
+"""Where values come from outside a program: readings of sensors, and modules written in Python."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Mapping
+from importlib import import_module
+
+from colony.ir.frame import Frame, Reading, RecordKind
+from colony.ir.program import Actuator, PythonModule, Sensor
+from colony.ir.types import Array, Bool, Enum, Scalar, ScalarValue, Value
+from colony.text.diagnostics import Failure, error
+
+
+class Fault(Exception):
+    """A value from outside is not of its type."""
+
+
+# --- sensors -------------------------------------------------------------------------------------
+
+
+FUTURE = math.nan
+"""Stands for a reading that was taken after its frame: of every sensor it is a fault."""
+
+
+def aged(sensor: Sensor, reading: Reading, frame: Frame) -> Reading:
+    """`reading`, as old as `frame` says: missing where it is too old, faulty where it is from the future."""
+    taken_ns = frame.taken_ns.get(sensor.name, frame.t_ns)
+    if taken_ns > frame.t_ns and sensor.name in frame.readings:
+        return FUTURE
+    if sensor.within_ns is not None and frame.t_ns - taken_ns > sensor.within_ns:
+        return None
+    return reading
+
+
+def sense(sensor: Sensor, reading: Reading, factor: float) -> tuple[Value | None, RecordKind | None]:
+    """The value of `sensor` in base units, None where it is missing, and what has to be recorded.
+
+    `factor` is base units per unit of `reading`. One bad element spoils an array.
+    """
+    if reading is None:
+        return None, None
+    try:
+        value = typed(sensor, reading, factor)
+    except Fault:
+        return None, "sensor fault"
+    inside = clamped(value, sensor)
+    return inside, None if inside == value else "sensor clamped"
+
+
+def typed(sensor: Sensor, reading: Reading, factor: float) -> Value:
+    """`reading` times `factor`, if it has the sensor's type and length."""
+    if not isinstance(sensor.type, Array):
+        return typed_scalar(sensor.type, reading, factor)
+    if not isinstance(reading, list | tuple) or len(reading) != sensor.type.size:
+        raise Fault
+    return tuple(typed_scalar(sensor.type.element, x, factor) for x in reading)
+
+
+def typed_scalar(of: Scalar, reading: object, factor: float = 1.0) -> ScalarValue:
+    """A bool, a number that is not NaN, or an enumerator that exists."""
+    if isinstance(of, Bool):
+        if not isinstance(reading, bool):
+            raise Fault
+        return reading
+    value = number(reading)
+    if math.isnan(value) or (isinstance(of, Enum) and value not in [n for _, n in of.members]):
+        raise Fault
+    return value * factor
+
+
+def number(x: object) -> float:
+    """An int or float as a float; an int beyond all floats is infinite."""
+    if isinstance(x, bool) or not isinstance(x, int | float):
+        raise Fault
+    try:
+        return float(x)
+    except OverflowError:
+        return math.inf if x > 0 else -math.inf
+
+
+def clamped(value: Value, sensor: Sensor) -> Value:
+    """`value` within the sensor's range, element by element."""
+    if isinstance(value, tuple):
+        return tuple(clamp(x, sensor.low, sensor.high) for x in value)
+    return clamp(value, sensor.low, sensor.high)
+
+
+def clamp(x: ScalarValue, low: float | None, high: float | None) -> ScalarValue:
+    """`x`, or the bound that it is beyond."""
+    if low is not None and x < low:
+        return low
+    if high is not None and x > high:
+        return high
+    return x
+
+
+def default_of(sensor: Sensor) -> Value | None:
+    """What stands in where the sensor is missing: an array's scalar default fills the array."""
+    if (
+        isinstance(sensor.type, Array)
+        and sensor.default is not None
+        and not isinstance(sensor.default, tuple)
+    ):
+        return (sensor.default,) * sensor.type.size
+    return sensor.default
+
+
+# --- modules written in Python -------------------------------------------------------------------
+
+
+class ModuleFrame(Mapping[str, Value]):
+    """What `step` is given: what the module reads, by name, in base units; `t` in s since the first frame."""
+
+    def __init__(self, t: float, values: dict[str, Value]) -> None:
+        self.t = t
+        self._values = values
+
+    def __getitem__(self, name: str) -> Value:
+        return self._values[name]
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(self._values)
+
+    def __len__(self) -> int:
+        return len(self._values)
+
+
+Command = tuple[ScalarValue, ...] | None
+"""The fields of a command in base units, or None: not applicable."""
+
+
+class PythonRunner:
+    """One Python module and its answers. Mutable: the object that it runs has state."""
+
+    def __init__(self, module: PythonModule, actuator: Actuator | None) -> None:
+        """Import and build the class, once.
+
+        Raises:
+            Failure: that did not work; the error says why.
+        """
+        self.module = module
+        self._fields = actuator.fields if actuator else ()
+        try:
+            cls = getattr(import_module(module.module_path), module.class_name)
+            self._object = cls(**dict(module.params))
+        except (Exception, SystemExit) as problem:
+            path = f"{module.module_path}:{module.class_name}"
+            message = f"`{path}` cannot be imported and built: {type(problem).__name__}: {problem}"
+            hint = "it is looked for beside the behavior and in this folder; its params are given by keyword"
+            raise Failure([error("P001", module.span, message, hint)]) from problem
+        self._last_call: int | None = None
+        self._answers: list[tuple[int, Command]] = []  # with the time from which each stands
+
+    def step(self, t_ns: int, frame: ModuleFrame) -> tuple[Command, bool]:
+        """The command that stands in a frame in which all that is read is there; whether it went wrong."""
+        if self.module.rate_ns is None:
+            return self._call(frame)
+        failed = False
+        if self._last_call is None or t_ns >= self._last_call + self.module.rate_ns:
+            answer, failed = self._call(frame)
+            self._answers.append((t_ns + self.module.rate_ns, answer))
+            self._last_call = t_ns
+        while len(self._answers) > 1 and self._answers[1][0] <= t_ns:
+            del self._answers[0]
+        since, standing = self._answers[0]
+        return (standing if since <= t_ns else None), failed
+
+    def _call(self, frame: ModuleFrame) -> tuple[Command, bool]:
+        try:
+            return self._command(self._object.step(frame)), False
+        except Exception:
+            return None, True
+
+    def _command(self, result: object) -> Command:
+        if result is None:
+            return None
+        if not isinstance(result, Mapping) or set(result) != {f.name for f in self._fields}:
+            raise Fault
+        return tuple(self._field(f.type, result[f.name]) for f in self._fields)
+
+    def _field(self, of: Scalar, x: object) -> ScalarValue:
+        """NaN is a number here: a command that is not finite is a fault of its own."""
+        if not isinstance(of, Bool | Enum) and isinstance(x, float) and math.isnan(x):
+            return x
+        return typed_scalar(of, x)

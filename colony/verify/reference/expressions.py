@@ -1,0 +1,257 @@
+"""The value of an expression in one frame, and what is missing for it: the reference.
+
+Evaluation is strict: every operand is evaluated, also in a branch not taken, so each memory function is
+evaluated once for each of its keys whenever its expression is evaluated. Keys are (call, values of the
+enclosing loop variables, element): whatever is one memory in the language is one entry of a dict here.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping, Set
+from dataclasses import dataclass, field
+from typing import Any, assert_never
+
+from colony.ir import expression as ir
+from colony.ir.types import Array, ScalarValue, Value
+from colony.verify.reference.functions import NAN, binary, element_at, function, unary
+
+Memory = dict[tuple[int, tuple[int, ...], int], Any]
+"""What memory functions remember; an absent key is a call that was never evaluated (see `remember`)."""
+
+Loop = tuple[tuple[str, int], ...]
+"""The variables of the enclosing reductions and their values, outermost first."""
+
+
+@dataclass(slots=True, kw_only=True)
+class Moment:
+    """All that is known in one frame, in base units. What a mapping does not hold is missing.
+
+    Mutable: filled in the order in which a frame is computed.
+    """
+
+    t_ns: int
+    first_ns: int
+    states: Mapping[str, ScalarValue]  # the old values, file-level and `module.name`, machines too
+    sensors: dict[str, Value] = field(default_factory=dict)
+    fresh: set[str] = field(default_factory=set)  # sensors that are there themselves, not by default
+    derived: dict[str, Value] = field(default_factory=dict)
+    locals: dict[str, Value] = field(default_factory=dict)
+    commands: dict[str, tuple[ScalarValue, ...]] = field(default_factory=dict)  # of active modules
+    outputs: dict[str, str | None] = field(default_factory=dict)  # module or wire: whose output is on it
+    winners: dict[str, str | None] = field(default_factory=dict)  # by actuator
+    commanded: set[str] = field(default_factory=set)  # actuators that were sent a module's command
+    sent: dict[tuple[str, int], ScalarValue] = field(default_factory=dict)  # actuator and field
+
+
+def missing(e: ir.Expression, moment: Moment, own: Set[str] = frozenset()) -> bool:
+    """Whether something that `e` needs is missing; `own` are lets that count as there."""
+    match e:
+        case ir.SensorValue(name=name):
+            return name not in moment.sensors
+        case ir.DerivedValue(name=name):
+            return name not in moment.derived
+        case ir.LocalValue(name=name):
+            return name not in moment.locals and name not in own
+        case ir.SentField(actuator=actuator, field_index=i):
+            return (actuator, i) not in moment.sent
+        case ir.ValueOr(other=other):
+            return missing(other, moment, own)
+        case _:
+            return any(missing(child, moment, own) for child in ir.children(e))
+
+
+def evaluate(e: ir.Expression, moment: Moment, memory: Memory, loop: Loop = ()) -> Value:
+    """The value of `e`, for which nothing is missing; its memory moves on."""
+
+    def value(of: ir.Expression) -> Value:
+        return evaluate(of, moment, memory, loop)
+
+    match e:
+        case ir.UnaryOperation(operand=operand):
+            return each(lambda x: unary(e.operator, x), value(operand))
+        case ir.BinaryOperation(left=left, right=right):
+            return each(lambda x, y: binary(e.operator, x, y), value(left), value(right))
+        case ir.Conditional(condition=condition, yes=yes, no=no):
+            truth = value(condition)
+            return each(lambda x, y: x if truth else y, value(yes), value(no))
+        case ir.Within(operand=operand, low=low, high=high):
+            return each(lambda x, a, b: a <= x <= b, value(operand), value(low), value(high))
+        case ir.Element(array=array, index=index):
+            return element_at(elements(value(array)), scalar(value(index)))
+        case ir.Slice(array=array, indices=indices):
+            whole = elements(value(array))
+            return tuple(whole[i] for i in indices)
+        case ir.Window(array=array, center=center):
+            whole, indices_there = elements(value(array)), window_indices(e, scalar(value(center)))
+            return tuple(element_at(whole, i) for i in indices_there)
+        case ir.ValueOr(expression=expression, other=other):
+            first = None if missing(expression, moment) else value(expression)
+            second = value(other)
+            return filled(second if first is None else first, e)
+        case ir.Call():
+            return call(e, moment, memory, loop)
+        case ir.Reduce():
+            return reduce(e, moment, memory, loop)
+        case ir.MemoryCall():
+            return recall(e, [value(a) for a in e.arguments], moment, memory, loop)
+        case _:
+            return leaf(e, moment, loop)
+
+
+def leaf(e: ir.Expression, moment: Moment, loop: Loop) -> Value:
+    """The value of an expression without operands."""
+    match e:
+        case ir.Constant(value=value):
+            return value
+        case ir.SensorValue(name=name):
+            return moment.sensors[name]
+        case ir.DerivedValue(name=name):
+            return moment.derived[name]
+        case ir.LocalValue(name=name):
+            return moment.locals[name]
+        case ir.StateValue(name=name):
+            return moment.states[name]
+        case ir.LoopIndex(name=name):
+            return float([k for variable, k in loop if variable == name][-1])
+        case ir.Now():
+            return (moment.t_ns - moment.first_ns) / 1e9
+        case ir.Fresh(name=name, derived=derived):
+            return name in moment.derived if derived else name in moment.fresh
+        case ir.SentField(actuator=actuator, field_index=i):
+            return moment.sent[actuator, i]
+        case ir.WonBy(actuator=actuator, module=module):
+            return moment.winners[actuator] == module
+        case ir.IsCommanded(actuator=actuator):
+            return actuator in moment.commanded
+        case ir.IsIdle(actuator=actuator):
+            return actuator not in moment.commanded
+        case ir.IsActive(name=name):
+            return moment.outputs[name] is not None
+        case _:
+            raise AssertionError(f"{type(e).__name__} has operands")
+
+
+# --- arrays --------------------------------------------------------------------------------------
+
+
+def each(of: Callable[..., ScalarValue], *operands: Value) -> Value:
+    """`of` the operands, element by element where one is an array; a scalar stands for all elements."""
+    sizes = [len(x) for x in operands if isinstance(x, tuple)]
+    if not sizes:
+        return of(*operands)
+    return tuple(of(*(x[i] if isinstance(x, tuple) else x for x in operands)) for i in range(sizes[0]))
+
+
+def filled(value: Value, e: ir.Expression) -> Value:
+    """`value`, repeated where `e` is an array and the value a scalar."""
+    if isinstance(e.type, Array) and not isinstance(value, tuple):
+        return (value,) * e.type.size
+    return value
+
+
+def elements(value: Value) -> tuple[ScalarValue, ...]:
+    assert isinstance(value, tuple)
+    return value
+
+
+def scalar(value: Value) -> ScalarValue:
+    assert not isinstance(value, tuple)
+    return value
+
+
+def window_indices(e: ir.Window, center: float) -> list[float]:
+    """The indices that a window takes from its array, in order; NaN where the center is not finite."""
+    size, reach = len_of(e.array), e.reach
+    if not math.isfinite(center):
+        return [NAN] * (2 * reach + 1)
+    return [float((round(center) + j) % size) for j in range(-reach, reach + 1)]
+
+
+def len_of(e: ir.Expression) -> int:
+    assert isinstance(e.type, Array)
+    return e.type.size
+
+
+# --- functions -----------------------------------------------------------------------------------
+
+
+def call(e: ir.Call, moment: Moment, memory: Memory, loop: Loop) -> Value:
+    """A pure function of an array, of several scalars, or element by element."""
+    if e.function in ir.INDEX_FUNCTIONS:
+        return index_function(e.function, e.arguments[0], moment, memory, loop)
+    arguments = [evaluate(a, moment, memory, loop) for a in e.arguments]
+    if e.function in ir.REDUCTIONS:
+        return function(e.function, [x for a in arguments for x in (a if isinstance(a, tuple) else (a,))])
+    return each(lambda *x: function(e.function, x), *arguments)
+
+
+def index_function(of: ir.Function, e: ir.Expression, moment: Moment, memory: Memory, loop: Loop) -> float:
+    """The index of the least or greatest; of a slice or window, its index in the whole array."""
+    match e:
+        case ir.Slice(array=array, indices=indices):
+            whole = elements(evaluate(array, moment, memory, loop))
+            return float(indices[int(function(of, [whole[i] for i in indices]))])
+        case ir.Window(array=array, center=center):
+            whole = elements(evaluate(array, moment, memory, loop))
+            indices_there = window_indices(e, scalar(evaluate(center, moment, memory, loop)))
+            return indices_there[int(function(of, [element_at(whole, i) for i in indices_there]))]
+        case _:
+            return function(of, elements(evaluate(e, moment, memory, loop)))
+
+
+def reduce(e: ir.Reduce, moment: Moment, memory: Memory, loop: Loop) -> ScalarValue:
+    """A reduction over a variable; body and condition are evaluated for each of its values."""
+    taken = []
+    for k in range(e.low, e.high + 1):
+        inner = (*loop, (e.variable, k))
+        body = scalar(evaluate(e.body, moment, memory, inner))
+        if e.condition is None or evaluate(e.condition, moment, memory, inner):
+            taken.append(body)
+    return function(e.function, taken)
+
+
+# --- memory --------------------------------------------------------------------------------------
+
+
+def recall(e: ir.MemoryCall, arguments: list[Value], moment: Moment, memory: Memory, loop: Loop) -> Value:
+    """A memory function: each element of an array, and each loop index, has memory of its own."""
+    path = tuple(k for _, k in loop)
+    sizes = [len(a) for a in arguments if isinstance(a, tuple)]
+    results = []
+    for i in range(sizes[0] if sizes else 1):
+        x = [a[i] if isinstance(a, tuple) else a for a in arguments]
+        key = (e.cell, path, i)
+        result, memory[key] = remember(e, x, memory.get(key), moment.t_ns)
+        results.append(result)
+    return tuple(results) if sizes else results[0]
+
+
+def remember(e: ir.MemoryCall, x: list[ScalarValue], last: Any, t_ns: int) -> tuple[ScalarValue, Any]:
+    """The value of a memory function now, and what it remembers from now on; `last` is None at first."""
+    match e.function:
+        case ir.Memory.PREVIOUS:
+            return (x[1] if last is None else last), x[0]
+        case ir.Memory.CHANGED:
+            return last is not None and x[0] != last, x[0]
+        case ir.Memory.RISING:
+            return bool(x[0] and not last), x[0]
+        case ir.Memory.FALLING:
+            return bool(not x[0] and last), x[0]
+        case ir.Memory.HELD:  # remembers the time of the last frame with b
+            seen = t_ns if x[0] else last
+            return bool(x[0]) or (seen is not None and t_ns - seen < e.duration_ns), seen
+        case ir.Memory.ELAPSED:  # remembers since when b is true, None while it is false
+            since = None if not x[0] else t_ns if last is None else last
+            return (0.0 if since is None else (t_ns - since) / 1e9), since
+        case ir.Memory.LATCH:
+            latched = bool((last or x[0]) and not x[1])
+            return latched, latched
+        case ir.Memory.CAPTURED:  # remembers what was captured, and the key of the last frame
+            captured = last[0] if last is not None and last[1] == x[1] else x[0]
+            return captured, (captured, x[1])
+        case ir.Memory.EVERY:  # remembers when it was last true
+            due = last is None or t_ns >= last + e.duration_ns
+            return due, (t_ns if due else last)
+        case _:
+            assert_never(e.function)

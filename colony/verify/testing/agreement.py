@@ -1,0 +1,177 @@
+"""Do all executors of a program do the same? The reference interpreter is held against each of the others.
+
+Outcomes are compared bit for bit: -0.0 is not 0.0, and NaN is NaN.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from types import MappingProxyType
+
+from colony.compile.backends.python.generate import generate, load
+from colony.compile.pipeline import Compiled, compile_program
+from colony.execute.executor import ClientExecutor, ClientListExecutor, ClientStep
+from colony.ir.frame import Decision, Executor, Frame, Outcome
+from colony.ir.program import Program
+from colony.verify.reference.interpreter import Interpreter
+
+Factory = Callable[[Compiled], Executor]
+"""Makes an executor of a compiled program, in its initial memory."""
+
+
+def _clients(compiled: Compiled) -> Executor:
+    return ClientListExecutor(compiled.program, compiled.clients)
+
+
+def _exclusive_clients(compiled: Compiled) -> Executor:
+    return ClientListExecutor(compiled.program, compiled.clients, exclusive=True)
+
+
+def _generated_python(compiled: Compiled) -> Executor:
+    return load(generate(compiled.program, compiled.clients))
+
+
+EXECUTORS: Mapping[str, Factory] = MappingProxyType(
+    {
+        "clients by priority": _clients,
+        "clients by exclusive guards": _exclusive_clients,
+        "generated Python": _generated_python,
+    }
+)
+"""All executors of the compiled form in this process."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Disagreement:
+    """The first frame in which `executor` does not do what the reference does.
+
+    `trace` ends with that frame. `found` is an outcome, or what was raised instead of one. `str` renders it
+    for people: the frames, and what differs.
+    """
+
+    executor: str
+    trace: tuple[Frame, ...]
+    expected: Outcome
+    found: Outcome | str
+
+    def __str__(self) -> str:
+        lines = [f"{self.executor}: differs from the reference in frame {len(self.trace) - 1}"]
+        lines += [f"  frame {i}: t = {f.t_ns} ns, {dict(f.readings)}" for i, f in enumerate(self.trace)]
+        if isinstance(self.found, str):
+            return "\n".join((*lines, f"  expected: {self.expected}", f"  raised:   {self.found}"))
+        for name, expected, found in zip(Outcome._fields, self.expected, self.found, strict=True):
+            if repr(expected) != repr(found):
+                lines += [f"  expected {name}: {expected}", f"  found {name}:    {found}"]
+        return "\n".join(lines)
+
+
+def reference(program: Program, trace: Sequence[Frame]) -> tuple[Outcome, ...]:
+    """What the reference interpreter does over `trace`, from its initial memory."""
+    interpreter = Interpreter(program)
+    return tuple(interpreter.step(frame) for frame in trace)
+
+
+def disagreement(
+    program: Program,
+    trace: Sequence[Frame],
+    executors: Mapping[str, Factory] = EXECUTORS,
+    expected: Sequence[Outcome] | None = None,
+    compiled: Compiled | None = None,
+) -> Disagreement | None:
+    """The first executor that differs from the reference over `trace`, at its first frame; None if none does.
+
+    Each executor starts from its initial memory. What an executor raises is a disagreement too; what
+    compiling raises is raised. `expected` is what `reference` gave and `compiled` the compiled program, where
+    they are known already.
+    """
+    outcomes = reference(program, trace) if expected is None else expected
+    compiled = compile_program(program) if compiled is None else compiled
+    for name, make in executors.items():
+        found = _first_difference(make, compiled, trace, outcomes)
+        if found is not None:
+            at, outcome = found
+            return Disagreement(
+                executor=name, trace=tuple(trace[: at + 1]), expected=outcomes[at], found=outcome
+            )
+    return None
+
+
+def _first_difference(
+    make: Factory, compiled: Compiled, trace: Sequence[Frame], expected: Sequence[Outcome]
+) -> tuple[int, Outcome | str] | None:
+    at = 0
+    try:
+        executor = make(compiled)
+        for at, frame in enumerate(trace):
+            outcome = executor.step(frame)
+            if repr(outcome) != repr(expected[at]):
+                return at, outcome
+    except Exception as raised:  # whatever an executor raises is what it is tested for
+        return at, f"{type(raised).__name__}: {raised}"
+    return None
+
+
+# --- clients that know only their own slice ------------------------------------------------------
+
+
+class ClientsAlone:
+    """The clients of a program, each for itself (an `ir.frame.Executor`). Mutable: it has all of the memory.
+
+    Every client runs alone, as in the runtime, on the slice of the program that it needs. A decision is what
+    the server would make of their requests: in each frame exactly the winner must be active by its own
+    knowledge, with its command, or the reason why it has none. The activity of Python modules elsewhere is
+    told to those who ask, as the runtime does. Records and breaches are the reference's: clients know none.
+
+    Raises:
+        Failure: a Python module's class cannot be imported or built.
+    """
+
+    def __init__(self, compiled: Compiled) -> None:
+        self._program = compiled.program
+        self._interpreter = Interpreter(compiled.program)
+        self._clients = {
+            (a.actuator, c.module): ClientExecutor(compiled.program, compiled.clients, a.actuator, c.module)
+            for a in compiled.clients.actuators
+            for c in a.clients
+        }
+
+    def step(self, frame: Frame) -> Outcome:
+        """One frame."""
+        expected, is_active = self._interpreter.step(frame), self._interpreter.is_active
+        steps = {
+            key: client.step(frame, {m: is_active(m) for m in client.outside})
+            for key, client in self._clients.items()
+        }
+        return expected._replace(
+            decisions=tuple(_decided(self._program, d, steps) for d in expected.decisions)
+        )
+
+    def restart(self) -> None:
+        """Go on from the initial memory, with Python modules built anew."""
+        self._interpreter = Interpreter(self._program)
+        for client in self._clients.values():
+            client.restart()
+
+
+ALL_EXECUTORS: Mapping[str, Factory] = MappingProxyType({**EXECUTORS, "clients alone": ClientsAlone})
+"""Those, and each client of the compiled form for itself."""
+
+
+def client_disagreement(program: Program, trace: Sequence[Frame]) -> Disagreement | None:
+    """The first frame in which the clients, each for itself, do not do what the reference does."""
+    return disagreement(program, trace, {"clients alone": ClientsAlone})
+
+
+def _decided(program: Program, like: Decision, steps: Mapping[tuple[str, str], ClientStep]) -> Decision:
+    """What the server would do with the requests of all clients of an actuator."""
+    active = [(m, step) for (a, m), step in steps.items() if a == like.actuator and step.active]
+    actuator = next(a for a in program.robot.actuators if a.name == like.actuator)
+    winner = " and ".join(m for m, _ in active) or None
+    values = active[0][1].values if len(active) == 1 else None
+    sent = actuator.idle if values is None else values
+    if sent is not None:
+        sent = tuple(
+            x if isinstance(x, bool) else x / f.factor for x, f in zip(sent, actuator.fields, strict=True)
+        )
+    return Decision(actuator.name, winner, sent, active[0][1].fault if active else None)

@@ -1,0 +1,343 @@
+"""Many traces for one program: do all executors do the same, what does each module do, do contracts hold?
+
+    for report in examples(program, count=1000, seed=1):
+        print(report.drawn)
+    report.disagreement, report.breaches, report.modules
+
+Traces come from a seed, and each is drawn with what the earlier ones and the program's own tests did in mind
+(`strategies_guided.py`), so that what is rare is met, too. A trace in which something is wrong is shrunk to
+what it takes.
+
+Modules in Python are run for real, by every executor with an object of its own. What such a module answers
+must depend on its params and on what it was given since it was built, and on nothing else: no clock, no
+randomness, no file that changes. Executors could not agree on any other; so two reference interpreters are
+held against each other first, and the module in which they part is reported.
+"""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Callable, Hashable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+from functools import partial
+from random import Random
+from types import MappingProxyType
+from typing import NamedTuple, Protocol, runtime_checkable
+
+from colony.compile.pipeline import Compiled, compile_program
+from colony.ir.expression import StateValue
+from colony.ir.frame import Executor, Frame, Outcome
+from colony.ir.program import Contract, Machine, Program, PythonModule
+from colony.verify.reference.interpreter import Interpreter
+from colony.verify.testing.agreement import ALL_EXECUTORS, Disagreement, Factory, disagreement
+from colony.verify.testing.drawing import Choices
+from colony.verify.testing.example_frames import frames_of
+from colony.verify.testing.guided import LONGEST, Guide
+from colony.verify.testing.shrinking import shrunk
+
+FRAMES = 12
+"""The most frames of a trace."""
+
+Trial = Callable[[Compiled, Sequence[Frame], int], Disagreement | None]
+"""Holds a program to something over a trace, given a seed for what it draws itself, such as faults."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ModuleCoverage:
+    """In how many frames a module won, was active, and was silent for want of a sensor.
+
+    `won` is None of a module that commands nothing.
+    """
+
+    name: str
+    won: int | None
+    active: int
+    silent: int
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Breach:
+    """A contract that is broken in the last frame of `trace`; `met` counts the frames that broke it."""
+
+    contract: Contract
+    trace: tuple[Frame, ...]
+    met: int = 1
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Unsteady:
+    """A class in Python of which two objects, given the same frames, answered differently in the last one."""
+
+    module: PythonModule
+    trace: tuple[Frame, ...]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Report:
+    """What is known after `drawn` of `asked` traces with `frames` frames in all.
+
+    `finished`: no more follow, because all are drawn, or because of a disagreement or an unsteady module.
+    """
+
+    seed: int
+    asked: int
+    drawn: int
+    frames: int
+    modules: tuple[ModuleCoverage, ...]
+    breaches: tuple[Breach, ...] = ()
+    disagreement: Disagreement | None = None
+    unsteady: Unsteady | None = None
+    finished: bool = False
+
+    @property
+    def never_won(self) -> tuple[str, ...]:
+        """Modules that no trace let through to an actuator although they command one."""
+        return tuple(m.name for m in self.modules if m.won == 0)
+
+
+def examples(
+    program: Program,
+    count: int,
+    seed: int,
+    *,
+    executors: Mapping[str, Factory] = ALL_EXECUTORS,
+    trials: Mapping[str, Trial] = MappingProxyType({}),
+    max_frames: int = FRAMES,
+) -> Iterator[Report]:
+    """Draw `count` traces of `program`; after each, what is known so far. The last report is `finished`.
+
+    The same for the same program, count and seed. What is found is reported as it was drawn, and once more
+    when it is shrunk. `executors` are held against the reference interpreter, `trials` are tried besides. A
+    trace that shows a disagreement ends it; a contract that is broken does not.
+
+    Raises:
+        Failure: a module in Python cannot be imported or built.
+    """
+    examination = _Examination(program, count, seed, executors, trials, max_frames)
+    while not examination.report.finished:
+        examination.go_on()
+        yield examination.report
+
+
+# --- how -------------------------------------------------------------------------------------------
+
+
+@runtime_checkable
+class _Restartable(Executor, Protocol):
+    """An executor that can begin anew with another trace, which is quicker than making one."""
+
+    def restart(self) -> None: ...
+
+
+class _Run(NamedTuple):
+    """What the reference did over a trace: outcomes, and by frame the active and the silent modules."""
+
+    outcomes: tuple[Outcome, ...]
+    active: tuple[tuple[str, ...], ...]
+    silent: tuple[tuple[str, ...], ...]
+    patterns: tuple[Hashable, ...]
+
+
+class _Examination:
+    """Mutable: the report, and executors that are used again."""
+
+    def __init__(
+        self,
+        program: Program,
+        count: int,
+        seed: int,
+        executors: Mapping[str, Factory],
+        trials: Mapping[str, Trial],
+        max_frames: int,
+    ) -> None:
+        self._program, self._executors, self._trials = program, executors, trials
+        self._compiled = compile_program(program)
+        self._made: dict[str, Executor] = {}
+        self._guide = Guide(program, max_frames)
+        self._machines = [
+            StateValue(type=d.type, name=d.name) for d in program.derived if isinstance(d, Machine)
+        ]
+        for example in program.tests:  # ways that people found worth writing down
+            written = frames_of(program, example)[:LONGEST]
+            self._guide.learn(written, self._reference(written).patterns)
+        self._python = [m for m in program.modules if isinstance(m, PythonModule)]
+        self._to_shrink: list[Callable[[], None]] = []
+        self._counts: Counter[tuple[str, str]] = Counter()
+        self.report = Report(seed=seed, asked=count, drawn=0, frames=0, modules=self._modules())
+
+    def go_on(self) -> None:
+        """One more trace, or what the last one showed is shrunk."""
+        if self._to_shrink:
+            self._to_shrink.pop(0)()
+        elif self.report.disagreement is None and self.report.drawn < self.report.asked:
+            self._one_more()
+        if not self._to_shrink:
+            known = self.report
+            stopped = known.disagreement is not None or known.unsteady is not None
+            self._know(finished=stopped or known.drawn >= known.asked)
+
+    def _one_more(self) -> None:
+        number = self.report.drawn
+        trace = self._guide.draw(Choices(Random(f"{self.report.seed}/{number}")))
+        run = self._reference(trace)
+        self._know(drawn=number + 1, frames=self.report.frames + len(trace))
+        unsteady = self._unsteady(trace, run)
+        if unsteady is not None:
+            self._know(unsteady=unsteady)
+            return
+        self._guide.learn(trace, run.patterns)
+        self._count(trace, run)
+        for name in dict.fromkeys(name for outcome in run.outcomes for name in outcome.breaches):
+            self._breach(name, trace, run)
+        if not self._difference(trace, run.outcomes):
+            self._try(trace, number)
+
+    def _know(self, **news: object) -> None:
+        self.report = replace(self.report, **news)  # type: ignore[arg-type]
+
+    # --- the reference ---------------------------------------------------------------------------
+
+    def _reference(self, trace: Sequence[Frame]) -> _Run:
+        interpreter = Interpreter(self._program)
+        outcomes, active, silent, patterns = [], [], [], []
+        names = [m.name for m in self._program.modules]
+        for frame in trace:
+            outcome = interpreter.step(frame)
+            outcomes.append(outcome)
+            active.append(tuple(n for n in names if interpreter.is_active(n)))
+            silent.append(tuple(n for n in names if interpreter.is_silent(n)))
+            phases = tuple(interpreter.value_of(machine) for machine in self._machines)
+            faults = tuple((d.by, d.fault) for d in outcome.decisions)
+            patterns.append((active[-1], faults, phases, outcome.breaches))
+        return _Run(tuple(outcomes), tuple(active), tuple(silent), tuple(patterns))
+
+    def _unsteady(self, trace: Sequence[Frame], run: _Run) -> Unsteady | None:
+        """The first module in Python in which a second interpreter parts from the first."""
+        if not self._python:
+            return None
+        again = self._reference(trace)
+        for at, (one, other) in enumerate(zip(run.outcomes, again.outcomes, strict=True)):
+            if repr(one) != repr(other) or run.active[at] != again.active[at]:
+                module = self._suspect(run, again, at)
+                return Unsteady(module=module, trace=tuple(trace[: at + 1]))
+        return None
+
+    def _suspect(self, one: _Run, other: _Run, at: int) -> PythonModule:
+        """Who answered differently: told by activity, by what it sent, or by what it raised."""
+        for module in self._python:
+            seen = [
+                (
+                    module.name in run.active[at],
+                    repr([d for d in run.outcomes[at].decisions if d.by == module.name]),
+                    [r for r in run.outcomes[at].records if r.subject == module.name],
+                )
+                for run in (one, other)
+            ]
+            if seen[0] != seen[1]:
+                return module
+        return self._python[0]
+
+    # --- what came of it -------------------------------------------------------------------------
+
+    def _count(self, trace: tuple[Frame, ...], run: _Run) -> None:
+        for outcome, active, silent in zip(run.outcomes, run.active, run.silent, strict=True):
+            self._counts.update((name, "won") for name in {d.by for d in outcome.decisions if d.by})
+            self._counts.update((name, "active") for name in active)
+            self._counts.update((name, "silent") for name in silent)
+        self._know(modules=self._modules())
+
+    def _modules(self) -> tuple[ModuleCoverage, ...]:
+        commanding = {m.name: m.actuator is not None for m in self._program.modules}
+        return tuple(
+            ModuleCoverage(
+                name=name,
+                won=self._counts[name, "won"] if commands else None,
+                active=self._counts[name, "active"],
+                silent=self._counts[name, "silent"],
+            )
+            for name, commands in commanding.items()
+        )
+
+    def _breach(self, name: str, trace: tuple[Frame, ...], run: _Run) -> None:
+        """Count how often a contract is broken; the trace that shows it first is shrunk later."""
+        at = [i for i, outcome in enumerate(run.outcomes) if name in outcome.breaches]
+        known = {b.contract.name: b for b in self.report.breaches}
+        if name in known:
+            self._put(replace(known[name], met=known[name].met + len(at)))
+            return
+        contract = next(c for c in self._program.contracts if c.name == name)
+        self._put(Breach(contract=contract, trace=trace[: at[0] + 1], met=len(at)))
+
+        def broken(frames: tuple[Frame, ...]) -> int | None:
+            interpreter = Interpreter(self._program)
+            return next((i for i, f in enumerate(frames) if name in interpreter.step(f).breaches), None)
+
+        def shrink() -> None:
+            found = next(b for b in self.report.breaches if b.contract.name == name)
+            self._put(replace(found, trace=shrunk(self._program, found.trace, broken)))
+
+        self._to_shrink.append(shrink)
+
+    def _put(self, breach: Breach) -> None:
+        """Among the others, in the order of the program."""
+        known = {b.contract.name: b for b in self.report.breaches} | {breach.contract.name: breach}
+        self._know(breaches=tuple(known[c.name] for c in self._program.contracts if c.name in known))
+
+    # --- executors and trials --------------------------------------------------------------------
+
+    def _difference(self, trace: tuple[Frame, ...], expected: Sequence[Outcome]) -> bool:
+        """Whether one of the executors differs from the reference."""
+        for name, make in self._executors.items():
+            found = disagreement(
+                self._program, trace, {name: partial(self._used_again, name)}, expected, self._compiled
+            )
+            if not isinstance(self._made.get(name), _Restartable):
+                self._made.pop(name, None)
+            if found is not None:
+                self._found(found, trace, partial(disagreement, self._program, executors={name: make}))
+                return True
+        return False
+
+    def _used_again(self, name: str, compiled: Compiled) -> Executor:
+        """An executor in its initial memory: the one that had the last trace, or a new one."""
+        used = self._made.get(name)
+        if isinstance(used, _Restartable):
+            used.restart()
+            return used
+        made = self._made[name] = self._executors[name](compiled)
+        return made
+
+    def _try(self, trace: tuple[Frame, ...], number: int) -> None:
+        for name, trial in self._trials.items():
+            seed = self.report.seed * 1_000_003 + number
+
+            def attempt(
+                frames: Sequence[Frame], trial: Trial = trial, name: str = name, seed: int = seed
+            ) -> Disagreement | None:
+                found = trial(self._compiled, frames, seed)
+                return None if found is None else replace(found, executor=name)
+
+            found = attempt(trace)
+            if found is not None:
+                self._found(found, trace, attempt)
+                return
+
+    def _found(
+        self,
+        found: Disagreement,
+        trace: tuple[Frame, ...],
+        attempt: Callable[[tuple[Frame, ...]], Disagreement | None],
+    ) -> None:
+        """Executors disagree; shrunk later, where it comes again without the traces before."""
+        self._know(disagreement=found)
+
+        def fails(frames: tuple[Frame, ...]) -> int | None:
+            return None if attempt(frames) is None else len(frames) - 1
+
+        def shrink() -> None:
+            if fails(trace) is None:
+                self._know(disagreement=replace(found, executor=f"{found.executor}, after other traces"))
+            else:
+                self._know(disagreement=attempt(shrunk(self._program, trace, fails)) or found)
+
+        self._to_shrink.append(shrink)

@@ -1,0 +1,284 @@
+"""Runs the examples of a program (its `test` blocks) in the reference interpreter.
+
+An expectation that is false, or that says nothing because it reads something missing, fails; and so does a
+contract that is broken in any frame of an example.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass
+from typing import Literal, assert_never
+
+from colony.ir import expression as ir
+from colony.ir.frame import Decision, Outcome, Reading
+from colony.ir.program import Actuator, Contract, Example, Given, Program, Sensor, Step
+from colony.ir.types import Array, Bool, Enum, Quantity, Scalar, ScalarValue, Type, Value
+from colony.text.diagnostics import Diagnostic, error
+from colony.text.source import Span
+from colony.verify.reference.boundary import default_of
+from colony.verify.reference.interpreter import Interpreter
+from colony.verify.written import written
+
+FailureKind = Literal["false", "says nothing", "contract broken", "no array to set an element in"]
+
+_CODES: dict[FailureKind, str] = {
+    "false": "T001",
+    "says nothing": "T002",
+    "contract broken": "T003",
+    "no array to set an element in": "T004",
+}
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ExampleFailure:
+    """One way in which an example did not come out as written, at its first frame.
+
+    `expected` is the condition as written (a contract with its name); `found` says what was there instead,
+    a line a fact. `frames` is how many frames of the step (of the example, for a contract) failed so.
+    """
+
+    kind: FailureKind
+    span: Span
+    t_ns: int
+    expected: str
+    found: tuple[str, ...]
+    frames: int = 1
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ExampleResult:
+    """How an example came out; it passed when nothing failed. `frames` is how many it has."""
+
+    name: str
+    span: Span
+    failures: tuple[ExampleFailure, ...]
+    frames: int
+
+    @property
+    def passed(self) -> bool:
+        return not self.failures
+
+
+def run_examples(program: Program) -> tuple[ExampleResult, ...]:
+    """Every example of `program`, each from the program's initial memory, in the order written."""
+    return tuple(run_example(program, example) for example in program.tests)
+
+
+def run_example(program: Program, example: Example) -> ExampleResult:
+    """One example of `program`, from the program's initial memory."""
+    run = _Run(program)
+    for step in example.steps:
+        run.step(step)
+    return ExampleResult(
+        name=example.name, span=example.span, failures=tuple(run.failures.values()), frames=run.frames
+    )
+
+
+def failures_as_diagnostics(results: Iterable[ExampleResult]) -> tuple[Diagnostic, ...]:
+    """An error for each failure: T001 false, T002 says nothing, T003 contract broken, T004 no such array."""
+    return tuple(_diagnostic(result, failure) for result in results for failure in result.failures)
+
+
+def _diagnostic(result: ExampleResult, failure: ExampleFailure) -> Diagnostic:
+    when = f'in "{result.name}" at {_number(failure.t_ns / 1e9)} s'
+    more = f", and in {_frames(failure.frames - 1, 'more ')}" if failure.frames > 1 else ""
+    match failure.kind:
+        case "false":
+            message = f"{when}{more}: expected `{failure.expected}`"
+        case "says nothing":
+            message = f"{when}{more}: `{failure.expected}` says nothing: it reads something missing"
+        case "contract broken":
+            message = f"{when}{more}: contract {failure.expected} does not hold"
+        case "no array to set an element in":
+            message = f"{when}: `{failure.expected}` is missing, so none of its elements can be set"
+        case _:
+            assert_never(failure.kind)
+    found = "; ".join(failure.found)
+    if failure.kind == "no array to set an element in":
+        return error(_CODES[failure.kind], failure.span, message, found)
+    return error(_CODES[failure.kind], failure.span, f"{message}; found: {found}" if found else message)
+
+
+def _frames(count: int, kind: str = "") -> str:
+    return f"{count} {kind}frame{'' if count == 1 else 's'}"
+
+
+class _Run:
+    """An example being run. Mutable: the readings given so far, and what failed."""
+
+    def __init__(self, program: Program) -> None:
+        self.program = program
+        self.interpreter = Interpreter(program)
+        self.sensors = {s.name: s for s in program.robot.sensors}
+        self.readings: dict[str, Value | None] = {}
+        self.failures: dict[object, ExampleFailure] = {}
+        self.frames = 0
+
+    def step(self, step: Step) -> None:
+        for given in step.given:
+            self.give(given, step.times_ns[0] if step.times_ns else 0)
+        for t_ns in step.times_ns:
+            readings: dict[str, Reading] = dict(self.readings)
+            outcome = self.interpreter.step_in_base_units(t_ns, readings)
+            self.frames += 1
+            for contract in self.program.contracts:
+                if contract.name in outcome.breaches:
+                    self.broken(contract, t_ns, outcome)
+            for i, expectation in enumerate(step.expectations):
+                self.expect(expectation, (id(step), i), t_ns, outcome)
+
+    def give(self, given: Given, t_ns: int) -> None:
+        """Take an assignment over; it stays until the sensor is given anew."""
+        sensor = self.sensors[given.sensor]
+        before = self.readings.get(sensor.name)
+        if given.index is None:
+            self.readings[sensor.name] = _filling(sensor, given.value)
+        elif isinstance(before, tuple) and not isinstance(given.value, tuple) and given.value is not None:
+            self.readings[sensor.name] = (
+                *before[: given.index],
+                given.value,
+                *before[given.index + 1 :],
+            )
+        else:
+            stands_in = default_of(sensor) is not None
+            hint = f"give all of it first: `{sensor.name} = ...`" + (
+                ": its default only stands in for it" if stands_in else ""
+            )
+            self.fail("no array to set an element in", given, given.span, t_ns, sensor.name, (hint,))
+
+    def expect(self, expectation: ir.Expression, key: object, t_ns: int, outcome: Outcome) -> None:
+        value = self.interpreter.value_of(expectation)
+        if value is not True:
+            kind: FailureKind = "says nothing" if value is None else "false"
+            found = tuple(self.found(expectation, outcome))
+            self.fail(kind, (key, kind), expectation.span, t_ns, written(expectation), found)
+
+    def broken(self, contract: Contract, t_ns: int, outcome: Outcome) -> None:
+        text = written(contract.expression)
+        expected = f"`{contract.name}: {text}`" if text else f"`{contract.name}`"
+        found = tuple(self.found(contract.expression, outcome))
+        self.fail("contract broken", contract.name, contract.span, t_ns, expected, found)
+
+    def fail(
+        self, kind: FailureKind, key: object, span: Span, t_ns: int, expected: str, found: tuple[str, ...]
+    ) -> None:
+        """Note a failure; the same one of a later frame is only counted."""
+        before = self.failures.get(key)
+        if before is None:
+            self.failures[key] = ExampleFailure(
+                kind=kind, span=span, t_ns=t_ns, expected=expected, found=found
+            )
+        else:
+            self.failures[key] = ExampleFailure(
+                kind=kind,
+                span=before.span,
+                t_ns=before.t_ns,
+                expected=before.expected,
+                found=before.found,
+                frames=before.frames + 1,
+            )
+
+    # --- what was there instead ------------------------------------------------------------------
+
+    def found(self, expression: ir.Expression, outcome: Outcome) -> Iterator[str]:
+        """A fact for each thing that `expression` names, each once, and what was recorded."""
+        facts = dict.fromkeys(
+            fact for leaf in _leaves(expression) for fact in self.fact(leaf, outcome) if fact
+        )
+        yield from facts
+        for record in outcome.records:
+            if record.kind not in ("limited", "command clamped"):
+                yield f"recorded: {record.kind} of {record.subject}"
+
+    def fact(self, leaf: ir.Expression, outcome: Outcome) -> Iterator[str]:
+        match leaf:
+            case (
+                ir.SentField(actuator=actuator)
+                | ir.WonBy(actuator=actuator)
+                | ir.IsCommanded(actuator=actuator)
+                | ir.IsIdle(actuator=actuator)
+            ):
+                yield self.decided(actuator, outcome)
+            case (
+                ir.SensorValue(name=name)
+                | ir.DerivedValue(name=name)
+                | ir.LocalValue(name=name)
+                | ir.StateValue(name=name)
+            ):
+                value = self.interpreter.value_of(leaf)
+                yield f"{name} is missing" if value is None else f"{name} = {shown(value, leaf.type)}"
+            case ir.Fresh(name=name):
+                yield f"{name} is {'' if self.interpreter.value_of(leaf) else 'not '}fresh"
+            case ir.IsActive(name=name):
+                yield f"{name} is {'' if self.interpreter.value_of(leaf) else 'not '}active"
+            case _:
+                return
+
+    def decided(self, name: str, outcome: Outcome) -> str:
+        """`drive by cruise, velocity = 300 mm/s`."""
+        actuator = next(a for a in self.program.robot.actuators if a.name == name)
+        decision = next(d for d in outcome.decisions if d.actuator == name)
+        return ", ".join((f"{name} {_decider(decision)}", *self.sent(actuator)))
+
+    def sent(self, actuator: Actuator) -> Iterator[str]:
+        for i, field in enumerate(actuator.fields):
+            value = self.interpreter.value_of(
+                ir.SentField(type=field.type, actuator=actuator.name, field_index=i)
+            )
+            if value is not None:
+                yield f"{field.name} = {shown(value, field.type)}"
+
+
+def _decider(decision: Decision) -> str:
+    if decision.by is None:
+        return "is idle"
+    return f"by {decision.by}" + (f", whose command is {decision.fault}" if decision.fault else "")
+
+
+def _filling(sensor: Sensor, value: Value | None) -> Value | None:
+    """A scalar fills an array."""
+    if isinstance(sensor.type, Array) and value is not None and not isinstance(value, tuple):
+        return (value,) * sensor.type.size
+    return value
+
+
+def _leaves(expression: ir.Expression) -> Iterator[ir.Expression]:
+    below = ir.children(expression)
+    if not below:
+        yield expression
+    for child in below:
+        yield from _leaves(child)
+
+
+# --- values for people ---------------------------------------------------------------------------
+
+_MOST_ELEMENTS = 8
+
+
+def shown(value: Value, of: Type) -> str:
+    """A value with its unit, or an enumerator by its name; of long arrays the first elements."""
+    if not isinstance(value, tuple):
+        element = of.element if isinstance(of, Array) else of
+        return _scalar(value, element)
+    assert isinstance(of, Array)
+    parts = [_scalar(x, of.element) for x in value[:_MOST_ELEMENTS]]
+    return f"[{', '.join(parts)}{', ...' if len(value) > _MOST_ELEMENTS else ''}]"
+
+
+def _scalar(value: ScalarValue, of: Scalar) -> str:
+    match of:
+        case Bool():
+            return "true" if value else "false"
+        case Enum(name=name, members=members):
+            return next((f"{name}.{member}" for member, n in members if n == value), _number(value))
+        case Quantity(dimension=dimension):
+            unit = str(dimension)
+            return _number(value) if unit == "number" else f"{_number(value)} {unit}"
+        case _:
+            assert_never(of)
+
+
+def _number(x: float) -> str:
+    """Up to 9 digits, as a person writes them."""
+    return f"{x:.9g}"

@@ -1,0 +1,420 @@
+"""Expressions of a wanted type, as text that the front end accepts.
+
+Types, dimensions and array lengths are right by construction. All that is compound stands in parentheses,
+so precedence plays no part here (the parser's own tests have that).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+
+from colony.ir.types import BOOL, PLAIN, Array, Bool, Enum, Quantity, Scalar, Type, element_type
+from colony.text.units import ANGLE, LENGTH, NUMBER, TIME, Dimension
+from colony.verify.testing.drawing import Choices
+from colony.verify.testing.scope import (
+    DURATIONS_MS,
+    LITERALS,
+    ODD_NUMBERS,
+    SPEED,
+    TURN_RATE,
+    Named,
+    NamedArray,
+    Scope,
+)
+
+
+class Expressions:
+    """Writes expressions over one scope. `depth` bounds how many operators nest."""
+
+    def __init__(self, choices: Choices, scope: Scope) -> None:
+        self.choices = choices
+        self.scope = scope
+
+    def any_scalar(self) -> Scalar:
+        """A type that expressions of this scope can have."""
+        scalars: list[Scalar] = [BOOL, *(Quantity(d) for d in LITERALS), *self.scope.enums]
+        return self.choices.one(scalars)
+
+    def scalar(self, of: Scalar, depth: int) -> str:
+        match of:
+            case Bool():
+                return self.bool(depth)
+            case Enum():
+                return self.enum(of, depth)
+            case Quantity(dimension=dimension):
+                return self.quantity(dimension, depth)
+
+    def any_value(self, of: Type, depth: int) -> str:
+        """A scalar, or an array of a length that there is."""
+        if isinstance(of, Array):
+            return self.array(element_type(of), of.size, depth)
+        return self.scalar(of, depth)
+
+    # --- bools -----------------------------------------------------------------------------------
+
+    def bool(self, depth: int) -> str:
+        if depth <= 0 or self.choices.rarely(5):
+            there = [f"fresh({n.text})" for n in self.scope.names if n.fresh]
+            if there and self.choices.rarely(6):
+                return self.choices.one(there)
+            read = [*self.atoms(BOOL), *self.scope.promises]
+            return self.choices.one(("true", "false") if not read or self.choices.rarely(8) else read)
+        makers: list[Callable[[int], str]] = [self._comparison, self._logic, self._comparison]
+        if self.scope.memory:
+            makers += [self._bool_memory, self._bool_memory]
+        makers += [self._bool_reduction, self._in_range, self._bool_other]
+        return self.choices.one(makers)(depth - 1)
+
+    def _logic(self, depth: int) -> str:
+        operator = self.choices.one(("not", "and", "or", "implies", "==", "!="))
+        if operator == "not":
+            return f"(not {self.bool(depth)})"
+        return f"({self.bool(depth)} {operator} {self.bool(depth)})"
+
+    def _comparison(self, depth: int) -> str:
+        enums = [n for n in self.scope.names if isinstance(n.type, Enum)]
+        operators = ("<", "<=", ">", ">=", "==", "!=")
+        if enums and self.choices.rarely():
+            one = self.choices.one(enums)
+            assert isinstance(one.type, Enum)
+            return f"({one.text} {self.choices.one(operators[-2:])} {self.member(one.type)})"
+        dimension = self.dimension()
+        right = "0" if self.choices.rarely(4) else self.quantity(dimension, depth - 1)
+        return f"({self.quantity(dimension, depth)} {self.choices.one(operators)} {right})"
+
+    def _in_range(self, depth: int) -> str:
+        d = self.dimension()
+        low, high = self.quantity(d, depth - 1), self.quantity(d, depth - 1)
+        return f"({self.quantity(d, depth)} in {low} .. {high})"
+
+    def _bool_reduction(self, depth: int) -> str:
+        function = self.choices.one(("any", "all"))
+        array = self.some_array(BOOL, depth)
+        if array is not None and not self.choices.rarely(4):
+            return f"{function}({array})"
+        return self._comprehension(function, BOOL, depth)
+
+    def _bool_memory(self, depth: int) -> str:
+        kind = self.choices.one(
+            ("held", "rising", "latch", "changed", "falling", "every", "previous", "captured")
+        )
+        match kind:
+            case "held":
+                return f"held({self.bool(depth)}, {self.duration()})"
+            case "every":
+                return f"every({self.duration()})"
+            case "latch":
+                return f"latch({self.bool(depth)}, {self.bool(depth - 1)})"
+            case "changed":
+                return f"changed({self.scalar(self.any_scalar(), depth)})"
+            case "previous":
+                return f"previous({self.bool(depth)}, {self.bool(0)})"
+            case "captured":
+                return f"captured({self.bool(depth)}, {self.key(depth)})"
+            case _:
+                return f"{kind}({self.bool(depth)})"
+
+    def _bool_other(self, depth: int) -> str:
+        arrays = self.arrays(BOOL)
+        which = self.choices.upto(2)
+        if which == 0 and arrays:
+            return self._element(self.choices.one(arrays), depth)
+        if which == 1:
+            return f"value_or({self.bool(depth)}, {self.bool(depth - 1)})"
+        return f"(if {self.bool(depth - 1)} then {self.bool(depth)} else {self.bool(depth)})"
+
+    # --- enums -----------------------------------------------------------------------------------
+
+    def member(self, of: Enum) -> str:
+        return f"{of.name}.{self.choices.one(of.members)[0]}"
+
+    def enum(self, of: Enum, depth: int) -> str:
+        if depth <= 0 or of.kind == "machine" or self.choices.rarely():
+            return self.choices.one((*self.atoms(of), f"{of.name}.{of.members[0][0]}", self.member(of)))
+        condition, yes, no = self.bool(depth - 1), self.enum(of, depth - 1), self.enum(of, depth - 1)
+        if self.scope.memory and self.choices.rarely():
+            return f"captured({yes}, {condition})"
+        return f"(if {condition} then {yes} else {no})"
+
+    # --- numbers ---------------------------------------------------------------------------------
+
+    def dimension(self) -> Dimension:
+        """Most often one that something which can be read has."""
+        read = [e.dimension for n in self.scope.names if isinstance(e := element_type(n.type), Quantity)]
+        known = [d for d in read if d in LITERALS]
+        return (
+            self.choices.one(known) if known and not self.choices.rarely(5) else self.choices.one([*LITERALS])
+        )
+
+    def literal(self, of: Dimension) -> str:
+        text = self.choices.one(LITERALS[of])
+        return f"(-{text})" if self.choices.rarely(4) else text
+
+    def quantity(self, of: Dimension, depth: int) -> str:
+        if depth <= 0 or self.choices.rarely(5):
+            return self._quantity_leaf(of)
+        makers: list[Callable[[Dimension, int], str]] = [self._sum, self._product, self._several]
+        makers += [self._choice, self._array_reduction, self._own, self._own]
+        if self.scope.memory:
+            makers += [self._quantity_memory]
+        return self.choices.one(makers)(of, depth - 1)
+
+    def _quantity_leaf(self, of: Dimension) -> str:
+        """Mostly what changes from frame to frame; made from a bool if nothing has the dimension."""
+        params = self.scope.constants.get(of, ())
+        if self.choices.rarely(4):
+            return self.choices.one(params) if params else self.literal(of)
+        if self.choices.rarely(8):
+            return f"({self.choices.one(ODD_NUMBERS)} * {self.literal(of)})"
+        atoms = self.atoms(Quantity(of))
+        if atoms:
+            return self.choices.one(atoms)
+        if of == TIME:
+            return self.choices.one(("now", "now()"))
+        bools = self.atoms(BOOL) or ["true"]
+        return f"(if {self.choices.one(bools)} then {self.literal(of)} else {self.literal(of)})"
+
+    def atoms(self, of: Scalar) -> list[str]:
+        """What can be read of a scalar type: names, and elements of arrays."""
+        arrays = self.arrays(of)
+        first = [f"{a.text}[0]" for a in arrays]
+        last = [f"{a.text}[{a.type.size - 1}]" for a in arrays if a.type.size > 1]
+        return [*self.scope.of(of), *first, *last]
+
+    def _sum(self, of: Dimension, depth: int) -> str:
+        left, right = self.quantity(of, depth), self.quantity(of, depth)
+        match self.choices.upto(4):
+            case 0:
+                return f"({left} + {right})"
+            case 1:
+                return f"({left} - {right})"
+            case 2:
+                return f"(-{left})"
+            case 3:
+                return f"mod({left}, {right})"
+            case _:
+                return f"({left} + 0)"
+
+    def _product(self, of: Dimension, depth: int) -> str:
+        match self.choices.upto(3):
+            case 0:
+                return f"({self.quantity(of, depth)} * {self.quantity(NUMBER, depth - 1)})"
+            case 1:
+                return f"({self.quantity(of, depth)} / {self.quantity(NUMBER, depth - 1)})"
+            case 2 if of in (SPEED, TURN_RATE):
+                return f"({self.quantity(of.times(TIME), depth)} / {self.quantity(TIME, depth - 1)})"
+            case 2 if of in (LENGTH, ANGLE):
+                return f"({self.quantity(of.over(TIME), depth)} * {self.quantity(TIME, depth - 1)})"
+            case _:
+                return f"({self.quantity(NUMBER, depth - 1)} * {self.quantity(of, depth)})"
+
+    def _several(self, of: Dimension, depth: int) -> str:
+        """Functions of numbers of one dimension that give one of it."""
+        function = self.choices.one(
+            ("min", "max", "round", "sum", "abs", "clamp", "max", "ceil", "min", "mean", "sqrt", "floor")
+        )
+        count = {"abs": 1, "round": 1, "floor": 1, "ceil": 1, "clamp": 3}.get(function, 2)
+        arguments = [self.quantity(of, depth if i == 0 else depth - 1) for i in range(count)]
+        if function == "sqrt":
+            return f"sqrt({arguments[0]} * {arguments[1]})"
+        return f"{function}({', '.join(arguments)})"
+
+    def _choice(self, of: Dimension, depth: int) -> str:
+        one, other = self.quantity(of, depth), self.quantity(of, depth - 1)
+        if self.choices.rarely():
+            return f"value_or({one}, {other})"
+        return f"(if {self.bool(depth)} then {one} else {other})"
+
+    def _array_reduction(self, of: Dimension, depth: int) -> str:
+        arrays = self.arrays(Quantity(of))
+        which = self.choices.upto(3)
+        if arrays and which == 0:
+            return self._element(self.choices.one(arrays), depth)
+        function = self.choices.one(("min", "max", "sum", "mean"))
+        array = self.some_array(Quantity(of), depth)
+        if array is not None and which <= 2:
+            return f"{function}({array})"
+        return self._comprehension(function, Quantity(of), depth)
+
+    def _own(self, of: Dimension, depth: int) -> str:
+        """What only numbers, angles or times can be made from."""
+        if of == ANGLE:
+            d = self.dimension()
+            if self.choices.rarely(2):
+                return f"atan2({self.quantity(d, depth)}, {self.quantity(d, depth)})"
+            return f"angle_difference({self.quantity(ANGLE, depth)}, {self.quantity(ANGLE, depth)})"
+        if of == TIME:
+            return f"elapsed({self.bool(depth)})" if self.scope.memory else "now()"
+        if of != NUMBER:
+            return self._sum(of, depth)
+        match self.choices.upto(8):
+            case 8:
+                return f"round({self.quantity(NUMBER, depth)} + 0.5)"  # halves: where roundings differ
+            case 0 | 6:
+                array = self.some_array(BOOL, depth)
+                return self._comprehension("count", BOOL, depth) if array is None else f"count({array})"
+            case 1 | 7:
+                return self._index_function(depth)
+            case 2:
+                return f"{self.choices.one(('sin', 'cos'))}({self.quantity(ANGLE, depth)})"
+            case 3:
+                return f"sign({self.quantity(self.dimension(), depth)})"
+            case 4:
+                d = self.dimension()
+                return f"({self.quantity(d, depth)} / {self.quantity(d, depth - 1)})"
+            case _:
+                return f"count({self.bool(depth)}, {self.bool(depth - 1)})"
+
+    def _quantity_memory(self, of: Dimension, depth: int) -> str:
+        if self.choices.rarely(2):
+            return f"captured({self.quantity(of, depth)}, {self.key(depth)})"
+        return f"previous({self.quantity(of, depth)}, {self.quantity(of, 0)})"
+
+    # --- arrays ----------------------------------------------------------------------------------
+
+    def arrays(self, of: Scalar) -> list[NamedArray]:
+        return [
+            NamedArray(text=n.text, type=n.type)
+            for n in self.scope.names
+            if isinstance(n.type, Array) and n.type.element == of
+        ]
+
+    def some_array(self, of: Scalar, depth: int) -> str | None:
+        """An array of `of` of any length that can be made here."""
+        sizes = [n.type.size for n in self.scope.names if isinstance(n.type, Array)]
+        can = self.arrays(of) or (of == BOOL and sizes)
+        if not can:
+            return None
+        match self.choices.upto(3):
+            case 0 if self.arrays(of):
+                return self._slice(of)
+            case 1 if self.arrays(of):
+                return self._window(of, depth)
+            case _:
+                size = self.choices.one(sizes if of == BOOL else [n.type.size for n in self.arrays(of)])
+                return self.array(of, size, depth)
+
+    def _slice(self, of: Scalar) -> str:
+        one = self.choices.one(self.arrays(of))
+        last = one.type.size - 1
+        return f"{one.text}[{self.choices.upto(last)}..{self.choices.upto(last)}]"
+
+    def _window(self, of: Scalar, depth: int) -> str:
+        one = self.choices.one(self.arrays(of))
+        reach = self.choices.upto((one.type.size - 1) // 2)
+        return f"window({one.text}, {self.quantity(NUMBER, min(depth, 1))}, {reach})"
+
+    def array(self, of: Scalar, size: int, depth: int) -> str:
+        """An array of exactly `size` elements; there must be one of that size to start from."""
+        named = [n.text for n in self.scope.names if n.type == Array(of, size)]
+        if not named and isinstance(of, Bool):
+            return self._compared(size, depth)
+        assert named
+        if depth <= 0 or self.choices.rarely(2):
+            return self.choices.one(named)
+        return self._bool_array(size, depth - 1) if of == BOOL else self._number_array(of, size, depth - 1)
+
+    def _compared(self, size: int, depth: int) -> str:
+        """An array of bools from one of numbers, element by element."""
+        one = self.choices.one(
+            [n for n in self.scope.names if isinstance(n.type, Array) and n.type.size == size]
+        )
+        element = element_type(one.type)
+        if isinstance(element, Bool):
+            return one.text
+        if isinstance(element, Enum):
+            return f"({one.text} == {self.member(element)})"
+        assert isinstance(element, Quantity)
+        operator = self.choices.one(("<", ">=", "==", "!="))
+        compared = f"({one.text} {operator} {self.quantity(element.dimension, depth - 1)})"
+        if self.scope.memory and self.choices.rarely(2):
+            return self._bool_array_memory(compared, depth)
+        return compared
+
+    def _bool_array(self, size: int, depth: int) -> str:
+        one = self.array(BOOL, size, depth)
+        match self.choices.upto(4):
+            case 0:
+                return f"(not {one})"
+            case 1:
+                return f"({one} {self.choices.one(('and', 'or', 'implies', '!='))} {self.bool(depth)})"
+            case 2 if self.scope.memory:
+                return self._bool_array_memory(one, depth)
+            case 3:
+                return f"(if {self.bool(depth)} then {one} else {self.array(BOOL, size, depth - 1)})"
+            case _:
+                return f"value_or({one}, {self.bool(depth - 1)})"
+
+    def _bool_array_memory(self, one: str, depth: int) -> str:
+        match self.choices.upto(4):
+            case 0:
+                return f"held({one}, {self.duration()})"
+            case 1:
+                return f"{self.choices.one(('rising', 'falling', 'changed'))}({one})"
+            case 2:
+                return f"latch({one}, {self.bool(depth - 1)})"
+            case 3:
+                return f"previous({one}, {self.bool(0)})"
+            case _:
+                return f"captured({self.bool(depth - 1)}, {one})"
+
+    def _number_array(self, of: Scalar, size: int, depth: int) -> str:
+        if not isinstance(of, Quantity):
+            return self.array(of, size, 0)
+        one, other = self.array(of, size, depth), self.quantity(of.dimension, depth - 1)
+        match self.choices.upto(6):
+            case 0:
+                return f"({one} {self.choices.one(('+', '-'))} {other})"
+            case 1:
+                return f"({other} - {one})"
+            case 2:
+                return f"({one} * {self.quantity(NUMBER, depth - 1)})"
+            case 3:
+                return f"{self.choices.one(('abs', 'floor'))}({one})"
+            case 4 if self.scope.memory:
+                return f"previous({one}, {self.quantity(of.dimension, 0)})"
+            case 5 if self.scope.memory:
+                return f"captured({one}, {self.key(depth)})"
+            case _:
+                return f"(if {self.bool(depth)} then {one} else {other})"
+
+    def _index_function(self, depth: int) -> str:
+        """Where the least or greatest of some array of numbers stands; `now()` where there is none."""
+        have = [
+            e for n in self.scope.names if isinstance(e := element_type(n.type), Quantity) and e != n.type
+        ]
+        if not have:
+            return "(now() / 1 s)"
+        array = self.some_array(self.choices.one(have), depth)
+        return f"{self.choices.one(('index_of_min', 'index_of_max'))}({array})"
+
+    def _element(self, one: NamedArray, depth: int) -> str:
+        """An element by a constant index, or by one that is computed from something read."""
+        numbers = self.scope.of(PLAIN)
+        if numbers and self.choices.rarely(3):
+            return f"{one.text}[{self.choices.one(numbers)} + {self.quantity(NUMBER, depth - 1)}]"
+        if self.choices.rarely(2):
+            return f"{one.text}[{self._index_function(depth)} + {self.choices.upto(one.type.size)}]"
+        return f"{one.text}[{self.choices.upto(one.type.size - 1)}]"
+
+    def _comprehension(self, function: str, of: Scalar, depth: int) -> str:
+        if self.scope.loops >= 2:
+            return self.scalar(PLAIN if function == "count" else of, 0)
+        low = self.choices.between(-1, 1)
+        high = low + self.choices.between(-1, 2)
+        variable = f"k{self.scope.loops}"
+        inner = replace(self.scope, loops=self.scope.loops + 1).with_names(Named(text=variable, type=PLAIN))
+        writer = Expressions(self.choices, inner)
+        body = writer.scalar(of, depth)
+        condition = f" if {writer.bool(depth - 1)}" if self.choices.rarely(2) else ""
+        return f"{function}({body} for {variable} in {low} .. {high}{condition})"
+
+    # --- parts -----------------------------------------------------------------------------------
+
+    def duration(self) -> str:
+        return f"{self.choices.one(DURATIONS_MS)} ms"
+
+    def key(self, depth: int) -> str:
+        """What `captured` waits for to change."""
+        return self.scalar(self.any_scalar(), depth - 1)

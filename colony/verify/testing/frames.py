@@ -1,0 +1,159 @@
+"""Frames for a program: sensor readings near what it compares with, and times near what it waits for."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+from colony.ir import expression as ir
+from colony.ir.frame import Frame
+from colony.ir.program import Chain, Let, Machine, Module, Program, PythonModule, State, Wiring
+from colony.ir.types import Quantity
+from colony.text.units import TIME
+from colony.verify.testing.drawing import Choices
+from colony.verify.testing.example_frames import frames_of
+from colony.verify.testing.readings import Thresholds, draw_reading, thresholds_among
+
+
+def draw_frame(choices: Choices, program: Program, t_ns: int) -> Frame:
+    """See `colony.verify.testing.strategies.frames`."""
+    thresholds = thresholds_of(program)
+    return Frame(t_ns, {s.name: draw_reading(choices, s, thresholds) for s in program.robot.sensors})
+
+
+def draw_trace(choices: Choices, program: Program, max_frames: int) -> tuple[Frame, ...]:
+    """See `colony.verify.testing.strategies.traces`."""
+    thresholds = thresholds_of(program)
+    # A few readings a sensor, met again and again: memory shows only where values come back. In a calm trace
+    # most sensors stand still: what needs several conditions at once is met only there.
+    # Sensors that nothing reads matter only for what is recorded of them.
+    calm, read = choices.rarely(3), sensors_read(program)
+    pools = {}
+    for s in program.robot.sensors:
+        still = s.name not in read or (calm and not choices.rarely(4))
+        count = 1 if still else choices.several(1, 4)
+        pools[s.name] = [draw_reading(choices, s, thresholds) for _ in range(count)]
+    gaps = gaps_of(program)
+    frames = [*_written(choices, program, max_frames)]
+    t_ns = frames[-1].t_ns + choices.one(gaps) if frames else choices.one((0, 1_000_000_000, 1, -50_000_001))
+    while not frames or (len(frames) < max_frames and choices.upto(14) > 0):
+        frames.append(Frame(t_ns, {name: choices.one(pool) for name, pool in pools.items()}))
+        t_ns += choices.one(gaps)
+    return tuple(frames)
+
+
+def _written(choices: Choices, program: Program, max_frames: int) -> tuple[Frame, ...]:
+    """Now and then, how a test of the program begins: to a place where people found it worth to look."""
+    if not program.tests or not choices.rarely(3):
+        return ()
+    written = frames_of(program, choices.one(program.tests))
+    return written[: choices.upto(min(len(written), max_frames - 1))]
+
+
+def thresholds_of(program: Program) -> Thresholds:
+    """The numbers that the program's expressions name, by dimension."""
+    return thresholds_among(node for root in expressions_of(program) for node in _walk(root))
+
+
+def sensors_read(program: Program) -> frozenset[str]:
+    """The sensors that some expression or module in Python reads."""
+    found: set[str] = set()
+    for root in expressions_of(program):
+        for node in _walk(root):
+            match node:
+                case ir.SensorValue(name=name) | ir.Fresh(name=name, derived=False):
+                    found.add(name)
+                case _:
+                    pass
+    return frozenset(found)
+
+
+# --- times ---------------------------------------------------------------------------------------
+
+
+def gaps_of(program: Program) -> list[int]:
+    """Times between frames: a frame, a few, and whatever the program waits for, to the nanosecond."""
+    frame = program.robot.frame_ns
+    gaps = {frame: None, 2 * frame: None, 3 * frame: None, 1: None}
+    for duration in (*durations_of(program), *_times_compared(program)):
+        for gap in (duration, duration - 1, duration + 1, duration - frame):
+            if gap > 0:
+                gaps[gap] = None
+    return list(gaps)
+
+
+def durations_of(program: Program) -> list[int]:
+    """The durations that the program measures, in nanoseconds, each once."""
+    found: dict[int, None] = {}
+    for wire in program.wires:
+        for window_ns in _windows(wire.wiring):
+            found[window_ns] = None
+    for root in expressions_of(program):
+        for node in _walk(root):
+            if isinstance(node, ir.MemoryCall):
+                found[node.duration_ns] = None
+    for module in program.modules:
+        if isinstance(module, PythonModule) and module.rate_ns is not None:
+            found[module.rate_ns] = None
+    found.pop(0, None)
+    return list(found)
+
+
+def _times_compared(program: Program) -> list[int]:
+    """What `elapsed` and `now` may be compared with, in nanoseconds, the first few."""
+    found: dict[int, None] = {}
+    for root in expressions_of(program):
+        for node in _walk(root):
+            match node:
+                case ir.Constant(type=Quantity(dimension=dimension), value=float(seconds)):
+                    if dimension == TIME and 0 < seconds < _LONGEST_S:
+                        found[round(seconds * 1e9)] = None
+                case _:
+                    pass
+    return list(found)[:8]
+
+
+_LONGEST_S = 86_400.0
+"""Longer ones are no waiting times."""
+
+
+def _windows(wiring: Wiring) -> Iterator[int]:
+    if isinstance(wiring, Chain):
+        yield from wiring.windows_ns
+        for operand in wiring.operands:
+            yield from _windows(operand)
+
+
+# --- the program's expressions -------------------------------------------------------------------
+
+
+def expressions_of(program: Program) -> Iterator[ir.Expression]:
+    """All expressions of a program that are evaluated every frame."""
+    for derived in program.derived:
+        match derived:
+            case Let(expression=expression):
+                yield expression
+            case State(next=following) if following is not None:
+                yield following
+            case Machine(transitions=transitions):
+                yield from (t.condition for t in transitions)
+            case _:
+                pass
+    for module in program.modules:
+        if isinstance(module, Module):
+            yield from (let.expression for let in module.lets)
+            yield module.when
+            yield from module.command.fields if module.command else ()
+            yield from (s.next for s in module.states if s.next is not None)
+        else:
+            yield from (r.expression for r in module.reads)
+    for limit in program.limits:
+        yield limit.bound
+        if limit.condition is not None:
+            yield limit.condition
+    yield from (contract.expression for contract in program.contracts)
+
+
+def _walk(root: ir.Expression) -> Iterator[ir.Expression]:
+    yield root
+    for child in ir.children(root):
+        yield from _walk(child)

@@ -1,0 +1,325 @@
+"""Whole programs as source text: a robot, derived values, modules, wiring, limits and contracts.
+
+Declarations are drawn in an order in which each may read those before it, and written in that order.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+from colony.ir.types import BOOL, PLAIN, Array, Enum, Quantity, Scalar, Type
+from colony.text.units import ANGLE, LENGTH, NUMBER, TIME, Dimension
+from colony.verify.testing.drawing import Choices
+from colony.verify.testing.expressions import Expressions
+from colony.verify.testing.networks import Port, Wirings, draw_wires, wiring_text
+from colony.verify.testing.scope import LITERALS, SPEED, TURN_RATE, Named, Scope
+
+MOOD = Enum("mood", (("calm", 0.0), ("alert", 67.0), ("lost", -2.5)))
+WORDS = ("resting", "going", "stuck")
+
+UNITS: dict[Dimension, tuple[str, ...]] = {
+    NUMBER: ("number",),
+    LENGTH: ("mm", "m", "cm", "inch"),
+    TIME: ("s", "ms"),
+    ANGLE: ("deg", "rad"),
+}
+
+WINDOWS_NS = (0, 0, 100_000_000, 50_000_000, 150_000_000)
+
+
+def draw_text(choices: Choices, python: bool) -> str:
+    """See `colony.verify.testing.strategies.texts`."""
+    return _Text(choices, python).program()
+
+
+Constants = dict[Dimension, tuple[str, ...]]
+
+
+def _more(constants: Constants, dimension: Dimension, name: str) -> Constants:
+    """`constants` with one more param."""
+    return {**constants, dimension: (*constants.get(dimension, ()), name)}
+
+
+class _Text:
+    """A program being written. Mutable: its lines, and what may be read so far."""
+
+    def __init__(self, choices: Choices, python: bool) -> None:
+        self.choices = choices
+        self.python = python
+        self.lines: list[str] = []
+        self.scope = Scope(enums=(MOOD,))
+        self.light = False
+        self.probes = choices.several(0, 2)
+        self.seen: list[Quantity] = []  # what the probes send
+        self.ports: list[Port] = []
+        self.parts: list[Named] = []  # `module.name`, for contracts
+        self.params: Constants = {}
+        self.own_params: dict[str, Dimension] = {}  # `module.name`
+
+    def program(self) -> str:
+        self.robot()
+        self.file_level()
+        for i in range(self.choices.several(1, 4)):
+            self.module(i)
+        self.variations()
+        self.watches()
+        wires = self.network()
+        self.limits()
+        self.contracts(wires)
+        return "\n".join(self.lines) + "\n"
+
+    def add(self, line: str) -> None:
+        self.lines.append(line)
+
+    def write(self, of: Type, depth: int, scope: Scope | None = None) -> str:
+        return Expressions(self.choices, scope or self.scope).any_value(of, depth)
+
+    def readable(self, text: str, type_: Type, fresh: bool = False) -> None:
+        self.scope = self.scope.with_names(Named(text=text, type=type_, fresh=fresh))
+
+    # --- the robot -------------------------------------------------------------------------------
+
+    def robot(self) -> None:
+        self.add("enum mood { calm = 0, alert = 67, lost = -2.5 }")
+        self.add("robot drawn {")
+        self.add(f"  frame {self.choices.one(('50', '100', '20'))} ms")
+        self.add("  sensor b0 : bool from DServer.b0")
+        self.readable("b0", BOOL, fresh=True)
+        for i in range(self.choices.several(0, 4)):
+            self.sensor(f"d{i}")
+        velocity = self.choices.one(("mm/s", "m/s", "ft/s"))
+        turn = self.choices.one(("deg/s", "rad/s", "rad/min"))
+        fields = f"velocity : {velocity}{self.range(4)}, turn : {turn}{self.range(2)}"
+        self.add(f"  actuator drive {{ {fields} }}")
+        moving = "range" not in fields and self.choices.rarely(2)
+        idle = "velocity = -10 mm/s, turn = 1 rad/s" if moving else "velocity = 0, turn = 0"
+        self.add(f"    to RServer.drive idle drive({idle}){self.on_loss()}")
+        self.light = self.choices.rarely(2)
+        if self.light:
+            self.add(f"  actuator light {{ level : number{self.range(3)}, on : bool, mood : mood }}")
+            idle = self.choices.one(("light(level = 1, on = false, mood = mood.lost)", "hold"))
+            self.add(f"    to DServer.Light idle {idle}{self.on_loss()}")
+        for i in range(self.probes):
+            dimension = self.choices.one([*UNITS])
+            unit = self.choices.one(UNITS[dimension])
+            self.add(f"  actuator probe{i} {{ seen : {unit} }} to DServer.Probe{i} idle hold")
+            self.seen.append(Quantity(dimension))
+        self.add("}")
+
+    def range(self, most: int) -> str:
+        """A range in the declared unit, or none."""
+        if not self.choices.rarely(2):
+            return ""
+        return f" range {self.choices.one(('-1', '0', '-0.5'))} .. {self.choices.between(1, most)}"
+
+    def on_loss(self) -> str:
+        return self.choices.one(("", " on_loss stop", " on_loss degrade"))
+
+    def sensor(self, name: str) -> None:
+        kind = self.choices.upto(6)
+        scalar: Scalar
+        if kind <= 2:
+            scalar, unit = BOOL, "bool"
+        elif kind == 6:
+            scalar, unit = MOOD, "mood"
+        else:
+            dimension = self.choices.one([*UNITS])
+            scalar, unit = Quantity(dimension), self.choices.one(UNITS[dimension])
+        size = self.choices.between(1, 5) if self.choices.rarely(2) else 0
+        extra = self.range(9) if isinstance(scalar, Quantity) else ""
+        if self.choices.rarely(3):
+            default = {"bool": "true", "mood": "mood.alert"}.get(unit, "1")
+            extra += f" default {default}"
+        shape = f"[{size}]" if size else ""
+        within = self.choices.one(("", " within 300 ms"))
+        self.add(f"  sensor {name}{shape} : {unit}{extra} from DServer.{name}{within}")
+        self.readable(name, Array(scalar, size) if size else scalar, fresh=True)
+
+    # --- derived values --------------------------------------------------------------------------
+
+    def file_level(self) -> None:
+        """Params, states, lets and a machine, each reading those above it."""
+        for i in range(self.choices.upto(1)):
+            self.param(f"c{i}", "")
+        states = []
+        for i in range(self.choices.upto(2)):
+            scalar = Expressions(self.choices, self.scope).any_scalar()
+            self.add(self.state(f"s{i}", scalar))
+            self.readable(f"s{i}", scalar)
+            states.append((f"s{i}", scalar))
+        self.lets(0, self.choices.upto(2))
+        if self.choices.rarely():
+            self.machine()
+        self.lets(2, self.choices.upto(1))
+        for name, scalar in states:
+            if not self.choices.rarely(5):
+                self.add(f"next {name} = {self.write(scalar, 2)}")
+
+    def param(self, name: str, indent: str) -> tuple[str, Dimension]:
+        dimension = self.choices.one([*LITERALS])
+        self.add(f"{indent}param {name} = {Expressions(self.choices, self.scope).literal(dimension)}")
+        if not indent:
+            self.params = _more(self.params, dimension, name)
+            self.scope = replace(self.scope, constants=self.params)
+        return name, dimension
+
+    def state(self, name: str, of: Scalar) -> str:
+        """A state's declaration; its type is written, or shows in its constant."""
+        if isinstance(of, Quantity):
+            declared = {SPEED: "mm/s", TURN_RATE: "deg/s"}.get(of.dimension) or UNITS[of.dimension][0]
+            initial = Expressions(self.choices, Scope()).literal(of.dimension)
+        else:
+            declared = "bool" if of == BOOL else str(of)
+            initial = "false" if of == BOOL else f"{of}.calm"
+        typed = f" : {declared}" if self.choices.rarely(2) else ""
+        return f"state {name}{typed} = {initial}"
+
+    def lets(self, first: int, count: int) -> None:
+        for i in range(first, first + count):
+            type_ = self.some_type()
+            self.add(f"let g{i} = {self.write(type_, 3)}")
+            self.readable(f"g{i}", type_, fresh=True)
+
+    def some_type(self) -> Type:
+        """Mostly a scalar type; else the type of an array that there is."""
+        arrays = [n.type for n in self.scope.names if isinstance(n.type, Array)]
+        if arrays and self.choices.rarely(3):
+            return self.choices.one(arrays)
+        return Expressions(self.choices, self.scope).any_scalar()
+
+    def machine(self) -> None:
+        phases = WORDS[: self.choices.between(2, 3)]
+        transitions = []
+        # Each phase is led to once, at least: one that nothing names does not exist.
+        for target in (*phases[1:], *(self.choices.one(phases) for _ in range(self.choices.upto(2)))):
+            sources = [p for p in phases if p != target]
+            source = "any" if self.choices.rarely() else self.choices.one(sources)
+            transitions.append(f"  {source} -> {target} when {self.write(BOOL, 2)}")
+        self.add(f"machine phase {{\n  start {phases[0]}")
+        self.lines.extend(transitions)
+        self.add("}")
+        members = tuple((p, float(i)) for i, p in enumerate(phases))
+        self.readable("phase", Enum("phase", members, "machine"))
+
+    # --- modules ---------------------------------------------------------------------------------
+
+    def module(self, i: int) -> None:
+        if self.python and i > 0 and self.choices.rarely(6):
+            self.python_module(f"m{i}")
+            return
+        name, outer = f"m{i}", self.scope
+        actuator = self.choices.one(("drive", "drive", *(["light"] * self.light), None)) if i else "drive"
+        self.add(f"module {name} {{")
+        members: list[Named] = []
+        if self.choices.rarely():
+            param, dimension = self.param("gain", "  ")
+            self.scope = replace(self.scope, constants=_more(self.params, dimension, param))
+            self.own_params[f"{name}.gain"] = dimension
+        members += self.own_memory(name)
+        self.add(f"  when {self.write(BOOL, self.choices.one((3, 0)))}")
+        if actuator is not None:
+            self.add(f"  do {self.command(actuator)}")
+        self.add("}")
+        self.scope = outer
+        self.parts += members
+        self.ports.append(Port(name=name, actuators=frozenset({actuator})))
+
+    def own_memory(self, name: str) -> list[Named]:
+        """Lets and a state of a module; their names hide one another's across modules, on purpose."""
+        members: list[Named] = []
+        for i in range(self.choices.upto(2)):
+            type_ = self.some_type()
+            self.add(f"  let x{i} = {self.write(type_, 2)}")
+            self.readable(f"x{i}", type_)
+            members.append(Named(text=f"{name}.x{i}", type=type_))
+        if self.choices.rarely():
+            scalar = Expressions(self.choices, self.scope).any_scalar()
+            self.add(f"  {self.state('y', scalar)}")
+            self.readable("y", scalar)
+            members.append(Named(text=f"{name}.y", type=scalar))
+            self.add(f"  next y = {self.write(scalar, 2)}")
+        return members
+
+    def command(self, actuator: str) -> str:
+        if actuator == "drive":
+            velocity, turn = self.write(Quantity(SPEED), 2), self.write(Quantity(TURN_RATE), 2)
+            return f"drive(velocity = {velocity}, turn = {turn})"
+        level, on, mood = self.write(PLAIN, 2), self.write(BOOL, 1), self.write(MOOD, 1)
+        return f"light(mood = {mood}, level = {level}, on = {on})"
+
+    def python_module(self, name: str) -> None:
+        self.add(f'module {name} from python "colony.verify.testing.python_modules:Moody" {{')
+        self.add(f"  param seed = {self.choices.upto(7)}")
+        reads = list(dict.fromkeys(self.choices.one(self.scope.names).text for _ in range(2)))
+        self.add(f"  reads {', '.join(reads)}")
+        self.add("  commands drive")
+        if self.choices.rarely(2):
+            self.add(f"  rate {self.choices.one((100, 50, 120))} ms")
+        self.add("}")
+        self.ports.append(Port(name=name, actuators=frozenset({"drive"})))
+
+    def variations(self) -> None:
+        """A module declared from another, sometimes with its param set anew."""
+        originals = [i for i, line in enumerate(self.lines) if line.startswith("module m") and "{" in line]
+        for start in originals[:1]:
+            if not self.choices.rarely() or "python" in self.lines[start]:
+                continue
+            name = self.lines[start].split()[1]
+            dimension = self.own_params.get(f"{name}.gain")
+            anew = ""
+            if dimension is not None:
+                anew = f"(gain = {Expressions(self.choices, self.scope).literal(dimension)})"
+            self.add(f"module other = {name}{anew}")
+            actuators = next(p.actuators for p in self.ports if p.name == name)
+            self.ports.append(Port(name="other", actuators=actuators))
+
+    def watches(self) -> None:
+        """Modules that show values as they are, bit for bit; elsewhere most only decide something."""
+        for i, of in enumerate(self.seen):
+            self.add(f"module watch{i} {{\n  when true\n  do probe{i}(seen = {self.write(of, 3)})\n}}")
+
+    # --- network, limits, contracts --------------------------------------------------------------
+
+    def network(self) -> list[str]:
+        """The wiring, in the order drawn or the reverse; the names of its wires."""
+        actuators = ["drive", *(["light"] * self.light)]
+        wirings = Wirings(self.choices, self.ports, WINDOWS_NS)
+        wires = draw_wires(wirings, actuators, 3, 2)
+        lines = [f"  {wire.name} = {wiring_text(wire.wiring)}" for wire in wires]
+        lines += [f"  probe{i} = watch{i}" for i in range(self.probes)]
+        if self.choices.rarely(2):
+            lines.reverse()
+        self.lines += ["network {", *lines, "}"]
+        return [wire.name for wire in wires if wire.actuator is None]
+
+    def limits(self) -> None:
+        fields = [("velocity", SPEED), ("turn", TURN_RATE), ("velocity", SPEED)]
+        for _ in range(self.choices.upto(2)):
+            field, dimension = self.choices.one(fields)
+            bound, relation = self.write(Quantity(dimension), 2), self.choices.one(("<=", ">="))
+            condition = f" when {self.write(BOOL, 2)}" if self.choices.rarely(2) else ""
+            self.add(f"limit drive.{field} {relation} {bound}{condition}")
+
+    def contracts(self, wires: Sequence[str]) -> None:
+        if not (count := self.choices.upto(3)):
+            return
+        modules = [p.name for p in self.ports]
+        promises = [f"({name} is active)" for name in (*modules, *wires)]
+        for port in self.ports:
+            promises += [f"({actuator} by {port.name})" for actuator in port.actuators if actuator]
+        for actuator in ("drive", *(["light"] * self.light)):
+            promises += [f"({actuator} is commanded)", f"({actuator} is idle)"]
+        names = [*self.parts, Named(text="drive.velocity", type=Quantity(SPEED))]
+        names.append(Named(text="drive.turn", type=Quantity(TURN_RATE)))
+        if self.light:
+            names += [Named(text="light.on", type=BOOL), Named(text="light.mood", type=MOOD)]
+            names.append(Named(text="light.level", type=PLAIN))
+        constants = self.params
+        for name, dimension in self.own_params.items():
+            constants = _more(constants, dimension, name)
+        scope = Scope(
+            names=(*self.scope.names, *names), enums=(MOOD,), promises=tuple(promises), constants=constants
+        )
+        for i in range(count):
+            self.add(f"contract k{i}: {self.write(BOOL, 3, scope)}")

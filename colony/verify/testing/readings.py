@@ -1,0 +1,128 @@
+"""Readings for a sensor: at, beside and between what a program compares it with, and wrong in many ways."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Mapping
+from itertools import pairwise
+from typing import assert_never
+
+from colony.ir import expression as ir
+from colony.ir.frame import Reading
+from colony.ir.program import Sensor
+from colony.ir.types import Array, Bool, Enum, Quantity, Scalar, ScalarValue, element_type
+from colony.text.units import Dimension
+from colony.verify.testing.drawing import Choices
+
+ODD_READINGS: tuple[Reading, ...] = (
+    None,
+    math.nan,
+    math.inf,
+    -math.inf,
+    True,
+    1e300,
+    10**400,
+    "high",  # type: ignore[assignment]  # a faulty server sends anything
+    (),
+    (1.0, math.nan),
+    3,
+)
+"""Readings that are wrong for most sensors, each in its way."""
+
+PLAIN_NUMBERS = (0.0, 1.0, 2, -1, -0.0, 2.5, 100.0, 0.5, -7.25, 1e12)
+"""In declared units, for any sensor."""
+
+Thresholds = Mapping[Dimension, tuple[float, ...]]
+"""Numbers of each dimension, in base units, sorted."""
+
+_MOST_THRESHOLDS = 40
+
+
+def thresholds_among(nodes: Iterable[ir.Expression]) -> Thresholds:
+    """The finite constants among expressions, by dimension, the first few of each."""
+    found: dict[Dimension, dict[float, None]] = {}
+    for node in nodes:
+        match node:
+            case ir.UnaryOperation(operator=ir.Unary.NEGATE, operand=ir.Constant() as constant):
+                sign = -1.0
+            case ir.Constant() as constant:
+                sign = 1.0
+            case _:
+                continue
+        of = element_type(constant.type)
+        if isinstance(of, Quantity):
+            for value in constant.value if isinstance(constant.value, tuple) else (constant.value,):
+                if math.isfinite(value):
+                    found.setdefault(of.dimension, {})[sign * value] = None
+    return {dimension: tuple(sorted([*of][:_MOST_THRESHOLDS])) for dimension, of in found.items()}
+
+
+def draw_reading(choices: Choices, sensor: Sensor, thresholds: Thresholds) -> Reading:
+    """A reading of a sensor in its declared unit; now and then it is missing, or one that cannot be."""
+    if choices.rarely(16):
+        return None
+    if choices.rarely(20):
+        return choices.one(ODD_READINGS)
+    if not isinstance(sensor.type, Array):
+        return _scalar(choices, sensor.type, sensor, thresholds)
+    size = sensor.type.size
+    if choices.rarely(30):
+        size = max(0, size + choices.one((1, -1)))
+    elements = _elements(choices, sensor.type.element, size, sensor, thresholds)
+    return tuple(elements) if choices.rarely(2) else elements
+
+
+def _elements(
+    choices: Choices, of: Scalar, size: int, sensor: Sensor, thresholds: Thresholds
+) -> list[ScalarValue | int]:
+    """All alike; alike but for a run of them, which may go round the end; or of a few values, or of many.
+
+    A program asks for the least of a region, or how many are near: elements that have nothing to do with each
+    other would give it the same answer every time.
+    """
+
+    def draw() -> ScalarValue | int:
+        return _scalar(choices, of, sensor, thresholds)
+
+    kind = choices.upto(5)
+    if kind >= 5:
+        return [draw() for _ in range(size)]
+    values = [draw()] * size
+    if kind == 4:
+        few = [draw() for _ in range(choices.between(2, 4))]
+        return [choices.one(few) for _ in range(size)]
+    for _ in range((0, 1, 1, 2)[kind] if size else 0):
+        other, first, length = draw(), choices.upto(size - 1), choices.between(1, max(1, size // 2))
+        for i in range(first, first + length):
+            values[i % size] = other
+    return values
+
+
+def _scalar(choices: Choices, of: Scalar, sensor: Sensor, thresholds: Thresholds) -> ScalarValue | int:
+    match of:
+        case Bool():
+            return choices.upto(1) == 1
+        case Enum(members=members):
+            value = choices.one(members)[1]
+            return int(value) if value.is_integer() and choices.rarely(3) else value
+        case Quantity(dimension=dimension):
+            if choices.rarely(4):
+                return choices.one(PLAIN_NUMBERS)
+            bounds = [x for x in (sensor.low, sensor.high) if x is not None]
+            numbers = sorted({*thresholds.get(dimension, ()), *bounds})
+            return _number(choices, numbers) / sensor.factor if numbers else choices.one(PLAIN_NUMBERS)
+        case _:
+            assert_never(of)
+
+
+def _number(choices: Choices, numbers: list[float]) -> float:
+    """At one of some numbers, between two neighbors, beyond them, or as near to one as a float can be."""
+    between = [a + (b - a) / 2 for a, b in pairwise(numbers)]
+    beyond = [numbers[-1] * 2 + 1, numbers[0] - abs(numbers[0]) - 1]
+    match choices.upto(4):
+        case 0 | 1:
+            return choices.one((*between, *beyond))
+        case 2 | 3:
+            return choices.one(numbers)
+        case _:
+            return math.nextafter(choices.one(numbers), choices.one((math.inf, -math.inf)))

@@ -1,0 +1,114 @@
+"""Hypothesis strategies for behaviors and what happens to them, to property-test one's own with.
+
+    from hypothesis import given
+    from colony.dsl.load import load_file
+    from colony.verify.reference.interpreter import Interpreter
+    from colony.verify.testing.strategies import traces
+
+    wander = load_file("wander.colony")
+
+    @given(traces(wander))
+    def test_never_rams(trace):
+        interpreter = Interpreter(wander)
+        for frame in trace:
+            assert "never_ram" not in interpreter.step(frame).breaches
+
+What is drawn is valid by construction, shrinks towards small programs, short traces and ordinary readings,
+and holds what goes wrong in practice: missing and faulty sensors, times a nanosecond off, NaN, sharing.
+"""
+
+from __future__ import annotations
+
+from random import Random
+
+from hypothesis import strategies as st
+
+from colony.ir.frame import Frame
+from colony.ir.program import Program
+from colony.verify.testing.drawing import Choices
+from colony.verify.testing.frames import draw_frame, draw_trace
+from colony.verify.testing.networks import draw_network
+from colony.verify.testing.program_text import draw_text
+
+
+def choices() -> st.SearchStrategy[Choices]:
+    """Choices that hypothesis makes and shrinks."""
+    return st.randoms(use_true_random=False, note_method_calls=False).map(Choices)
+
+
+Run = tuple[Program, tuple[Frame, ...]]
+"""A program, and frames for it."""
+
+
+def networks(*, max_modules: int = 6, max_wires: int = 5) -> st.SearchStrategy[Program]:
+    """Programs that are all network: any wiring of modules that are applicable as their sensors say.
+
+    Module `m<i>` is applicable where the bool sensor `p<i>` is true, and silent where that is missing; so a
+    trace can drive any pattern of activity. Wirings are directed acyclic graphs over one or two actuators,
+    with shared wires, inhibitors of suppressors of inhibitors, and time constants. The contract
+    `<name>_is_silent` of each module and wire is broken where it is active.
+    """
+    return choices().map(lambda c: draw_network(c, max_modules, max_wires))
+
+
+def texts(*, python: bool = True) -> st.SearchStrategy[str]:
+    """Source texts of valid programs that use all of the language but imports and tests.
+
+    With `python`, some modules are written in Python.
+    """
+    return choices().map(lambda c: draw_text(c, python))
+
+
+def programs(*, python: bool = True) -> st.SearchStrategy[Program]:
+    """Programs as the front end makes them of `texts`.
+
+    Raises:
+        Failure: while drawing, if the front end refuses a text; that is a bug in one of the two.
+    """
+    from colony.dsl.load import load_text  # lark is loaded only where texts are parsed
+
+    return texts(python=python).map(load_text)
+
+
+def frames(program: Program, *, t_ns: int = 0) -> st.SearchStrategy[Frame]:
+    """One frame of `program` at `t_ns`, in declared units: readings near its numbers, wrong, or missing."""
+    return choices().map(lambda c: draw_frame(c, program, t_ns))
+
+
+def traces(program: Program, *, max_frames: int = 8) -> st.SearchStrategy[tuple[Frame, ...]]:
+    """Up to `max_frames` frames of `program`, at least one, in declared units.
+
+    Times rise by frames and by the durations that the program waits for, exactly or a nanosecond off.
+    Readings are at, between and a float beside the numbers that the program names; they come back, go
+    missing, and are of the wrong type, length or range. Arrays are mostly alike but for some elements in a
+    row. Some traces begin as a test of the program does.
+    """
+    return choices().map(lambda c: draw_trace(c, program, max_frames))
+
+
+def network_runs(*, max_modules: int = 6, max_wires: int = 5, max_frames: int = 8) -> st.SearchStrategy[Run]:
+    """A network with a trace. More varied than `networks().flatmap(traces)`: drawn as one."""
+    return choices().map(lambda c: _network_run(c, max_modules, max_wires, max_frames))
+
+
+def runs(*, python: bool = True, max_frames: int = 8) -> st.SearchStrategy[Run]:
+    """A program with a trace. More varied than `programs().flatmap(traces)`: drawn as one."""
+    return choices().map(lambda c: _run(c, python, max_frames))
+
+
+def run_of_seed(seed: int, *, network: bool = False, max_frames: int = 8) -> Run:
+    """What `runs` (or `network_runs`) may draw, always the same for a seed, without hypothesis."""
+    c = Choices(Random(seed))
+    return _network_run(c, 6, 5, max_frames) if network else _run(c, True, max_frames)
+
+
+def _network_run(c: Choices, max_modules: int, max_wires: int, max_frames: int) -> Run:
+    program = draw_network(c, max_modules, max_wires)
+    return program, draw_trace(c, program, max_frames)
+
+
+def _run(c: Choices, python: bool, max_frames: int) -> Run:
+    from colony.dsl.load import load_text
+
+    program = load_text(draw_text(c, python))
+    return program, draw_trace(c, program, max_frames)

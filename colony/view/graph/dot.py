@@ -1,0 +1,48 @@
+"""The picture of a network for Graphviz."""
+
+from __future__ import annotations
+
+from colony.compile.backends.guard_text import duration_text
+from colony.compile.network import Inhibitor, ModuleLeaf, Network, Suppressor
+
+_HEAD = """  rankdir=LR; fontname="Helvetica"; ranksep=0.5; nodesep=0.3;
+  node [fontname="Helvetica", fontsize=12];
+  edge [color="#6b7c8d", arrowsize=0.6];"""
+
+
+def to_dot(network: Network, title: str = "") -> str:
+    """A DOT digraph: dominant wires enter their node from above, inferior ones from the left."""
+    lines = ["digraph network {", _HEAD]
+    if title:
+        lines.append(f"  label={_quoted(title)}; labelloc=t;")
+    names: dict[int, list[str]] = {}
+    for name, at in network.wires:
+        names.setdefault(at, []).append(name)
+    for at, node in enumerate(network.nodes):
+        match node:
+            case ModuleLeaf(module=module):
+                lines.append(f"  n{at} [shape=box, style=rounded, label={_quoted(module)}];")
+            case Suppressor() | Inhibitor():
+                lines += _joint(at, node, names.get(at, []))
+    for i, (actuator, at) in enumerate(network.outputs):
+        style = 'shape=cds, style=filled, fillcolor="#22384f", fontcolor=white'
+        lines += [f"  a{i} [{style}, label={_quoted(actuator)}];", f"  n{at} -> a{i};"]
+    return "\n".join([*lines, "}"]) + "\n"
+
+
+def _joint(at: int, node: Suppressor | Inhibitor, names: list[str]) -> list[str]:
+    suppressor = isinstance(node, Suppressor)
+    letter, color, fill = ("S", "#1f6fb2", "#dcecfa") if suppressor else ("I", "#b8352a", "#fbe3e0")
+    beside = [*names, *([duration_text(node.window_ns)] if node.window_ns else [])]
+    beside_text = f", xlabel={_quoted(', '.join(beside))}" if beside else ""
+    look = f'shape=circle, width=0.35, fixedsize=true, style=filled, color="{color}", fillcolor="{fill}"'
+    return [
+        f'  n{at} [{look}, label="{letter}"{beside_text}];',
+        f'  n{node.dominant} -> n{at}:n [color="{color}"];',
+        f"  n{node.inferior} -> n{at}:w;",
+    ]
+
+
+def _quoted(text: str) -> str:
+    escaped = text.replace("\\", "\\\\").replace('"', '\\"')
+    return f'"{escaped}"'

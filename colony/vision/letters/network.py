@@ -1,0 +1,188 @@
+"""The network that reads characters: a small convolutional one, which tells for each of 32 columns of a strip
+how probable each character is there, or none.
+
+Three convolutions of 3 by 3, each followed by a rectification and the first two by pooling; then one over the
+whole height, one along the columns, and a linear layer to the classes. Characters are seen from near; whether
+the strip as a whole is a plate is told by a head of its own: a hidden layer over all columns. The weights are
+learned by `python -m colony.vision.training` and stored as 8-bit integers with a scale for each channel.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cache
+from importlib import resources
+from itertools import pairwise
+from typing import NamedTuple
+
+import numpy as np
+import numpy.typing as npt
+
+from colony.nav.maps.signs import CHARACTERS
+
+Floats = npt.NDArray[np.float32]
+
+CLASSES = len(CHARACTERS) + 1
+BLANK = len(CHARACTERS)
+"""The class of a column that has no character of its own: before, between and after them."""
+
+FRAMES = 32
+"""For how many columns the network tells classes: one for two columns of the strip."""
+
+HEAD_AFTER = 4
+"""After how many convolutions the head begins."""
+
+HEAD_POOL = (1, 4)
+"""How many rows and columns are pooled before it."""
+
+POOLS = ((2, 2), (2, 1), (1, 1), (1, 1), (1, 1))
+"""How many rows and columns are pooled after each convolution."""
+
+PADS = ((1, 1), (1, 1), (1, 1), (0, 1), (0, 1))
+"""How many rows and columns of zeros are added on each side before each convolution."""
+
+WEIGHTS_FILE = "letters.npz"
+
+
+@dataclass(frozen=True, slots=True)
+class Layer:
+    """A convolution: `kernel` is (rows, columns, channels in, channels out), `bias` (channels out)."""
+
+    kernel: Floats
+    bias: Floats
+
+
+class Look(NamedTuple):
+    """What the network tells of a strip.
+
+    Attributes:
+        log_probabilities: of each class at each column, (32, 37), if the strip is a plate.
+        plate: the logarithm of how much more probable it is that it is one than not.
+    """
+
+    log_probabilities: Floats
+    plate: float
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Network:
+    """The network.
+
+    Attributes:
+        layers: the last of which is linear and gives the classes.
+        head: the hidden layer, and the linear one that tells whether it is a plate.
+        sharpness, trust: by what the logarithms of a text's probability, and of its prior, are multiplied so
+            that readings are right as often as they say.
+        facts: how it was trained, in words: seed, steps, fonts, accuracies.
+    """
+
+    layers: tuple[Layer, ...]
+    head: tuple[Layer, Layer]
+    sharpness: float
+    trust: float
+    facts: str
+
+    def look(self, strip: Floats) -> Look:
+        """What it tells of a strip, (24, 64)."""
+        x, plate = strip[:, :, None], 0.0
+        for i, (pad, pool) in enumerate(zip(PADS, POOLS, strict=True), 1):
+            x = _pooled(np.maximum(_convolved(x, self.layers[i - 1], pad), 0.0), pool)
+            if i == HEAD_AFTER:
+                hidden = np.maximum(_convolved(_pooled(x, HEAD_POOL), self.head[0], (0, 0)), 0.0)
+                plate = float(_convolved(hidden, self.head[1], (0, 0))[0, 0, 0])
+        scores = _convolved(x, self.layers[-1], (0, 0))[0]
+        scores -= scores.max(axis=1, keepdims=True)
+        normalized: Floats = scores - np.log(np.exp(scores).sum(axis=1, keepdims=True))
+        return Look(normalized, plate)
+
+
+@cache
+def network() -> Network:
+    """The network with the weights of the package; they are read once.
+
+    Raises:
+        ValueError: the file of the weights is not one of this version.
+    """
+    with resources.as_file(resources.files("colony.vision") / WEIGHTS_FILE) as path, np.load(path) as stored:
+        arrays = {name: stored[name] for name in stored.files}
+    return unpacked(arrays)
+
+
+def packed(net: Network) -> dict[str, npt.NDArray[np.generic]]:
+    """The arrays of a file of weights."""
+    arrays: dict[str, npt.NDArray[np.generic]] = {
+        "sharpness": np.array(net.sharpness),
+        "trust": np.array(net.trust),
+        "facts": np.array(net.facts),
+    }
+    for i, layer in enumerate((*net.layers, *net.head)):
+        scale = np.maximum(np.abs(layer.kernel).max(axis=(0, 1, 2)), 1e-12) / 127.0
+        arrays[f"kernel{i}"] = np.rint(layer.kernel / scale).astype(np.int8)
+        arrays[f"scale{i}"] = scale.astype(np.float32)
+        arrays[f"bias{i}"] = layer.bias.astype(np.float32)
+    return arrays
+
+
+def unpacked(arrays: dict[str, npt.NDArray[np.generic]]) -> Network:
+    """The network whose weights are in these arrays.
+
+    Raises:
+        ValueError: an array is missing, or the layers do not fit together.
+    """
+    count = len(PADS) + 3
+    names = [f"{part}{i}" for i in range(count) for part in ("kernel", "scale", "bias")]
+    missing = [name for name in [*names, "sharpness", "trust", "facts"] if name not in arrays]
+    if missing:
+        again = "train them anew: python -m colony.vision.training"
+        raise ValueError(f"the weights in {WEIGHTS_FILE} lack {', '.join(missing)}; {again}")
+    layers = []
+    for i in range(count):
+        kernel = np.asarray(arrays[f"kernel{i}"], np.float32) * np.asarray(arrays[f"scale{i}"], np.float32)
+        layers.append(Layer(kernel, np.asarray(arrays[f"bias{i}"], np.float32)))
+    *trunk, hidden, last = layers
+    _check(trunk, [1, *(layer.kernel.shape[2] for layer in trunk[1:]), CLASSES])
+    _check([hidden, last], [trunk[HEAD_AFTER].kernel.shape[2], last.kernel.shape[2], 1])
+    return Network(
+        layers=tuple(trunk),
+        head=(hidden, last),
+        sharpness=float(arrays["sharpness"][()]),
+        trust=float(arrays["trust"][()]),
+        facts=str(arrays["facts"][()]),
+    )
+
+
+def _check(layers: Sequence[Layer], channels: Sequence[int]) -> None:
+    """Raise unless each layer leads from one number of channels to the next."""
+    found = [(layer.kernel.shape[2], layer.kernel.shape[3]) for layer in layers]
+    if found != list(pairwise(channels)):
+        raise ValueError(
+            f"layers in {WEIGHTS_FILE} have {found} channels; expected {list(pairwise(channels))}"
+        )
+
+
+def _convolved(x: Floats, layer: Layer, pad: tuple[int, int]) -> Floats:
+    """(rows, columns, channels) of a convolution without strides."""
+    high, wide, channels, out = layer.kernel.shape
+    if pad != (0, 0):
+        framed = np.zeros((x.shape[0] + 2 * pad[0], x.shape[1] + 2 * pad[1], channels), np.float32)
+        framed[pad[0] : pad[0] + x.shape[0], pad[1] : pad[1] + x.shape[1]] = x
+        x = framed
+    rows, columns = x.shape[0] - high + 1, x.shape[1] - wide + 1
+    patches = np.lib.stride_tricks.as_strided(
+        x, (rows, columns, high, wide, channels), x.strides[:2] + x.strides, writeable=False
+    )
+    flat = patches.reshape(rows * columns, high * wide * channels)
+    result: Floats = (flat @ layer.kernel.reshape(-1, out) + layer.bias).reshape(rows, columns, out)
+    return result
+
+
+def _pooled(x: Floats, pool: tuple[int, int]) -> Floats:
+    """The greatest of each cell of so many rows and columns."""
+    rows, columns, channels = x.shape
+    high, wide = pool
+    if wide > 1:
+        x = x.reshape(rows, columns // wide, wide, channels).max(axis=2)
+    if high > 1:
+        x = x.reshape(rows // high, high, columns // wide, channels).max(axis=1)
+    return x

@@ -1,0 +1,303 @@
+"""Ceiling lights in scan lines: a few rows of an image of the ceiling (thesis section 5.6).
+
+*Edges.* The gradient at a pixel border is the mean of the pixels after it less the mean of those before it.
+An edge is where its magnitude is greatest and above a threshold that comes from the line itself: from its
+noise, which the differences of neighboring pixels tell whatever the ceiling looks like. So a dim light, and
+one on a ceiling in the sun, have edges as one on a dark ceiling has. Where the gradient's peak has its center
+of gravity is the edge, to a small part of a pixel.
+
+*Lights.* An edge from dark to bright and one from bright to dark are a light where they are as far apart as a
+light is long. One of them alone is a light that goes on beyond the image, where that is so close that the
+other edge could not be in it.
+
+*Fusion.* Where the robot's heading is tilted against the corridor by b, the edges of a light shift from line
+to line: a point of the ceiling u ahead and v to the left of the robot is u cos b - v sin b ahead along the
+corridor, which must be the same for all points of an edge. Lines agree where one tilt explains their edges.
+A light that two lines agree upon is taken; one that is in a single line, as when the robot is far from the
+middle of the corridor, is taken where it is whole and its edges are very clear.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from itertools import combinations
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from colony.vision.lights.ceiling_camera import LIGHT_LENGTH_MM, CeilingCamera
+
+Lines = NDArray[np.uint8]
+
+REACH = 6
+"""How many pixels on each side of a border the gradient is taken over."""
+
+NOISES = 5.5
+"""The least gradient of an edge, in standard deviations of the gradient of a line without any edge."""
+
+LEAST_GRADIENT = 16.0
+"""The least gradient of an edge, in gray levels, however quiet the line is: more than that of the seams
+between the tiles of a ceiling."""
+
+WIDE = 16
+"""How many pixels on each side the step of an edge is measured over, `_GAP` pixels away from it."""
+
+STEP = 0.6
+"""An edge is one between two levels: its gradient is this part of the step at least, so that it is sharp and
+no sunshine, and the step this part of the gradient, so that it is no thin line, as seams are."""
+
+CLEAR_PARTIAL = 3.0
+"""From how many times the least gradient on an edge alone may be a light that goes on beyond the image."""
+
+CLEAR = 1.3
+"""From how many times the least gradient on the edges of a light in a single line are clear enough."""
+
+STEEPEST_DEG = 25.0
+"""The largest tilt of the heading against the corridor that lines may agree upon."""
+
+_LENGTH_TOLERANCE_MM = 45.0
+_AGREEMENT_MM = 30.0
+_STRONG = 4.0
+_MAD_TO_SIGMA = 1.4826
+_MOST_EDGES = 12
+_GAP = 3
+_OFFSETS = np.arange(-REACH, REACH + 1, dtype=np.float64)
+
+
+class LineLight(NamedTuple):
+    """A light in one line: where its edges are, in mm ahead of the robot; None: beyond the image.
+
+    `strength` is the gradient of its weaker edge in units of the least one, `quality` in [0, 1] how clear its
+    edges are and how well its length is a light's; a light with one edge has at most half.
+    """
+
+    near_mm: float | None
+    far_mm: float | None
+    strength: float
+    quality: float
+
+
+class Light(NamedTuple):
+    """A ceiling light: its center is `ahead_mm` ahead of the robot, along the corridor, and negative behind.
+
+    `tilt_deg` is the robot's heading less the corridor's, counterclockwise, None where the lines do not tell;
+    `lines` how many lines agree upon it, `whole` that both of its edges are seen, `quality` in [0, 1].
+    """
+
+    ahead_mm: float
+    tilt_deg: float | None
+    lines: int
+    whole: bool
+    quality: float
+
+
+class _Edge(NamedTuple):
+    """At `column`, to a part of a pixel; `rise` is its gradient in units of the least one, signed."""
+
+    column: float
+    rise: float
+
+
+def ceiling_lights(
+    lines: Lines, camera: CeilingCamera, *, tilt_deg: float = 0.0, at_rows: Sequence[int] | None = None
+) -> tuple[Light, ...]:
+    """The lights that the lines agree upon, best first, none overlapping a better one.
+
+    Args:
+        lines: n x columns, one row of the image each.
+        tilt_deg: the heading against the corridor by what is known otherwise, for lights that do not tell it.
+        at_rows: which rows of the image these are; the camera's scan lines, where it is not told.
+    """
+    lefts = [camera.left_of(row) for row in (camera.scan_rows if at_rows is None else at_rows)]
+    found = line_lights(lines, camera)
+    if not any(found):
+        return ()
+    claims = [claim for claim in _claims(found, lefts, tilt_deg) if claim is not None]
+    chosen: list[Light] = []
+    for light in sorted(claims, key=lambda light: -light.quality):
+        if all(abs(light.ahead_mm - other.ahead_mm) > LIGHT_LENGTH_MM for other in chosen):
+            chosen.append(light)
+    return tuple(chosen)
+
+
+def line_lights(lines: Lines, camera: CeilingCamera) -> tuple[tuple[LineLight, ...], ...]:
+    """The lights in each line, by itself.
+
+    Raises:
+        ValueError: the lines are not as long as the camera's.
+    """
+    if lines.ndim != 2 or lines.shape[1] != camera.columns:
+        raise ValueError(f"lines of shape {lines.shape}; expected (lines, {camera.columns})")
+    return tuple(_paired(edges, camera) for edges in _edges(lines))
+
+
+# --- edges -----------------------------------------------------------------------------------------
+
+
+def _edges(lines: Lines) -> list[list[_Edge]]:
+    """The edges of each line, in the order of their columns."""
+    sums = np.zeros((lines.shape[0], lines.shape[1] + 1))
+    np.cumsum(lines, axis=1, out=sums[:, 1:])
+    gradient = (sums[:, 2 * REACH :] - 2.0 * sums[:, REACH:-REACH] + sums[:, : -2 * REACH]) / REACH
+    scaled = gradient / _least_gradients(lines)[:, None]
+    size = np.abs(scaled)
+    peak = size > 1.0
+    peak[:, 1:] &= size[:, 1:] >= size[:, :-1]
+    peak[:, :-1] &= size[:, :-1] > size[:, 1:]
+    peak[:, [0, -1]] = False  # the true peak may be further out
+    line, border = np.nonzero(peak)
+    height, step = gradient[line, border], _steps(sums, line, border + REACH)
+    sharp = (height * step > 0.0) & (abs(height) >= STEP * abs(step)) & (abs(step) >= STEP * abs(height))
+    found: list[list[_Edge]] = [[] for _ in lines]
+    for row, at in zip(line[sharp].tolist(), border[sharp].tolist(), strict=True):
+        found[row].append(_refined(gradient[row], at, float(scaled[row, at])))
+    return [_separate(edges) for edges in found]
+
+
+def _least_gradients(lines: Lines) -> NDArray[np.float64]:
+    """Of an edge, in each line: by its noise, which the differences of neighboring pixels tell."""
+    steps = np.abs(np.diff(lines.astype(np.int16), axis=1))
+    # The median of whole gray levels is a coarse measure: half a level is added for what rounding hides.
+    middle = steps.shape[1] // 2
+    noise = (np.partition(steps, middle, axis=1)[:, middle] + 0.5) * (_MAD_TO_SIGMA / math.sqrt(2.0))
+    least: NDArray[np.float64] = np.maximum(LEAST_GRADIENT, NOISES * math.sqrt(2.0 / REACH) * noise)
+    return least
+
+
+def _steps(
+    sums: NDArray[np.float64], line: NDArray[np.intp], border: NDArray[np.intp]
+) -> NDArray[np.float64]:
+    """By how much the level changes across borders, from `WIDE` pixels before to `WIDE` after them; fewer
+    where the image ends. Border i is between columns i - 1 and i."""
+    last = sums.shape[1] - 1
+    after, before = np.minimum(border + _GAP, last - 1), np.maximum(border - _GAP, 1)
+    end, first = np.minimum(after + WIDE, last), np.maximum(before - WIDE, 0)
+    above = (sums[line, end] - sums[line, after]) / (end - after)
+    below = (sums[line, before] - sums[line, first]) / (before - first)
+    step: NDArray[np.float64] = above - below
+    return step
+
+
+def _refined(gradient: NDArray[np.float64], border: int, rise: float) -> _Edge:
+    """An edge at the center of gravity of the gradient about its peak: a step makes a triangle of it."""
+    half = min(REACH - 1, border, len(gradient) - 1 - border)
+    weights = np.maximum(gradient[border - half : border + half + 1] * math.copysign(1.0, rise), 0.0)
+    center = border + float(weights @ _OFFSETS[REACH - half : REACH + half + 1]) / float(weights.sum())
+    return _Edge(center + REACH - 0.5, rise)
+
+
+def _separate(edges: list[_Edge]) -> list[_Edge]:
+    """Of edges of the same sign that are closer than `REACH` only the strongest; at most so many in all."""
+    kept: list[_Edge] = []
+    for edge in sorted(edges, key=lambda edge: -abs(edge.rise))[:_MOST_EDGES]:
+        if all(abs(edge.column - k.column) > REACH or edge.rise * k.rise < 0.0 for k in kept):
+            kept.append(edge)
+    return sorted(kept)
+
+
+# --- lights of a line ------------------------------------------------------------------------------
+
+
+def _paired(edges: list[_Edge], camera: CeilingCamera) -> tuple[LineLight, ...]:
+    """Every pair of edges that is a light, and every edge whose other one is beyond the image."""
+    lights = [
+        light
+        for near in edges
+        if near.rise > 0.0
+        for far in edges
+        if far.rise < 0.0 and (light := _pair(near, far, camera)) is not None
+    ]
+    if lights:
+        return tuple(lights)
+    return tuple(light for edge in edges if (light := _partial(edge, camera)) is not None)
+
+
+def _pair(near: _Edge, far: _Edge, camera: CeilingCamera) -> LineLight | None:
+    length_mm = (far.column - near.column) * camera.mm_a_column
+    excess = max(LIGHT_LENGTH_MM - length_mm, length_mm - _longest_mm(), 0.0)
+    if excess > _LENGTH_TOLERANCE_MM:
+        return None
+    strength = min(near.rise, -far.rise)
+    quality = min(1.0, strength / _STRONG) * (1.0 - excess / _LENGTH_TOLERANCE_MM)
+    # Two edges of a light are equally high; those of two different things seldom are.
+    quality *= strength / max(near.rise, -far.rise)
+    return LineLight(camera.ahead_of(near.column), camera.ahead_of(far.column), strength, quality)
+
+
+def _partial(edge: _Edge, camera: CeilingCamera) -> LineLight | None:
+    if abs(edge.rise) < CLEAR_PARTIAL:
+        return None
+    at_mm = camera.ahead_of(edge.column)
+    longest = _longest_mm() + _LENGTH_TOLERANCE_MM
+    quality = 0.5 * min(1.0, abs(edge.rise) / _STRONG)
+    if edge.rise > 0.0 and at_mm + longest > camera.ahead_of(camera.columns - 1.0):
+        return LineLight(at_mm, None, edge.rise, quality)
+    if edge.rise < 0.0 and at_mm - longest < camera.ahead_of(0.0):
+        return LineLight(None, at_mm, -edge.rise, quality)
+    return None
+
+
+def _longest_mm() -> float:
+    return LIGHT_LENGTH_MM / math.cos(math.radians(STEEPEST_DEG))
+
+
+# --- agreement -------------------------------------------------------------------------------------
+
+
+def _claims(
+    found: tuple[tuple[LineLight, ...], ...], lefts: list[float], tilt_deg: float
+) -> list[Light | None]:
+    """What each line, each pair of lines and all of them together could mean."""
+    seen = [(light, left) for lights, left in zip(found, lefts, strict=True) for light in lights]
+    claims = [_single(light, left, tilt_deg, len(lefts)) for light, left in seen]
+    groups = (group for count in range(2, len(lefts) + 1) for group in combinations(seen, count))
+    claims += [_agreed(group, tilt_deg, len(lefts)) for group in groups if _of_different_lines(group)]
+    return claims
+
+
+def _of_different_lines(group: tuple[tuple[LineLight, float], ...]) -> bool:
+    return len({left for _, left in group}) == len(group)
+
+
+def _single(light: LineLight, left_mm: float, tilt_deg: float, lines: int) -> Light | None:
+    if light.near_mm is None or light.far_mm is None or light.strength < CLEAR:
+        return None
+    tilt = math.radians(tilt_deg)
+    center = (light.near_mm + light.far_mm) / 2.0
+    ahead = center * math.cos(tilt) - left_mm * math.sin(tilt)
+    return Light(ahead, None, 1, True, light.quality / lines)
+
+
+def _agreed(group: tuple[tuple[LineLight, float], ...], tilt_deg: float, lines: int) -> Light | None:
+    """The light that these lines see, if one tilt explains all of their edges."""
+    near = [(light.near_mm, left) for light, left in group if light.near_mm is not None]
+    far = [(light.far_mm, left) for light, left in group if light.far_mm is not None]
+    slope = _slope(near, far)
+    tilt = math.radians(tilt_deg) if slope is None else math.atan(slope)
+    if abs(tilt) > math.radians(STEEPEST_DEG):
+        return None
+    cosine, sine = math.cos(tilt), math.sin(tilt)
+    half = LIGHT_LENGTH_MM / 2.0
+    centers = [u * cosine - v * sine + half for u, v in near] + [u * cosine - v * sine - half for u, v in far]
+    ahead = sum(centers) / len(centers)
+    spread = max(abs(center - ahead) for center in centers)
+    if spread > _AGREEMENT_MM:
+        return None
+    fit = 1.0 - spread / _AGREEMENT_MM
+    quality = sum(light.quality for light, _ in group) / lines * (0.5 + 0.5 * fit)
+    told = None if slope is None else math.degrees(tilt)
+    return Light(ahead, told, len(group), bool(near) and bool(far), quality)
+
+
+def _slope(near: list[tuple[float, float]], far: list[tuple[float, float]]) -> float | None:
+    """By how much the edges shift ahead for each mm to the left: least squares, with an offset an edge."""
+    products = squares = 0.0
+    for points in (near, far):
+        if len(points) > 1:
+            u_mean = sum(u for u, _ in points) / len(points)
+            v_mean = sum(v for _, v in points) / len(points)
+            products += sum((u - u_mean) * (v - v_mean) for u, v in points)
+            squares += sum((v - v_mean) ** 2 for _, v in points)
+    return products / squares if squares > 0.0 else None

@@ -1,0 +1,307 @@
+"""CTracker: counts the ceiling lights that the robot passes, and keeps its place along the corridor right
+(thesis sections 5.6 and 5.8).
+
+It waits for $TrackData, reads the lights to come from LightOffset, and looks at the ceiling every `period_s`.
+CeilingLight is how many lights were passed; at each, $LightDet is upped. After the last one Overshoot is how
+far beyond it the robot is, and $EndLMode is upped. A tracker that is started anew goes on where one before
+it was ended (`track_goals.py`). Lights are given up where the robot has a goal of another kind meanwhile,
+from another Planner.
+
+The map knows the place of a light to centimeters, so each valid light also tells where the robot is along the
+corridor, and its tilted edges the heading. That goes to the estimator of the pose as LightFix; the tracker
+corrects nothing itself. In turn it believes the reported position as far as the estimator does. Where nobody
+estimates the pose, it reckons by itself, from light to light, and learns the scale of the odometry.
+
+One script does that for any number of cameras: their lights meet in the same track, where one that is seen by
+two cameras is still one light. That is cheaper than the children of the thesis, and needs no token. Where
+cameras are far apart, each may have a child beside it all the same (`light_looks.camera_child`), and `parent`
+then verifies what they tell, with the same track.
+"""
+
+from __future__ import annotations
+
+import math
+from collections import deque
+from collections.abc import Generator, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+from colony.nav.asks import values
+from colony.nav.pose.fixes import Fix, Row, fix_list
+from colony.nav.pose.pose import PoseEstimate, pose_of
+from colony.nav.shared import (
+    CEILING_LIGHT,
+    END_L_MODE,
+    LIGHT_DETECTED,
+    LIGHT_FIX,
+    OVERSHOOT,
+    POSE,
+    TRACK_DATA,
+)
+from colony.runtime.kit.script import Script, Step, do, sleep
+from colony.runtime.library import data, robot
+from colony.runtime.library.robot import Position
+from colony.vision.lights.along_track import Scale
+from colony.vision.lights.ceiling_camera import UPWARD, CeilingCamera
+from colony.vision.lights.looks import SILENT, Looker, cameras_looker, children_looker, hurry
+from colony.vision.lights.thesis_track import ThesisTrack
+from colony.vision.lights.track import LightTrack, Passing, Seen, Sighting
+from colony.vision.lights.track_goals import (
+    Unfinished,
+    end_goal,
+    give_up,
+    is_given_up,
+    new_goal,
+    take_goal,
+    unfinished_goal,
+)
+
+PERIOD_S, THESIS_PERIOD_S = 0.25, 0.5
+"""From one look at the ceiling to the next. Half a second is 250 mm at full speed."""
+
+ASK_AGAIN_S = 1.0
+"""How often it is asked, while tracking, whether there is a new goal in place of the present one."""
+
+TILT_SIGMA_DEG = 0.5
+"""How well the edges of a light tell the heading."""
+
+_SOONEST_S = 0.02
+_OLDEST_IMAGE_S = 1.0
+_OLDEST_POSE_S = 1.0
+_STANDING_MM = 2.0
+_POSITIONS = 8
+
+Track = LightTrack | ThesisTrack
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class TrackerSettings:
+    """How a tracker works: how often it looks, whether its lights tell the heading, whether it has no camera
+    at all, and whether it is the thesis's."""
+
+    period_s: float
+    heading: bool
+    blind: bool
+    thesis: bool
+
+
+def light_tracker(
+    *,
+    cameras: Sequence[str] = ("CServerUp",),
+    geometry: CeilingCamera | Sequence[CeilingCamera] = UPWARD,
+    period_s: float | None = None,
+    thesis: bool = False,
+) -> Script:
+    """CTracker, which looks at its cameras itself.
+
+    Args:
+        cameras: without any, lights are passed by the position alone.
+        geometry: of all cameras, or of each.
+        period_s: from one look at the ceiling to the next; 0.25 unless told, 0.5 as printed.
+        thesis: count as printed, and tell no fix.
+
+    Raises:
+        ValueError: there is not a geometry for each camera, or no period; later, in the script: the variables
+            of a goal are not what the Planner should have set.
+    """
+    geometries = (geometry,) * len(cameras) if isinstance(geometry, CeilingCamera) else tuple(geometry)
+    if len(geometries) != len(cameras):
+        raise ValueError(f"{len(cameras)} cameras with {len(geometries)} geometries; expected one for each")
+    settings = TrackerSettings(
+        period_s=_period_s(period_s, thesis), heading=True, blind=not cameras, thesis=thesis
+    )
+    return _tracker(cameras_looker(cameras, geometries), settings, cameras)
+
+
+def parent(*, period_s: float | None = None, thesis: bool = False) -> Script:
+    """CTracker's parent: as `light_tracker`, with what the cameras' children tell. They do not know the
+    heading, and so cannot correct it."""
+    settings = TrackerSettings(
+        period_s=_period_s(period_s, thesis), heading=False, blind=False, thesis=thesis
+    )
+    return _tracker(children_looker(), settings, ())
+
+
+def _period_s(told: float | None, thesis: bool) -> float:
+    period_s = told if told is not None else THESIS_PERIOD_S if thesis else PERIOD_S
+    if not 0.0 < period_s < math.inf:
+        raise ValueError(f"period_s is {period_s!r}; expected a finite time above 0")
+    return period_s
+
+
+def _tracker(looker: Looker, settings: TrackerSettings, cameras: Sequence[str]) -> Script:
+    yield from hurry(cameras, settings.period_s)
+    for name in (TRACK_DATA, LIGHT_DETECTED, END_L_MODE):
+        yield from do("DServer", data.create_semaphore(name, 0))
+    scale = Scale()
+    again = yield from new_goal(0.0)
+    left = None if again else (yield from unfinished_goal())
+    while True:
+        if left is None and not again:
+            yield from do("DServer", data.wait(TRACK_DATA))
+        goal, passed = left or Unfinished((yield from take_goal()), 0)
+        left = None
+        track: Track = (
+            ThesisTrack.start(goal, passed)
+            if settings.thesis
+            else LightTrack.start(goal, scale, passed, blind=settings.blind)
+        )
+        tracking = _Tracking(track, looker, settings)
+        again = yield from tracking.run()
+        scale = tracking.scale(scale)
+
+
+class _Tracking:
+    """One goal. Mutable: the track, and the robot's last positions, oldest first."""
+
+    def __init__(self, track: Track, looker: Looker, settings: TrackerSettings) -> None:
+        self._track = track
+        self._looker = looker
+        self._settings = settings
+        self._positions: deque[Position] = deque(maxlen=_POSITIONS)
+        self._looked_at_mm: float | None = None
+        self._asked_ns: int | None = None
+        self._told_ns = -1
+
+    def scale(self, known: Scale) -> Scale:
+        """What is known of the odometry's scale now."""
+        return self._track.reckoning.scale if isinstance(self._track, LightTrack) else known
+
+    def run(self) -> Generator[Step, Any, bool]:
+        """Until all lights were passed or given up; True: until there was a new goal in place of this one."""
+        if self._track.done:
+            yield from do("DServer", data.set(OVERSHOOT, 0.0))
+            yield from end_goal()
+            return False
+        wait_s = 0.0
+        while True:
+            now_ns = yield from sleep(wait_s)
+            if self._is_time_to_ask(now_ns):
+                if (yield from new_goal(0.0)):
+                    return True
+                if (yield from is_given_up()):
+                    yield from give_up()
+                    return False
+            wait_s = self._settings.period_s
+            pose = yield from self._pose()
+            try:
+                here = yield from do("RServer", robot.position())
+            except SILENT:
+                continue
+            if not self._positions or here.t_ns > self._positions[-1].t_ns:
+                self._positions.append(here)
+            self._believe(pose)
+            yield from self._look(here)
+            while not self._track.done:
+                progress = self._progress(self._positions[-1])
+                self._track, passing = self._track.passing(progress)
+                if passing is None:
+                    break
+                if self._track.done and (yield from new_goal(0.0)):
+                    return True  # whose Planner must not be told of the end of this one
+                yield from self._tell(passing)
+            if self._track.done:
+                return False
+            wait_s = self._wait_s()
+
+    def _is_time_to_ask(self, now_ns: int) -> bool:
+        if self._asked_ns is None:
+            self._asked_ns = now_ns
+        if now_ns - self._asked_ns < ASK_AGAIN_S * 1e9:
+            return False
+        self._asked_ns = now_ns
+        return True
+
+    def _look(self, here: Position) -> Generator[Step, Any, None]:
+        """Take in what the cameras show. From where the robot stands, one look tells all."""
+        goal = self._track.goal
+        at_mm = goal.progress(here.x, here.y)
+        if self._looked_at_mm is not None and abs(at_mm - self._looked_at_mm) < _STANDING_MM:
+            return
+        looks = yield from self._looker(goal.tilt(here.heading))
+        for look in looks:
+            then = position_at(tuple(self._positions), look.t_ns)
+            if here.t_ns - look.t_ns > _OLDEST_IMAGE_S * 1e9:
+                continue
+            self._looked_at_mm = at_mm
+            seen = Seen(look.lights, goal.progress(then.x, then.y), goal.tilt(then.heading), look.t_ns)
+            self._track = self._track.seen(seen)
+            if isinstance(self._track, LightTrack) and self._track.found is not None:
+                yield from self._tell_fix(self._track.found, None)
+
+    def _tell(self, passing: Passing) -> Generator[Step, Any, None]:
+        """A light was passed."""
+        if passing.sighting is not None:
+            yield from self._tell_fix(passing.sighting, passing.turned_deg)
+        told: dict[str, object] = {CEILING_LIGHT: passing.number}
+        if self._track.done:
+            told[OVERSHOOT] = passing.beyond_mm
+        yield from do("DServer", data.set_many(told))
+        yield from do("DServer", data.signal(LIGHT_DETECTED))
+        if self._track.done:
+            yield from end_goal()
+
+    def _tell_fix(self, sighting: Sighting, turned_deg: float | None) -> Generator[Step, Any, None]:
+        """Tell the estimator of the pose what an image says of the place along the corridor, and what several
+        together of the heading, which is to be turned by so much."""
+        goal = self._track.goal
+        east, north = goal.ahead
+        along = east * goal.x_mm + north * goal.y_mm + sighting.place_mm
+        rows = [Row(east, north, 0.0, along, sighting.sigma_mm)]
+        if turned_deg is not None and self._settings.heading:
+            heading = math.radians(goal.direction_deg + sighting.tilt_deg + turned_deg)
+            rows.append(Row(0.0, 0.0, 1.0, heading, math.radians(TILT_SIGMA_DEG)))
+        yield from do("DServer", data.set(LIGHT_FIX, fix_list(Fix(sighting.t_ns, tuple(rows)))))
+        self._told_ns = self._positions[-1].t_ns
+
+    def _pose(self) -> Generator[Step, Any, PoseEstimate | None]:
+        """The estimate of the pose; None where there is none. To be asked before the position, which then
+        has in it what the estimator corrected."""
+        if self._settings.thesis:
+            return None
+        told = yield from values(POSE)
+        return None if told is None else pose_of(told[POSE])
+
+    def _believe(self, pose: PoseEstimate | None) -> None:
+        """Trust the reported position as far as the estimator does, once it knows of the last fix."""
+        newest = self._positions[-1]
+        if pose is None or not isinstance(self._track, LightTrack) or pose.t_ns <= self._told_ns:
+            return
+        if newest.t_ns - pose.t_ns > _OLDEST_POSE_S * 1e9:
+            return
+        sigma_mm = pose.sigma_along(*self._track.goal.ahead)
+        self._track = self._track.estimated(self._progress(newest), sigma_mm)
+
+    def _progress(self, position: Position) -> float:
+        return self._track.goal.progress(position.x, position.y)
+
+    def _wait_s(self) -> float:
+        """Until the next look; less, where the robot's center comes below a light before."""
+        period_s = self._settings.period_s
+        newest = self._positions[-1]
+        rest_mm = self._track.to_next(self._progress(newest))
+        if rest_mm is None or len(self._positions) < 2 or rest_mm <= 0.0:
+            return period_s
+        before = self._positions[-2]
+        passed_s = (newest.t_ns - before.t_ns) / 1e9
+        way_mm = self._progress(newest) - self._progress(before)
+        if passed_s <= 0.0 or way_mm <= 0.0:
+            return period_s
+        return min(period_s, max(_SOONEST_S, rest_mm * passed_s / way_mm))
+
+
+def position_at(positions: Sequence[Position], t_ns: int) -> Position:
+    """Where the robot was, from positions in the order of their times: on the straight way between the two
+    around that time, or the first or last one."""
+    after = next((i for i, position in enumerate(positions) if position.t_ns >= t_ns), len(positions) - 1)
+    if after == 0 or positions[after].t_ns <= t_ns:
+        return positions[after]
+    a, b = positions[after - 1], positions[after]
+    part = (t_ns - a.t_ns) / (b.t_ns - a.t_ns)
+    turned = (b.heading - a.heading + 180.0) % 360.0 - 180.0
+    return Position(
+        x=a.x + part * (b.x - a.x),
+        y=a.y + part * (b.y - a.y),
+        heading=a.heading + part * turned,
+        t_ns=t_ns,
+    )

@@ -1,0 +1,131 @@
+"""Where a camera is before a marker, from one image of it, and what that tells about the robot's pose.
+
+The edges of a marker are places along a straight line whose distances are known. A camera that sees them in
+columns r (in focal lengths, to the right) has them at r (z + t s) = x + t c: x to the right and z ahead is
+the marker's middle, (c, s) the direction of its stripes, t the place of the edge along them. That is linear
+in x, z and s for c = 1, so three edges suffice, and the more there are the better. So one look tells the
+bearing, the distance, and how far the camera would have to turn to face the doors squarely, since the nearer
+half of a marker is seen wider.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+
+from colony.nav.maps.signs import MARKER_BITS, MARKER_WIDTH_MM, STRIPE_MM, Marker
+from colony.nav.pose.fixes import Row
+from colony.runtime.library.robot import Position
+from colony.vision.level_camera import AHEAD, LevelCamera
+from colony.vision.sightings import MarkerBox
+
+EDGE_PX = 0.12
+"""The standard deviation of an edge that many rows agree upon."""
+
+LENS_DEG = 0.2
+"""Of a bearing: what is not exact about how the camera is mounted, and when the image was taken."""
+
+SCALE = 0.01
+"""Of a distance, as a part of it: what is not exact about the focal length."""
+
+CLEAR_DEG = 2.0
+"""How far a marker is and how aslant cannot be told apart from farther away; where the latter is less certain
+than that, neither is told."""
+
+MOST_FACING_DEG = 70.0
+"""Who looks more aslant than that sees no marker."""
+
+
+_UNITS = 2 * MARKER_BITS + 1
+
+
+class MarkerPose(NamedTuple):
+    """A marker relative to the robot, and the standard deviations of that.
+
+    Attributes:
+        bearing_deg: where its middle is, counterclockwise from ahead.
+        distance_mm: how far away it is.
+        facing_deg: how far the robot has to turn counterclockwise to face the doors squarely.
+    """
+
+    bearing_deg: float
+    distance_mm: float
+    facing_deg: float
+    bearing_sigma_deg: float
+    distance_sigma_mm: float
+    facing_sigma_deg: float
+
+    @property
+    def aside_mm(self) -> float:
+        """How far the robot is to the left of the line through the marker's middle, at right angles to the
+        doors, as who faces these."""
+        return self.distance_mm * math.sin(math.radians(self.facing_deg - self.bearing_deg))
+
+    @property
+    def ahead_mm(self) -> float:
+        """How far the doors are from the robot, at right angles to them."""
+        return self.distance_mm * math.cos(math.radians(self.facing_deg - self.bearing_deg))
+
+
+def edge_units(code: int) -> tuple[float, ...]:
+    """Where the edges of a code's stripes are, in units from the marker's left side."""
+    black = [True]
+    for bit in range(MARKER_BITS):
+        black += [bool(code >> (MARKER_BITS - 1 - bit) & 1), True]
+    inner = [float(k) for k in range(1, _UNITS) if black[k] != black[k - 1]]
+    return (0.0, *inner, float(_UNITS))
+
+
+def marker_pose(box: MarkerBox, camera: LevelCamera = AHEAD) -> MarkerPose | None:
+    """Where the marker of a box is; None where no marker has such edges."""
+    units = edge_units(box.code)
+    if len(box.edges) != len(units):
+        return None
+    places = (np.array(units) - _UNITS / 2.0) * STRIPE_MM
+    rays = (np.array(box.edges) - (camera.columns - 1) / 2.0) / camera.focal
+    # r z + t r s - x = t, with c = 1: everything is in units of the true c.
+    terms = np.stack([rays, places * rays, -np.ones_like(rays)], axis=1)
+    (ahead, slant, right), _, rank, _ = np.linalg.lstsq(terms, places, rcond=None)
+    if rank < 3 or not ahead > 0.0:
+        return None
+    cosine = 1.0 / math.hypot(1.0, slant)
+    facing = math.degrees(math.atan(slant))
+    if abs(facing) > MOST_FACING_DEG:
+        return None
+    reach = math.hypot(ahead, right)
+    distance = reach * cosine
+    edge_mm = EDGE_PX / camera.focal * ahead  # what an edge's error is along the marker
+    covariance = np.linalg.inv(terms.T @ terms) * edge_mm**2
+    gradient = np.array([ahead / reach, -slant * cosine**2 * reach, right / reach]) * cosine
+    distance_error = math.sqrt(gradient @ covariance @ gradient)
+    return MarkerPose(
+        bearing_deg=camera.yaw_deg - math.degrees(math.atan2(right, ahead)),
+        distance_mm=distance,
+        facing_deg=camera.yaw_deg + facing,
+        bearing_sigma_deg=math.hypot(LENS_DEG, math.degrees(EDGE_PX / camera.focal)),
+        distance_sigma_mm=math.hypot(distance_error, SCALE * distance),
+        facing_sigma_deg=math.hypot(LENS_DEG, math.degrees(math.sqrt(covariance[1, 1]) * cosine**2)),
+    )
+
+
+def marker_rows(pose: MarkerPose, marker: Marker, here: Position) -> tuple[Row, ...]:
+    """What a look at a known marker tells about the robot's pose, which was believed to be `here` then: the
+    bearing, and where it was near enough for that the distance and the heading."""
+    heading = math.radians(here.heading)
+    east, north = marker.middle.x - here.x, marker.middle.y - here.y
+    apart = max(math.hypot(east, north), MARKER_WIDTH_MM)
+    # The marker is along theta = atan2(-east, north), and seen at theta - heading.
+    theta = math.atan2(-east, north)
+    off = math.remainder(math.radians(pose.bearing_deg) + heading - theta, math.tau)
+    cx, cy = north / apart**2, -east / apart**2
+    bearing = Row(
+        cx, cy, -1.0, cx * here.x + cy * here.y - heading + off, math.radians(pose.bearing_sigma_deg)
+    )
+    ux, uy = -east / apart, -north / apart
+    farther = pose.distance_mm - math.hypot(east, north)
+    distance = Row(ux, uy, 0.0, ux * here.x + uy * here.y + farther, pose.distance_sigma_mm)
+    turned = math.remainder(math.radians(marker.heading_deg - pose.facing_deg) - heading, math.tau)
+    facing = Row(0.0, 0.0, 1.0, heading + turned, math.radians(pose.facing_sigma_deg))
+    return (bearing, distance, facing) if pose.facing_sigma_deg <= CLEAR_DEG else (bearing,)

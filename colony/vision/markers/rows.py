@@ -1,0 +1,308 @@
+"""Markers on elevator doors in an image, row by row (thesis section 5.4.6).
+
+*Edges.* The gradient at a pixel border is what the pixels after it are brighter than those before it; an edge
+is where its magnitude peaks above a threshold. Of several edges in a row of the same sense the strongest one
+counts. Since nothing is known of the exposure, a row is looked at with several thresholds.
+
+*Patterns.* A pattern is a run of edges that begins with one from white to black. Its stripes are one unit
+wide each, or three where a black bit lies between its separators, so five codes have five patterns of 8, 6 or
+4 edges. Who looks aslant sees units that widen toward one side: a pattern's edges are where a parabola over
+the units has them, to a small part of a unit. And its white stripes are all about as bright, and much
+brighter than its black ones, which are all about as dark; beside it there is nothing but door.
+
+*Rows.* Patterns of neighboring rows that have the same code and edges are one marker if their mean edges are
+exactly where they should be, if these rows are as many as a marker is high at the distance and the angle that
+the edges tell, and if there are no stripes above and below them. Printing, glass bricks and mortar have
+stripes, too, so each of these conditions counts.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from dataclasses import replace
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from colony.nav.maps.signs import MARKER_BITS, MARKER_CODES, STRIPE_HEIGHT_MM
+from colony.vision.gray_images import Gray, gray_image
+from colony.vision.level_camera import AHEAD, LevelCamera
+from colony.vision.markers.pose import edge_units, marker_pose
+from colony.vision.sightings import MarkerBox
+
+THRESHOLDS = (10.0, 24.0, 48.0)
+"""The least gradients of an edge with which a row is looked at, in gray levels."""
+
+LEAST_UNIT = 3.2
+"""The least width of a unit, in pixels: that of a marker that is 5.8 m away."""
+
+MOST_MISFIT, MOST_MISFIT_PX = 0.10, 0.45
+"""How far an edge may be from where its pattern has it: so many units, and so many pixels, which are not
+exact."""
+
+MOST_MEAN_MISFIT, MOST_MEAN_MISFIT_PX = 0.06, 0.12
+"""Likewise of the mean of all rows."""
+
+MOST_WIDENING = 0.6
+"""By how much the last unit of a pattern may be wider than its middle one, or less wide; as a part."""
+
+LEAST_CONTRAST, LEAST_RATIO = 12.0, 1.6
+"""By how many gray levels white stripes are brighter than black ones, and how many times as bright."""
+
+MOST_UNEVEN = 0.4
+"""How far white stripes may differ from each other, and black ones, as a part of their contrast."""
+
+LEAST_BESIDE = 0.25
+"""How much brighter than black stripes the door beside them is at least, likewise; `MOST_UNEVEN` is for it,
+too."""
+
+LEAST_ROWS = 4
+"""Of a marker, however far away it is."""
+
+_UNITS = 2 * MARKER_BITS + 1
+_LEAST_HEIGHT, _MOST_HEIGHT = 0.7, 1.3  # as parts of the height that a marker has there
+_MOST_FACING_DEG = 60.0
+_MOST_GAP = 3  # rows from one that has a pattern to the next
+_DRIFT = 0.3  # units: by how much a pattern may be shifted between such rows
+_NEAR, _OFF = 0.5, 1.2  # units from a marker's side to where the door beside it is looked at
+_AROUND = 0.25  # of a marker's height, above and below it
+
+Floats = NDArray[np.float64]
+Levels = NDArray[np.float32]
+
+
+class _Template(NamedTuple):
+    """A code's pattern: where its edges are, in units from its middle, and what is left of edges that a
+    parabola does not explain; `solve` gives that parabola's middle, slope and curvature."""
+
+    code: int
+    edges: Floats
+    residual: Floats
+    solve: Floats
+
+
+class _Pattern(NamedTuple):
+    """One that a row has: its code and its edges in columns."""
+
+    row: int
+    code: int
+    edges: tuple[float, ...]
+    misfit: float
+
+
+def find_markers(
+    image: NDArray[Any], rows: range | None = None, camera: LevelCamera = AHEAD
+) -> tuple[MarkerBox, ...]:
+    """The markers in an image, from left to right; none where it shows none.
+
+    Args:
+        image: (height, width) of gray levels, or with a last axis of 1 or 3 channels.
+        rows: which to look at, without gaps; the middle half unless told.
+        camera: which angle the image's width sees; the image may be larger than the camera's, or a band.
+
+    Raises:
+        ValueError: `image` is not such an array of uint8, or does not have these rows.
+    """
+    gray = gray_image(image)
+    height, width = gray.shape
+    searched = range(height // 4, height - height // 4) if rows is None else rows
+    if searched.step != 1 or not 0 <= searched.start <= searched.stop <= height:
+        raise ValueError(f"{searched} of an image of {height} rows; expected neighboring rows that it has")
+    if len(searched) < LEAST_ROWS or width < _UNITS * LEAST_UNIT:
+        return ()
+    levels = _smoothed(gray[searched.start : searched.stop])
+    seen_by = replace(camera, columns=width)
+    runs = [run for run in _runs(_patterns(levels)) if _is_marker(run, levels, seen_by)]
+    return _without_overlaps([_box(run, searched.start) for run in runs])
+
+
+# --- edges and patterns of rows ----------------------------------------------------------------------------
+
+
+def _patterns(levels: Levels) -> list[_Pattern]:
+    """The patterns of all rows; each once, however many thresholds show it."""
+    gradients = _gradients(levels)
+    found: dict[tuple[int, int, int], _Pattern] = {}
+    rows, columns, values = _peaks(gradients, THRESHOLDS[0])
+    for threshold in THRESHOLDS:
+        strong = np.abs(values) >= threshold
+        edges = _alternating(rows[strong], columns[strong], values[strong])
+        for pattern in _matches(edges, levels):
+            key = (pattern.row, pattern.code, round(pattern.edges[0]))
+            if key not in found or pattern.misfit < found[key].misfit:
+                found[key] = pattern
+    return sorted(found.values())
+
+
+def _smoothed(band: Gray) -> Levels:
+    """Each row with a little of its neighbors, against noise: markers are upright."""
+    levels = band.astype(np.float32)
+    padded = np.concatenate([levels[:1], levels, levels[-1:]])
+    smoothed: Levels = np.float32(0.25) * (padded[:-2] + padded[2:]) + np.float32(0.5) * levels
+    return smoothed
+
+
+def _gradients(levels: Levels) -> Levels:
+    """At each border between pixels; column k is that between pixels k + 1 and k + 2."""
+    inner = levels[:, 2:-1] - levels[:, 1:-2]
+    outer = levels[:, 3:] - levels[:, :-3]
+    gradients: Levels = np.float32(0.5) * (inner + outer)
+    return gradients
+
+
+def _peaks(gradients: Levels, threshold: float) -> tuple[NDArray[np.intp], Floats, Levels]:
+    """Where gradients peak: rows, columns to a part of a pixel, and the gradients there."""
+    size = np.abs(gradients)
+    middle = size[:, 1:-1]
+    at = (middle >= threshold) & (middle >= size[:, :-2]) & (middle > size[:, 2:])
+    rows, places = np.nonzero(at)
+    before, here, after = (size[rows, places + k].astype(np.float64) for k in range(3))
+    shift = 0.5 * (before - after) / np.minimum(before - 2.0 * here + after, -1e-9)
+    return rows, places + shift + 2.5, gradients[rows, places + 1]
+
+
+class _Edges(NamedTuple):
+    """Edges in the order of rows and columns; those of a row rise and fall in turns."""
+
+    rows: NDArray[np.intp]
+    columns: Floats
+    falls: NDArray[np.bool_]
+
+
+def _alternating(rows: NDArray[np.intp], columns: Floats, values: Levels) -> _Edges:
+    """Of neighbors in a row that have the same sense, only the strongest."""
+    if len(rows) == 0:
+        return _Edges(rows, columns, values < 0.0)
+    falls, size = values < 0.0, np.abs(values)
+    begins = np.concatenate([[True], (rows[1:] != rows[:-1]) | (falls[1:] != falls[:-1])])
+    group = np.cumsum(begins) - 1
+    strongest = np.maximum.reduceat(size, np.flatnonzero(begins))
+    keep = np.flatnonzero(size == strongest[group])
+    first = np.unique(group[keep], return_index=True)[1]
+    keep = keep[first]
+    return _Edges(rows[keep], columns[keep], falls[keep])
+
+
+def _matches(edges: _Edges, levels: Levels) -> Iterator[_Pattern]:
+    """The patterns among the edges of rows."""
+    for template in _TEMPLATES:
+        count = len(template.edges)
+        starts = np.flatnonzero(edges.falls[: max(len(edges.falls) - count + 1, 0)])
+        starts = starts[edges.rows[starts] == edges.rows[starts + count - 1]]
+        columns = edges.columns[starts[:, None] + np.arange(count)]
+        _, unit, curvature = template.solve @ columns.T
+        misfit = np.abs(columns @ template.residual.T).max(axis=1, initial=0.0)
+        fits = (unit >= LEAST_UNIT) & (misfit <= MOST_MISFIT * unit + MOST_MISFIT_PX)
+        fits &= np.abs(curvature) * _UNITS <= MOST_WIDENING * unit
+        if not fits.any():
+            continue
+        rows, columns, misfit = edges.rows[starts[fits]], columns[fits], misfit[fits]
+        striped = _are_striped(levels, rows, columns)
+        for row, places, off in zip(rows[striped], columns[striped], misfit[striped], strict=True):
+            yield _Pattern(int(row), template.code, tuple(places.tolist()), float(off))
+
+
+def _are_striped(levels: Levels, rows: NDArray[np.intp], columns: Floats) -> NDArray[np.bool_]:
+    """Which of these patterns, (n, edges), have black and white stripes in turns with nothing but door beside
+    them."""
+    middles = np.rint((columns[:, 1:] + columns[:, :-1]) / 2.0).astype(np.intp)
+    stripes = levels[rows[:, None], middles]
+    black, white = stripes[:, ::2], stripes[:, 1::2]
+    dark, bright = black.mean(axis=1), white.mean(axis=1)
+    contrast = bright - dark
+    uneven = np.maximum(np.ptp(black, axis=1), np.ptp(white, axis=1))
+    unit = (columns[:, -1] - columns[:, 0]) / _UNITS
+    last = levels.shape[1] - 1
+    fine = (contrast >= LEAST_CONTRAST) & (bright >= LEAST_RATIO * dark) & (uneven <= MOST_UNEVEN * contrast)
+    for side, sign in ((columns[:, 0], -1.0), (columns[:, -1], 1.0)):
+        beside = [
+            levels[rows, np.clip(np.rint(side + sign * off * unit), 0, last).astype(np.intp)]
+            for off in (_NEAR, _OFF)
+        ]
+        fine &= beside[0] - dark >= LEAST_BESIDE * contrast
+        fine &= np.abs(beside[0] - beside[1]) <= MOST_UNEVEN * contrast
+    return np.asarray(fine, dtype=np.bool_)
+
+
+# --- markers -----------------------------------------------------------------------------------------------
+
+
+def _runs(patterns: list[_Pattern]) -> list[list[_Pattern]]:
+    """Patterns that are alike in neighboring rows."""
+    runs: list[list[_Pattern]] = []
+    for pattern in patterns:
+        run = next((run for run in reversed(runs) if _continues(run[-1], pattern)), None)
+        if run is None:
+            runs.append([pattern])
+        else:
+            run.append(pattern)
+    return runs
+
+
+def _continues(last: _Pattern, pattern: _Pattern) -> bool:
+    if last.code != pattern.code or not 0 < pattern.row - last.row <= _MOST_GAP:
+        return False
+    most = 0.5 + _DRIFT * (last.edges[-1] - last.edges[0]) / _UNITS
+    return max(abs(a - b) for a, b in zip(last.edges, pattern.edges, strict=True)) <= most
+
+
+def _is_marker(run: list[_Pattern], levels: Levels, camera: LevelCamera) -> bool:
+    """Whether a run has exact edges, as many rows as a marker that has such edges, and no stripes above and
+    below it."""
+    box = _box(run, 0)
+    edges, template = np.array(box.edges), _TEMPLATES[MARKER_CODES.index(box.code)]
+    misfit = float(np.abs(template.residual @ edges).max())
+    if misfit > MOST_MEAN_MISFIT * (box.right - box.left) / _UNITS + MOST_MEAN_MISFIT_PX:
+        return False
+    pose = marker_pose(box, camera)
+    if pose is None or abs(pose.facing_deg - camera.yaw_deg) > _MOST_FACING_DEG:
+        return False
+    depth = pose.distance_mm * math.cos(math.radians(pose.bearing_deg - camera.yaw_deg))
+    height, span = camera.focal * STRIPE_HEIGHT_MM / depth, box.last_row - box.first_row + 1
+    if len(run) < max(LEAST_ROWS, _LEAST_HEIGHT * height) or span > _MOST_HEIGHT * height + 1:
+        return False
+    middles = np.rint((edges[1:] + edges[:-1]) / 2.0).astype(np.intp)
+    inside = _contrast(levels[box.first_row : box.last_row + 1, middles].mean(axis=0))
+    around = 1 + round(_AROUND * span)
+    outside = [row for row in (box.first_row - around, box.last_row + around) if 0 <= row < len(levels)]
+    return all(abs(_contrast(levels[row, middles])) <= MOST_UNEVEN * inside for row in outside)
+
+
+def _contrast(stripes: Levels) -> float:
+    return float(stripes[1::2].mean() - stripes[::2].mean())
+
+
+def _box(run: list[_Pattern], first_row: int) -> MarkerBox:
+    edges = np.median([pattern.edges for pattern in run], axis=0).tolist()
+    return MarkerBox(
+        left=edges[0],
+        right=edges[-1],
+        first_row=first_row + run[0].row,
+        last_row=first_row + run[-1].row,
+        code=run[0].code,
+        edges=tuple(edges),
+    )
+
+
+def _without_overlaps(boxes: list[MarkerBox]) -> tuple[MarkerBox, ...]:
+    """Of two that cover the same columns, the higher one."""
+    kept: list[MarkerBox] = []
+    for box in sorted(boxes, key=lambda box: box.first_row - box.last_row):
+        if all(box.right <= other.left or box.left >= other.right for other in kept):
+            kept.append(box)
+    return tuple(sorted(kept))
+
+
+# --- templates ---------------------------------------------------------------------------------------------
+
+
+def _template(code: int) -> _Template:
+    edges = np.array(edge_units(code)) - _UNITS / 2.0
+    parabola = np.stack([np.ones_like(edges), edges, edges**2], axis=1)
+    solve = np.asarray(np.linalg.pinv(parabola), dtype=np.float64)
+    return _Template(code, edges, np.eye(len(edges)) - parabola @ solve, solve)
+
+
+_TEMPLATES = tuple(_template(code) for code in MARKER_CODES)

@@ -1,0 +1,64 @@
+"""Where in an image a plate might be: dark patches of about a plate's shape that lie on the horizon.
+
+A level camera at the height of the plates' middle sees each of them symmetrically about its horizon, however
+far away and at whatever angle. So most of what is dark is no candidate. Dark is what is below one of several
+thresholds, for no single one suits a dim corridor and a wall in the sun: a plate is dark at many of them.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from colony.vision.gray_images import Gray
+from colony.vision.plates.patches import Patch, agreed
+
+LEVELS = 10
+"""How many thresholds are tried, between the darkest and the middle gray of the image."""
+
+LEAST_HEIGHT = 7
+"""Of a candidate, in pixels of an image 240 columns wide: a plate 3.7 m away."""
+
+LEAST_ASPECT, MOST_ASPECT = 0.9, 4.2
+"""Width by height: 2.8 for a plate that is faced, 1.6 at 50 degrees; with room for pixels."""
+
+LEAST_SPAN = 10
+"""The least difference of gray levels between dark and bright in an image that shows anything."""
+
+_LEAST_FILL = 0.3  # of the bounding box: the characters may be cut out of it
+
+
+def candidates(gray: Gray, horizon: float) -> tuple[Patch, ...]:
+    """The dark patches that might be plates, those that stand out at most thresholds first.
+
+    Args:
+        gray: an image, or a band of one, about 240 columns wide.
+        horizon: the row at the height of the camera, in this image.
+    """
+    import cv2
+
+    darkest, middle = (float(level) for level in np.percentile(gray[::2, ::2], (0.5, 70.0)))
+    if middle - darkest < LEAST_SPAN:
+        return ()
+    # What is bright and as thin as the strokes of far characters is taken out, so that they do not break
+    # through the thin margin that is left around them.
+    opened = cv2.morphologyEx(gray, cv2.MORPH_OPEN, np.ones((3, 3), np.uint8))
+    found: list[Patch] = []
+    for number, level in enumerate(np.linspace(darkest, middle, LEVELS + 2)[1:-1].tolist()):
+        for image in (opened, gray)[: 1 + number % 2]:
+            dark = (image <= level).view(np.uint8)
+            stats = cv2.connectedComponentsWithStats(dark, connectivity=4, ltype=cv2.CV_16U)[2]
+            for box in stats[1:][_is_likely(stats[1:], gray.shape[1], gray.shape[0], horizon)].tolist():
+                left, top, width, height, _ = box
+                found.append(Patch(left, top, left + width, top + height))
+    return agreed(found)
+
+
+def _is_likely(stats: NDArray[np.int32], columns: int, rows: int, horizon: float) -> NDArray[np.bool_]:
+    """Which components, (n, 5) as OpenCV tells them, have about a plate's shape and place."""
+    left, top, width, height, area = stats.T
+    off = np.abs(top + (height - 1) / 2.0 - horizon)
+    likely = (height >= LEAST_HEIGHT) & (width >= LEAST_ASPECT * height) & (width <= MOST_ASPECT * height)
+    likely &= (left > 0) & (top > 0) & (left + width < columns) & (top + height < rows)
+    likely &= (off <= 1.5 + 0.08 * height) & (area >= _LEAST_FILL * width * height)
+    return np.asarray(likely, dtype=np.bool_)

@@ -1,0 +1,208 @@
+"""Finds door plates in an image of a camera that looks along the floor at their height.
+
+Dark patches on the horizon are candidates (`plate_candidates.py`); the outline of each is measured to a part
+of a pixel (`plate_outline.py`), must be one that a plate of 356 x 127 mm can have in such an image, and what
+is within it must look like a plate (`plate_face.py`). No map is needed; where the camera stands relative to
+the wall is used where it is known.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from colony.nav.maps.signs import PLATE_HEIGHT_MM, PLATE_WIDTH_MM
+from colony.vision.gray_images import LEAST_PIXELS, Gray, gray_band
+from colony.vision.level_camera import LevelCamera
+from colony.vision.plates.candidates import candidates
+from colony.vision.plates.face import Face, contrast_of, face_of
+from colony.vision.plates.lines import lines_of_text, outline_about
+from colony.vision.plates.outline import Outline, outline_near, outline_of
+from colony.vision.sightings import PlateBox
+
+LEAST_SCORE = 0.4
+"""Of a plate that is told."""
+
+SURE = 0.9
+"""A dark patch of this score is not looked at again for what is written on it."""
+
+EDGE = 0.3
+"""An edge of a plate is seen where it darkens by this part of the contrast of its characters, at least."""
+
+NEAREST_MM = 450.0
+"""A plate that is nearer is not found: it is not far from as high as the image."""
+
+WORKING_COLUMNS = 240
+"""Candidates are looked for in an image that is made about so small."""
+
+_FARTHEST_MM = 3_700.0
+
+
+class Size(NamedTuple):
+    """How an outline fits a plate's shape.
+
+    Attributes:
+        depth_mm: how far its middle is, by its height.
+        width: by how much wider it is than a plate would be there, as a part of that; negative: narrower.
+        slope: by how much its right edge is higher than its left one, as a part of the height, less what that
+            is on a wall that is tilted as told.
+        off: by how much its middle is off the horizon, in pixels, less what is tolerable.
+    """
+
+    depth_mm: float
+    width: float
+    slope: float
+    off: float
+
+
+def find_plates(
+    image: NDArray[Any],
+    camera: LevelCamera | None = None,
+    *,
+    first_row: int = 0,
+    tilt_deg: float | None = None,
+) -> tuple[PlateBox, ...]:
+    """The plates in an image, the most plate-like one first.
+
+    Args:
+        image: (rows, columns) of gray, or (rows, columns, 3) of RGB, uint8: all of the image or a band of it.
+        camera: what took it; a camera of 60 degrees that gives such an image, where it is not told.
+        first_row: where a band begins in the whole image. Corners are told in the band.
+        tilt_deg: the angle between the optical axis and the wall's normal, as far as it is known.
+
+    Raises:
+        ValueError: it is no image, or not one of this camera.
+    """
+    gray, camera = gray_band(image, camera, first_row)
+    horizon = (camera.rows - 1) / 2.0 - first_row
+    reach = camera.focal * PLATE_HEIGHT_MM / 2.0 / NEAREST_MM
+    top, bottom = max(math.ceil(horizon - reach), 0), math.floor(horizon + reach) + 1
+    band = gray[top:bottom]
+    if len(band) < LEAST_PIXELS:
+        return ()
+    plates = _apart(_plates(band, camera, horizon - top, tilt_deg))
+    return tuple(plate.lowered(top) for plate in plates)
+
+
+def _plates(gray: Gray, camera: LevelCamera, horizon: float, tilt_deg: float | None) -> list[PlateBox]:
+    """The dark patches that are plates, and the plates about lines of text."""
+    small, factor = _small(gray)
+    row = (horizon - (factor - 1) / 2.0) / factor
+    found: list[PlateBox] = []
+    for box in candidates(small, row):
+        patch = box.scaled(factor)
+        if any(_overlap(patch.left, patch.right, plate) for plate in found if plate.score >= SURE):
+            continue
+        outline = outline_of(gray, patch, horizon)
+        if outline is not None:
+            found += _plate(gray, outline, camera, horizon, tilt_deg)
+    middle = (camera.columns - 1) / 2.0
+    for line in lines_of_text(small, row):
+        rough = outline_about(line.scaled(factor), tilt_deg, camera.focal, middle)
+        if any(_overlap(rough.left, rough.right, plate) for plate in found if plate.score >= SURE):
+            continue
+        if rough.left < 0.0 or rough.right > camera.columns - 1.0:
+            continue
+        outline = outline_near(gray, rough, horizon, EDGE * contrast_of(gray, rough))
+        found += _plate(gray, outline, camera, horizon, tilt_deg)
+    return found
+
+
+def _small(gray: Gray) -> tuple[Gray, int]:
+    """The image made about as small as `WORKING_COLUMNS`, and by how much."""
+    import cv2
+
+    factor = max(1, round(gray.shape[1] / WORKING_COLUMNS))
+    size = (gray.shape[1] // factor, gray.shape[0] // factor)
+    if factor == 1 or min(size) < LEAST_PIXELS:
+        return gray, 1
+    cut = gray[: size[1] * factor, : size[0] * factor]
+    return np.asarray(cv2.resize(cut, size, interpolation=cv2.INTER_AREA), dtype=np.uint8), factor
+
+
+def _plate(
+    gray: Gray, outline: Outline, camera: LevelCamera, horizon: float, tilt_deg: float | None
+) -> list[PlateBox]:
+    """What is within an outline, if it may be a plate."""
+    size = size_of(outline, camera, horizon, tilt_deg)
+    if size is None or not _fits(size, outline):
+        return []
+    face = face_of(gray, outline)
+    score = 0.0 if face is None else score_of(size, face)
+    return [PlateBox(outline.corners, score)] if score >= LEAST_SCORE else []
+
+
+def _overlap(left: float, right: float, plate: PlateBox) -> bool:
+    return left < plate.corners[1][0] and plate.corners[0][0] < right
+
+
+def size_of(outline: Outline, camera: LevelCamera, horizon: float, tilt_deg: float | None) -> Size | None:
+    """How an outline fits a plate's shape; None for what is no trapezoid."""
+    left = outline.left_bottom - outline.left_top
+    right = outline.right_bottom - outline.right_top
+    if min(left, right) < 1.0:
+        return None
+    height = (left + right) / 2.0
+    depth = camera.focal * PLATE_HEIGHT_MM / height
+    ul = (outline.left - (camera.columns - 1) / 2.0) / camera.focal
+    ur = (outline.right - (camera.columns - 1) / 2.0) / camera.focal
+    tangent = math.tan(math.radians(0.0 if tilt_deg is None else tilt_deg))
+    # Along a wall 1 / depth, and so the height in the image, is linear in the column.
+    growth = tangent * (ur - ul) / max(1.0 + tangent * (ul + ur) / 2.0, 0.2)
+    if tilt_deg is None:
+        growth = min(max((right - left) / height, -0.3), 0.3)
+    right_depth, left_depth = depth / (1.0 + growth / 2.0), depth / (1.0 - growth / 2.0)
+    width = math.hypot(ur * right_depth - ul * left_depth, right_depth - left_depth)
+    middle_row = (outline.left_top + outline.left_bottom + outline.right_top + outline.right_bottom) / 4.0
+    return Size(
+        depth_mm=depth,
+        width=width / PLATE_WIDTH_MM - 1.0,
+        slope=(right - left) / height - growth,
+        off=abs(middle_row - horizon),
+    )
+
+
+def _fits(size: Size, outline: Outline) -> bool:
+    """Whether a plate can look like that at all."""
+    height = outline.left_bottom - outline.left_top
+    return (
+        size.depth_mm <= _FARTHEST_MM
+        and abs(size.width) <= 0.3
+        and abs(size.slope) <= 0.3
+        and size.off <= 1.0 + 0.05 * height
+        and outline.spread <= 1.0 + 0.03 * height
+    )
+
+
+def score_of(size: Size, face: Face) -> float:
+    """How plate-like it is, from 0 to 1: the product of what each feature says."""
+    return (
+        _within(size.width, 0.0, 0.12, 0.25)
+        * _within(size.slope, 0.0, 0.12, 0.25)
+        * _within(face.ground, 0.0, 0.5, 0.65)
+        * _within(face.edged, 1.0, 0.5, 0.8)
+        * _within(face.ink, 0.55, 0.35, 0.48)
+        * _within(face.misfit, 0.0, 0.45, 0.65)
+        * _within(face.gap, 1.0, 0.5, 0.7)
+        * _within(face.rim, 0.0, 0.5, 0.7)
+        * _within(face.middle, 0.5, 0.05, 0.13)
+    )
+
+
+def _within(value: float, expected: float, good: float, bad: float) -> float:
+    """1 where a value is nearer than `good` to what is expected, 0 beyond `bad`, and between the two
+    between them."""
+    return min(max((bad - abs(value - expected)) / (bad - good), 0.0), 1.0)
+
+
+def _apart(plates: Iterable[PlateBox]) -> tuple[PlateBox, ...]:
+    """The best ones of those that overlap."""
+    kept: list[PlateBox] = []
+    for plate in sorted(plates, key=lambda plate: -plate.score):
+        if not any(_overlap(plate.corners[0][0], plate.corners[1][0], other) for other in kept):
+            kept.append(plate)
+    return tuple(kept)

@@ -1,0 +1,172 @@
+"""How much what is within an outline looks like a door plate: white characters in one line on black, of the
+height that plates have, with a black margin around them, on something lighter.
+
+The outline is rectified to millimeters first, as if it were a plate. What a poster lacks of a plate is then
+plain: its lines are too many or too low, its margins too narrow, its ground is not even, or nothing is
+written on it.
+"""
+
+from __future__ import annotations
+
+import math
+from functools import lru_cache
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from colony.nav.maps.signs import CHARACTER_HEIGHT_MM, PLATE_HEIGHT_MM, PLATE_WIDTH_MM
+from colony.vision.gray_images import Gray
+from colony.vision.plates.outline import Outline
+
+Floats = NDArray[np.float64]
+
+MM_A_PIXEL = 4.0
+BORDER_MM = 32.0
+"""How much around the plate is rectified with it."""
+
+LEAST_CONTRAST = 12.0
+"""The least difference of gray levels between the characters and the ground."""
+
+_BLUR_PIXELS = 2.2  # over how many pixels of the image an edge is a ramp
+_BORDER = round(BORDER_MM / MM_A_PIXEL)
+_COLUMNS, _ROWS = round(PLATE_WIDTH_MM / MM_A_PIXEL), round(PLATE_HEIGHT_MM / MM_A_PIXEL)
+_MARGIN_MM = (PLATE_HEIGHT_MM - CHARACTER_HEIGHT_MM) / 2.0
+_MARGIN = round(_MARGIN_MM / MM_A_PIXEL)
+_BLURS = 16
+_DARK, _LIGHT = 0.15, 0.985  # of the pixels, sorted: a single character is a fiftieth of a plate
+_OUTSIDE = 4  # so many pixels outside of the outline it is what is behind the plate
+_LEAST_STEP = 0.15
+
+
+class Face(NamedTuple):
+    """What is seen of a plate. All but the contrast is relative to it.
+
+    Attributes:
+        contrast: between the characters and the ground, in gray levels.
+        ground: how dark it is between the characters, as a part of how light they are.
+        edged: along which part of its outline it is lighter outside than inside.
+        ink: how light the line of characters is in the mean: how much of it is covered by them.
+        misfit: by how much the rows differ from those of a plate (rms), as a part of `ink`.
+        gap: how light the darkest row of the line of characters is, as a part of their mean.
+        rim: how light the margin is around the characters, where it is lightest.
+        middle: where the middle of the writing is, from 0, the left edge, to 1.
+        width: of the writing, as a part of the plate's.
+    """
+
+    contrast: float
+    ground: float
+    edged: float
+    ink: float
+    misfit: float
+    gap: float
+    rim: float
+    middle: float
+    width: float
+
+
+def face_of(gray: Gray, outline: Outline) -> Face | None:
+    """What is within an outline; None where nothing stands out in it."""
+    patch = _rectified(gray, outline)
+    plate = patch[_BORDER : _BORDER + _ROWS, _BORDER : _BORDER + _COLUMNS]
+    ordered = np.sort(plate, axis=None)
+    ground, light = float(ordered[int(_DARK * ordered.size)]), float(ordered[int(_LIGHT * ordered.size)])
+    contrast = light - ground
+    if contrast < LEAST_CONTRAST:
+        return None
+    patch = (patch - ground) / contrast
+    left, right = _written(patch[_BORDER + _MARGIN : -_BORDER - _MARGIN, _BORDER : _BORDER + _COLUMNS])
+    height = (outline.left_bottom - outline.left_top + outline.right_bottom - outline.right_top) / 2.0
+    text = patch[:, _BORDER + left : _BORDER + right].mean(axis=1)
+    ink, misfit = _fit(text, PLATE_HEIGHT_MM / height)
+    line = text[_BORDER + _MARGIN + 2 : -_BORDER - _MARGIN - 2]
+    return Face(
+        contrast=contrast,
+        ground=ground / light,
+        edged=_edged(patch),
+        ink=ink,
+        misfit=misfit / max(ink, 0.05),
+        gap=float(line.min() / max(line.mean(), 0.05)),
+        rim=_rim(patch),
+        middle=(left + right) / 2.0 / _COLUMNS,
+        width=(right - left) / _COLUMNS,
+    )
+
+
+def contrast_of(gray: Gray, outline: Outline) -> float:
+    """Between what is bright and what is dark within an outline, in gray levels."""
+    left, right = max(math.ceil(outline.left), 0), max(math.floor(outline.right), 0) + 1
+    top, bottom = max(math.ceil(outline.left_top), 0), max(math.floor(outline.left_bottom), 0) + 1
+    within = np.sort(gray[top:bottom, left:right], axis=None)
+    if within.size == 0:
+        return 0.0
+    return float(within[int(_LIGHT * within.size)]) - float(within[int(_DARK * within.size)])
+
+
+def _rectified(gray: Gray, outline: Outline) -> Floats:
+    """The plate with its surroundings, faced."""
+    import cv2
+
+    near, right, lower = _BORDER - 0.5, _BORDER + _COLUMNS - 0.5, _BORDER + _ROWS - 0.5
+    faced = np.array([(near, near), (right, near), (right, lower), (near, lower)], dtype=np.float32)
+    transform = cv2.getPerspectiveTransform(faced, np.array(outline.corners, dtype=np.float32))
+    size = (_COLUMNS + 2 * _BORDER, _ROWS + 2 * _BORDER)
+    flags = cv2.INTER_LINEAR | cv2.WARP_INVERSE_MAP
+    patch = cv2.warpPerspective(gray, transform, size, flags=flags, borderMode=cv2.BORDER_REPLICATE)
+    return np.asarray(patch, dtype=np.float64)
+
+
+def _edged(patch: Floats) -> float:
+    """Along which part of the outline it is lighter outside than within the margin."""
+    rows, columns = slice(_BORDER, -_BORDER), slice(_BORDER, -_BORDER)
+    inside, outside = _BORDER + _MARGIN // 2, _BORDER - _OUTSIDE
+    steps = (
+        patch[outside, columns] - patch[inside, columns],
+        patch[-1 - outside, columns] - patch[-1 - inside, columns],
+        patch[rows, outside] - patch[rows, inside],
+        patch[rows, -1 - outside] - patch[rows, -1 - inside],
+    )
+    return float((np.concatenate(steps) >= _LEAST_STEP).mean())
+
+
+def _rim(patch: Floats) -> float:
+    """How light the margin is in its middle, all around, but for the lightest tenth."""
+    plate = patch[_BORDER:-_BORDER, _BORDER:-_BORDER]
+    at = _MARGIN // 2
+    rows, columns = slice(at, -at), slice(at, -at)
+    ring = (plate[at, columns], plate[-1 - at, columns], plate[rows, at], plate[rows, -1 - at])
+    return float(np.percentile(np.concatenate(ring), 90.0))
+
+
+def _written(line: Floats) -> tuple[int, int]:
+    """From which column to before which one there is writing."""
+    columns = line[:, _MARGIN:-_MARGIN].mean(axis=0)
+    level = 0.4 * float(np.sort(columns)[int(0.95 * columns.size)])
+    written = np.flatnonzero(columns >= level)
+    return _MARGIN + int(written[0]), _MARGIN + int(written[-1]) + 1
+
+
+def _fit(rows: Floats, mm_a_pixel: float) -> tuple[float, float]:
+    """How light the line of characters is by the plate that fits these rows best, and the rms of what it does
+    not explain."""
+    solver, basis = _plate_rows(min(max(round(mm_a_pixel), 1), _BLURS))
+    amounts = solver @ rows
+    off = rows - basis @ amounts
+    inner = off[_BORDER // 2 : -_BORDER // 2]
+    return float(amounts[0]), float(np.sqrt((inner * inner).mean()))
+
+
+@lru_cache(maxsize=_BLURS)
+def _plate_rows(mm_a_pixel: int) -> tuple[Floats, Floats]:
+    """What the rows of a rectified plate are made of, where a pixel of the image was so many mm: the line of
+    characters, what is above, what is below, and the ground. With it what finds out how much of each."""
+    at = (np.arange(_ROWS + 2 * _BORDER) + 0.5) * MM_A_PIXEL - BORDER_MM
+    ramp = _BLUR_PIXELS * mm_a_pixel
+
+    def after(edge: float) -> Floats:
+        """1 below an edge, 0 above it, and a ramp between."""
+        return np.asarray(np.clip((at - edge) / ramp + 0.5, 0.0, 1.0))
+
+    text = after(_MARGIN_MM) - after(PLATE_HEIGHT_MM - _MARGIN_MM)
+    basis = np.stack([text, 1.0 - after(0.0), after(PLATE_HEIGHT_MM), np.ones_like(at)], axis=1)
+    return np.linalg.pinv(basis), basis

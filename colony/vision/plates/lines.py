@@ -1,0 +1,105 @@
+"""Where in an image a line of white characters is that may be on a plate.
+
+A plate that hangs before something dark, or beside it, is no dark patch of its own: on a wall of glass
+bricks, some of which are dark. Its characters still are bright patches of one height on the horizon, side by
+side.
+Their height tells that of the plate, and their middle is the plate's.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from colony.nav.maps.signs import CHARACTER_HEIGHT_MM, PLATE_HEIGHT_MM, PLATE_WIDTH_MM
+from colony.vision.gray_images import Gray
+from colony.vision.plates.outline import Outline
+from colony.vision.plates.patches import Patch, agreed
+
+LEVELS = 8
+"""How many thresholds are tried, between the darkest and the brightest gray of the image."""
+
+LEAST_HEIGHT = 5
+"""Of characters, in pixels of an image 240 columns wide."""
+
+WIDEST = 3.6
+"""The width of a line of characters by its height: a plate has no room for more."""
+
+_LEAST_SPAN = 10.0
+_ALIKE = 0.72  # the lower one of two neighbors by the higher one
+_GAP = 0.8  # between neighbors, by their height
+_THINNEST, _THICKEST = 0.1, 3.6  # the width of a patch by its height: an I, and characters that have merged
+
+
+def lines_of_text(gray: Gray, horizon: float) -> tuple[Patch, ...]:
+    """The lines of bright patches; those that are found at several thresholds first.
+
+    Args:
+        gray: an image, or a band of one, about 240 columns wide.
+        horizon: the row at the height of the camera, in this image.
+    """
+    import cv2
+
+    darkest, brightest = (float(level) for level in np.percentile(gray[::2, ::2], (0.5, 98.0)))
+    if brightest - darkest < _LEAST_SPAN:
+        return ()
+    found: list[Patch] = []
+    for level in np.linspace(darkest, brightest, LEVELS + 2)[1:-1].tolist():
+        bright = (gray > level).view(np.uint8)
+        stats = cv2.connectedComponentsWithStats(bright, connectivity=4, ltype=cv2.CV_16U)[2][1:]
+        found += _lines(stats[_is_likely(stats, gray.shape[0], horizon)], gray.shape[1])
+    return agreed(found)
+
+
+def outline_about(line: Patch, tilt_deg: float | None, focal: float, middle_column: float) -> Outline:
+    """The outline of the plate that has such a line of characters, on a wall tilted as told."""
+    height = (line.bottom - line.top) * PLATE_HEIGHT_MM / CHARACTER_HEIGHT_MM
+    middle, row = (line.left + line.right - 1) / 2.0, (line.top + line.bottom - 1) / 2.0
+    tangent = float(np.tan(np.radians(0.0 if tilt_deg is None else tilt_deg)))
+    u = (middle - middle_column) / focal
+    width = height * PLATE_WIDTH_MM / PLATE_HEIGHT_MM * (1.0 + u * tangent) / float(np.hypot(1.0, tangent))
+    # Along the wall 1 / depth, and so the height in the image, is linear in the column.
+    growth = tangent * width / focal / max(1.0 + u * tangent, 0.2)
+    left, right = height * (1.0 - growth / 2.0) / 2.0, height * (1.0 + growth / 2.0) / 2.0
+    return Outline(
+        left=middle - width / 2.0, right=middle + width / 2.0,
+        left_top=row - left, left_bottom=row + left, right_top=row - right, right_bottom=row + right,
+        spread=0.0,
+    )  # fmt: skip
+
+
+def _is_likely(stats: NDArray[np.int32], rows: int, horizon: float) -> NDArray[np.bool_]:
+    """Which components, (n, 5) as OpenCV tells them, may be a character, or several that have merged."""
+    _, top, width, height, _ = stats.T
+    off = np.abs(top + (height - 1) / 2.0 - horizon)
+    likely = (height >= LEAST_HEIGHT) & (width >= _THINNEST * height) & (width <= _THICKEST * height)
+    likely &= (top > 0) & (top + height < rows)
+    likely &= off <= 1.0 + 0.12 * height
+    return np.asarray(likely, dtype=np.bool_)
+
+
+def _lines(stats: NDArray[np.int32], columns: int) -> list[Patch]:
+    """Neighbors of the same height, put together; but not what goes on beyond the image."""
+    patches = sorted((x, y, x + w, y + h) for x, y, w, h, _ in stats.tolist())
+    lines: list[Patch] = []
+    for left, top, right, bottom in patches:
+        patch = Patch(left, top, right, bottom)
+        for number, line in enumerate(lines):
+            if _is_next(line, patch):
+                lines[number] = Patch(line.left, min(line.top, top), right, max(line.bottom, bottom))
+                break
+        else:
+            lines.append(patch)
+    return [
+        line
+        for line in lines
+        if line.left > 0
+        and line.right < columns
+        and line.right - line.left <= WIDEST * (line.bottom - line.top)
+    ]
+
+
+def _is_next(line: Patch, patch: Patch) -> bool:
+    """Whether a patch goes on with a line."""
+    low, high = sorted((line.bottom - line.top, patch.bottom - patch.top))
+    return low >= _ALIKE * high and -0.3 * high <= patch.left - line.right <= _GAP * high

@@ -1,0 +1,195 @@
+"""The outline of a dark patch to a part of a pixel, as four lines.
+
+The camera is level and walls are upright, so the left and the right edge are upright in the image, and the
+upper and the lower one any straight lines. An edge is where the image grows dark toward the inside: at the
+center of gravity of what it darkens there, from row to row or from column to column.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from colony.vision.gray_images import Gray
+from colony.vision.plates.patches import Patch
+from colony.vision.sightings import Corner
+
+Floats = NDArray[np.float64]
+
+LEAST_DROP = 4.0
+"""By how many gray levels it must darken across an edge, at least."""
+
+_LEAST_COLUMNS = 4
+_ROUNDS = 5
+_LEAST_SEEN = 0.35  # of the columns of an edge
+_SOFT = 0.35  # of a pixel: residuals beyond this count less and less
+
+
+class Outline(NamedTuple):
+    """A trapezoid with upright sides: its columns, and at both the rows of its upper and lower edge; `spread`
+    is by how much the upper and lower edge depart from straight lines, in pixels."""
+
+    left: float
+    right: float
+    left_top: float
+    left_bottom: float
+    right_top: float
+    right_bottom: float
+    spread: float
+
+    @property
+    def middle_height(self) -> float:
+        """The mean of its heights at the left and the right."""
+        return (self.left_bottom - self.left_top + self.right_bottom - self.right_top) / 2.0
+
+    @property
+    def corners(self) -> tuple[Corner, Corner, Corner, Corner]:
+        """From the upper left one clockwise."""
+        return (
+            (self.left, self.left_top),
+            (self.right, self.right_top),
+            (self.right, self.right_bottom),
+            (self.left, self.left_bottom),
+        )
+
+
+def outline_of(gray: Gray, box: Patch, horizon: float) -> Outline | None:
+    """The outline of a candidate; None where an edge of it is not to be seen."""
+    upper, lower = _edge(gray, box, lower=False), _edge(gray, box, lower=True)
+    left, right = _side(gray, box, right=False), _side(gray, box, right=True)
+    if upper is None or lower is None or left is None or right is None or right - left < _LEAST_COLUMNS:
+        return None
+    return _trapezoid(left, right, _halves(upper, lower, horizon))
+
+
+def outline_near(gray: Gray, rough: Outline, horizon: float, least_drop: float) -> Outline:
+    """An outline that is known to a pixel or two, to a part of a pixel where its edges are to be seen.
+
+    Of the upper and the lower edge one tells the other, as they are symmetric about the horizon; of the left
+    and the right one, one tells the other by the width. Edges by which it darkens less than `least_drop` are
+    not seen.
+    """
+    box = _box_about(rough, gray.shape)
+    upper, lower = (_edge(gray, box, lower=lower, least_drop=least_drop) for lower in (False, True))
+    if upper is None and lower is None:
+        return rough
+    halves = _halves(upper, lower, horizon)
+    middle = (rough.left + rough.right) / 2.0
+    width = (rough.right - rough.left) * 2.0 * halves.at(middle) / rough.middle_height
+    left, right = (_side(gray, box, right=right, least_drop=least_drop) for right in (False, True))
+    if left is None:
+        left = middle - width / 2.0 if right is None else right - width
+    return _trapezoid(left, left + width if right is None else right, halves)
+
+
+class _Edge(NamedTuple):
+    """An edge in some columns: in which rows it is there."""
+
+    columns: Floats
+    rows: Floats
+
+
+class _Halves(NamedTuple):
+    """The upper and the lower half of a trapezoid: their height, base + slope * column, about the row
+    `middle`, and by how much the edges depart from that."""
+
+    middle: float
+    base: float
+    slope: float
+    spread: float
+
+    def at(self, column: float) -> float:
+        """The height of a half in a column."""
+        return self.base + self.slope * column
+
+
+def _halves(upper: _Edge | None, lower: _Edge | None, horizon: float) -> _Halves:
+    """One line for both edges, as they are symmetric: where something dark behind the plate hides one of
+    them, the other shows it. The camera need not be quite level: both may be off the horizon."""
+    middle = horizon
+    if upper is not None and lower is not None:
+        middle = float(np.median(upper.rows) + np.median(lower.rows)) / 2.0
+    columns = [edge.columns for edge in (upper, lower) if edge is not None]
+    heights = [] if upper is None else [middle - upper.rows]
+    heights += [] if lower is None else [lower.rows - middle]
+    base, slope, spread = _line(np.concatenate(columns), np.concatenate(heights))
+    return _Halves(middle, base, slope, spread)
+
+
+def _trapezoid(left: float, right: float, halves: _Halves) -> Outline:
+    middle, at_left, at_right = halves.middle, halves.at(left), halves.at(right)
+    return Outline(
+        left=left, right=right,
+        left_top=middle - at_left, left_bottom=middle + at_left,
+        right_top=middle - at_right, right_bottom=middle + at_right,
+        spread=halves.spread,
+    )  # fmt: skip
+
+
+def _box_about(outline: Outline, shape: tuple[int, ...]) -> Patch:
+    top, bottom = (
+        (outline.left_top + outline.right_top) / 2.0,
+        (outline.left_bottom + outline.right_bottom) / 2.0,
+    )
+    return Patch(
+        min(max(round(outline.left + 0.5), 0), shape[1]),
+        min(max(round(top + 0.5), 0), shape[0]),
+        min(max(round(outline.right + 0.5), 0), shape[1]),
+        min(max(round(bottom + 0.5), 0), shape[0]),
+    )
+
+
+def _reach(box: Patch) -> int:
+    """How many pixels off an edge is looked for."""
+    return max(2, round(0.22 * (box.bottom - box.top)))
+
+
+def _edge(gray: Gray, box: Patch, *, lower: bool, least_drop: float = LEAST_DROP) -> _Edge | None:
+    """The upper or lower edge; None where too few columns show one."""
+    inset = max(1, (box.right - box.left) // 16)
+    columns = slice(box.left + inset, box.right - inset)
+    at, reach = box.bottom if lower else box.top, _reach(box)
+    first, last = max(at - reach - 1, 0), min(at + reach + 1, gray.shape[0])
+    steps = np.diff(gray[first:last, columns].astype(np.float64), axis=0)
+    drops = np.maximum(steps if lower else -steps, 0.0)
+    if drops.size == 0:
+        return None
+    seen = drops.sum(axis=0) >= least_drop
+    if seen.sum() < max(_LEAST_COLUMNS, _LEAST_SEEN * len(seen)):
+        return None
+    drops = drops[:, seen] ** 2  # so that noise, which is everywhere, weighs little
+    rows = ((first + 0.5 + np.arange(len(drops))) @ drops) / drops.sum(axis=0)
+    return _Edge(np.arange(columns.start, columns.stop, dtype=np.float64)[seen], rows)
+
+
+def _line(x: Floats, y: Floats) -> tuple[float, float, float]:
+    """A straight line through points, of which some are far off: y = a + b x, and their median distance."""
+    weight = np.ones_like(x)
+    a = b = 0.0
+    for _ in range(_ROUNDS):
+        total = weight.sum()
+        mean_x, mean_y = (weight @ x) / total, (weight @ y) / total
+        spread = weight @ (x - mean_x) ** 2
+        b = float(weight @ ((x - mean_x) * (y - mean_y)) / spread) if spread > 0.0 else 0.0
+        a = float(mean_y - b * mean_x)
+        off = np.abs(y - a - b * x)
+        weight = 1.0 / (1.0 + (off / _SOFT) ** 2)
+    return a, b, float(np.median(off))
+
+
+def _side(gray: Gray, box: Patch, *, right: bool, least_drop: float = LEAST_DROP) -> float | None:
+    """The column of the left or right edge; None where there is none to be seen."""
+    inset = max(1, (box.bottom - box.top) // 6)
+    at, reach = box.right if right else box.left, _reach(box)
+    first, last = max(at - reach - 1, 0), min(at + reach + 1, gray.shape[1])
+    rows = gray[box.top + inset : box.bottom - inset, first:last].astype(np.float64)
+    if min(rows.shape) < 2:
+        return None
+    steps = np.diff(np.median(rows, axis=0))
+    drops = np.maximum(steps if right else -steps, 0.0)
+    if float(drops.sum()) < least_drop:
+        return None
+    drops *= drops
+    return float(drops @ (first + 0.5 + np.arange(len(drops)))) / float(drops.sum())

@@ -1,0 +1,117 @@
+"""PlFinder as printed: plates by closed borders with corners (thesis section 5.7).
+
+The negative of the image is stretched, which makes plates bright, and thresholded. Where the middle line, or
+else a line above it, goes from dark to bright, the border is followed; the corners of its chain code give a
+bounding box, which is a plate if it has about the size of one.
+
+Not printed, and chosen here: the threshold, half of the scale; the sizes that are accepted, those of a plate
+from 0.8 to 2.6 m away, at up to 50 degrees; that a box needs four corners.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from colony.nav.maps.signs import PLATE_HEIGHT_MM, PLATE_WIDTH_MM
+from colony.vision.gray_images import Gray, gray_band
+from colony.vision.level_camera import LevelCamera
+from colony.vision.plates.chain_code import corners, traced
+from colony.vision.plates.geometry import STEEPEST_DEG
+from colony.vision.sightings import PlateBox
+
+SCAN_LINES = 40
+"""How many rows around the middle are looked at, of an image of 120."""
+
+MIDDLE_LEVEL, LOWER_EXPONENT, UPPER_EXPONENT = 0.8 * 255.0, 5.0, 0.5
+"""M, e1 and e2 of the gray-level stretch."""
+
+THRESHOLD = 128
+
+NEAREST_MM, FARTHEST_MM = 800.0, 2600.0
+_LEAST_CORNERS = 4
+
+
+def scan_band(camera: LevelCamera) -> tuple[int, int]:
+    """The first one of the rows that are looked at, and how many they are."""
+    count = min(camera.rows, round(SCAN_LINES * camera.rows / 120))
+    return (camera.rows - count) // 2, count
+
+
+def stretched(level: float) -> float:
+    """The gray level that a level of the negative becomes; 0 stays 0."""
+    if level <= MIDDLE_LEVEL:
+        return float((level / MIDDLE_LEVEL) ** LOWER_EXPONENT * MIDDLE_LEVEL)
+    above = 255.0 - MIDDLE_LEVEL
+    return float(((level - MIDDLE_LEVEL) / above) ** UPPER_EXPONENT * above + MIDDLE_LEVEL)
+
+
+_BRIGHT = np.array([stretched(255.0 - level) >= THRESHOLD for level in range(256)])
+"""Whether a gray level of the image is bright in the end."""
+
+
+def thesis_plates(
+    band: NDArray[Any], camera: LevelCamera | None = None, *, first_row: int = 0, starting_column: int = 0
+) -> tuple[PlateBox, ...]:
+    """The plates in a band of an image, from left to right.
+
+    Args:
+        band: as `plate_detector.find_plates` takes it; of a whole image the scan lines are looked at.
+        camera: what took it; one of 60 degrees, where it is not told.
+        first_row: where the band begins in the whole image. Corners are told in the band.
+        starting_column: what is to the left of it was seen in an image before.
+
+    Raises:
+        ValueError: it is no image, or not one of this camera.
+    """
+    gray, camera = gray_band(band, camera, first_row)
+    first, count = scan_band(camera)
+    top = max(first - first_row, 0)
+    lines = gray[top : first + count - first_row]
+    middle = (camera.rows - 1) // 2 - first_row - top
+    if not 0 <= middle < len(lines):
+        return ()
+    return tuple(plate.lowered(top) for plate in _plates(lines, middle, camera, starting_column))
+
+
+def _plates(lines: Gray, middle: int, camera: LevelCamera, starting_column: int) -> Iterator[PlateBox]:
+    binary = _BRIGHT[lines]
+    done = starting_column
+    for column, row in _transitions(binary, middle):
+        if column < done:
+            continue
+        border = traced(binary, column, row)
+        if border is None:
+            continue
+        found = corners(border)
+        if len(found) >= _LEAST_CORNERS and (plate := _plate(found, camera)) is not None:
+            done = math.ceil(plate.corners[1][0])
+            yield plate
+
+
+def _transitions(binary: NDArray[np.bool_], middle: int) -> list[tuple[int, int]]:
+    """Where it goes from dark to bright: in the middle line, or else in the lowest line above it where it
+    does, from left to right."""
+    rising = ~binary[:, :-1] & binary[:, 1:]
+    for row in range(middle, -1, -1):
+        columns = (np.flatnonzero(rising[row]) + 1).tolist()
+        if columns:
+            return [(column, row) for column in columns]
+    return []
+
+
+def _plate(found: NDArray[np.int64], camera: LevelCamera) -> PlateBox | None:
+    """The bounding box of corners, if it has the size of a plate."""
+    left, top = (float(n) - 0.5 for n in found.min(axis=0))
+    right, bottom = (float(n) + 0.5 for n in found.max(axis=0))
+    nearest, farthest = camera.focal / NEAREST_MM, camera.focal / FARTHEST_MM
+    narrowest = math.cos(math.radians(STEEPEST_DEG)) * PLATE_WIDTH_MM
+    if not farthest * PLATE_HEIGHT_MM <= bottom - top <= nearest * PLATE_HEIGHT_MM:
+        return None
+    if not farthest * narrowest <= right - left <= nearest * PLATE_WIDTH_MM:
+        return None
+    return PlateBox(((left, top), (right, top), (right, bottom), (left, bottom)), 1.0)
