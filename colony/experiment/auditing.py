@@ -1,7 +1,8 @@
 """A run of an experiment, held against the reference interpreter: every frame must be decided alike.
 
-Experiments run generated Python for its speed. An audit lets the interpreter, which executes the program wire
-by wire as it was written, decide on the same readings in lockstep, bit for bit (`verify/testing/agreement.py`).
+Experiments run generated Python for its speed. An audit lets the interpreter, which executes the program
+wire by wire as it was written, decide on the same readings in lockstep, bit for bit
+(`verify/testing/agreement.py`).
 """
 
 from __future__ import annotations

@@ -32,7 +32,9 @@ network {{ out = m }}
 """
 GO = "actuator go { velocity : mm/s, turn : deg/s } to DServer.go idle hold"
 MOODY = f"""{ROBOT}
-module m from python "colony.verify.testing.python_modules:Moody" {{ param seed = 1 reads b commands go rate 1 s }}
+module m from python "colony.verify.testing.python_modules:Moody" {{
+  param seed = 1 reads b commands go rate 1 s
+}}
 module n {{ when b do out(v = 1) }}
 network {{ out = n  go = m }}
 """.replace("actuator out", f"{GO}\n  actuator out")

@@ -31,7 +31,7 @@ def test_a_network_without_a_program_compiles_to_the_same() -> None:
 
 def test_each_pass_is_named_for_its_file() -> None:
     for one in PASSES:
-        assert one.__module__ == f"colony.compile.{one.__name__}"
+        assert one.__module__ == f"colony.compile.passes.{one.__name__}"
 
 
 def test_the_garbage_collector_is_left_as_it_was() -> None:

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from colony.experiment.local_cameras import CeilingShot, LevelShot, Shot
 
+from colony.experiment.local_cameras import CeilingShot, LevelShot, Shot
 from colony.sim.cameras.camera import Camera, CameraConfig
 from colony.sim.cameras.ceiling import CeilingCamera
 from colony.sim.cameras.scene import scene_of

@@ -7,10 +7,15 @@ from pathlib import Path
 
 ROOT = Path(__file__).resolve().parents[2]
 
-FRAMES = ("clock", "roll", "liveness", "assembly", "client", "membership", "memory")
+FRAMES = (
+    *("frames/clock", "frames/registry", "frames/liveness", "frames/assembly", "frames/membership"),
+    *("clients/client", "clients/memory"),
+)
 """Ticks and epochs, who lives, frames put together from what arrives, what a client remembers."""
 
-ARBITRATION = ("ballot", "arbitration", "outside", "locks", "latch", "stop_file")
+ARBITRATION = tuple(
+    f"arbitration/{name}" for name in ("ballot", "arbiter", "outside", "locks", "stop_latch", "stop_file")
+)
 """The rule, the protocol around it, leases, locks, the emergency stop."""
 
 RUNTIME_TESTS = (
@@ -57,7 +62,8 @@ SEEING_MOST = (
 
 def modules() -> list[str]:
     """The paths of the modules that are mutated, from the root of the repository."""
-    compiler = sorted(str(path.relative_to(ROOT)) for path in (ROOT / "colony/compile").rglob("*.py"))
+    packages = (ROOT / "colony/compile", ROOT / "colony/execute")
+    compiler = sorted(str(path.relative_to(ROOT)) for package in packages for path in package.rglob("*.py"))
     runtime = [f"colony/runtime/{name}.py" for name in FRAMES + ARBITRATION]
     return [*(path for path in compiler if (ROOT / path).stat().st_size), "colony/ir/frame.py", *runtime]
 

@@ -12,7 +12,9 @@ from colony.runtime.assembly.processes.ending import EXIT_FAILED, EXIT_FINAL
 
 BEGIN = """
 import sys
-from colony.runtime.assembly.processes.ending import drop_what_cannot_be_printed, give_up, give_up_without, say
+from colony.runtime.assembly.processes.ending import (
+    drop_what_cannot_be_printed, give_up, give_up_without, say,
+)
 drop_what_cannot_be_printed()
 print("from a module", end="", flush=True)
 print("from a module", file=sys.stderr)

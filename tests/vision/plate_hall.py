@@ -8,10 +8,10 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 import msgspec
+
 from colony.experiment.local_cameras import LocalCamera
 from colony.experiment.local_scripts import LocalScripts
 from colony.experiment.local_servers import Granted, Handler, LocalData
-
 from colony.nav.maps.signs import Plate
 from colony.nav.maps.stickrep.geometry import Point
 from colony.runtime.kit.script import Script

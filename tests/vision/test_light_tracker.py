@@ -6,8 +6,8 @@ from typing import Any
 
 import numpy as np
 import pytest
-from colony.experiment.local_scripts import ScriptFailed
 
+from colony.experiment.local_scripts import ScriptFailed
 from colony.nav.maps.walls import Walls
 from colony.nav.pose.estimate import pose_estimator
 from colony.nav.pose.fixes import fix_of

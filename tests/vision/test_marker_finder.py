@@ -9,10 +9,10 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+
 from colony.experiment.local_cameras import LevelShot, LocalCamera
 from colony.experiment.local_scripts import LocalScripts, ScriptFailed
 from colony.experiment.local_servers import LocalBase, LocalData
-
 from colony.nav.maps.signs import Marker, markers_of
 from colony.nav.maps.stickrep.geometry import Point
 from colony.nav.maps.stickrep.reader import load_map

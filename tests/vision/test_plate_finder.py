@@ -4,8 +4,8 @@ from dataclasses import replace
 from typing import Any
 
 import pytest
-from colony.experiment.local_scripts import ScriptFailed
 
+from colony.experiment.local_scripts import ScriptFailed
 from colony.nav.pose.fixes import fix_of
 from colony.nav.shared import FLOOR, GOAL_DIRECTION, PLATE_FIX, PLATE_SEEN
 from colony.runtime.library import camera as cameras

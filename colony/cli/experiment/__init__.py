@@ -1,0 +1,5 @@
+"""`colony experiment`."""
+
+from colony.cli.experiment.main import command
+
+__all__ = ["command"]

@@ -1,0 +1,5 @@
+"""`colony run`."""
+
+from colony.cli.run.main import command
+
+__all__ = ["command"]

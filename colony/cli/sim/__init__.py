@@ -1,0 +1,5 @@
+"""`colony sim`."""
+
+from colony.cli.sim.main import command
+
+__all__ = ["command"]

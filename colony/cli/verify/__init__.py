@@ -1,0 +1,5 @@
+"""`colony verify`."""
+
+from colony.cli.verify.main import command
+
+__all__ = ["command"]

@@ -1,8 +1,8 @@
 """What a building looks like: its walls with what is on them, the floor and the ceiling, in shades of gray.
 
 A wall has a cover, such as painted blocks, or one shade; on it lie panels, rectangles of another shade such
-as doors and skirting boards, and on those hang pictures: plates, markers, posters. `colony.sim.cameras.scene` says
-what is on the edges of a map, and `colony.sim.cameras.fitting` what of it is left while doors stand open.
+as doors and skirting boards, and on those hang pictures: plates, markers, posters. `scene.py` says
+what is on the edges of a map, and `fitting.py` what of it is left while doors stand open.
 """
 
 from __future__ import annotations

@@ -1,6 +1,6 @@
-"""Processes of a simulated robot: `python -m colony.sim.plant.servers SPEC` is a server whose hardware is the plant.
+"""Servers of a simulated robot, as processes: `python -m colony.sim.plant.servers SPEC`.
 
-The plant itself is `colony.sim.plant.child`.
+Their hardware is the plant, which is `colony.sim.plant.child`.
 """
 
 from __future__ import annotations

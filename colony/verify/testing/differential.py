@@ -5,7 +5,7 @@
     report.disagreement, report.breaches, report.modules
 
 Traces come from a seed, and each is drawn with what the earlier ones and the program's own tests did in mind
-(`strategies_guided.py`), so that what is rare is met, too. A trace in which something is wrong is shrunk to
+(`guided.py`), so that what is rare is met, too. A trace in which something is wrong is shrunk to
 what it takes.
 
 Modules in Python are run for real, by every executor with an object of its own. What such a module answers

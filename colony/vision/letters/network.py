@@ -104,7 +104,10 @@ def network() -> Network:
     Raises:
         ValueError: the file of the weights is not one of this version.
     """
-    with resources.as_file(resources.files("colony.vision") / WEIGHTS_FILE) as path, np.load(path) as stored:
+    with (
+        resources.as_file(resources.files("colony.vision.letters") / WEIGHTS_FILE) as path,
+        np.load(path) as stored,
+    ):
         arrays = {name: stored[name] for name in stored.files}
     return unpacked(arrays)
 

@@ -1,8 +1,8 @@
 """Finds door plates in an image of a camera that looks along the floor at their height.
 
-Dark patches on the horizon are candidates (`plate_candidates.py`); the outline of each is measured to a part
-of a pixel (`plate_outline.py`), must be one that a plate of 356 x 127 mm can have in such an image, and what
-is within it must look like a plate (`plate_face.py`). No map is needed; where the camera stands relative to
+Dark patches on the horizon are candidates (`candidates.py`); the outline of each is measured to a part
+of a pixel (`outline.py`), must be one that a plate of 356 x 127 mm can have in such an image, and what
+is within it must look like a plate (`face.py`). No map is needed; where the camera stands relative to
 the wall is used where it is known.
 """
 

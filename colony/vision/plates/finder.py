@@ -2,7 +2,7 @@
 
 It looks through a camera at the wall on the robot's left, `period_s` after `period_s`, while the robot heads
 along the hallway, give or take 50 degrees. Each plate is told once: at DServer in PlateSeen, and to whom it
-may concern (`on_plate`). That is when enough looks agree upon it (`plate_search.py`).
+may concern (`on_plate`). That is when enough looks agree upon it (`search.py`).
 
 With the maps of the floors, of which Floor names the present one, what hangs where no plate does is none, and
 each look at a plate that is known tells where the robot is: PlateFix. The thesis's own finder (`thesis=True`)

@@ -32,7 +32,7 @@ def main() -> None:
     parser.add_argument("--seed", type=int, default=1, help="of all that is random (default: 1)")
     parser.add_argument("--steps", type=int, default=STEPS, help=f"of {BATCH} samples (default: {STEPS})")
     parser.add_argument("--looks", type=int, default=60, help="to try a font at a height (default: 60)")
-    weights = Path(__file__).parents[1] / WEIGHTS_FILE
+    weights = Path(__file__).parents[1] / "letters" / WEIGHTS_FILE
     parser.add_argument("--out", type=Path, default=weights, help="an .npz file (default: colony's own)")
     told = parser.parse_args()
     if told.seed < 0 or told.steps < 1 or told.looks < 1:

@@ -1,4 +1,4 @@
-"""The lines of a StickRep file that are neither rings nor rows; `stickrep_reader` tells what each means."""
+"""The lines of a StickRep file that are neither rings nor rows; `reader.py` tells what each means."""
 
 from __future__ import annotations
 
