@@ -17,7 +17,7 @@ _LEVEL = {SIDE_CAMERA: SIDE, FRONT_CAMERA: AHEAD}
 
 
 def run_cameras(plant: Plant, site: Site, names: Iterable[str], *, seed: int) -> dict[str, CameraDriver]:
-    """Return the cameras of these names, sorted: the one that looks up, the one to the left and the one ahead.
+    """Return the cameras of these names: the one that looks up, the one to the left, the one ahead.
 
     Args:
         seed: of the noise of those that look along the floor.

@@ -18,7 +18,6 @@ from colony.experiment.behavior import behavior_of
 from colony.experiment.expected import expected_s
 from colony.experiment.hazards_met import hazards_met
 from colony.experiment.lists import PUBLISHED
-from colony.experiment.loop import Loop, Watch
 from colony.experiment.record import Failure, RunKey, RunResult
 from colony.experiment.run_cameras import run_cameras
 from colony.experiment.variants import CEILING_CAMERA, PLANNER, VARIANTS, Variant
@@ -28,6 +27,7 @@ from colony.nav.maps.building import Building, load_building
 from colony.nav.plan.plan import Plan
 from colony.nav.plan.route import plan
 from colony.nav.pose.tracker import ALL, Source
+from colony.runtime.assembly.loop import Loop, Watch
 from colony.runtime.kit.script import Script
 from colony.runtime.kit.script_local import ScriptFailed
 from colony.runtime.transport.virtual import VirtualClock

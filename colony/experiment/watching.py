@@ -6,10 +6,10 @@ import math
 from collections.abc import Sequence
 
 from colony.experiment.expected import PATIENCE
-from colony.experiment.loop import Loop
 from colony.experiment.record import MODES, Contacts, Failure, LightCount, Mode, ModeCount
 from colony.nav.plan.plan import Plan, Segment
 from colony.nav.shared import CEILING_LIGHT, GoalKind
+from colony.runtime.assembly.loop import Loop
 from colony.sim.world.world import Pose, World
 
 STUCK_NS = 60_000_000_000

@@ -65,13 +65,14 @@ def base_state(world: World, robot: int, t_ns: int) -> BaseState:
 
 
 class SimulatedBase:
-    """The base of robot number `robot`."""
+    """The base of robot number `robot`, whose state changes only with time. Mutable: the newest one."""
 
     register_bits: int | None = None
 
     def __init__(self, plant: Plant, robot: int) -> None:
         self._plant = plant
         self._robot = robot
+        self._state: BaseState | None = None
         self.limits = limits_of(plant.world.config)
 
     def drive(self, velocity: float, turn: float) -> None:
@@ -83,7 +84,9 @@ class SimulatedBase:
 
     def state(self) -> BaseState:
         now = self._plant.catch_up()
-        return base_state(self._plant.world, self._robot, now)
+        if self._state is None or self._state.t_ns != now:
+            self._state = base_state(self._plant.world, self._robot, now)
+        return self._state
 
 
 class RegisterBase:
@@ -127,19 +130,22 @@ class SimulatedProximity:
 
 
 class SimulatedCamera:
-    """A camera of robot number `robot`: each image is taken when it is grabbed, by what `eye` gives then, which
-    may be another one on each floor. Its pixels are drawn when they are read."""
+    """A camera of robot number `robot`: each image is taken when it is grabbed, and drawn when it is read.
+
+    `eye` gives the camera of the moment: there is one a floor.
+    """
 
     def __init__(self, plant: Plant, robot: int, eye: Callable[[], Camera | CeilingCamera]) -> None:
         self._plant = plant
         self._robot = robot
         self._eye = eye
-
-    def grab(self) -> Shot:
         from colony.sim.shots import shot_of
 
+        self._shot_of = shot_of
+
+    def grab(self) -> Shot:
         now = self._plant.catch_up()
-        return shot_of(self._eye(), self._plant.world, self._robot, now)
+        return self._shot_of(self._eye(), self._plant.world, self._robot, now)
 
 
 def simulated_drivers(

@@ -4,13 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 
-from colony.experiment.local_cameras import LocalCamera
-
 from colony.compile.pipeline import compile_program
 from colony.dsl.load import load_text
-from colony.experiment.behavior import behavior_from
-from colony.experiment.loop import Loop
 from colony.ir.frame import Decision, Frame
+from colony.runtime.assembly.behavior import behavior_from
+from colony.runtime.assembly.loop import Loop
 from colony.runtime.assembly.virtual import Session
 from colony.runtime.kit.script import Script
 from colony.runtime.kit.script_node import ScriptNode
@@ -81,12 +79,14 @@ def in_loop(make: Scripts, logs: Mapping[str, Log], frames: int) -> list[Decided
     """What the network decided, frame by frame."""
     decided: list[Decided] = []
     world = _world()
-    camera = LocalCamera(CAMERA, lambda now_ns: _image(now_ns, world.true_pose(0).x_mm))
+    clock = VirtualClock()
+    plant = Plant(world, clock)
     loop = Loop(
         behavior_from(load_text(PROGRAM)),
-        world,
+        simulated_drivers(plant, cameras={CAMERA: _Camera(plant)}),
         make(logs),
-        cameras=(camera,),
+        clock=clock,
+        advance=plant.catch_up,
         seed=3,
         watch=lambda frame, outcome: decided.append((frame, outcome.decisions)),
     )

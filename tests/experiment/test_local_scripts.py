@@ -5,11 +5,11 @@ from __future__ import annotations
 from collections.abc import Mapping
 
 import pytest
-from colony.experiment.local_scripts import LocalScripts, ScriptFailed
-from colony.experiment.local_servers import LocalData
 
+from colony.runtime.assembly.loop import LocalData
 from colony.runtime.kit.errors import CallRefused, ServerNotFound
 from colony.runtime.kit.script import Script, do, sleep
+from colony.runtime.kit.script_local import LocalScripts, ScriptFailed
 from colony.runtime.library import data, robot
 
 FRAME_NS = 50_000_000
@@ -88,7 +88,7 @@ def test_strange_servers_and_methods_are_refused() -> None:
         except ServerNotFound as problem:
             found.append(str(problem))
         try:
-            yield from do("DServer", data.delete("X"))
+            yield from do("DServer", data.publish(("X",)))
         except CallRefused as refused:
             found.append(refused.code)
 

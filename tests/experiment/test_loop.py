@@ -5,14 +5,14 @@ from __future__ import annotations
 import pytest
 
 from colony.dsl.load import load_text
-from colony.experiment.behavior import behavior_from
-from colony.experiment.loop import Loop
 from colony.ir.frame import Frame, Outcome
+from colony.runtime.assembly.behavior import behavior_from
 from colony.runtime.kit.script import Script, do, sleep
 from colony.runtime.library import data, robot
 from colony.sim.config import IDEAL
 from colony.sim.world.world import World
 from tests.experiment.conformance_stage import PROGRAM, WALLS
+from tests.experiment.loops import loop_of
 
 
 class Stage:
@@ -21,7 +21,7 @@ class Stage:
     def __init__(self, *scripts: Script, x_mm: float = 0.0) -> None:
         self.frames: list[tuple[Frame, Outcome]] = []
         self.world = World(walls=WALLS, poses=[(x_mm, 0.0, 270.0)], config=IDEAL)
-        self.loop = Loop(
+        self.loop = loop_of(
             behavior_from(load_text(PROGRAM)),
             self.world,
             {str(i): script for i, script in enumerate(scripts)},

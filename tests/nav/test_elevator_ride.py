@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from pathlib import Path
 
 import pytest
-from colony.experiment.local_cameras import CeilingShot, LevelShot, LocalCamera
 
 from colony.experiment.behavior import behavior_of
-from colony.experiment.loop import Loop
 from colony.nav.maps.building import Building
 from colony.nav.maps.signs import markers_of
 from colony.nav.maps.stickrep.model import Map
@@ -21,6 +20,7 @@ from colony.nav.shared import GoalKind
 from colony.runtime.kit.script import Script, do
 from colony.runtime.library import robot
 from colony.sim.cameras.camera import Camera, CameraConfig
+from colony.sim.cameras.ceiling import CeilingCamera
 from colony.sim.cameras.scene import scene_of
 from colony.sim.hazards.hazards import Hazards
 from colony.sim.hazards.scenery import Scenery
@@ -29,6 +29,7 @@ from colony.sim.world.operator import operator
 from colony.sim.world.site import Site
 from colony.vision.lights.tracker import light_tracker
 from colony.vision.markers.finder import marker_finder
+from tests.experiment.loops import loop_of
 from tests.nav.floors import two_floors
 
 NAVIGATOR = Path(__file__).resolve().parents[2] / "behaviors" / "navigator.colony"
@@ -50,8 +51,8 @@ class Ride:
         self.in_doors: list[float] = []  # how far from their middle
         self.site = Site(building, planned, Hazards.none(), seed=seed)
         self._cabins = {floor.name: cabin_of(floor, "liftL") for floor in building.maps}
-        ceiling, world = self.site.ceiling, self.site.world
-        cameras = [LocalCamera("CServerUp", lambda now_ns: CeilingShot(ceiling(), world, now_ns))]
+        world = self.site.world
+        sight: dict[str, Callable[[], Camera | CeilingCamera]] = {"CServerUp": self.site.ceiling}
         scripts = {
             "misleader": _mislead(aside_mm),
             "clerk": clerk(),
@@ -60,14 +61,13 @@ class Ride:
             "operator": operator(self.site.elevators, world, seed=seed),
         }
         if eyes:
-            ahead = self.site.eyes(_camera_ahead)
-            cameras.append(LocalCamera("CServerFront", lambda now_ns: LevelShot(ahead(), world, now_ns)))
+            sight["CServerFront"] = self.site.eyes(_camera_ahead)
             scripts["markers"] = marker_finder({floor.name: markers_of(floor) for floor in building.maps})
-        self.loop = Loop(
+        self.loop = loop_of(
             behavior_of(NAVIGATOR),
             world,
             scripts,
-            cameras=cameras,
+            eyes=sight,
             seed=seed,
             moving=[self.site.elevators.advance],
         )

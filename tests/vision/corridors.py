@@ -15,9 +15,6 @@ from typing import Any
 
 import msgspec
 import numpy as np
-from colony.experiment.local_cameras import LocalCamera
-from colony.experiment.local_scripts import LocalScripts
-from colony.experiment.local_servers import Granted, Handler, LocalData
 from numpy.typing import NDArray
 
 from colony.nav.shared import (
@@ -29,12 +26,15 @@ from colony.nav.shared import (
     OVERSHOOT,
     TRACK_DATA,
 )
+from colony.runtime.assembly.loop import LocalCamera, LocalData
 from colony.runtime.kit.errors import CallRefused
 from colony.runtime.kit.script import Script, do, sleep
+from colony.runtime.kit.script_local import LocalScripts, LocalServer
 from colony.runtime.library import data, robot
-from colony.runtime.protocol.calls import Asked, Caller, Refused
+from colony.runtime.protocol.calls import Asked, Caller, Nothing, Refused, method
 from colony.runtime.servers.images import Image
 from colony.vision.lights.ceiling_camera import UPWARD, CeilingCamera
+from tests.experiment.loops import Shutter
 
 FRAME_S = 0.05
 ASKED = Asked(Caller("local/test", "test", 0, "local"), 1)
@@ -103,19 +103,20 @@ class Robot:
     silent: tuple[float, float] = (math.inf, math.inf)
 
 
-class Base:
+class Base(LocalServer):
     """RServer of the robot. Mutable: where it is, and where it is believed to be; what was corrected."""
 
-    address: str = "RServer"
-
     def __init__(self, moves: Robot) -> None:
+        methods = (
+            method("position", Nothing, self._position),
+            method("adjust_position", robot.PoseArguments, self._adjust),
+        )
+        super().__init__("RServer", methods)
         self._moves = moves
         self.along_mm = moves.along_mm
         self.x, self.y, self.heading = 0.0, moves.along_mm + moves.off_mm, moves.believed_deg
         self.corrections: list[tuple[float, float, float]] = []
         self._slips, self._stands = list(moves.slips), list(moves.stands)
-        self.granted: Granted = []
-        self.handlers: Mapping[str, Handler] = {"position": self._position, "adjust_position": self._adjust}
 
     def advance(self) -> None:
         """Go on for a frame."""
@@ -131,12 +132,12 @@ class Base:
         if self._slips and self.along_mm >= self._slips[0][0]:
             self.y += self._slips.pop(0)[1]
 
-    def _position(self, asked: Asked, arguments: Any, reply: Any, now_ns: int) -> robot.Position:
+    def _position(self, asked: Asked, arguments: Any, now_ns: int) -> robot.Position:
         if self._moves.silent[0] <= self.along_mm < self._moves.silent[1]:
             raise Refused("no value", "the base does not answer")
         return robot.Position(x=self.x, y=self.y, heading=self.heading % 360.0, t_ns=now_ns)
 
-    def _adjust(self, asked: Asked, arguments: robot.PoseArguments, reply: Any, now_ns: int) -> None:
+    def _adjust(self, asked: Asked, arguments: robot.PoseArguments, now_ns: int) -> None:
         self.corrections.append((arguments.x, arguments.y, arguments.heading))
         self.x, self.y = self.x + arguments.x, self.y + arguments.y
         self.heading += arguments.heading
@@ -171,14 +172,14 @@ class Stage:
         lights: int | None = None,
     ) -> None:
         self._patience_s, self._lights = patience_s, lights
-        self._frames = 0
+        self._frames = self._now_ns = 0
         self._rng = np.random.default_rng(seed)
         self._ceiling, self._moves = ceiling, moves
         self.base = Base(moves)
         self.data = LocalData()
         self.log = Log()
         self._cameras = [
-            LocalCamera(name, partial(self._image, geometry))
+            LocalCamera(name, Shutter(partial(self._image, geometry)))
             for name, geometry in (cameras or {"CServerUp": UPWARD}).items()
         ]
         everybody = {**scripts, "planner": self._planner(goals)}
@@ -186,7 +187,7 @@ class Stage:
 
     def semaphore(self, name: str) -> data.SemaphoreState:
         """How it stands at DServer."""
-        state = self.data.handlers["semaphore"](ASKED, data.Named(name=name), data.SemaphoreState, 0)
+        state = self.data.handlers["semaphore"](ASKED, data.Named(name=name), 0)
         assert isinstance(state, data.SemaphoreState)
         return state
 
@@ -197,12 +198,12 @@ class Stage:
     def tell(self, name: str, value: object) -> None:
         """Set a variable at DServer, as somebody else does it."""
         raw = msgspec.Raw(msgspec.msgpack.encode(value))
-        self.data.handlers["set"](ASKED, data.Set(name=name, value=raw), type(None), 0)
+        self.data.handlers["set"](ASKED, data.Set(name=name, value=raw), 0)
 
     def camera_period_s(self, name: str) -> float:
         """How often a camera takes an image."""
         (camera,) = (camera for camera in self._cameras if camera.address == name)
-        period_ns = camera.handlers["period"](ASKED, None, int, 0)
+        period_ns = camera.handlers["period"](ASKED, None, 0)
         assert isinstance(period_ns, int)
         return period_ns / 1e9
 
@@ -210,7 +211,7 @@ class Stage:
         """Until all goals are done, or for so long; for so long in any case with `all_of_it`."""
         for _ in range(round(seconds / FRAME_S)):
             self._frames += 1
-            now_ns = round(self._frames * FRAME_S * 1e9)
+            now_ns = self._now_ns = round(self._frames * FRAME_S * 1e9)
             self.base.advance()
             for camera in self._cameras:
                 camera.tend(now_ns)
@@ -244,7 +245,7 @@ class Stage:
             over = yield from do("DServer", data.get(OVERSHOOT, type=float))
             self.log.overshoots.append((self.base.along_mm, over))
 
-    def _image(self, geometry: CeilingCamera, now_ns: int) -> Image:
+    def _image(self, geometry: CeilingCamera) -> Image:
         """Mounted to the left, a camera is where a robot further to the left would have it."""
         at = replace(geometry, left_mm=0.0, ahead_mm=0.0)
         lines = rendered(
@@ -258,5 +259,9 @@ class Stage:
         pixels = np.zeros((geometry.rows, geometry.columns), dtype=np.uint8)
         pixels[list(geometry.scan_rows)] = lines
         return Image(
-            t_ns=now_ns, height=geometry.rows, width=geometry.columns, channels=1, pixels=pixels.tobytes()
+            t_ns=self._now_ns,
+            height=geometry.rows,
+            width=geometry.columns,
+            channels=1,
+            pixels=pixels.tobytes(),
         )

@@ -3,23 +3,23 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
 import msgspec
 
-from colony.experiment.local_cameras import LocalCamera
-from colony.experiment.local_scripts import LocalScripts
-from colony.experiment.local_servers import Granted, Handler, LocalData
 from colony.nav.maps.signs import Plate
 from colony.nav.maps.stickrep.geometry import Point
+from colony.runtime.assembly.loop import LocalCamera, LocalData
 from colony.runtime.kit.script import Script
+from colony.runtime.kit.script_local import LocalScripts, LocalServer
 from colony.runtime.library import data, proximity, robot
-from colony.runtime.protocol.calls import Asked, Caller, Refused
+from colony.runtime.protocol.calls import Asked, Caller, Handler, Nothing, Refused, method
 from colony.runtime.servers.images import Image
 from colony.vision.level_camera import SIDE
 from colony.vision.plates.geometry import WallView
+from tests.experiment.loops import Shutter
 from tests.vision.plate_walls import Board, wall_image
 
 FRAME_NS = 50_000_000
@@ -53,14 +53,6 @@ def known(hall: Hall) -> tuple[Plate, ...]:
     )  # fmt: skip
 
 
-class _Server:
-    """Mutable: `granted`, which nobody fills."""
-
-    def __init__(self, address: str, handlers: Mapping[str, Handler]) -> None:
-        self.address, self.handlers = address, handlers
-        self.granted: Granted = []
-
-
 class Stage:
     """Scripts beside the robot. Mutable: the time, and with it the robot's place; what was asked of the
     camera."""
@@ -69,13 +61,13 @@ class Stage:
         self._hall = hall
         self.now_ns = 0
         self.data = LocalData()
-        self.camera = LocalCamera("CServerSide", lambda now_ns: self._image(now_ns))
+        self.camera = LocalCamera("CServerSide", Shutter(lambda: self._image(self.now_ns)))
         self.asked: list[str] = []
         self.camera.handlers = {
             name: self._counted(name, handler) for name, handler in self.camera.handlers.items()
         }
-        base = _Server("RServer", {"position": self._position})
-        ring = _Server("PServer", {"sonar": self._sonar})
+        base = LocalServer("RServer", [method("position", Nothing, self._position)])
+        ring = LocalServer("PServer", [method("sonar", Nothing, self._sonar)])
         self._scripts = LocalScripts(scripts, [self.data, base, ring, self.camera])
 
     def run(self, seconds: float) -> None:
@@ -90,7 +82,7 @@ class Stage:
         """Set a variable at DServer."""
         raw = msgspec.Raw(msgspec.msgpack.encode(value))
         asked = Asked(Caller("test", "test", 0, "local"), 1)
-        self.data.handlers["set"](asked, data.Set(name=name, value=raw), type(None), self.now_ns)
+        self.data.handlers["set"](asked, data.Set(name=name, value=raw), self.now_ns)
 
     def told(self, name: str) -> Any:
         """A variable at DServer; None where it was never set."""
@@ -103,10 +95,10 @@ class Stage:
         return self._hall.start_mm + self._hall.speed_mm_s * t_ns / 1e9
 
     def _counted(self, name: str, handler: Handler) -> Handler:
-        def counted(asked: Asked, arguments: Any, reply: Any, now_ns: int) -> object:
+        def counted(asked: Asked, arguments: Any, now_ns: int) -> object:
             self.asked.append(name)
             self._answers(now_ns)
-            return handler(asked, arguments, reply, now_ns)
+            return handler(asked, arguments, now_ns)
 
         return counted
 
@@ -115,13 +107,13 @@ class Stage:
         if low <= now_ns / 1e9 < high:
             raise Refused("no value", "the device does not answer")
 
-    def _position(self, asked: Asked, arguments: Any, reply: Any, now_ns: int) -> robot.Position:
+    def _position(self, asked: Asked, arguments: Any, now_ns: int) -> robot.Position:
         self._answers(now_ns)
         east, north = self._hall.off_mm
         heading = self._hall.tilt_deg % 360.0
         return robot.Position(x=east, y=self.place(now_ns) + north, heading=heading, t_ns=now_ns)
 
-    def _sonar(self, asked: Asked, arguments: Any, reply: Any, now_ns: int) -> proximity.SonarReading:
+    def _sonar(self, asked: Asked, arguments: Any, now_ns: int) -> proximity.SonarReading:
         self._answers(now_ns)
         ranges = [10_000.0] * 24
         ranges[18] = self._hall.wall_mm - 360.0 if self._hall.sonar_mm is None else self._hall.sonar_mm

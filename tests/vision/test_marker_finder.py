@@ -10,9 +10,6 @@ from typing import Any
 
 import pytest
 
-from colony.experiment.local_cameras import LevelShot, LocalCamera
-from colony.experiment.local_scripts import LocalScripts, ScriptFailed
-from colony.experiment.local_servers import LocalBase, LocalData
 from colony.nav.maps.signs import Marker, markers_of
 from colony.nav.maps.stickrep.geometry import Point
 from colony.nav.maps.stickrep.reader import load_map
@@ -28,11 +25,16 @@ from colony.nav.shared import (
     MARKER_FIX,
     GoalKind,
 )
+from colony.runtime.assembly.loop import LocalCamera, LocalData
 from colony.runtime.kit.script import Script, do, sleep
+from colony.runtime.kit.script_local import LocalScripts, LocalServer, ScriptFailed
 from colony.runtime.library import data
 from colony.runtime.protocol.calls import Refused
+from colony.runtime.servers.base import Base
+from colony.runtime.transport.virtual import VirtualClock
 from colony.sim.cameras.camera import Camera, CameraConfig
 from colony.sim.cameras.scene import scene_of
+from colony.sim.drivers import Plant, SimulatedBase, SimulatedCamera
 from colony.sim.hazards.hazards import Hazards, draw
 from colony.sim.world.world import World
 from colony.vision.level_camera import AHEAD, LevelCamera
@@ -70,14 +72,17 @@ class Stand:
         y = MARKERS[0].middle.y - ahead_mm * math.cos(heading) - aside_mm * math.sin(heading)
         self.world = World(walls=scenery, poses=[(x, y, MARKERS[0].heading_deg + turned_deg)], seed=1)
         eye = Camera(scene_of(MAP, scenery), CameraConfig(), robot_radius_mm=400.0, seed=1)
+        self._clock = VirtualClock()
+        self._plant = Plant(self.world, self._clock)
         self.data = LocalData()
+        base = LocalServer("RServer", Base(SimulatedBase(self._plant, 0)).methods)
         self._cameras = (
-            [LocalCamera("CServerFront", lambda now_ns: LevelShot(eye, self.world, now_ns))] if camera else []
+            [LocalCamera("CServerFront", SimulatedCamera(self._plant, 0, lambda: eye))] if camera else []
         )
         known = {NAME: MARKERS} if markers is None else markers
         self._scripts = LocalScripts(
             {"setter": self._setter(), "markers": marker_finder(known, geometry=geometry)},
-            [self.data, LocalBase(self.world), *self._cameras],
+            [self.data, base, *self._cameras],
         )
         self.now_ns = 0
         self._to_set = dict(variables)
@@ -97,8 +102,9 @@ class Stand:
             for camera in self._cameras:
                 camera.tend(self.now_ns)
             self._scripts.run(self.now_ns)
-            self.world.advance(FRAME_NS / 1e9)
             self.now_ns += FRAME_NS
+            self._clock.now_ns = self.now_ns
+            self._plant.catch_up()
 
     def told(self, name: str) -> Any:
         """A variable, or None where it was not set."""

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import heapq
 from collections import deque
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from functools import lru_cache
 from typing import Any
@@ -19,7 +19,7 @@ import msgspec
 from colony.runtime.kit.errors import CallRefused, ServerNotFound
 from colony.runtime.kit.script import Do, Script, Sleep
 from colony.runtime.library.ask import Ask
-from colony.runtime.protocol.calls import LATER, Asked, Caller, Method, Refused
+from colony.runtime.protocol.calls import LATER, Asked, Caller, Handler, Method, Refused
 
 STEPS_IN_A_MOMENT = 20_000
 """A script that does more than this without any time passing does not end by itself."""
@@ -36,11 +36,12 @@ class ScriptFailed(Exception):
 class LocalServer:
     """A server that is called in this process. Mutable: `answers`.
 
+    `handlers` are its methods by name.
+
     Args:
         address: its name.
         methods: its methods; there are no others.
         answers: results, or refusals, of calls that said `LATER`; the scripts' runner empties the list.
-        tend: lets what a call has changed take effect.
     """
 
     def __init__(
@@ -48,12 +49,10 @@ class LocalServer:
         address: str,
         methods: Iterable[Method],
         answers: list[tuple[Asked, object]] | None = None,
-        tend: Callable[[int], None] = lambda now_ns: None,
     ) -> None:
         self.address = address
         self.answers = [] if answers is None else answers
-        self._handlers = {one.name: one.handler for one in methods}
-        self._tend = tend
+        self.handlers: Mapping[str, Handler] = {one.name: one.handler for one in methods}
 
     def do(self, asked: Asked, ask: Ask[Any], now_ns: int) -> Any:
         """Return the result of a call, `LATER` if the call has to wait.
@@ -61,19 +60,17 @@ class LocalServer:
         Raises:
             Refused: the server refuses the call.
         """
-        handler = self._handlers.get(ask.method)
+        handler = self.handlers.get(ask.method)
         if handler is None:
-            known = ", ".join(sorted(self._handlers))
+            known = ", ".join(sorted(self.handlers))
             raise Refused("method", f"{self.address} has no method `{ask.method}` here; expected {known}")
         result = handler(asked, ask.arguments, now_ns)
-        self._tend(now_ns)
-        match result:
-            case msgspec.Raw():
-                return _decoder(ask.reply).decode(result)
-            case dict():
-                return {name: _decoder(Any).decode(value) for name, value in result.items()}
-            case _:
-                return result
+        if isinstance(result, msgspec.Raw):
+            return _decoder(ask.reply).decode(result)
+        if isinstance(result, dict):
+            decode = _decoder(Any).decode
+            return {name: decode(value) for name, value in result.items()}
+        return result
 
 
 @lru_cache(maxsize=64)
@@ -137,6 +134,8 @@ class LocalScripts:
 
     def _collect(self) -> None:
         """Let the scripts go on that waited and have their answer."""
+        if not self._waiting:
+            return
         for server in self._servers.values():
             if server.answers:
                 for asked, result in server.answers:

@@ -58,10 +58,10 @@ class Base:
 
     def look(self) -> BaseState | None:
         """Read the newest state of the base; the odometer observes every state that is read."""
-        state = self._state = self._driver.state()
-        if state is not None:
-            self._pose = self._odometer.observe(state)
-        return state
+        before, self._state = self._state, self._driver.state()
+        if self._state is not None and self._state is not before:
+            self._pose = self._odometer.observe(self._state)
+        return self._state
 
     def fields(self, t_ns: int) -> Fields:
         """Return what a frame of `t_ns` shows of the base, as it was at the last `look`."""
@@ -91,12 +91,14 @@ class Base:
         return Seen(self._odometer.track, self._setting, elapsed_s)
 
     def pressed(self, velocity: float) -> Bumper | None:
-        """Return the pressed bumper that `velocity` would drive into; None where the way is free, or bumpers
-        are ignored."""
-        if not velocity or not self._guarded:
+        """Return the bumper, pressed at the last `look`, that `velocity` would drive into.
+
+        None where the way is free, or bumpers are ignored.
+        """
+        state = self._state
+        if state is None or not velocity or not self._guarded:
             return None
-        state = self.look()
-        if state is None or not (state.front_bumper if velocity > 0.0 else state.rear_bumper):
+        if not (state.front_bumper if velocity > 0.0 else state.rear_bumper):
             return None
         return "front" if velocity > 0.0 else "rear"
 
@@ -130,12 +132,16 @@ class Base:
         self._guarded = arguments.setting != 0
 
     def _set_position(self, asked: Asked, arguments: robot.PoseArguments, now_ns: int) -> None:
-        self._odometer.set(self._present(), _pose(arguments))
+        state = self._present()
+        self._odometer.set(state, _pose(arguments))
+        self._pose = self._odometer.observe(state)
 
     def _adjust_position(self, asked: Asked, arguments: robot.PoseArguments, now_ns: int) -> None:
         delta = _pose(arguments)
         _check_pose(Pose(self._pose.x + delta.x, self._pose.y + delta.y, delta.heading))
-        self._odometer.adjust(self._present(), delta)
+        state = self._present()
+        self._odometer.adjust(state, delta)
+        self._pose = self._odometer.observe(state)
 
 
 def _pose(arguments: robot.PoseArguments) -> Pose:

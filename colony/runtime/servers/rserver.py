@@ -182,6 +182,8 @@ class RServer:
             return
         speeds = self._outside_speeds
         wanted = self._actuator.speeds(values) if speeds is None else speeds
+        if wanted.velocity:
+            self._base.look()
         bumper = self._base.pressed(wanted.velocity)
         self._base.drive(wanted if bumper is None else self._reflex(wanted, bumper, now_ns))
         self._commanded_at = now_ns

@@ -1,5 +1,4 @@
-"""One robot with its program, its servers and its scripts in one loop: frame after frame in lockstep, for runs
-by the thousand.
+"""One robot with its program, its servers and its scripts in one loop, for runs by the thousand.
 
 The loop consists of the parts of the real servers (`runtime/servers`), without messages, connections or a
 store. A frame is what it is among the real servers in virtual time (`virtual.py`), in one fixed order: the
@@ -15,13 +14,15 @@ from typing import Any, NamedTuple
 
 import msgspec
 
-from colony.experiment.behavior import Behavior
 from colony.ir.frame import Frame, Outcome, Reading
 from colony.ir.types import ScalarValue, Value
 from colony.runtime.arbitration.motion import Speeds
+from colony.runtime.assembly.behavior import Behavior
 from colony.runtime.kit.script import Script
 from colony.runtime.kit.script_local import LocalScripts, LocalServer
+from colony.runtime.library.ask import Ask
 from colony.runtime.protocol.bindings import ActuatorBinding
+from colony.runtime.protocol.calls import Asked
 from colony.runtime.protocol.deployment import variables_read
 from colony.runtime.protocol.fields import DSERVER, PSERVER, RSERVER, RUNTIME
 from colony.runtime.protocol.messages import Sample
@@ -30,6 +31,7 @@ from colony.runtime.servers.cserver import Camera
 from colony.runtime.servers.data_methods import DataMethods, command
 from colony.runtime.servers.drivers import CameraDriver, Drivers
 from colony.runtime.servers.pserver import PServer
+from colony.runtime.servers.publishing import Fields
 from colony.runtime.servers.runtime_server import random_of_frame
 from colony.runtime.servers.semaphores import Semaphores
 from colony.runtime.servers.variables import Variables
@@ -84,7 +86,13 @@ class LocalCamera(LocalServer):
     def __init__(self, address: str, driver: CameraDriver) -> None:
         camera = Camera(address, driver)
         self.tend = camera.tend
-        super().__init__(address, camera.methods, camera.answers, camera.tend)
+        super().__init__(address, camera.methods, camera.answers)
+
+    def do(self, asked: Asked, ask: Ask[Any], now_ns: int) -> Any:
+        """Return the result of a call; a lock that it gave back takes effect at once."""
+        result = super().do(asked, ask, now_ns)
+        self.tend(now_ns)
+        return result
 
 
 class _Act(NamedTuple):
@@ -129,21 +137,29 @@ class Loop:
         watch: Watch | None = None,
     ) -> None:
         self._clock, self._advance = clock, advance
-        self.base, self._proximity = Base(drivers.base), PServer(drivers.proximity, keep=1)
+        self.base, proximity = Base(drivers.base), PServer(drivers.proximity, keep=1)
         self.data = LocalData(variables_read(behavior.bindings))
         self.data.variables.hold(variables or {})
         self._cameras = tuple(LocalCamera(name, driver) for name, driver in drivers.cameras.items())
-        base = LocalServer(RSERVER.name, self.base.methods)
-        proximity = LocalServer(PSERVER.name, self._proximity.methods)
-        self.scripts = LocalScripts(scripts, (self.data, base, proximity, *self._cameras))
-        self._seed = seed
+        sensing = (LocalServer(RSERVER.name, self.base.methods), LocalServer(PSERVER.name, proximity.methods))
+        self.scripts = LocalScripts(scripts, (self.data, *sensing, *self._cameras))
         self._watch = watch
         self._executor = behavior.executor()
         self._frame_ns = behavior.program.robot.frame_ns
-        self._sensors = behavior.bindings.sensors
-        rings = {"sonar": self._proximity.sonar, "infrared": self._proximity.infrared}
-        read = dict.fromkeys(b.field for b in self._sensors if b.server == PSERVER.name)
-        self._rings = tuple((field, rings[field]) for field in read)
+        sensors = behavior.bindings.sensors
+        self._sensors = tuple((b.sensor, b.server, b.field, b.within_ns, b.factor) for b in sensors)
+        self._rings = {
+            b.field: {"sonar": proximity.sonar, "infrared": proximity.infrared}[b.field]
+            for b in sensors
+            if b.server == PSERVER.name
+        }
+        servers: dict[str, Callable[[int], Fields]] = {
+            RSERVER.name: self.base.fields,
+            PSERVER.name: lambda now_ns: {field: ring() for field, ring in self._rings.items()},
+            DSERVER.name: self.data.variables.fields,
+            RUNTIME.name: lambda now_ns: {"random": Sample(random_of_frame(seed, self.k), now_ns)},
+        }
+        self._publish = {b.server: servers[b.server] for b in sensors}
         acts = [
             _Act(binding, number, tuple(field.factor for field in actuator.fields))
             for number, (actuator, binding) in enumerate(
@@ -203,17 +219,12 @@ class Loop:
 
     def _readings(self, now_ns: int) -> dict[str, Reading]:
         self.base.look()
-        published = {
-            RSERVER.name: self.base.fields(now_ns),
-            PSERVER.name: {field: ring() for field, ring in self._rings},
-            DSERVER.name: self.data.variables.fields(now_ns),
-            RUNTIME.name: {"random": Sample(random_of_frame(self._seed, self.k), now_ns)},
-        }
+        published = {server: publish(now_ns) for server, publish in self._publish.items()}
         readings: dict[str, Reading] = {}
-        for b in self._sensors:
-            sample = published[b.server].get(b.field)
-            if sample is not None and (b.within_ns is None or now_ns - sample.t_ns <= b.within_ns):
-                readings[b.sensor] = sample.value if b.factor == 1.0 else _in_unit(sample.value, b.factor)
+        for sensor, server, field, within_ns, factor in self._sensors:
+            sample = published[server].get(field)
+            if sample is not None and (within_ns is None or now_ns - sample.t_ns <= within_ns):
+                readings[sensor] = sample.value if factor == 1.0 else _in_unit(sample.value, factor)
         return readings
 
 

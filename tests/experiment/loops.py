@@ -1,0 +1,50 @@
+"""The fast loop of a robot in a world, for tests."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+
+from colony.ir.types import Value
+from colony.runtime.assembly.behavior import Behavior
+from colony.runtime.assembly.loop import Loop, Watch
+from colony.runtime.kit.script import Script
+from colony.runtime.servers.images import Shot
+from colony.runtime.transport.virtual import VirtualClock
+from colony.sim.cameras.camera import Camera
+from colony.sim.cameras.ceiling import CeilingCamera
+from colony.sim.drivers import Plant, SimulatedCamera, simulated_drivers
+from colony.sim.world.world import World
+
+
+class Shutter:
+    """A camera driver that gives what `take` gives."""
+
+    def __init__(self, take: Callable[[], Shot]) -> None:
+        self.grab = take
+
+
+def loop_of(
+    behavior: Behavior,
+    world: World,
+    scripts: Mapping[str, Script],
+    *,
+    eyes: Mapping[str, Callable[[], Camera | CeilingCamera]] | None = None,
+    seed: int = 0,
+    variables: Mapping[str, Value] | None = None,
+    watch: Watch | None = None,
+    moving: Sequence[Callable[[float], None]] = (),
+) -> Loop:
+    """Return the loop of robot 0 of a world; `eyes` are its cameras."""
+    clock = VirtualClock()
+    plant = Plant(world, clock, moving)
+    cameras = {name: SimulatedCamera(plant, 0, eye) for name, eye in (eyes or {}).items()}
+    return Loop(
+        behavior,
+        simulated_drivers(plant, cameras=cameras),
+        scripts,
+        clock=clock,
+        advance=plant.catch_up,
+        seed=seed,
+        variables=variables,
+        watch=watch,
+    )
