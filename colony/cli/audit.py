@@ -77,8 +77,8 @@ def command(recording: str, file: str | None, trust: bool, format_: str) -> None
 def _program(reader: RecordingReader, recording: str, file: str | None, folder: Path, trust: bool) -> Program:
     if file is not None:
         return load_program(file)
-    from colony.cli.recorded_program import recorded_program, unusable
     from colony.ir.program import PythonModule
+    from colony.robots.recorded_program import recorded_program, unusable
     from colony.text.diagnostics import Failure
 
     if reader.run is None:

@@ -31,12 +31,12 @@ from itertools import pairwise
 from random import Random
 from typing import Literal, NamedTuple
 
-from colony.cli.virtual_robot import SENSING, Sent
 from colony.compile.clients import ClientList
 from colony.compile.pipeline import compile_program
 from colony.execute.executor import ClientExecutor
 from colony.ir.frame import Decision, Frame, Reading
 from colony.ir.program import Program
+from colony.robots.scripted import SENSING, Sent
 from colony.runtime.clients.client import ClientNode
 from colony.runtime.clients.memory import decode_memory
 from colony.runtime.protocol import topics

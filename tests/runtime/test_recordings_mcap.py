@@ -473,7 +473,7 @@ import os, sys
 from dataclasses import replace
 from itertools import count
 import msgspec
-from colony.cli.outputs import open_alone
+from colony.files import open_alone
 from colony.runtime.recordings.mcap_writer import McapRecording
 from tests.runtime.test_recordings_mcap import PROGRAM, SOURCES, trace
 from tests.verify.recorded_runs import logs, run_info

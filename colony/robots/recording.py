@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from colony import __version__
-from colony.cli.outputs import cannot_write, open_alone
-from colony.files import reason
+from colony.files import open_alone, reason
 from colony.os_errors import limit_advice
+from colony.robots.request import Misuse
 
 if TYPE_CHECKING:
     from colony.compile.clients import ClientList
@@ -68,14 +69,22 @@ class RunRecording:
         return f"the recording {self._path} has only the first {seconds:.2f} s: {_why(self._problem)}"
 
     def expect_frames(self) -> None:
-        """Exit with 2, and say why, if it broke off before its first frame was written."""
+        """Check that the first frame was written.
+
+        Raises:
+            Misuse: the recording broke off before.
+        """
         if self._problem is not None and self._sink.written_ns is None:
-            cannot_write(self._path, _why(self._problem))
+            raise _cannot_write(self._path, _why(self._problem))
 
 
 def _why(problem: OSError) -> str:
     advice = limit_advice(problem)
     return reason(problem) if advice is None else f"{reason(problem)}: {advice}"
+
+
+def _cannot_write(path: str, why: str) -> Misuse:
+    return Misuse(f"{path}: error: cannot write: {why}")
 
 
 def recording_into(
@@ -85,12 +94,16 @@ def recording_into(
     clients: ClientList,
     *,
     seed: int,
+    report: Callable[[str], None],
     run: str = "",
     started: str = "",
 ) -> RunRecording:
-    """A sink that records a run of the behavior `file` into `path`; exits with 2 where it cannot be written.
+    """Return a sink that records a run of the behavior `file` into `path`.
 
-    `run` names a run on a real robot, `started` when it was.
+    `run` names a run on a real robot, `started` when it was; `report` is told of sources that are left out.
+
+    Raises:
+        Misuse: the file cannot be written, or another run is recording into it.
     """
     try:
         opened = open_alone(path)
@@ -98,11 +111,11 @@ def recording_into(
             from colony.runtime.recordings.lines import Recording
 
             return RunRecording(Recording(program, opened), path)
-        from colony.cli.recorded_program import program_sources
+        from colony.robots.recorded_program import program_sources
         from colony.runtime.recordings.mcap_writer import McapRecording
         from colony.runtime.recordings.recorded import RunInfo, places
 
-        root, sources = program_sources(file, program)
+        root, sources = program_sources(file, program, report)
         info = RunInfo(
             robot=program.robot.name,
             frame_ns=program.robot.frame_ns,
@@ -116,6 +129,6 @@ def recording_into(
         )
         return RunRecording(McapRecording(program, info, opened), path)
     except BlockingIOError:
-        cannot_write(path, "another run is recording into it")
+        raise _cannot_write(path, "another run is recording into it") from None
     except OSError as problem:
-        cannot_write(path, _why(problem))
+        raise _cannot_write(path, _why(problem)) from None

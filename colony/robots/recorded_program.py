@@ -3,23 +3,26 @@
 from __future__ import annotations
 
 import os
+from collections.abc import Callable
 from pathlib import Path
 
-from colony.cli.python_sources import python_sources
 from colony.dsl.check.program import check_program
 from colony.dsl.files import SourceTree, load_tree
 from colony.ir.program import Program, PythonModule
 from colony.os_errors import naming
+from colony.robots.python_sources import python_sources
 from colony.runtime.recordings.recorded import RunInfo, SourceFile
 from colony.text.diagnostics import Diagnostic, Failure, error, has_errors, headline
 from colony.text.source import Source, Span
 
 
-def program_sources(path: str, program: Program) -> tuple[str, tuple[SourceFile, ...]]:
-    """The place of the file that was run, and all files that `program` was made of.
+def program_sources(
+    path: str, program: Program, report: Callable[[str], None] = lambda text: None
+) -> tuple[str, tuple[SourceFile, ...]]:
+    """Return the place of the file that was run, and all files that `program` was made of.
 
     Places are relative to the folder that has all of them. Texts are those that were checked, whatever has
-    become of the files since.
+    become of the files since. `report` is told of modules in Python that cannot be read, which are left out.
     """
     texts = _texts(program)
     tree = load_tree(Path(path), path, texts.get(path))
@@ -32,7 +35,7 @@ def program_sources(path: str, program: Program) -> tuple[str, tuple[SourceFile,
         text = texts.get(file.source.name, file.source.text)
         sources.append(SourceFile(kind="behavior", place=place, data=text.encode()))
     modules = (m.module_path for m in program.modules if isinstance(m, PythonModule))
-    return root, (*sources, *python_sources(modules))
+    return root, (*sources, *python_sources(modules, report))
 
 
 def _texts(program: Program) -> dict[str, str]:
