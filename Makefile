@@ -33,13 +33,13 @@ bench: $(STAMP)
 	$(BIN)/python -m benchmarks
 
 soak: $(STAMP)
-	$(BIN)/python -m tests.runtime.soak --seconds $(SECONDS) --seed $(SEED)
+	$(BIN)/python -m tests.runtime.assembly.processes.soak --seconds $(SECONDS) --seed $(SEED)
 
 stops: $(STAMP)
-	$(BIN)/python -m tests.runtime.stops_kept --trials $(TRIALS) --seed $(SEED)
+	$(BIN)/python -m tests.runtime.arbitration.stops_kept --trials $(TRIALS) --seed $(SEED)
 
 loss: $(STAMP)
-	$(BIN)/python -m tests.runtime.loss_policy --seeds $(SEEDS)
+	$(BIN)/python -m tests.runtime.assembly.loss_policy --seeds $(SEEDS)
 
 attack: $(STAMP)
 	$(BIN)/python -m tests.attack

@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import Any
 
 MODULES = (
+    "start",
     "decide",
     "compile_time",
     "proof",

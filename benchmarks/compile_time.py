@@ -11,9 +11,9 @@ import gc
 from collections.abc import Callable
 from time import process_time
 
-from benchmarks.networks import chain, ladder, random_program
 from colony.compile.pipeline import compile_program
 from colony.ir.program import Program
+from tests.networks import chain, ladder, random_program
 
 SEED = 1
 LEAST_RUNS = 3

@@ -1,8 +1,7 @@
-"""The front end: how long `colony check` takes as a whole process, and 10,000 modules from text."""
+"""The front end: 10,000 modules from text."""
 
 from __future__ import annotations
 
-import os
 import subprocess
 import sys
 import time
@@ -10,21 +9,7 @@ from pathlib import Path
 from typing import Any
 
 ROOT = Path(__file__).parent.parent
-RUNS = 25
 MODULES = 10_000
-
-
-def _processor_time(arguments: list[str]) -> float:
-    """The least processor time of several runs of a process, in seconds."""
-    best = float("inf")
-    for _ in range(RUNS):
-        with subprocess.Popen(arguments, stdout=subprocess.DEVNULL, cwd=ROOT) as process:
-            _, status, usage = os.wait4(process.pid, 0)
-            process.returncode = os.waitstatus_to_exitcode(status)
-        if process.returncode:
-            raise RuntimeError(f"{arguments} failed with {process.returncode}")
-        best = min(best, usage.ru_utime + usage.ru_stime)
-    return best
 
 
 def program_text(modules: int) -> str:
@@ -64,15 +49,11 @@ print(middle - start, end - middle, int(peak.split()[1]) / 1024)
 
 def run() -> list[dict[str, Any]]:
     """Rows of name, value, unit, target, ok, note."""
-    nothing = _processor_time([sys.executable, "-c", "pass"])
-    check = _processor_time([sys.executable, "-m", "colony.cli.main", "check", "behaviors/wander.colony"])
     done = subprocess.run(
         [sys.executable, "-c", _FROM_TEXT, str(MODULES)], cwd=ROOT, capture_output=True, text=True, check=True
     )
     front, passes, memory = (float(word) for word in done.stdout.split())
-    note = f"{check * 1e3:.0f} ms, against {nothing * 1e3:.1f} ms for `python -c pass`"
     return [
-        _row("colony check wander / python -c pass", check / nothing, "x", 20.0, note),
         _row(f"{MODULES:,} modules from text to clients", front + passes, "s", 10.0, ""),
         _row(f"{MODULES:,} modules, the passes", passes, "s", 2.0, ""),
         _row(f"{MODULES:,} modules, memory at most", memory, "MB", 500.0, ""),

@@ -12,7 +12,6 @@ from collections.abc import Callable
 from pathlib import Path
 from time import perf_counter
 
-from benchmarks.networks import chain, ladder, random_program
 from colony.compile.lower.lower import lower
 from colony.compile.pipeline import compile_program
 from colony.dsl.load import load_file
@@ -21,6 +20,7 @@ from colony.verify.contracts.prove import prove_contracts
 from colony.verify.contracts.results import Proved
 from colony.verify.equivalence import prove, results
 from colony.verify.lints import lint
+from tests.networks import chain, ladder, random_program
 
 SEED = 1
 SECONDS = {100: 0.3, 1_000: 3.0, 10_000: 60.0}

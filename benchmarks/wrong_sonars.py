@@ -31,6 +31,7 @@ from colony.sim.cameras.ceiling import CeilingCamera
 from colony.sim.config import RobotConfig
 from colony.sim.drivers import Plant, SimulatedCamera, simulated_drivers
 from colony.sim.hazards.hazards import Hazards, draw
+from colony.sim.shots import CeilingShot
 from colony.sim.world.world import World
 
 ROBOTS: Mapping[str, RobotConfig] = {
@@ -72,7 +73,7 @@ def drive(config: RobotConfig, way: Plan, seed: int) -> Errors:
     ceiling = CeilingCamera(scenery)
     clock = VirtualClock()
     plant = Plant(world, clock)
-    camera = SimulatedCamera(plant, 0, lambda: ceiling)
+    camera = SimulatedCamera(plant, lambda now_ns: CeilingShot(ceiling, world, 0, now_ns))
     drivers = simulated_drivers(plant, cameras={CEILING_CAMERA: camera})
     scripts = OURS.scripts(way, Building(maps=(floor,)))
     loop = Loop(behavior_of(OURS.behavior), drivers, scripts, clock=clock, advance=plant.catch_up, seed=seed)

@@ -13,7 +13,7 @@ from colony.cli.experiment.main import command
 from colony.experiment.conduct import Experiment
 from colony.experiment.lists import PUBLISHED_MAP, published_list
 from colony.experiment.record import Failure
-from colony.experiment.results import COLUMNS
+from colony.experiment.results import RUN_TABLE
 from colony.sim.hazards.hazards import Hazards
 
 ROOT = Path(__file__).parent.parent
@@ -23,7 +23,7 @@ QUOTED = set(re.findall(r"`([^`]+)`", PAGE))
 
 def test_every_column_is_explained() -> None:
     explained = QUOTED | {f"{mode}_{what}" for mode in "cd" for what in ("entered", "completed", "needed")}
-    assert not set(COLUMNS) - explained
+    assert not set(RUN_TABLE.columns) - explained
 
 
 def test_every_failure_is_explained() -> None:

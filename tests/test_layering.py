@@ -122,7 +122,7 @@ def _loaded_by(statement: str) -> set[str]:
         ),
         ("import colony.dsl.ast", {"lark"}),
         ("import colony.compile.pipeline", {"lark", "numpy", "networkx"}),
-        ("import colony.dsl.load", {"numpy", "networkx", "rich", "hypothesis", "difflib"}),
+        ("import colony.dsl.load", {"lark", "numpy", "networkx", "rich", "hypothesis", "difflib"}),
         ("import colony.cli.main", {"lark", "rich", "numpy", "colony.ir"}),
         ("import colony.cli.check", {"lark", "rich", "numpy"}),
     ],

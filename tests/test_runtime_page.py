@@ -40,7 +40,7 @@ from colony.runtime.transport.live import border, meter, names, network, waiting
 from colony.runtime.transport.live.place import local
 from colony.verify.testing.examples import run_examples
 from tests.examples.stage import ROOT, Machine, Process, machine, until
-from tests.runtime.certificates import Authority, free_port
+from tests.runtime.transport.live.certificates import Authority, free_port
 from tests.runtime_page_tables import PAGE, commands, page
 
 TEXT = PAGE.read_text(encoding="utf-8")

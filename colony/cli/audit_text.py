@@ -7,6 +7,7 @@ from collections.abc import Iterator
 from colony.ir.frame import Decision
 from colony.ir.program import Actuator, Program
 from colony.runtime.recordings.recorded import RunInfo
+from colony.text.wording import counted
 from colony.verify.audit.report import AuditReport, Difference
 
 _PARTS = {"wins": "wins", "active": "active, does not get through", "silent": "not active"}
@@ -26,7 +27,7 @@ def render(
     named = f"{what}, run {run.run}" if run and run.run else what
     by = f", by {file}" if file else ""
     lines = [
-        f"{name}: {named}{by}, {_count(report.frames, 'frame')}"
+        f"{name}: {named}{by}, {counted(report.frames, 'frame')}"
         f" from {_seconds(report.first_ns)} to {_seconds(report.last_ns)}",
         *_indented(_counts(report)),
         *_indented(_contracts(report, program)),
@@ -37,7 +38,7 @@ def render(
         compared = "compared " if report.unknown or report.damaged else ""
         whole = ", as far as the recording is not damaged" if report.damaged else ""
         return "\n".join([*lines, f"agrees: every decision {compared}is the interpreter's{whole}"])
-    differing = _count(report.differing, "frame")
+    differing = counted(report.differing, "frame")
     return "\n".join(
         [*lines, f"DIFFERS in {differing}, first {_where(report.first)}", *_first(report, program)]
     )
@@ -48,7 +49,7 @@ def _indented(lines: Iterator[str]) -> Iterator[str]:
 
 
 def _counts(report: AuditReport) -> Iterator[str]:
-    yield f"{_count(report.compared, 'decision')} compared"
+    yield f"{counted(report.compared, 'decision')} compared"
     told = {
         "late clients": report.late,
         "lost clients": report.lost,
@@ -59,15 +60,15 @@ def _counts(report: AuditReport) -> Iterator[str]:
     }
     for what, frames in told.items():
         if frames:
-            yield f"{_count(frames, 'frame')} with {what}"
+            yield f"{counted(frames, 'frame')} with {what}"
     if report.idled:
-        yield f"{_count(report.idled, 'decision')} idle for want of a client"
+        yield f"{counted(report.idled, 'decision')} idle for want of a client"
     if report.unheard:
-        yield f"{_count(report.unheard, 'decision')} not recorded"
+        yield f"{counted(report.unheard, 'decision')} not recorded"
     if report.unknown:
-        yield f"{_count(report.unknown, 'frame')} not compared: a frame before them was not observed"
+        yield f"{counted(report.unknown, 'frame')} not compared: a frame before them was not observed"
     if report.restarts:
-        yield f"{_count(report.restarts, 'restart')}"
+        yield f"{counted(report.restarts, 'restart')}"
 
 
 def _damage(report: AuditReport) -> Iterator[str]:
@@ -78,18 +79,18 @@ def _damage(report: AuditReport) -> Iterator[str]:
     if report.resumed:
         yield "after that, audited from the memory that was recorded"
     if report.forgotten:
-        yield f"{_count(report.forgotten, 'frame')} not compared: memory after the damage is not known"
+        yield f"{counted(report.forgotten, 'frame')} not compared: memory after the damage is not known"
     if report.undecided:
-        yield f"{_count(report.undecided, 'decision')} not compared: what lost clients changed is not known"
+        yield f"{counted(report.undecided, 'decision')} not compared: what lost clients changed is not known"
 
 
 def _contracts(report: AuditReport, program: Program) -> Iterator[str]:
     kept = len(program.contracts) - len(report.contracts)
     if kept:
-        yield f"{_count(kept, 'contract')} held in every frame"
+        yield f"{counted(kept, 'contract')} held in every frame"
     for c in report.contracts:
         span = f"first at {_seconds(c.first_ns)}, last at {_seconds(c.last_ns)}"
-        yield f"contract {c.contract}: BROKEN in {_count(c.frames, 'frame')}, {span}"
+        yield f"contract {c.contract}: BROKEN in {counted(c.frames, 'frame')}, {span}"
 
 
 def _where(first: Difference) -> str:
@@ -123,10 +124,6 @@ def _decision(decision: Decision, actuator: Actuator) -> str:
         sent = repr(values)
     fault = f" ({decision.fault})" if decision.fault else ""
     return f"by {decision.by or '(nobody)'}, {sent}{fault}"
-
-
-def _count(number: int, noun: str) -> str:
-    return f"{number} {noun}{'' if number == 1 else 's'}"
 
 
 def _seconds(t_ns: int) -> str:

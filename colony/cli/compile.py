@@ -10,9 +10,9 @@ import click
 from colony.cli.exit_codes import EXIT_ERRORS, EXIT_MISUSE
 from colony.cli.outputs import check_output, write_whole
 from colony.cli.reporting import load_program, report, say
-from colony.cli.verify.prover_interruption import interruptions
 from colony.cli.verify.prover_options import ProverSeconds
 from colony.files import read_file, reason
+from colony.verify.interruption import interruptions
 
 if TYPE_CHECKING:
     from colony.compile.pipeline import Compiled

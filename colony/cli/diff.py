@@ -9,8 +9,8 @@ import click
 
 from colony.cli.exit_codes import EXIT_ERRORS, EXIT_MISUSE, EXIT_UNDECIDED
 from colony.cli.reporting import load_program, report
-from colony.cli.verify.prover_interruption import interruptions
 from colony.cli.verify.prover_options import depth_option, timeout_option
+from colony.verify.interruption import interruptions
 
 
 @click.command("diff", short_help="tell whether two behaviors are the same")

@@ -16,6 +16,7 @@ import click
 
 from colony import __version__
 from colony.cli.exit_codes import EXIT_ERRORS, EXIT_INTERRUPTED, EXIT_MISUSE
+from colony.text.suggestions import did_you_mean
 
 if TYPE_CHECKING:
     from _typeshed import ReadableBuffer
@@ -72,10 +73,7 @@ class Commands(click.Group):
     ) -> tuple[str | None, click.Command | None, list[str]]:
         name = args[0]
         if name not in COMMANDS and not name.startswith("-"):
-            from difflib import get_close_matches
-
-            close = get_close_matches(name, COMMANDS, n=1)
-            hint = f"did you mean `{close[0]}`?" if close else f"the commands are {', '.join(COMMANDS)}"
+            hint = did_you_mean(name, COMMANDS) or f"the commands are {', '.join(COMMANDS)}"
             raise click.UsageError(f"no command `{name}`; {hint}", ctx)
         return super().resolve_command(ctx, args)
 

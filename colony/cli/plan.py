@@ -96,8 +96,8 @@ _SEED = 1994
 
 def _confidence(planned: Plan) -> tuple[float, float, float] | None:
     """The confidence by the published automaton and its interval; None for a path that it has not."""
-    from colony.nav.confidence.automaton import PUBLISHED, PUBLISHED_ARCS
-    from colony.nav.confidence.estimate import PUBLISHED_COUNTS, string_interval
+    from colony.nav.confidence.automaton import PUBLISHED_ARCS
+    from colony.nav.confidence.estimate import PUBLISHED, PUBLISHED_COUNTS, string_interval
 
     confidence = PUBLISHED.confidence(planned.modes)
     interval = string_interval(PUBLISHED_COUNTS, planned.modes, seed=_SEED, arcs=PUBLISHED_ARCS)

@@ -22,6 +22,7 @@ from colony.dsl.errors import CODES as FRONT_END_CODES
 from colony.text.codes import CODES
 from colony.text.diagnostics import Diagnostic, in_order
 from colony.text.source import NOWHERE, Span
+from colony.text.wording import counted
 
 SCHEMA = "https://docs.oasis-open.org/sarif/sarif/v2.1.0/errata01/os/schemas/sarif-schema-2.1.0.json"
 _UNREADABLE = "E001"
@@ -123,7 +124,7 @@ def _result(diagnostic: Diagnostic, rule: int, trace: Sequence[TraceStep], root:
     }
     if trace:
         steps = [_step(i, step, root) for i, step in enumerate(trace)]
-        about = f"{len(steps)} frame{'' if len(steps) == 1 else 's'} that lead there"
+        about = f"{counted(len(steps), 'frame')} that lead there"
         result["codeFlows"] = [{"message": {"text": about}, "threadFlows": [{"locations": steps}]}]
     return result
 

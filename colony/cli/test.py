@@ -11,6 +11,7 @@ import click
 
 from colony.cli.exit_codes import EXIT_ERRORS, EXIT_MISUSE
 from colony.cli.reporting import check_to_run, is_unreadable, one_line, report, say
+from colony.text.wording import counted
 
 if TYPE_CHECKING:
     from colony.text.diagnostics import Diagnostic
@@ -79,7 +80,7 @@ def _test(file: str) -> _Tested:
     lines = []
     for result in results:
         mark = "passed" if result.passed else "FAILED"
-        frames = f"{result.frames} frame{'' if result.frames == 1 else 's'}"
+        frames = counted(result.frames, "frame")
         lines.append(f"{file}: {mark}: {result.name} ({frames})")
     passed = sum(result.passed for result in results)
     return _Tested(failures_as_diagnostics(results), lines, passed, len(results) - passed)

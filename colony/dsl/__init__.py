@@ -1,1 +1,1 @@
-"""The front end: text to typed program. The only place that knows lark."""
+"""The front end: text to typed program. lark builds its tables, and is not needed to read a text."""

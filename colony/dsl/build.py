@@ -9,30 +9,25 @@ from __future__ import annotations
 from collections.abc import Iterable, Sequence
 from typing import Any, Literal, cast
 
-from lark import Token
-
 from colony.dsl import ast
+from colony.dsl.lalr import Token
 
 Children = Sequence[Any]
-
-
-def _start(child: Any) -> int:
-    return cast("int", child.start_pos if isinstance(child, Token) else child.start)
 
 
 def _end(children: Children) -> int:
     for child in reversed(children):
         if child is not None:
-            return cast("int", child.end_pos if isinstance(child, Token) else child.end)
+            return cast("int", child.end)
     return 0
 
 
 def _extent(children: Children) -> dict[str, int]:
-    return {"start": _start(children[0]), "end": _end(children)}
+    return {"start": children[0].start, "end": _end(children)}
 
 
 def _name(token: Token) -> ast.Name:
-    return ast.Name(text=str(token), start=cast("int", token.start_pos), end=cast("int", token.end_pos))
+    return ast.Name(text=token.text, start=token.start, end=token.end)
 
 
 def _of(kind: type | tuple[type, ...], children: Iterable[Any]) -> tuple[Any, ...]:
@@ -40,7 +35,7 @@ def _of(kind: type | tuple[type, ...], children: Iterable[Any]) -> tuple[Any, ..
 
 
 def _unquoted(token: Token) -> str:
-    return str(token)[1:-1]
+    return token.text[1:-1]
 
 
 EXPRESSIONS: tuple[type, ...] = ast.Expression.__args__
@@ -85,7 +80,7 @@ class Builder:
         return _name(c[1])
 
     def on_loss(self, c: Children) -> str:
-        return str(c[1])
+        return cast("str", c[1].text)
 
     def actuator(self, c: Children) -> ast.ActuatorDecl:
         server, _, command, _, idle, on_loss = c[-6:]
@@ -96,7 +91,7 @@ class Builder:
             command=_name(command),
             idle=idle,
             on_loss=on_loss,
-            start=_start(c[0]),
+            start=c[0].start,
             end=idle.end,
         )
 
@@ -110,7 +105,7 @@ class Builder:
         return ast.Range(low=c[1], high=c[3], **_extent(c))
 
     def type(self, c: Children) -> ast.TypeName:
-        return ast.TypeName(path=tuple(str(t) for t in c[::2]), **_extent(c))
+        return ast.TypeName(path=tuple(t.text for t in c[::2]), **_extent(c))
 
     def arguments(self, c: Children) -> tuple[tuple[ast.Argument, ...], int]:
         return _of(ast.Argument, c), _end(c)
@@ -154,12 +149,12 @@ class Builder:
 
     def do(self, c: Children) -> ast.DoDecl:
         arguments, end = c[2]
-        return ast.DoDecl(actuator=_name(c[1]), arguments=arguments, start=_start(c[0]), end=end)
+        return ast.DoDecl(actuator=_name(c[1]), arguments=arguments, start=c[0].start, end=end)
 
     def derived_module(self, c: Children) -> ast.DerivedModuleDecl:
         arguments, end = ((), c[3].end) if c[4] is None else c[4]
         name = _name(c[1])
-        return ast.DerivedModuleDecl(name=name, base=c[3], arguments=arguments, start=_start(c[0]), end=end)
+        return ast.DerivedModuleDecl(name=name, base=c[3], arguments=arguments, start=c[0].start, end=end)
 
     def python_module(self, c: Children) -> ast.PythonModuleDecl:
         clauses, path = tuple(c[6:-1]), _unquoted(c[4])
@@ -211,10 +206,10 @@ class Builder:
         return ast.TestDecl(title=_unquoted(c[1]), steps=_of(ast.StepDecl, c), **_extent(c))
 
     def at(self, c: Children) -> tuple[int, int, tuple[Any, Any, Any]]:
-        return _start(c[0]), _end(c), (c[1], None, None)
+        return c[0].start, _end(c), (c[1], None, None)
 
     def span(self, c: Children) -> tuple[int, int, tuple[Any, Any, Any]]:
-        return _start(c[0]), _end(c), (c[1], c[3], c[5])
+        return c[0].start, _end(c), (c[1], c[3], c[5])
 
     def step(self, c: Children) -> ast.StepDecl:
         start, end, (first, last, period) = c[0]
@@ -244,12 +239,12 @@ class Builder:
     def conditional(self, c: Children) -> ast.If:
         _, condition, _, yes, _, no = c
         depth = 1 + max(condition.depth, yes.depth, no.depth)
-        return ast.If(condition=condition, yes=yes, no=no, depth=depth, start=_start(c[0]), end=no.end)
+        return ast.If(condition=condition, yes=yes, no=no, depth=depth, start=c[0].start, end=no.end)
 
     def infix(self, c: Children) -> ast.Infix:
         left, operator, right = c
         return ast.Infix(
-            operator=str(operator),
+            operator=operator.text,
             left=left,
             right=right,
             depth=1 + max(left.depth, right.depth),
@@ -270,7 +265,7 @@ class Builder:
         return ast.By(actuator=c[0], module=c[2], depth=2, **_extent(c))
 
     def is_status(self, c: Children) -> ast.Is:
-        status = cast("ast.Status", str(c[2]))
+        status = cast("ast.Status", c[2].text)
         return ast.Is(subject=c[0], status=status, depth=2, **_extent(c))
 
     def index(self, c: Children) -> ast.Index:
@@ -282,8 +277,8 @@ class Builder:
         return ast.SliceOf(array=array, first=first, last=last, depth=depth, **_extent(c))
 
     def number(self, c: Children) -> ast.Number:
-        digits, unit = split_number(str(c[0]))
-        return ast.Number(digits=digits, unit=unit, start=_start(c[0]), end=_end(c))
+        digits, unit = split_number(c[0].text)
+        return ast.Number(digits=digits, unit=unit, start=c[0].start, end=_end(c))
 
     def boolean(self, c: Children) -> ast.Boolean:
         return ast.Boolean(value=c[0].type == "TRUE", **_extent(c))
@@ -308,7 +303,7 @@ class Builder:
         )
 
     def reference(self, c: Children) -> ast.Reference:
-        return ast.Reference(path=tuple([str(t) for t in c[::2]]), **_extent(c))
+        return ast.Reference(path=tuple([t.text for t in c[::2]]), **_extent(c))
 
 
 def split_number(text: str) -> tuple[str, str | None]:

@@ -10,11 +10,9 @@ from __future__ import annotations
 import re
 from functools import cache
 
-from lark import Lark
-from lark.exceptions import UnexpectedInput
-
 from colony.dsl import ast, tables
 from colony.dsl.build import Builder
+from colony.dsl.lalr import Parser, UnexpectedInput
 from colony.ir.expression import NESTING_LIMIT
 from colony.record import Record, record
 from colony.text.diagnostics import Diagnostic, error
@@ -48,7 +46,7 @@ def parse(source: Source) -> Parsed:
     lost: set[str] = set()
     while True:
         try:
-            file = _parser().parse(" " * start + text[start:])
+            file: ast.File = _parser().parse(text, start)
         except UnexpectedInput as problem:
             from colony.dsl import recovery
             from colony.dsl.syntax_errors import describe
@@ -56,9 +54,7 @@ def parse(source: Source) -> Parsed:
             kept = recovery.complete_declarations(problem)
             declarations += kept
             failed = kept[-1].end if kept else start
-            end = recovery.offset_of(problem)
-            before = _parser().parse_interactive(" " * failed + text[failed:end])
-            diagnostics.append(describe(source, problem, failed, recovery.accepted(problem, before)))
+            diagnostics.append(describe(source, problem, failed))
             start = recovery.next_declaration(text, failed, diagnostics[-1].span.start)
             lost |= recovery.lost_names(text[failed:start])
             if start >= len(text):
@@ -71,7 +67,7 @@ def parse(source: Source) -> Parsed:
                 lost |= recovery.lost_names(text[start:])
                 break
         else:
-            declarations += file.declarations  # type: ignore[attr-defined]
+            declarations += file.declarations
             break
     return Parsed(
         file=ast.File(declarations=tuple(declarations), start=0, end=len(text)),
@@ -81,8 +77,8 @@ def parse(source: Source) -> Parsed:
 
 
 @cache
-def _parser() -> Lark:
-    return tables.load(Builder())
+def _parser() -> Parser:
+    return Parser(tables.load(), Builder())
 
 
 def _too_deep(source: Source) -> Diagnostic | None:

@@ -6,12 +6,10 @@ Imported only where there is an error: compiling its patterns is a part of the s
 from __future__ import annotations
 
 import re
-from typing import Any, cast
-
-from lark import Tree
-from lark.exceptions import UnexpectedInput, UnexpectedToken
+from typing import cast
 
 from colony.dsl import ast
+from colony.dsl.lalr import UnexpectedInput
 
 _DECLARATION = re.compile(
     r"^([ \t]*)(?:(?:robot|enum|import|param|let|state|next|machine|module|network|limit|contract|test)"
@@ -38,42 +36,18 @@ def lost_names(text: str) -> set[str]:
     return {a or b for a, b in _DECLARED.findall(text)}
 
 
-def offset_of(problem: UnexpectedInput) -> int:
-    """Where what could not be read begins; for the end of the file, where the last token ends."""
-    if isinstance(problem, UnexpectedToken):
-        token = problem.token
-        return int((token.end_pos if token.type == "$END" else token.start_pos) or 0)
-    return int(problem.pos_in_stream or 0)
-
-
-def accepted(problem: UnexpectedInput, before: Any) -> frozenset[str]:
-    """The terminals that could have stood where the error is.
-
-    `before` is an interactive parser of what precedes it, and is asked instead of the one that failed: that
-    one has been given the wrong token, and has closed everything that this token cannot continue.
-    """
-    try:
-        before.exhaust_lexer()
-    except UnexpectedInput:  # the text was cut off in the middle of a token, and reads differently
-        before = getattr(problem, "interactive_parser", None)
-    found = frozenset() if before is None else frozenset(before.accepts())
-    return found - WORDS if {"NAME", *WORDS} <= found else found  # a name: words are but names there
+def expected(problem: UnexpectedInput) -> frozenset[str]:
+    """Return the terminals that could have stood where the error is, without words that are names there."""
+    found = problem.accepted
+    return found - WORDS if {"NAME", *WORDS} <= found else found
 
 
 def complete_declarations(problem: UnexpectedInput) -> list[ast.Declaration]:
     """The declarations that were read before the error: they stand on the parser's stack."""
-    interactive: Any = getattr(problem, "interactive_parser", None)
-    if interactive is None:
-        return []
-    found: list[ast.Declaration] = []
-    for value in interactive.parser_state.value_stack:
-        if isinstance(value, Tree) and "file_star" in str(value.data):
-            found += cast("list[ast.Declaration]", value.children)
-        elif isinstance(value, DECLARATIONS) and not found:
-            found.append(cast("ast.Declaration", value))
-        else:
-            break
-    return found
+    first: object = problem.values[0] if problem.values else None
+    if isinstance(first, list):
+        return first
+    return [cast("ast.Declaration", first)] if isinstance(first, DECLARATIONS) else []
 
 
 DECLARATIONS: tuple[type, ...] = ast.Declaration.__args__

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import re
 
-from lark.exceptions import UnexpectedInput, UnexpectedToken
-
-from colony.dsl.recovery import declaration_begun, offset_of
+from colony.dsl.lalr import UnexpectedInput
+from colony.dsl.recovery import declaration_begun, expected
 from colony.dsl.syntax_hints import DECLARATION_STARTS, hint_for
 from colony.text.diagnostics import Diagnostic, error
 from colony.text.source import Source, Span
+from colony.text.wording import listed
 
 _OPERATORS = frozenset(
     "PLUS MINUS TIMES OVER LESS AT_MOST GREATER AT_LEAST EQUAL UNEQUAL AND OR IMPLIES IN BY IS "
@@ -53,17 +53,10 @@ _SPLIT = ("==", "**", "=>", "->", "..", "<=", ">=", "//", "/*")
 """Signs whose first character may have been read as a sign of its own before the error was seen."""
 
 
-def describe(
-    source: Source, problem: UnexpectedInput, declaration: int, accepted: frozenset[str]
-) -> Diagnostic:
-    """The diagnostic of one syntax error.
-
-    `declaration` is where the declaration that failed begins; `accepted` are the terminals that could have
-    stood where the error is.
-    """
-    text = source.text
-    at_end = isinstance(problem, UnexpectedToken) and problem.token.type == "$END"
-    at = offset_of(problem)
+def describe(source: Source, problem: UnexpectedInput, declaration: int) -> Diagnostic:
+    """The diagnostic of one syntax error; `declaration` is where the declaration that failed begins."""
+    text, at, at_end = source.text, problem.offset, problem.at_end
+    accepted = expected(problem)
     if text[max(at - 1, 0) : at + 1] in _SPLIT and not at_end:
         at, accepted = at - 1, _before_sign(text[at - 1], accepted)
     found = "" if at_end else _found(text, at)
@@ -118,7 +111,7 @@ def _expected(accepted: frozenset[str]) -> str:
     parts += sorted({_spelled(name) for name in names if not name.startswith("__IGNORE")})
     if not parts:
         return "something else"
-    return parts[0] if len(parts) == 1 else ", ".join(parts[:-1]) + " or " + parts[-1]
+    return listed(parts, "or")
 
 
 def _spelled(terminal: str) -> str:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 
+from colony.text.suggestions import did_you_mean
 from colony.text.units import BASE_UNITS
 
 RESERVED = frozenset(
@@ -132,11 +133,8 @@ def _about_names(found: str, accepted: frozenset[str]) -> str | None:
 def _did_you_mean(found: str, accepted: frozenset[str]) -> str | None:
     if not found.isidentifier():
         return None
-    from difflib import get_close_matches
-
-    words = [t.lower() for t in accepted if t.lower() not in _NOT_WORDS]
-    close = get_close_matches(found.lower(), words, n=1, cutoff=0.7)
-    return f"did you mean `{close[0]}`?" if close else None
+    words = (t.lower() for t in accepted if t.lower() not in _NOT_WORDS)
+    return did_you_mean(found, words, cutoff=0.7)
 
 
 _NOT_WORDS = frozenset(

@@ -1,73 +1,90 @@
-"""The parser's tables, built from the grammar once and kept beside it as JSON.
+"""The parser's tables, built from the grammar by lark and kept beside it as JSON.
 
-Building them takes a tenth of a second, loading them a few milliseconds. `python -m colony.dsl.tables`
-writes the file anew; a test holds file and grammar together.
+`python -m colony.dsl.tables` writes the file anew, which alone needs lark. A test compares it to the grammar.
 """
 
 from __future__ import annotations
 
 import json
 from pathlib import Path
-from typing import Any, BinaryIO, cast
+from typing import TYPE_CHECKING, Any
 
-from lark import Lark
-from lark import __version__ as lark_version
-from lark.grammar import Rule
-from lark.lexer import TerminalDef
+if TYPE_CHECKING:
+    from lark import Lark
+    from lark.grammar import Rule
 
 GRAMMAR = Path(__file__).with_name("grammar.lark")
 TABLES = Path(__file__).with_name("grammar_tables.json")
 
 
-_OPTIONS: dict[str, Any] = {
-    "start": "file",
-    "parser": "lalr",
-    "lexer": "contextual",
-    "keep_all_tokens": True,
-    "maybe_placeholders": True,
-}
+def load() -> dict[str, Any]:
+    """Return the stored tables, as `colony.dsl.lalr.Parser` takes them."""
+    tables: dict[str, Any] = json.loads(TABLES.read_bytes())
+    return tables
 
 
 def grammar_digest() -> str:
-    """What tells one grammar from another; the tables carry that of the grammar they were built from."""
+    """Return a digest of the grammar; the tables carry that of the grammar they were built from."""
     import hashlib
 
     return hashlib.sha256(GRAMMAR.read_bytes()).hexdigest()
 
 
 def build() -> str:
-    """The tables of the grammar as JSON text, with the version of lark that wrote them."""
-    parser = Lark(GRAMMAR.read_text(encoding="utf-8"), **_OPTIONS)
-    data, memo = parser.memo_serialize([TerminalDef, Rule])
-    stored = {"lark": lark_version, "grammar": grammar_digest(), "data": _plain(data), "memo": _plain(memo)}
-    return json.dumps(stored, separators=(",", ":")).replace('},"', '},\n"') + "\n"
+    """Return the tables of the grammar as JSON text."""
+    from lark.lexer import BasicLexer
+    from lark.parsers.lalr_analysis import Shift
 
-
-def load(builder: object) -> Lark:
-    """A parser that calls `builder` for each rule; from the grammar if another lark wrote the tables."""
-    stored = json.loads(TABLES.read_text(encoding="utf-8"))
-    if stored["lark"] != lark_version:
-        return Lark(GRAMMAR.read_text(encoding="utf-8"), transformer=builder, **_OPTIONS)
-    data, memo = stored["data"], {int(k): v for k, v in stored["memo"].items()}
-    table = data["parser"]["parser"]
-    table["tokens"] = {int(number): name for number, name in table["tokens"].items()}
-    table["states"] = {
-        int(state): {int(token): tuple(action) for token, action in actions.items()}
-        for state, actions in table["states"].items()
+    grammar = lark_parser()
+    conf, table = grammar.parser.lexer_conf, grammar.parser.parser._parse_table
+    terminals = [t for t in BasicLexer(conf).terminals if t.name not in conf.ignore]
+    signs = {t.pattern.value: t.name for t in terminals if t.pattern.type == "str"}
+    words = {t.pattern.value[:-2]: t.name for t in terminals if t.pattern.value.endswith(r"\b")}
+    known = {*signs.values(), *words.values()}
+    rules = grammar.rules
+    number = {rule: ~i for i, rule in enumerate(rules)}
+    stored = {
+        "grammar": grammar_digest(),
+        "words": words,
+        "signs": signs,
+        "patterns": [[t.name, t.pattern.to_regexp()] for t in terminals if t.name not in known],
+        "start": table.start_states["file"],
+        "final": table.end_states["file"],
+        "rules": [_stored(rule) for rule in rules],
+        "rows": [
+            {symbol: arg if action is Shift else number[arg] for symbol, (action, arg) in row.items()}
+            for _, row in sorted(table.states.items())
+        ],
     }
-    data["options"]["transformer"] = builder
-    return Lark.load(cast("BinaryIO", {"data": data, "memo": memo}))
+    return json.dumps(stored, separators=(",", ":")).replace("},{", "},\n{").replace("],[", "],\n[") + "\n"
 
 
-def _plain(value: Any) -> Any:
-    """Tuples and sets as lists, sets in order: what JSON can hold."""
-    if isinstance(value, dict):
-        return {str(k): _plain(v) for k, v in value.items()}
-    if isinstance(value, set | frozenset):
-        return sorted(_plain(v) for v in value)
-    if isinstance(value, list | tuple):
-        return [_plain(v) for v in value]
-    return value
+def lark_parser(**options: Any) -> Lark:
+    """Return lark's own parser of the grammar, from which the tables are built."""
+    from lark import Lark
+
+    return Lark(
+        GRAMMAR.read_text(encoding="utf-8"),
+        start="file",
+        parser="lalr",
+        lexer="contextual",
+        keep_all_tokens=True,
+        maybe_placeholders=True,
+        **options,
+    )
+
+
+def _stored(rule: Rule) -> list[Any]:
+    """Return nonterminal, size, method (None: the value is the only child, or all of a helper), layout."""
+    size, name = len(rule.expansion), rule.origin.name
+    is_helper = name.startswith("_")
+    is_child = rule.options.expand1 and not rule.alias and size == 1
+    absent = [len(gap) for gap in "".join(str(int(e)) for e in rule.options.empty_indices).split("0")]
+    absent += [0] * (size + 1 - len(absent))
+    lists = [int(not s.is_term and s.name.startswith("_")) for s in rule.expansion]
+    layout = [[a, b] for a, b in zip(absent, [*lists, 0], strict=True)]
+    method = None if is_helper or is_child else rule.alias or name
+    return [name, size, method, layout if any(map(any, layout)) else None]
 
 
 if __name__ == "__main__":

@@ -6,8 +6,9 @@ from collections.abc import Sequence
 
 from colony.experiment.record import RunResult
 from colony.experiment.tables import markdown
-from colony.nav.confidence.automaton import PUBLISHED, TABLE_6_5
+from colony.nav.confidence.automaton import TABLE_6_5
 from colony.nav.confidence.estimate import (
+    PUBLISHED,
     Count,
     RunModes,
     clopper_pearson,

@@ -6,6 +6,8 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
+import numpy as np
+
 from colony.experiment.record import RunResult
 from colony.nav.confidence.automaton import RIDE
 from colony.nav.confidence.estimate import Count, clopper_pearson, wilson
@@ -16,13 +18,7 @@ MM_S_TO_M_MIN = 0.06
 
 def percentile(values: Sequence[float], part: float) -> float:
     """The value that `part` of all do not exceed, between neighbors in proportion; NaN of none."""
-    if not values:
-        return math.nan
-    ordered = sorted(values)
-    at = part * (len(ordered) - 1)
-    below = math.floor(at)
-    above = min(below + 1, len(ordered) - 1)
-    return ordered[below] + (at - below) * (ordered[above] - ordered[below])
+    return float(np.quantile(values, part)) if values else math.nan
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

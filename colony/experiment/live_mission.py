@@ -12,7 +12,6 @@ from __future__ import annotations
 import math
 import time
 from contextlib import suppress
-from types import TracebackType
 from typing import Any
 
 from colony.experiment.variants import CEILING_CAMERA, FRONT_CAMERA, OURS, PLANNER, SIDE_CAMERA
@@ -88,9 +87,7 @@ class LiveMission:
         self._team.__enter__()
         return self
 
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
+    def __exit__(self, *raised: object) -> None:
         assert self._team is not None
         try:
             self._team.close()

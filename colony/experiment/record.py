@@ -5,6 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Literal, NamedTuple
 
+from colony.experiment.rows import Places
+
 Mode = Literal["L", "C", "D"]
 """Ceiling lights, corner, dead reckoning: the modes as the thesis counts them, a corner as one."""
 
@@ -95,7 +97,7 @@ class RunResult:
     lights: LightCount
     contacts: Contacts
     hazards: str
-    path: tuple[tuple[int, int], ...]
+    path: Places
 
     @property
     def reached(self) -> bool:

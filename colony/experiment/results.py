@@ -10,59 +10,19 @@ from __future__ import annotations
 
 import os
 import sqlite3
-from array import array
-from collections.abc import Callable, Mapping
 from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
-from types import TracebackType
-from typing import Any, Generic, Protocol, TypeVar
+from typing import Generic, Protocol, TypeVar
 
-from colony.experiment.record import Contacts, LightCount, ModeCount, RunKey, RunResult
+from colony.experiment.record import MODES, LightCount, ModeCount, RunKey, RunResult
+from colony.experiment.rows import kinds_of, result_of, row_of
 from colony.files import open_descriptor, reason
 
 VERSION = 1
 
-COLUMNS = {
-    "runs": "TEXT NOT NULL",
-    "number": "INTEGER NOT NULL",
-    "seed": "INTEGER NOT NULL",
-    "variant": "TEXT NOT NULL",
-    "origin": "TEXT NOT NULL",
-    "goal": "TEXT NOT NULL",
-    "failure": "TEXT NOT NULL",
-    "failed_mode": "TEXT NOT NULL",
-    "remark": "TEXT NOT NULL",
-    "along_mm": "REAL NOT NULL",
-    "off_mm": "REAL NOT NULL",
-    "distance_mm": "REAL NOT NULL",
-    "travelled_mm": "REAL NOT NULL",
-    "time_s": "REAL NOT NULL",
-    "top_mm_s": "REAL NOT NULL",
-    "l_entered": "INTEGER NOT NULL",
-    "l_completed": "INTEGER NOT NULL",
-    "l_needed": "INTEGER NOT NULL",
-    "c_entered": "INTEGER NOT NULL",
-    "c_completed": "INTEGER NOT NULL",
-    "c_needed": "INTEGER NOT NULL",
-    "d_entered": "INTEGER NOT NULL",
-    "d_completed": "INTEGER NOT NULL",
-    "d_needed": "INTEGER NOT NULL",
-    "letters": "TEXT NOT NULL",
-    "completed": "INTEGER NOT NULL",
-    "first_light": "INTEGER NOT NULL",
-    "lights_seen": "INTEGER NOT NULL",
-    "lights_missed": "INTEGER NOT NULL",
-    "lights_false": "INTEGER NOT NULL",
-    "contacts": "INTEGER NOT NULL",
-    "contact_mm_s": "REAL NOT NULL",
-    "hazards": "TEXT NOT NULL",
-    "path": "BLOB NOT NULL",
-}
-"""The columns of the table `run`, with their types."""
-
-KEY_COLUMNS = {name: COLUMNS[name] for name in ("runs", "number", "seed", "variant")}
-"""The first columns of each table: the fields of `RunKey`."""
+KEY_COLUMNS = RunKey._fields
+"""The first columns of each table."""
 
 
 class Kept(Protocol):
@@ -77,24 +37,23 @@ R = TypeVar("R", bound=Kept)
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Table(Generic[R]):
-    """How results of one kind are kept.
+    """A table of results of one kind.
 
     Attributes:
         name: of the table.
-        columns: with their types; `KEY_COLUMNS` come first.
-        row: a result as a row.
-        result: a row as a result.
+        kind: the class of the results; `rows.py` makes rows of them.
+        columns: their names; `KEY_COLUMNS` come first.
     """
 
     name: str
-    columns: Mapping[str, str]
-    row: Callable[[R], tuple[object, ...]]
-    result: Callable[[tuple[Any, ...]], R]
+    kind: type[R]
+    columns: tuple[str, ...]
 
     @property
     def sql(self) -> str:
-        """What makes the table."""
-        columns = ", ".join(f"{name} {kind}" for name, kind in self.columns.items())
+        """The statement that makes the table."""
+        kinds = zip(self.columns, kinds_of(self.kind), strict=True)
+        columns = ", ".join(f"{name} {kind} NOT NULL" for name, kind in kinds)
         key = ", ".join(KEY_COLUMNS)
         return f"CREATE TABLE IF NOT EXISTS {self.name} ({columns}, PRIMARY KEY ({key})) WITHOUT ROWID"
 
@@ -170,7 +129,7 @@ class Results(Generic[R]):
         """
         marks = ", ".join("?" * len(self._table.columns))
         try:
-            row = self._table.row(result)
+            row = row_of(self._table.kind, result)
             self._file.execute(f"INSERT OR REPLACE INTO {self._table.name} VALUES ({marks})", row)
         except sqlite3.Error as problem:
             raise ResultsError(f"{self._path} cannot be written: {problem}") from None
@@ -185,7 +144,8 @@ class Results(Generic[R]):
         columns = ", ".join(self._table.columns)
         where = "runs = ? AND variant = ? ORDER BY number, seed"
         query = f"SELECT {columns} FROM {self._table.name} WHERE {where}"
-        return tuple(map(self._table.result, self._file.execute(query, (runs, variant))))
+        rows = self._file.execute(query, (runs, variant))
+        return tuple(result_of(self._table.kind, iter(row)) for row in rows)
 
     def close(self) -> None:
         """End it; again is nothing."""
@@ -194,9 +154,7 @@ class Results(Generic[R]):
     def __enter__(self) -> Results[R]:
         return self
 
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
+    def __exit__(self, *raised: object) -> None:
         self.close()
 
 
@@ -206,57 +164,17 @@ def _expect_file(path: Path) -> None:
         os.close(open_descriptor(path))
 
 
-def _row(result: RunResult) -> tuple[object, ...]:
-    return (
-        *result.key,
-        result.origin,
-        result.goal,
-        result.failure,
-        result.failed_mode,
-        result.remark,
-        result.along_mm,
-        result.off_mm,
-        result.distance_mm,
-        result.travelled_mm,
-        result.time_s,
-        result.top_mm_s,
-        *(number for mode in result.modes for number in mode),
-        result.letters,
-        result.completed,
-        result.first_light,
-        *result.lights,
-        *result.contacts,
-        result.hazards,
-        array("i", (number for place in result.path for number in place)).tobytes(),
-    )
-
-
-def _result(row: tuple[Any, ...]) -> RunResult:
-    numbers = array("i")
-    numbers.frombytes(row[33])
-    return RunResult(
-        key=RunKey(*row[0:4]),
-        origin=row[4],
-        goal=row[5],
-        failure=row[6],
-        failed_mode=row[7],
-        remark=row[8],
-        along_mm=row[9],
-        off_mm=row[10],
-        distance_mm=row[11],
-        travelled_mm=row[12],
-        time_s=row[13],
-        top_mm_s=row[14],
-        modes=(ModeCount(*row[15:18]), ModeCount(*row[18:21]), ModeCount(*row[21:24])),
-        letters=row[24],
-        completed=row[25],
-        first_light=bool(row[26]),
-        lights=LightCount(*row[27:30]),
-        contacts=Contacts(*row[30:32]),
-        hazards=row[32],
-        path=tuple(zip(numbers[0::2], numbers[1::2], strict=True)),
-    )
-
-
-RUN_TABLE: Table[RunResult] = Table(name="run", columns=COLUMNS, row=_row, result=_result)
-"""Runs as such."""
+RUN_TABLE = Table(
+    name="run",
+    kind=RunResult,
+    columns=(
+        *KEY_COLUMNS,
+        *("origin", "goal", "failure", "failed_mode", "remark"),
+        *("along_mm", "off_mm", "distance_mm", "travelled_mm", "time_s", "top_mm_s"),
+        *(f"{mode.lower()}_{count}" for mode in MODES for count in ModeCount._fields),
+        *("letters", "completed", "first_light"),
+        *(f"lights_{count}" for count in LightCount._fields),
+        *("contacts", "contact_mm_s", "hazards", "path"),
+    ),
+)
+"""The runs as such."""

@@ -6,10 +6,11 @@ from collections.abc import Callable, Iterable
 
 from colony.experiment.variants import CEILING_CAMERA, FRONT_CAMERA, SIDE_CAMERA
 from colony.runtime.servers.drivers import CameraDriver
+from colony.runtime.servers.images import Shot
 from colony.sim.cameras.camera import Camera, CameraConfig
-from colony.sim.cameras.ceiling import CeilingCamera
 from colony.sim.cameras.scene import scene_of
 from colony.sim.drivers import Plant, SimulatedCamera
+from colony.sim.shots import CeilingShot, LevelShot
 from colony.sim.world.site import Site
 from colony.vision.level_camera import AHEAD, SIDE
 
@@ -25,11 +26,14 @@ def run_cameras(plant: Plant, site: Site, names: Iterable[str], *, seed: int) ->
     Raises:
         ValueError: a robot has no such camera.
     """
-    return {name: SimulatedCamera(plant, 0, _eye(site, name, seed)) for name in sorted(names)}
+    return {name: SimulatedCamera(plant, _shutter(site, name, seed)) for name in sorted(names)}
 
 
-def _eye(site: Site, name: str, seed: int) -> Callable[[], Camera | CeilingCamera]:
-    return site.ceiling if name == CEILING_CAMERA else _level_eye(site, name, seed)
+def _shutter(site: Site, name: str, seed: int) -> Callable[[int], Shot]:
+    if name == CEILING_CAMERA:
+        return lambda now_ns: CeilingShot(site.ceiling(), site.world, 0, now_ns)
+    eye = _level_eye(site, name, seed)
+    return lambda now_ns: LevelShot(eye(), site.world, 0, now_ns)
 
 
 def _level_eye(site: Site, name: str, seed: int) -> Callable[[], Camera]:

@@ -7,6 +7,7 @@ element where an operand is an array; a scalar beside an array stands for all of
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import field
 from enum import Enum, unique
 
@@ -367,3 +368,12 @@ def children(node: Expression) -> tuple[Expression, ...]:
             return (b,) if c is None else (b, c)
         case _:
             return ()
+
+
+def subexpressions(root: Expression) -> Iterator[Expression]:
+    """Yield an expression and all that it is made of, in the order written."""
+    work = [root]
+    while work:
+        node = work.pop()
+        yield node
+        work.extend(reversed(children(node)))

@@ -6,7 +6,7 @@ At run time a quantity and an enumerator are a float (in mm, s, deg), a bool is 
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Literal
+from typing import Literal, assert_never
 
 from colony.text.units import ANGLE, LENGTH, NUMBER, TIME, Dimension
 
@@ -77,3 +77,16 @@ def element_type(of: Type) -> Scalar:
 def shaped(element: Scalar, like: Type) -> Type:
     """`element`, or an array of it where `like` is an array."""
     return Array(element, like.size) if isinstance(like, Array) else element
+
+
+def any_value(of: Scalar) -> ScalarValue:
+    """Return some value of a type: false, the first enumerator, or 0."""
+    match of:
+        case Bool():
+            return False
+        case Enum(members=members):
+            return members[0][1]
+        case Quantity():
+            return 0.0
+        case _:
+            assert_never(of)

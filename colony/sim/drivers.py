@@ -7,18 +7,13 @@ its devices is read or commanded, so that time passes for all of them alike.
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import replace
-from typing import TYPE_CHECKING
 
 from colony.runtime.protocol.messages import Sample
-from colony.runtime.servers.drivers import BaseDriver, BaseState, CameraDriver, Drivers
-from colony.runtime.servers.images import Shot
+from colony.runtime.servers.drivers import BaseState, CameraDriver, Drivers
+from colony.runtime.servers.images import Image, Shot
+from colony.sim.compiled import Bytes2
 from colony.sim.config import limits_of
 from colony.sim.world.world import MAX_STEP_S, World
-
-if TYPE_CHECKING:  # a kernel less to load for who has no camera
-    from colony.sim.cameras.camera import Camera
-    from colony.sim.cameras.ceiling import CeilingCamera
 
 
 class Plant:
@@ -89,30 +84,6 @@ class SimulatedBase:
         return self._state
 
 
-class RegisterBase:
-    """A base whose controller keeps x and y in signed registers of `register_bits` bits, in whole mm, which
-    overflow as the Labmate's do (thesis section 4.6.3, "Virtual X-Y Coordinate")."""
-
-    def __init__(self, base: BaseDriver, register_bits: int = 16) -> None:
-        self._base = base
-        self.limits = base.limits
-        self.register_bits = register_bits
-
-    def drive(self, velocity: float, turn: float) -> None:
-        self._base.drive(velocity, turn)
-
-    def stop(self) -> None:
-        self._base.stop()
-
-    def state(self) -> BaseState | None:
-        state = self._base.state()
-        return None if state is None else replace(state, x=self._register(state.x), y=self._register(state.y))
-
-    def _register(self, value: float) -> float:
-        half = 1 << (self.register_bits - 1)
-        return float((round(value) + half) % (2 * half) - half)
-
-
 class SimulatedProximity:
     """The sonars and infrared detectors of robot number `robot`; each ring is measured when it is read."""
 
@@ -130,22 +101,27 @@ class SimulatedProximity:
 
 
 class SimulatedCamera:
-    """A camera of robot number `robot`: each image is taken when it is grabbed, and drawn when it is read.
+    """A camera of a robot; each image is taken when it is grabbed.
 
-    `eye` gives the camera of the moment: there is one a floor.
+    Args:
+        plant: the world and its clock.
+        take: takes an image of the present; its argument is the time. The image may be drawn when it is read.
     """
 
-    def __init__(self, plant: Plant, robot: int, eye: Callable[[], Camera | CeilingCamera]) -> None:
+    def __init__(self, plant: Plant, take: Callable[[int], Shot]) -> None:
         self._plant = plant
-        self._robot = robot
-        self._eye = eye
-        from colony.sim.shots import shot_of
-
-        self._shot_of = shot_of
+        self._take = take
 
     def grab(self) -> Shot:
-        now = self._plant.catch_up()
-        return self._shot_of(self._eye(), self._plant.world, self._robot, now)
+        return self._take(self._plant.catch_up())
+
+
+def image_of(pixels: Bytes2, t_ns: int, first_row: int = 0) -> Image:
+    """Return the image, or the band of one from row `first_row` on, with these gray pixels."""
+    height, width = pixels.shape
+    return Image(
+        t_ns=t_ns, height=height, width=width, channels=1, pixels=pixels.tobytes(), first_row=first_row
+    )
 
 
 def simulated_drivers(

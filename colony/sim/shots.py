@@ -5,7 +5,7 @@ from __future__ import annotations
 from colony.runtime.servers.images import Image
 from colony.sim.cameras.camera import Camera
 from colony.sim.cameras.ceiling import CeilingCamera
-from colony.sim.compiled import Bytes2
+from colony.sim.drivers import image_of
 from colony.sim.world.world import World
 
 
@@ -26,7 +26,7 @@ class CeilingShot:
                 f"{count} rows from row {first} on; expected at least 1 of rows 0 to {self.height - 1}"
             )
         pixels = self._ceiling.rows(self._pose, self._t_ns, range(first, first + count))
-        return _band(pixels, self._t_ns, first)
+        return image_of(pixels, self._t_ns, first)
 
 
 class LevelShot:
@@ -43,16 +43,4 @@ class LevelShot:
         self.height, self.width = camera.config.height, camera.config.width
 
     def rows(self, first: int, count: int) -> Image:
-        return _band(self._draw(first, count), self._t_ns, first)
-
-
-def _band(pixels: Bytes2, t_ns: int, first: int) -> Image:
-    height, width = pixels.shape
-    return Image(t_ns=t_ns, height=height, width=width, channels=1, pixels=pixels.tobytes(), first_row=first)
-
-
-def shot_of(eye: Camera | CeilingCamera, world: World, robot: int, t_ns: int) -> CeilingShot | LevelShot:
-    """Take an image of the present with a camera of a robot."""
-    if isinstance(eye, CeilingCamera):
-        return CeilingShot(eye, world, robot, t_ns)
-    return LevelShot(eye, world, robot, t_ns)
+        return image_of(self._draw(first, count), self._t_ns, first)

@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
+from colony.text.wording import listed
 from colony.vision.gray_images import LEAST_PIXELS
 
 if TYPE_CHECKING:
@@ -59,7 +60,7 @@ def decode_image(data: bytes) -> Rgb:
         except BadImage:
             raise
         except UnidentifiedImageError:
-            expected = f"{', '.join(_FORMATS[:-1])} or {_FORMATS[-1]}"
+            expected = listed(_FORMATS, "or")
             raise BadImage(f"no image that can be read; expected {expected}") from None
         except Image.DecompressionBombError:
             raise BadImage(f"an image of far more pixels than expected: {_AT_MOST}") from None

@@ -14,7 +14,7 @@ import zenoh
 
 from colony.runtime.transport.live.place import Credentials
 from tests.attack.lab import MARK, USERS, Lab
-from tests.runtime.certificates import Authority, free_port
+from tests.runtime.transport.live.certificates import Authority, free_port
 
 MODES = ("client", "peer", "router")
 REFUSED = ("none", "self-signed", "other authority", "expired")

@@ -17,7 +17,7 @@ from colony.runtime.transport.live.network import Network
 from colony.runtime.transport.live.place import Credentials, local
 from colony.runtime.transport.live.security import Permission
 from tests.cli.machine import MAP, ROBOT, Machine, children_of, until
-from tests.runtime.certificates import Authority, free_port
+from tests.runtime.transport.live.certificates import Authority, free_port
 
 USERS: Mapping[str, tuple[Permission, ...]] = {
     "ada": ("read", "command"),

@@ -22,8 +22,8 @@ from colony.ir.types import Array, Bool
 from colony.runtime.protocol.bindings import bind
 from colony.verify.reference.interpreter import Interpreter
 from colony.verify.testing.examples import failures_as_diagnostics, run_examples
+from tests.paths import ROOT
 
-ROOT = Path(__file__).parents[2]
 FILES = sorted((ROOT / "behaviors").glob("*.colony"))
 MAPS = sorted((ROOT / "maps").glob("*.stickrep"))
 

@@ -8,7 +8,6 @@ shrunk to few frames with plain readings before it is shown.
 
 from __future__ import annotations
 
-from pathlib import Path
 from random import Random
 
 import pytest
@@ -19,8 +18,8 @@ from colony.dsl.load import load_file, load_text
 from colony.ir.frame import Decision, Frame
 from colony.verify.testing.agreement import reference
 from colony.verify.testing.strategies import frames, traces
+from tests.paths import ROOT
 
-ROOT = Path(__file__).parent.parent.parent
 WANDER = load_file(ROOT / "behaviors" / "wander.colony")
 
 Trace = tuple[Frame, ...]

@@ -12,8 +12,6 @@ import pytest
 
 from colony.cli.main import main
 
-ROOT = Path(__file__).parent.parent.parent
-
 
 class Ran(NamedTuple):
     """What a command left behind."""

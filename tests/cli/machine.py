@@ -23,8 +23,8 @@ from colony.runtime.transport.live.run_directory import RobotDirectory, RunDirec
 from colony.sim.plant.child import plant_socket
 from colony.sim.plant.control import PlantControl
 from colony.sim.plant.protocol import Truth
+from tests.paths import ROOT
 
-ROOT = Path(__file__).parents[2]
 MAP = str(ROOT / "maps" / "loop.stickrep")
 WANDER = str(ROOT / "behaviors" / "wander.colony")
 ROBOT = "rome"

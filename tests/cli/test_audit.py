@@ -16,7 +16,8 @@ from mcap.stream_reader import StreamReader
 from mcap.writer import CompressionType, Writer
 
 from tests.cli.conftest import Colony, Ran
-from tests.cli.test_run import MAP, ROAM, ROOT
+from tests.cli.run.test_run import MAP, ROAM
+from tests.paths import ROOT
 
 
 @pytest.fixture

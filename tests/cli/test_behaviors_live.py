@@ -11,8 +11,8 @@ import pytest
 from colony.dsl.load import load_file
 from tests.cli.conftest import Colony
 from tests.cli.machine import MAP, Machine
+from tests.paths import ROOT
 
-ROOT = Path(__file__).parents[2]
 DRIVING = [f for f in sorted((ROOT / "behaviors").glob("*.colony")) if load_file(f).wires]
 SETTINGS = {"teleop": ("--set", "TeleopVelocity=200")}
 SEED = 1

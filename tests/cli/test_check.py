@@ -3,7 +3,8 @@ from __future__ import annotations
 import json
 from pathlib import Path
 
-from tests.cli.conftest import ROOT, Colony
+from tests.cli.conftest import Colony
+from tests.paths import ROOT
 
 
 def test_good_files(colony: Colony, behavior: Path) -> None:

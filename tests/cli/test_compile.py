@@ -10,7 +10,7 @@ from typing import Any
 import pytest
 
 from tests.cli.conftest import Colony
-from tests.verify.seeded_bugs import BUGS
+from tests.verify.testing.seeded_bugs import BUGS
 
 
 def test_the_table(colony: Colony, behavior: Path) -> None:

@@ -5,7 +5,8 @@ from pathlib import Path
 
 import pytest
 
-from tests.cli.conftest import ROOT, Colony
+from tests.cli.conftest import Colony
+from tests.paths import ROOT
 from tests.verify.difference.programs import ROBOT
 from tests.verify.small_robot import go
 

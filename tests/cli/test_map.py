@@ -6,8 +6,7 @@ import json
 from pathlib import Path
 
 from tests.cli.conftest import Colony
-
-MAPS = Path(__file__).resolve().parents[2] / "maps"
+from tests.paths import MAPS
 
 
 def test_a_map_is_summarized_and_drawn(colony: Colony, tmp_path: Path) -> None:

@@ -11,8 +11,8 @@ import pytest
 from colony.cli.outputs import check_output, write_whole
 from colony.files import open_alone
 from tests.cli.conftest import Colony
+from tests.paths import ROOT
 
-ROOT = Path(__file__).parents[2]
 MAP = str(ROOT / "maps" / "loop.stickrep")
 
 

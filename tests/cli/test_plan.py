@@ -8,8 +8,8 @@ from pathlib import Path
 import pytest
 
 from tests.cli.conftest import Colony
+from tests.paths import MAPS
 
-MAPS = Path(__file__).resolve().parents[2] / "maps"
 THIRD = MAPS / "msu_engineering_3.stickrep"
 
 

@@ -8,8 +8,8 @@ from pathlib import Path
 import pytest
 
 from tests.cli.conftest import Colony
+from tests.paths import ROOT
 
-ROOT = Path(__file__).parents[2]
 MAP = str(ROOT / "maps" / "loop.stickrep")
 
 PROGRAM = """

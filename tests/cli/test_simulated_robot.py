@@ -15,8 +15,8 @@ from colony.runtime.transport.live.run_directory import RobotDirectory
 from colony.sim.plant.child import plant_socket
 from colony.sim.plant.control import PlantControl
 from colony.sim.plant.protocol import AttachBase, Attached, BaseReading, Drive, pack
-from tests.sim.plants import PlantProcess, wait_for
-from tests.sim.test_plant_process import START, Line, is_frozen
+from tests.sim.plant.plants import PlantProcess, wait_for
+from tests.sim.plant.test_process import START, Line, is_frozen
 
 FRAME_NS = 50_000_000
 

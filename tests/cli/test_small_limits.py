@@ -12,7 +12,8 @@ from pathlib import Path
 import pytest
 
 from tests.cli.conftest import Ran
-from tests.cli.machine import MAP, ROBOT, ROOT, WANDER
+from tests.cli.machine import MAP, ROBOT, WANDER
+from tests.paths import ROOT
 
 RUN = ("run", WANDER, "--map", MAP, "--no-picture", "--duration", "1")
 PROCESSES = (*RUN, "--processes")

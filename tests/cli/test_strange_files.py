@@ -24,8 +24,9 @@ from colony.runtime.recordings import mcap_reader, replay
 from colony.runtime.transport.live import security
 from colony.vision import image_files
 from tests.cli.conftest import Colony
-from tests.cli.machine import MAP, ROOT, WANDER
+from tests.cli.machine import MAP, WANDER
 from tests.cli.strange_files_child import PATIENCE_S
+from tests.paths import ROOT
 
 MEMORY_MB = 300
 """Megabytes beyond what `--help` takes."""

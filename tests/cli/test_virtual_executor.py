@@ -7,7 +7,6 @@ from collections import Counter
 from collections.abc import Callable
 from dataclasses import replace
 from functools import cache
-from pathlib import Path
 from random import Random
 
 import pytest
@@ -24,9 +23,9 @@ from colony.verify.testing.agreement import disagreement, reference
 from colony.verify.testing.drawing import Choices
 from colony.verify.testing.frames import draw_trace
 from colony.verify.testing.strategies import run_of_seed
+from tests.paths import ROOT
 from tests.verify.stepping import program
 
-ROOT = Path(__file__).parent.parent.parent
 RUNTIME = {"runtime": VirtualExecutor}
 
 

@@ -11,8 +11,9 @@ import pytest
 from PIL import Image
 
 from tests.cli.conftest import Colony
+from tests.paths import ROOT
 
-CORPUS = Path(__file__).resolve().parents[1] / "vision" / "corpus"
+CORPUS = ROOT / "tests" / "vision" / "corpus"
 TRUTH = {
     image["file"]: image["targets"]
     for image in json.loads((CORPUS / "truth.json").read_text(encoding="utf-8"))["images"]

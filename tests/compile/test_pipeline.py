@@ -4,9 +4,9 @@ import gc
 
 import pytest
 
-from benchmarks.networks import chain, ladder, random_program
 from colony.compile.passes.elaborate import elaborate
 from colony.compile.pipeline import PASSES, compile_network, compile_program
+from tests.networks import chain, ladder, random_program
 
 
 @pytest.mark.parametrize("program", [chain(5), ladder(5), random_program(30, seed=4)])

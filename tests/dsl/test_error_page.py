@@ -14,9 +14,10 @@ import colony.dsl
 from colony.dsl.errors import CODES
 from colony.dsl.load import check_file
 from colony.text.diagnostics import Diagnostic, render
+from tests.paths import ROOT
 
 SOURCES = Path(colony.dsl.__file__).parent
-PAGE = Path(__file__).parent.parent.parent / "docs" / "errors.md"
+PAGE = ROOT / "docs" / "errors.md"
 
 
 class Fence(NamedTuple):

@@ -13,8 +13,9 @@ from colony.dsl.syntax_hints import RESERVED
 from colony.text.diagnostics import headline
 from colony.text.units import BASE_UNITS
 from colony.verify.testing.examples import failures_as_diagnostics, run_examples
+from tests.paths import ROOT
 
-PAGE = (Path(__file__).parent.parent.parent / "docs" / "language.md").read_text(encoding="utf-8")
+PAGE = (ROOT / "docs" / "language.md").read_text(encoding="utf-8")
 FENCES = re.findall(r"^```colony ?([^\n]*)\n(.*?)^```$", PAGE, re.MULTILINE | re.DOTALL)
 [ROBOT] = [text for info, text in FENCES if info == "robot"]
 FILES = {info: text for info, text in FENCES if info.endswith(".colony")}

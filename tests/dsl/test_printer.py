@@ -10,8 +10,7 @@ from colony.dsl.parse import parse
 from colony.dsl.printer import print_expression, print_file
 from colony.text.source import Source
 from colony.verify.testing.strategies import texts
-
-BEHAVIORS = sorted((Path(__file__).parent.parent.parent / "behaviors").glob("*.colony"))
+from tests.paths import BEHAVIORS
 
 
 def read(text: str) -> ast.File:

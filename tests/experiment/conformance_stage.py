@@ -4,20 +4,15 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 
-from colony.compile.pipeline import compile_program
 from colony.dsl.load import load_text
 from colony.ir.frame import Decision, Frame
 from colony.runtime.assembly.behavior import behavior_from
-from colony.runtime.assembly.loop import Loop
-from colony.runtime.assembly.virtual import Session
 from colony.runtime.kit.script import Script
-from colony.runtime.kit.script_node import ScriptNode
 from colony.runtime.observe.observer import FrameLog
-from colony.runtime.servers.cserver import CServer
 from colony.runtime.servers.images import Image
-from colony.runtime.transport.virtual import VirtualClock
-from colony.sim.drivers import Plant, simulated_drivers
 from colony.sim.world.world import World
+from tests.among_servers import FRAME_NS, run_among_servers
+from tests.experiment.loops import loop_of
 
 PROGRAM = """
 robot tester {
@@ -50,7 +45,6 @@ network {
 """
 
 WALLS = [(-3e3, -2e3, 9e3, -2e3), (9e3, -2e3, 9e3, 2e3), (9e3, 2e3, -3e3, 2e3), (-3e3, 2e3, -3e3, -2e3)]
-FRAME_NS = 50_000_000
 CAMERA = "CServerUp"
 
 Decided = tuple[Frame, tuple[Decision, ...]]
@@ -79,14 +73,11 @@ def in_loop(make: Scripts, logs: Mapping[str, Log], frames: int) -> list[Decided
     """What the network decided, frame by frame."""
     decided: list[Decided] = []
     world = _world()
-    clock = VirtualClock()
-    plant = Plant(world, clock)
-    loop = Loop(
+    loop = loop_of(
         behavior_from(load_text(PROGRAM)),
-        simulated_drivers(plant, cameras={CAMERA: _Camera(plant)}),
+        world,
         make(logs),
-        clock=clock,
-        advance=plant.catch_up,
+        cameras={CAMERA: lambda now_ns: _image(now_ns, world.true_pose(0).x_mm)},
         seed=3,
         watch=lambda frame, outcome: decided.append((frame, outcome.decisions)),
     )
@@ -94,15 +85,6 @@ def in_loop(make: Scripts, logs: Mapping[str, Log], frames: int) -> list[Decided
         loop.frame()
     loop.close()
     return decided
-
-
-class _Camera:
-    def __init__(self, plant: Plant) -> None:
-        self._plant = plant
-
-    def grab(self) -> Image:
-        now = self._plant.catch_up()
-        return _image(now, self._plant.world.true_pose(0).x_mm)
 
 
 class _Decisions:
@@ -119,24 +101,15 @@ class _Decisions:
 
 def among_servers(make: Scripts, logs: Mapping[str, Log], frames: int, order_seed: int) -> list[Decided]:
     """The same, among the real servers, with messages of one moment in an order drawn from `order_seed`."""
-    program = load_text(PROGRAM)
-    clock = VirtualClock()
-    plant = Plant(_world(), lambda: clock() // FRAME_NS * FRAME_NS)
-    sink = _Decisions()
-    servers = ("DServer", "RServer", "PServer", CAMERA)
-    scripts = [ScriptNode(name, s, servers, delay_ns=1) for name, s in make(logs).items()]
-    session = Session(
-        program,
-        compile_program(program).clients,
-        simulated_drivers(plant),
-        clock=clock,
+    sink, world = _Decisions(), _world()
+    run_among_servers(
+        PROGRAM,
+        world,
+        make(logs),
+        run_ns=frames * FRAME_NS,
         seed=3,
+        order=order_seed,
+        cameras={CAMERA: lambda now: _image(now, world.true_pose(0).x_mm)},
         sinks=(sink,),
-        order_seed=order_seed,
-        nodes=(CServer(_Camera(plant), keep=40, address=CAMERA), *scripts),
     )
-    session.run(frames * FRAME_NS)
-    for script in scripts:
-        if script.problem is not None:
-            raise script.problem
     return sink.decided

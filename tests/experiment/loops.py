@@ -10,8 +10,6 @@ from colony.runtime.assembly.loop import Loop, Watch
 from colony.runtime.kit.script import Script
 from colony.runtime.servers.images import Shot
 from colony.runtime.transport.virtual import VirtualClock
-from colony.sim.cameras.camera import Camera
-from colony.sim.cameras.ceiling import CeilingCamera
 from colony.sim.drivers import Plant, SimulatedCamera, simulated_drivers
 from colony.sim.world.world import World
 
@@ -28,19 +26,19 @@ def loop_of(
     world: World,
     scripts: Mapping[str, Script],
     *,
-    eyes: Mapping[str, Callable[[], Camera | CeilingCamera]] | None = None,
+    cameras: Mapping[str, Callable[[int], Shot]] | None = None,
     seed: int = 0,
     variables: Mapping[str, Value] | None = None,
     watch: Watch | None = None,
     moving: Sequence[Callable[[float], None]] = (),
 ) -> Loop:
-    """Return the loop of robot 0 of a world; `eyes` are its cameras."""
+    """Return the loop of robot 0 of a world; `cameras` are what takes an image of the present, by address."""
     clock = VirtualClock()
     plant = Plant(world, clock, moving)
-    cameras = {name: SimulatedCamera(plant, 0, eye) for name, eye in (eyes or {}).items()}
+    eyes = {address: SimulatedCamera(plant, take) for address, take in (cameras or {}).items()}
     return Loop(
         behavior,
-        simulated_drivers(plant, cameras=cameras),
+        simulated_drivers(plant, cameras=eyes),
         scripts,
         clock=clock,
         advance=plant.catch_up,

@@ -13,7 +13,7 @@ from colony.runtime.kit.connection import Session
 from colony.runtime.kit.errors import ServerNotFound
 from colony.runtime.library import data
 from colony.runtime.servers.dserver import DServer
-from tests.runtime.live_stage import ROBOT, hosted, run_directory
+from tests.runtime.transport.live.stage import ROBOT, hosted, run_directory
 
 
 def test_it_is_on_its_floor_and_calls_no_elevator_before_any_script_begins() -> None:

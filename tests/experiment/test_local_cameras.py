@@ -13,7 +13,7 @@ from colony.sim.config import IDEAL
 from colony.sim.hazards.hazards import Hazards, draw
 from colony.sim.shots import CeilingShot, LevelShot
 from colony.sim.world.world import World
-from tests.sim.buildings import LOOP
+from tests.buildings import LOOP
 
 SCENERY = draw(Hazards(person_spacing_mm=5000.0), LOOP, 2)
 

@@ -14,6 +14,7 @@ from pathlib import Path
 import pytest
 
 from colony.experiment.parallel import PoolEngine, SerialEngine, WorkersLost
+from tests.buildings import ROOT
 
 
 def _square(item: int) -> int:
@@ -71,13 +72,12 @@ def test_workers_end_with_a_parent_that_is_killed() -> None:
         "    for pid in PoolEngine(2).results(own_pid, range(10_000)):\n"
         "        print(pid, flush=True)\n"
     )
-    root = Path(__file__).parents[2]
     with subprocess.Popen(
         [sys.executable, "-c", program],
         stdout=subprocess.PIPE,
         text=True,
-        cwd=root,
-        env={**os.environ, "PYTHONPATH": str(root)},
+        cwd=ROOT,
+        env={**os.environ, "PYTHONPATH": str(ROOT)},
     ) as parent:
         assert parent.stdout is not None
         worker = int(parent.stdout.readline())

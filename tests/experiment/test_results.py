@@ -13,6 +13,7 @@ from pathlib import Path
 import pytest
 
 from colony.experiment.results import RUN_TABLE, Results, ResultsError
+from tests.buildings import ROOT
 from tests.experiment.stage import REACHED, STUCK, result
 
 
@@ -75,13 +76,12 @@ def test_what_was_put_survives_sigkill(tmp_path: Path) -> None:
         "    results.put(result(1, seed))\n"
         "    print(seed, flush=True)\n"
     )
-    root = Path(__file__).parents[2]
     with subprocess.Popen(
         [sys.executable, "-c", program, str(path)],
         stdout=subprocess.PIPE,
         text=True,
-        cwd=root,
-        env={**os.environ, "PYTHONPATH": str(root)},
+        cwd=ROOT,
+        env={**os.environ, "PYTHONPATH": str(ROOT)},
     ) as child:
         assert child.stdout is not None
         told = [int(child.stdout.readline()) for _ in range(25)]

@@ -61,7 +61,6 @@ def hunt(what: Hunt) -> None:
         raise SystemExit("the tests cannot be collected, or fail without a mutant")
     what.results.reload()
     import hypothesis.strategies  # noqa: F401  (here, so that each process need not)
-    import lark  # noqa: F401
     import msgspec  # noqa: F401
     import networkx  # noqa: F401
 
@@ -168,7 +167,7 @@ def _lines(function: CodeType) -> Iterator[int]:
 
 def _draw_ahead() -> None:
     """What tests need and no mutant changes: runs that are drawn, and what should come of them."""
-    from tests.verify.test_drawn_runs import draw_all
+    from tests.verify.testing.test_drawn_runs import draw_all
 
     draw_all()
 

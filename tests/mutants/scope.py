@@ -19,35 +19,21 @@ ARBITRATION = tuple(
 """The rule, the protocol around it, leases, locks, the emergency stop."""
 
 RUNTIME_TESTS = (
-    *(
-        "clock",
-        "clock_bounds",
-        "assembly",
-        "assembly_bounds",
-        "client",
-        "client_bounds",
-        "memory",
-        "membership",
-    ),
-    *(
-        "arbitration",
-        "arbitration_bounds",
-        "arbitration_promises",
-        "outside",
-        "locks",
-        "latch",
-        "right_of_way_bounds",
-    ),
-    *("conformance", "loss_policy", "observer", "virtual", "session", "session_faults"),
-    *("rserver", "rserver_calls", "rserver_faults", "monitor", "publishing", "own_servers"),
+    *("frames/test_clock", "frames/test_clock_bounds", "frames/test_assembly", "frames/test_assembly_bounds"),
+    *("frames/test_membership", "clients/test_client", "clients/test_client_bounds", "clients/test_memory"),
+    *("arbitration/test_arbiter", "arbitration/test_arbiter_bounds", "arbitration/test_promises"),
+    *("arbitration/test_outside", "arbitration/test_locks", "arbitration/test_stop_latch"),
+    *("arbitration/test_right_of_way_bounds", "assembly/test_conformance", "assembly/test_loss_policy"),
+    *("observe/test_observer", "observe/test_monitor", "transport/test_virtual"),
+    *("assembly/test_virtual", "assembly/test_virtual_faults", "kit/test_own_servers"),
+    *("servers/test_rserver", "servers/test_rserver_calls", "servers/test_rserver_faults"),
+    "servers/test_publishing",
 )
 
 TESTS: tuple[str, ...] = (
-    "tests/compile",
-    "tests/verify/test_agreement.py",
-    "tests/verify/test_drawn_runs.py",
-    "tests/verify/test_interpreter_frames.py",
-    *(f"tests/runtime/test_{name}.py" for name in RUNTIME_TESTS),
+    *("tests/compile", "tests/execute", "tests/semantics"),
+    *("tests/verify/testing/test_agreement.py", "tests/verify/testing/test_drawn_runs.py"),
+    *(f"tests/runtime/{name}.py" for name in RUNTIME_TESTS),
 )
 """Tests in this process and in virtual time only: sockets and processes of their own would take hours."""
 
@@ -55,7 +41,7 @@ TESTS: tuple[str, ...] = (
 SEEING_MOST = (
     "tests/compile/test_whole_code.py::test_case[",
     "tests/compile/test_whole_code.py::test_without",
-    "tests/compile/test_explain_cut.py::test_a_large_network",
+    "tests/compile/backends/test_explain_cut.py::test_a_large_network",
 )
 """Tests that look at all of what the compiler makes: they are tried whatever they take."""
 
@@ -65,7 +51,12 @@ def modules() -> list[str]:
     packages = (ROOT / "colony/compile", ROOT / "colony/execute")
     compiler = sorted(str(path.relative_to(ROOT)) for package in packages for path in package.rglob("*.py"))
     runtime = [f"colony/runtime/{name}.py" for name in FRAMES + ARBITRATION]
-    return [*(path for path in compiler if (ROOT / path).stat().st_size), "colony/ir/frame.py", *runtime]
+    return [
+        *(path for path in compiler if (ROOT / path).stat().st_size),
+        "colony/ir/frame.py",
+        "colony/text/wording.py",
+        *runtime,
+    ]
 
 
 def tests() -> list[str]:

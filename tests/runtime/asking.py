@@ -8,19 +8,8 @@ from typing import TypeVar
 import msgspec
 
 from colony.runtime.library.ask import Ask
-from colony.runtime.protocol.calls import Open
-from colony.runtime.protocol.messages import (
-    Alive,
-    Call,
-    Effect,
-    Node,
-    Problem,
-    Reply,
-    Right,
-    Send,
-    Wake,
-    WakeAt,
-)
+from colony.runtime.protocol.messages import Alive, Effect, Node, Problem, Reply, Send, Wake, WakeAt
+from tests.runtime.calling import call_of, opening
 
 T = TypeVar("T")
 
@@ -47,11 +36,13 @@ class Asker:
 
     def open(self, name: str, *, priority: int = 0, now_ns: int = 0) -> None:
         """Open a connection that goes by a name."""
-        self._call(name, "open", Open(name=name), "read", priority, now_ns)
+        self.send(name, opening(name), priority=priority, now_ns=now_ns)
 
     def send(self, name: str, ask: Ask[T], *, priority: int = 0, now_ns: int = 0) -> int:
         """Ask; gives the number of the call."""
-        return self._call(name, ask.method, ask.arguments, ask.right, priority, now_ns)
+        number = self._numbers[name] = self._numbers.get(name, 0) + 1
+        self._take(self.server.handle(call_of(ask, f"user/{name}", number, priority), now_ns))
+        return number
 
     def do(self, name: str, ask: Ask[T], *, priority: int = 0, now_ns: int = 0) -> T:
         """Ask, and read the answer, which must come at once."""
@@ -79,21 +70,6 @@ class Asker:
             self._take(self.server.handle(Wake(), due))
         self.now_ns = now_ns
         self._take(self.server.handle(Wake(), now_ns))
-
-    def _call(
-        self, name: str, method: str, arguments: msgspec.Struct, right: Right, priority: int, now_ns: int
-    ) -> int:
-        number = self._numbers[name] = self._numbers.get(name, 0) + 1
-        call = Call(
-            connection=f"user/{name}",
-            number=number,
-            method=method,
-            arguments=msgspec.Raw(msgspec.msgpack.encode(arguments)),
-            priority=priority,
-            right=right,
-        )
-        self._take(self.server.handle(call, now_ns))
-        return number
 
     def _take(self, effects: Iterable[Effect]) -> None:
         for effect in effects:

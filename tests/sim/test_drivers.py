@@ -9,7 +9,7 @@ from colony.runtime.transport.virtual import VirtualClock
 from colony.sim.cameras.camera import Camera, CameraConfig
 from colony.sim.cameras.surfaces import scene
 from colony.sim.config import IDEAL
-from colony.sim.drivers import Plant, RegisterBase, SimulatedCamera, simulated_drivers
+from colony.sim.drivers import Plant, SimulatedCamera, image_of, simulated_drivers
 from colony.sim.world.world import World
 
 S = 1_000_000_000
@@ -72,7 +72,7 @@ def test_a_camera_sees_where_the_robot_is_now() -> None:
     shared = plant(clock)
     scenery = scene([[-5000.0, 3000.0, 5000.0, 3000.0]])
     eye = Camera(scenery, CameraConfig(), robot_radius_mm=400.0)
-    camera = SimulatedCamera(shared, 0, lambda: eye)
+    camera = SimulatedCamera(shared, lambda now_ns: image_of(eye.see(shared.world, 0, now_ns), now_ns))
     first = camera.grab().rows(0, 120)
     simulated_drivers(shared).base.drive(500.0, 0.0)
     clock.now_ns = 2 * S
@@ -101,13 +101,3 @@ def test_a_base_tells_what_it_can_do() -> None:
     assert (base.limits.velocity, base.limits.turn) == (IDEAL.max_velocity_mm_s, IDEAL.max_turn_deg_s)
     assert base.limits.acceleration == IDEAL.acceleration_mm_s2
     assert base.register_bits is None
-
-
-def test_registers_overflow_in_both_directions() -> None:
-    clock = VirtualClock()
-    poses = ((-32_800.0, 32_900.4, 0.0),)
-    base = RegisterBase(simulated_drivers(plant(clock, poses)).base)
-    state = base.state()
-    assert state is not None
-    assert (state.x, state.y) == (65_536.0 - 32_800.0, 32_900.0 - 65_536.0)
-    assert base.register_bits == 16

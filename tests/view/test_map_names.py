@@ -9,8 +9,8 @@ from colony.nav.maps.stickrep.model import EdgeKind
 from colony.nav.maps.stickrep.reader import load_map
 from colony.nav.maps.walls import walls_of
 from colony.view.map_names import Box, place_names
+from tests.buildings import MAPS
 
-MAPS = Path(__file__).resolve().parents[2] / "maps"
 MSU = load_map(MAPS / "msu_engineering_3.stickrep")
 SCALE = 6_500.0 / 72.0
 

@@ -1,7 +1,5 @@
 from __future__ import annotations
 
-from pathlib import Path
-
 import numpy as np
 import pytest
 from matplotlib.backends.backend_agg import FigureCanvasAgg
@@ -10,8 +8,8 @@ from matplotlib.collections import LineCollection
 from colony.nav.maps.stickrep.geometry import link_places
 from colony.nav.maps.stickrep.reader import load_map
 from colony.view.map_picture import draw_map, encode_picture, picture_format
+from tests.buildings import MAPS
 
-MAPS = Path(__file__).resolve().parents[2] / "maps"
 LOOP = load_map(MAPS / "loop.stickrep")
 WAY = np.array([[6_604.0, 1_270.0, 270.0], [12_000.0, 1_270.0, 270.0], [np.nan, 0.0, 0.0]])
 

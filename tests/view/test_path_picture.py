@@ -2,14 +2,12 @@
 
 from __future__ import annotations
 
-from pathlib import Path
-
 from matplotlib.collections import LineCollection
 
-from colony.nav.maps.stickrep.reader import load_map
 from colony.view.path_picture import Drive, draw_errors, draw_paths, encode
+from tests.buildings import HALLWAY
 
-FLOOR = load_map(Path(__file__).parents[2] / "maps" / "hallway.stickrep")
+FLOOR = HALLWAY
 WAY = ((1000, 1000), (2000, 1000), (3000, 1500))
 
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from functools import cache
-from pathlib import Path
 
 import numpy as np
 from matplotlib.colors import to_hex
@@ -13,8 +12,7 @@ from colony.nav.plan.plan import Plan
 from colony.nav.plan.route import plan
 from colony.view.map_picture import encode_picture
 from colony.view.plan_picture import draw_plan
-
-MAPS = Path(__file__).resolve().parents[2] / "maps"
+from tests.buildings import MAPS
 
 
 @cache

@@ -15,7 +15,7 @@ from colony.sim.cameras.optics import Optics
 from colony.sim.cameras.scene import scene_of
 from colony.vision.level_camera import LevelCamera
 from colony.vision.signs_in_view import corners_of, signs_in_view
-from tests.sim.buildings import LOOP, MAPS, MSU
+from tests.buildings import LOOP, MAPS, MSU
 
 OPTICS = Optics(blur=0.0, noise=0.0, vignetting=0.0, gain=0.0, exposure_s=0.0)
 NARROW = load_map(MAPS / "narrow.stickrep")

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Literal
 from colony.ir.program import Program, Sensor
 from colony.ir.types import Array, Bool, Enum, Quantity, Scalar, ScalarValue, Value
 from colony.robots.request import RunRequest
-from colony.runtime.protocol.bindings import did_you_mean
+from colony.runtime.protocol.bindings import nearest
 from colony.text.units import ANGLE, TIME, BadUnit, Dimension, nanoseconds, parse_unit
 
 if TYPE_CHECKING:
@@ -170,7 +170,7 @@ def variables(program: Program, settings: tuple[str, ...]) -> dict[str, Value]:
             raise BadOption(f"--set: found `{setting}`; expected NAME=VALUE")
         sensor = readers.get(name)
         if sensor is None:
-            hint = did_you_mean(name, readers)
+            hint = nearest(name, readers)
             raise BadOption(f"--set: no sensor reads DServer.{name}; {hint}")
         out[name] = _value(sensor, text.strip())
     return out

@@ -8,14 +8,14 @@ from typing import TYPE_CHECKING
 
 from colony.cli.sarif import TraceStep
 from colony.ir.frame import Frame
-from colony.ir.program import Example, Given, Program, Step
-from colony.ir.types import Value
+from colony.ir.program import Program
 from colony.text.diagnostics import Diagnostic, error
 from colony.text.source import Span
-from colony.verify.reference.boundary import sense
+from colony.text.wording import counted
+from colony.verify.snapshot import snapshot_of
 from colony.verify.testing.agreement import reference
 from colony.verify.testing.differential import Breach, Report, Unsteady, examples
-from colony.verify.testing.examples import run_example
+from colony.verify.testing.examples import facts_of_breach
 
 if TYPE_CHECKING:
     from colony.verify.contracts.results import Refuted
@@ -53,7 +53,7 @@ def lines(program: Program, report: Report, known: Collection[str] = ()) -> tupl
         told += ["this is a bug of colony; please report it with the file and the trace:"]
         told += str(report.disagreement).splitlines()
     for breach in report.breaches:
-        told.append(f"REFUTED  {breach.contract.name}  (in {_count(breach.met, 'frame')})")
+        told.append(f"REFUTED  {breach.contract.name}  (in {counted(breach.met, 'frame')})")
         if breach.contract.name not in known:
             told += [f"  {line}" for line in _table(program, breach)]
     return (*told, *_coverage(report)) if report.unsteady is None else tuple(told)
@@ -65,8 +65,8 @@ def bug(report: Report) -> str | None:
 
 
 def _tried(report: Report) -> str:
-    drawn = f"{_count(report.drawn, 'trace')} of {report.asked}" if report.drawn < report.asked else ""
-    what = f"{drawn or _count(report.drawn, 'trace')} with {_count(report.frames, 'frame')}"
+    drawn = f"{counted(report.drawn, 'trace')} of {report.asked}" if report.drawn < report.asked else ""
+    what = f"{drawn or counted(report.drawn, 'trace')} with {counted(report.frames, 'frame')}"
     what += f" from seed {report.seed}"
     if report.disagreement is not None:
         return f"{what}: executors DISAGREE"
@@ -95,10 +95,6 @@ def _coverage(report: Report) -> Iterator[str]:
         yield f"  {name.ljust(widths[0])}  {'  '.join(columns)}"
     if report.never_won:
         yield f"in no trace did these command: {', '.join(report.never_won)}"
-
-
-def _count(number: int, what: str) -> str:
-    return f"{number} {what}{'' if number == 1 else 's'}"
 
 
 # --- findings --------------------------------------------------------------------------------------
@@ -155,40 +151,20 @@ def refutation(program: Program, breach: Breach) -> Refuted:
 
     Modules in Python are run for real.
     """
-    from colony.verify.contracts.results import Refuted, Snapshot, Trace
+    from colony.verify.contracts.results import Refuted, Trace
 
     first = breach.trace[0].t_ns
     frames = tuple(frame._replace(t_ns=frame.t_ns - first) for frame in breach.trace)
+    snapshots = tuple(snapshot_of(program, frame) for frame in frames)
     trace = Trace(
-        snapshots=tuple(Snapshot(t_ns=f.t_ns, readings=_present(program, f)) for f in frames),
+        snapshots=snapshots,
         outcomes=reference(program, frames),
-        found=_facts(program, breach.contract.name, frames),
+        found=facts_of_breach(program, breach.contract.name, snapshots),
     )
     return Refuted(contract=breach.contract, trace=trace)
 
 
 # --- traces ----------------------------------------------------------------------------------------
-
-
-def _present(program: Program, frame: Frame) -> dict[str, Value]:
-    """The sensors that are there, in base units."""
-    sensed = {s.name: sense(s, frame.readings.get(s.name), s.factor)[0] for s in program.robot.sensors}
-    return {name: value for name, value in sensed.items() if value is not None}
-
-
-def _facts(program: Program, contract: str, frames: Sequence[Frame]) -> tuple[str, ...]:
-    """What the things that a contract names are in the frame that breaks it."""
-    steps = []
-    for frame in frames:
-        present = _present(program, frame)
-        given = tuple(
-            Given(sensor=s.name, index=None, value=present.get(s.name)) for s in program.robot.sensors
-        )
-        steps.append(Step(times_ns=(frame.t_ns,), given=given, expectations=()))
-    wanted = (f"`{contract}:", f"`{contract}`")
-    failures = run_example(program, Example(name="drawn", steps=tuple(steps))).failures
-    broken = (f for f in failures if f.kind == "contract broken" and f.expected.startswith(wanted))
-    return next((f.found for f in broken), ())
 
 
 def _steps(program: Program, frames: Sequence[Frame], span: Span) -> tuple[TraceStep, ...]:
@@ -202,7 +178,7 @@ def _steps(program: Program, frames: Sequence[Frame], span: Span) -> tuple[Trace
             f"{a.name} {sent(a, d)}" for a, d in zip(program.robot.actuators, outcome.decisions, strict=True)
         )
         when = f"t = {(frame.t_ns - frames[0].t_ns) / 1e9:.9g} s"
-        values = {name: reading(sensors[name], x) for name, x in _present(program, frame).items()}
+        values = {name: reading(sensors[name], x) for name, x in snapshot_of(program, frame).readings.items()}
         steps.append(TraceStep(span, "; ".join((when, *decided)), values))
     return tuple(steps)
 

@@ -11,10 +11,11 @@ from colony.cli.exit_codes import EXIT_ERRORS, EXIT_MISUSE
 from colony.cli.reporting import Format, format_option, is_unreadable
 from colony.cli.verify.output import close, show
 from colony.cli.verify.progress import progress
-from colony.cli.verify.prover_interruption import interruptions
 from colony.cli.verify.prover_options import depth_option, timeout_option
 from colony.cli.verify.tests import check_writable
 from colony.cli.verify.work import Verified, Work, load
+from colony.text.suggestions import did_you_mean
+from colony.verify.interruption import interruptions
 
 
 @click.command("verify", short_help="prove contracts, find what can never act")
@@ -98,11 +99,7 @@ def _check_names(names: Sequence[str], files: Sequence[Verified], context: click
     known = {c.name for one in files if one.program for c in one.program.contracts}
     for name in names:
         if name not in known:
-            from difflib import get_close_matches
-
-            close_ = get_close_matches(name, known, n=1)
-            listed = ", ".join(sorted(known)) or "none"
-            hint = f"did you mean `{close_[0]}`?" if close_ else f"the contracts are: {listed}"
+            hint = did_you_mean(name, known) or f"the contracts are: {', '.join(sorted(known)) or 'none'}"
             raise click.UsageError(f"no contract `{name}`; {hint}", context)
 
 

@@ -11,6 +11,7 @@ import click
 
 from colony.cli.reporting import Format, is_unreadable, one_line, report, say
 from colony.cli.verify.work import Verified
+from colony.text.wording import counted
 
 if TYPE_CHECKING:
     from colony.cli.sarif import TraceStep
@@ -73,7 +74,7 @@ def _summary(done: Sequence[Verified], interrupted: bool) -> None:
         return
     counts = [f"{verdicts.count(word)} {word}" for word in ("proved", "refuted", "unknown")]
     warnings = sum(d.severity == "warning" for one in done for d in one.found)
-    counts += [f"{warnings} warning{'' if warnings == 1 else 's'}"] if warnings else []
+    counts += [counted(warnings, "warning")] if warnings else []
     click.echo(", ".join(counts) + (": interrupted before the end" if interrupted else ""))
 
 

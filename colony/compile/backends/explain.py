@@ -8,7 +8,7 @@ from __future__ import annotations
 from collections.abc import Iterable
 from dataclasses import dataclass
 
-from colony.compile.backends.guard_text import GuardText, duration_text
+from colony.compile.backends.guard_text import GuardText
 from colony.compile.backends.table import definitions, legend, rows, wrapped
 from colony.compile.clients import ActuatorClients
 from colony.compile.guards import Always, ModuleActive
@@ -16,6 +16,7 @@ from colony.compile.network import ModuleLeaf
 from colony.compile.pipeline import Compiled
 from colony.compile.suppression import GatedSuppressor, Link, SuppressionNetwork
 from colony.ir.program import Program, Use, Wiring
+from colony.text.wording import duration_text
 
 MOST_LINES = 200
 """How many wires, modules or nodes a section shows."""

@@ -6,20 +6,13 @@ from collections.abc import Sequence
 from typing import assert_never
 
 from colony.compile.guards import Always, And, Guard, ModuleActive, Never, Not, Or, Recently
+from colony.text.wording import duration_text
 
 INLINE = 8
 """A part of a guard with more terms than this gets a name (`$1`, `$2`, ...) and is written out once."""
 
 OWN = "P"
 """How a client's own activity is written in its guards: its applicability predicate (thesis Figure 4.11)."""
-
-
-def duration_text(ns: int) -> str:
-    """Nanoseconds as the language writes them: `1.5 s`, `250 ms`."""
-    unit, scale, digits = ("s", 1_000_000_000, 9) if ns >= 1_000_000_000 else ("ms", 1_000_000, 6)
-    whole, rest = divmod(ns, scale)
-    fraction = f".{rest:0{digits}d}".rstrip("0").rstrip(".")
-    return f"{whole}{fraction} {unit}"
 
 
 class GuardText:

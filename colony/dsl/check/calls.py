@@ -7,7 +7,7 @@ from dataclasses import replace
 from typing import TYPE_CHECKING
 
 from colony.dsl import ast
-from colony.dsl.check.compatibility import article, listed, unify
+from colony.dsl.check.compatibility import article, articles, unify
 from colony.dsl.check.scope import Broken, LetSymbol, SensorSymbol
 from colony.ir import expression as ir
 from colony.ir.types import BOOL, DEGREES, DURATION, PLAIN, Array, Bool, Quantity, Scalar, element_type
@@ -52,7 +52,7 @@ def _arguments(checker: Checker, node: ast.Call, low: int, high: int | None) -> 
     count = len(node.arguments)
     if count < low or (high is not None and count > high):
         wanted = str(low) if low == high else f"{low} or more" if high is None else f"{low} to {high}"
-        wanted, plural = wanted.replace("0", "no"), "" if wanted == "1" else "s"
+        wanted, plural = "no" if high == 0 else wanted, "" if wanted == "1" else "s"
         usage = _USAGE.get(node.function.text)
         hint = f"use: {usage}" if usage else None
         message = f"`{node.function.text}` takes {wanted} argument{plural}, found {count}"
@@ -144,7 +144,7 @@ def _common(checker: Checker, node: ast.Call, elements: list[Quantity]) -> Quant
         common = unify(common, element) if common is not None else None
     if isinstance(common, Quantity):
         return common
-    shown = listed(elements)
+    shown = articles(elements)
     message = f"`{node.function.text}` needs numbers of one dimension, found {shown}"
     checker.error("E201", node, message)
     return None
@@ -309,7 +309,7 @@ def _value_or(checker: Checker, node: ast.Call) -> ir.Expression | None:
     expression, other = arguments
     element = unify(element_type(expression.type), element_type(other.type))
     if element is None:
-        shown = listed((expression.type, other.type))
+        shown = articles((expression.type, other.type))
         checker.error("E201", node, f"`value_or` needs two values of one type, found {shown}")
         return None
     type_ = checker.broadcast(node, element, expression.type, other.type)
@@ -390,7 +390,7 @@ def _memory_result(
             first, initial = (element_type(a.type) for a in arguments)
             common = unify(first, initial)
             if common is None:
-                found = listed((first, initial))
+                found = articles((first, initial))
                 checker.error("E201", node, f"`previous` needs two values of one type, found {found}")
             return common
         case ir.Memory.CAPTURED:

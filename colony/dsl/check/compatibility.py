@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable
 
 from colony.ir.types import PLAIN, Array, Bool, Enum, Quantity, Scalar, Type, element_type, shaped
+from colony.text.wording import listed
 
 
 def unify(a: Scalar, b: Scalar) -> Scalar | None:
@@ -52,7 +53,6 @@ def _plural(type_: Scalar) -> str:
     return "plain numbers" if type_.dimension == PLAIN.dimension else f"values in {type_}"
 
 
-def listed(types: Iterable[Type]) -> str:
-    """Several types as part of a sentence."""
-    shown = [article(t) for t in types]
-    return shown[0] if len(shown) == 1 else f"{', '.join(shown[:-1])} and {shown[-1]}"
+def articles(types: Iterable[Type]) -> str:
+    """Return several types as part of a sentence."""
+    return listed([article(t) for t in types])

@@ -13,7 +13,7 @@ from math import isfinite
 
 from colony.dsl import ast
 from colony.dsl.check import calls
-from colony.dsl.check.compatibility import article, fits, listed, unify
+from colony.dsl.check.compatibility import article, articles, fits, unify
 from colony.dsl.check.constants import constant_value, literal, unit_of
 from colony.dsl.check.references import resolve_reference, resolve_status, resolve_winner
 from colony.dsl.check.scope import Report, Scope, ValueSymbol, span_of
@@ -272,7 +272,7 @@ class Checker:
         elements = [element_type(p.type) for p in (operand, low, high)]
         first = unify(elements[0], elements[1])
         if first is None or unify(first, elements[2]) is None or not isinstance(first, Quantity):
-            shown = listed(p.type for p in (operand, low, high))
+            shown = articles(p.type for p in (operand, low, high))
             self.error("E201", node, f"`in` needs three numbers of one dimension, found {shown}")
             return None
         type_ = self.broadcast(node, BOOL, operand.type, low.type, high.type)
@@ -350,7 +350,7 @@ def _mismatch(operator: ir.Binary, a: Type, b: Type) -> str:
         wanted = "two numbers of one dimension"
     if operator in (ir.Binary.MULTIPLY, ir.Binary.DIVIDE):
         wanted = "two numbers"
-    return f"`{operator.value}` needs {wanted}, found {listed((a, b))}"
+    return f"`{operator.value}` needs {wanted}, found {articles((a, b))}"
 
 
 def _infix_hint(node: ast.Infix, operator: ir.Binary, left: Type, right: Type) -> str | None:

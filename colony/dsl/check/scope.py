@@ -17,6 +17,7 @@ from colony.ir.types import Enum, Scalar, Type, Value
 from colony.record import Record, record
 from colony.text.diagnostics import Diagnostic, error
 from colony.text.source import Span
+from colony.text.suggestions import did_you_mean
 
 
 @record
@@ -184,12 +185,9 @@ class Report:
         """A hint with the closest known name, if one is close."""
         if self.suggestions == 0 or len(name) > _LONGEST_NAME:
             return None
-        from difflib import get_close_matches
-
         self.suggestions -= 1
         some = islice((k for k in known if abs(len(k) - len(name)) <= _LONGEST_NAME // 8), 20_000)
-        close = get_close_matches(name, dict.fromkeys(some), n=1, cutoff=0.6)
-        return f"did you mean `{close[0]}`?" if close else None
+        return did_you_mean(name, some)
 
     def new_cell(self) -> int:
         self.cells += 1

@@ -2,10 +2,8 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any
 
 from colony.experiment.figures import Target, rate
 from colony.experiment.lights.detection import LightDetection
@@ -104,34 +102,9 @@ def _undetected_table(results: Sequence[LightResult]) -> str:
 _NOTHING = LightDetection(0, 0, 0, 0, 0, 0)
 
 
-def _row(result: LightResult) -> tuple[object, ...]:
-    told = json.dumps(result.undetected)
-    return (*result.key, result.origin, result.goal, result.failure, *result.counts, told)
-
-
-def _result(row: tuple[Any, ...]) -> LightResult:
-    last = 7 + len(LightDetection._fields)
-    return LightResult(
-        key=RunKey(*row[0:4]),
-        origin=row[4],
-        goal=row[5],
-        failure=row[6],
-        counts=LightDetection(*row[7:last]),
-        undetected=tuple((x, y) for x, y in json.loads(row[last])),
-    )
-
-
-LIGHT_TABLE: Table[LightResult] = Table(
+LIGHT_TABLE = Table(
     name="lights",
-    columns={
-        **KEY_COLUMNS,
-        "origin": "TEXT NOT NULL",
-        "goal": "TEXT NOT NULL",
-        "failure": "TEXT NOT NULL",
-        **dict.fromkeys(LightDetection._fields, "INTEGER NOT NULL"),
-        "undetected": "TEXT NOT NULL",
-    },
-    row=_row,
-    result=_result,
+    kind=LightResult,
+    columns=(*KEY_COLUMNS, "origin", "goal", "failure", *LightDetection._fields, "undetected"),
 )
 """A row a run; the lights that were not detected are a JSON list of places."""

@@ -17,7 +17,7 @@ from colony.runtime.kit.script import Script, Step, do, sleep
 from colony.runtime.library import data, robot
 from colony.vision.lights.ceiling_camera import UPWARD
 from colony.vision.lights.looks import Look, cameras_looker, hurry
-from colony.vision.lights.tracker import PERIOD_S
+from colony.vision.periods import PERIOD_S
 
 
 def light_witness(on_look: Callable[[Look], None], *, period_s: float = PERIOD_S) -> Script:

@@ -9,7 +9,7 @@ from colony.experiment.figures import Target, rate
 from colony.experiment.plates.judged import AGAIN, INSTEAD
 from colony.experiment.plates.record import FINDER_NAMES, Finder, Kind, PlateResult, Tally, tally
 from colony.nav.confidence.estimate import Count
-from colony.nav.confidence.plates_estimate import PlateEvent, plate_counts
+from colony.nav.confidence.plates import PlateEvent, plate_counts
 
 _SYMBOLS: dict[Kind, str] = {"found": "D", "missed": "M", "false": "P", "unseen": "M", "beyond": ""}
 """Of the automaton of section 6.3, which does not ask why a plate was missed."""

@@ -9,7 +9,7 @@ from typing import NamedTuple
 from colony.experiment.plates.judged import Named, Sighting
 from colony.nav.maps.stickrep.geometry import Point
 from colony.nav.maps.stickrep.model import EdgeKind, Map
-from colony.nav.maps.walls import walls_of
+from colony.nav.maps.walls import point_on, walls_of
 from colony.sim.cameras.posters import BLACK_KINDS, posters
 from colony.sim.hazards.scenery import PERSON_RADIUS_MM, Scenery
 
@@ -54,9 +54,9 @@ def _on_walls(floor: Map, scenery: Scenery) -> Iterator[_Thing]:
         on = " on a door" if edges.kinds[poster.edge] is not EdgeKind.WALL else ""
         end_mm = poster.start_mm + posters()[poster.kind].width_mm
         row = rows[poster.edge]
-        yield _Thing(f"{black}{on}", _at(row, poster.start_mm), _at(row, end_mm))
+        yield _Thing(f"{black}{on}", point_on(row, poster.start_mm), point_on(row, end_mm))
     for extinguisher in scenery.extinguishers:
-        at = _at(rows[extinguisher.edge], extinguisher.along_mm)
+        at = point_on(rows[extinguisher.edge], extinguisher.along_mm)
         yield _Thing("an extinguisher", at, at)
 
 
@@ -70,12 +70,6 @@ def _walls(floor: Map) -> Iterator[_Thing]:
             case EdgeKind.WALL:
                 name = edge.attribute or "a wall"
         yield _Thing(name, Point(row[0], row[1]), Point(row[2], row[3]))
-
-
-def _at(row: list[float], along_mm: float) -> Point:
-    x0, y0, x1, y1 = row
-    part = along_mm / math.hypot(x1 - x0, y1 - y0)
-    return Point(x0 + part * (x1 - x0), y0 + part * (y1 - y0))
 
 
 def _apart(place: Point, thing: _Thing) -> float:

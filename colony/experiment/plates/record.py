@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any, Literal, NamedTuple
+from typing import Literal, NamedTuple
 
 from colony.experiment.record import Failure, RunKey
 from colony.experiment.results import KEY_COLUMNS, Table
@@ -95,36 +94,9 @@ def tally(outcomes: Sequence[Outcome]) -> Tally:
     )
 
 
-def _row(result: PlateResult) -> tuple[object, ...]:
-    told = (json.dumps(result.outcomes[finder]) for finder in FINDERS)
-    return (*result.key, result.origin, result.goal, result.failure, result.time_s, *told)
-
-
-def _result(row: tuple[Any, ...]) -> PlateResult:
-    return PlateResult(
-        key=RunKey(*row[0:4]),
-        origin=row[4],
-        goal=row[5],
-        failure=row[6],
-        time_s=row[7],
-        outcomes={
-            finder: tuple(Outcome(*one) for one in json.loads(told))
-            for finder, told in zip(FINDERS, row[8:], strict=True)
-        },
-    )
-
-
-PLATE_TABLE: Table[PlateResult] = Table(
+PLATE_TABLE = Table(
     name="plates",
-    columns={
-        **KEY_COLUMNS,
-        "origin": "TEXT NOT NULL",
-        "goal": "TEXT NOT NULL",
-        "failure": "TEXT NOT NULL",
-        "time_s": "REAL NOT NULL",
-        **{f"found_{finder}": "TEXT NOT NULL" for finder in FINDERS},
-    },
-    row=_row,
-    result=_result,
+    kind=PlateResult,
+    columns=(*KEY_COLUMNS, "origin", "goal", "failure", "time_s", *(f"found_{finder}" for finder in FINDERS)),
 )
 """A row a run; what came of each finder is a JSON list of `Outcome`s."""

@@ -15,8 +15,16 @@ from colony.experiment.plates.figures import (
 from colony.experiment.plates.record import FINDER_NAMES, FINDERS, Finder, PlateResult
 from colony.experiment.tables import markdown, targets_markdown
 from colony.nav.confidence.estimate import Count
-from colony.nav.confidence.plates import TABLE_6_6, PlateEvents
-from colony.nav.confidence.plates_estimate import EVENT_NAMES, TABLE_6_6_COUNTS, PlateEvent, plate_events
+from colony.nav.confidence.plates import (
+    EVENT_NAMES,
+    TABLE_6_6,
+    TABLE_6_6_COUNTS,
+    PlateEvent,
+    PlateEvents,
+    all_as_printed,
+    all_detected,
+    plate_events,
+)
 from colony.nav.confidence.published_plates import PUBLISHED_WALKS
 
 _PLATES = 15
@@ -163,8 +171,8 @@ def _published(event: PlateEvent) -> str:
 
 
 def _power(one: PlateEvents) -> str:
-    return f"{float(one.all_as_printed(_PLATES)):.4f}"
+    return f"{float(all_as_printed(one, _PLATES)):.4f}"
 
 
 def _all(one: PlateEvents) -> str:
-    return f"{float(one.all_detected(_PLATES)):.4f}"
+    return f"{float(all_detected(one, _PLATES)):.4f}"

@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-import json
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 from colony.experiment.figures import Target, percentile
 from colony.experiment.lists import ListedRun
@@ -134,22 +133,5 @@ def _cells(name: str, outcomes: Sequence[SourceOutcome]) -> list[str]:
     ]
 
 
-def _row(result: SourceResult) -> tuple[object, ...]:
-    return (*result.key, result.origin, result.goal, json.dumps(result.outcomes))
-
-
-def _result(row: tuple[Any, ...]) -> SourceResult:
-    outcomes = {
-        name: SourceOutcome(failure, off_mm, contact_mm_s, PoseErrors(*errors))
-        for name, (failure, off_mm, contact_mm_s, errors) in json.loads(row[6]).items()
-    }
-    return SourceResult(key=RunKey(*row[0:4]), origin=row[4], goal=row[5], outcomes=outcomes)
-
-
-SOURCE_TABLE: Table[SourceResult] = Table(
-    name="source",
-    columns={**KEY_COLUMNS, "origin": "TEXT NOT NULL", "goal": "TEXT NOT NULL", "outcomes": "TEXT NOT NULL"},
-    row=_row,
-    result=_result,
-)
+SOURCE_TABLE = Table(name="source", kind=SourceResult, columns=(*KEY_COLUMNS, "origin", "goal", "outcomes"))
 """Runs with different sources."""

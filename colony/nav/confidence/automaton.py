@@ -21,10 +21,8 @@ from types import MappingProxyType
 from typing import Literal, NamedTuple
 
 State = Literal["S", "F", "C", "G"]
-STATES: tuple[State, ...] = ("S", "F", "C", "G")
-"""In the order of the rows and columns of the matrices; S is where every run begins, G where it is to end."""
+"""S is where every run begins, G where it is to end."""
 
-SYMBOLS = ("c", "d", "l")
 RIDE = "v"
 """A ride of an elevator, after which the automaton begins anew on the next floor. The thesis has none."""
 
@@ -65,8 +63,6 @@ charged for that one twice, on entering and on leaving it."""
 ALL_ARCS: Arcs = MappingProxyType({**PUBLISHED_ARCS, ("S", "d"): Arc("G", (Event.DEAD_RECKONING,))})
 """The same, and a path that has neither a light nor a corner, of which the thesis has none."""
 
-Matrix = tuple[tuple[Fraction, ...], ...]
-
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Automaton:
@@ -75,18 +71,8 @@ class Automaton:
     events: Mapping[Event, Fraction]
     arcs: Arcs = field(default_factory=lambda: PUBLISHED_ARCS)
 
-    def matrix(self, symbol: str) -> Matrix:
-        """P(symbol): the probability of a transition, from a row's state to a column's, as in section 6.3."""
-        return tuple(tuple(self._chance(state, symbol, to) for to in STATES) for state in STATES)
-
-    def _chance(self, state: State, symbol: str, to: State) -> Fraction:
-        arc = self.arcs.get((state, symbol))
-        if arc is None or arc.to != to:
-            return Fraction(0)
-        return prod((self.events[event] for event in arc.events), start=Fraction(1))
-
     def confidence(self, modes: str) -> Fraction | None:
-        """The probability of reaching the goal; None for a string of which the automaton knows nothing."""
+        """Return the probability of reaching the goal; None for a string that the automaton does not know."""
         powers = powers_of(modes, self.arcs)
         if powers is None:
             return None
@@ -94,8 +80,11 @@ class Automaton:
 
 
 def powers_of(modes: str, arcs: Arcs = PUBLISHED_ARCS) -> Counter[Event] | None:
-    """How often each event must come true along a string, rides aside; None where no way leads from S to G
-    along it, or where there is nothing but rides."""
+    """Count how often each event must come true along a string, rides aside.
+
+    Returns:
+        None where no way leads from S to G along it, or where there is nothing but rides.
+    """
     powers: Counter[Event] = Counter()
     for part in modes.split(RIDE):
         state: State = "S"
@@ -108,34 +97,6 @@ def powers_of(modes: str, arcs: Arcs = PUBLISHED_ARCS) -> Counter[Event] | None:
         if state != "G" and not (part == "" and RIDE in modes):
             return None
     return powers or None
-
-
-def product(automaton: Automaton, modes: str) -> Fraction:
-    """The same confidence by the matrices: the entry from S to G of P(first) ... P(last)."""
-    row = tuple(Fraction(state == "S") for state in STATES)
-    for symbol in modes:
-        matrix = automaton.matrix(symbol)
-        row = tuple(sum((row[i] * matrix[i][j] for i in range(4)), Fraction(0)) for j in range(4))
-    return row[STATES.index("G")]
-
-
-PUBLISHED = Automaton(
-    events=MappingProxyType(
-        {
-            Event.START_LIGHT: Fraction(1),
-            Event.LIGHTS: Fraction(99, 101),
-            Event.CORNER: Fraction(76, 79),
-            Event.CORNER_LIGHT: Fraction(56, 57),
-            Event.DEAD_RECKONING: Fraction(1),
-        }
-    )
-)
-"""Figure 6.7: of 101 runs of lights 2 failed, of 79 corners 3, and of 57 first lights behind a corner 1."""
-
-PUBLISHED_WITHOUT_TROUBLE = Automaton(
-    events=MappingProxyType({**PUBLISHED.events, Event.CORNER: Fraction(78, 79)})
-)
-"""For paths that pass none of the corridors G, N and J, in which two of the three corners failed."""
 
 
 class PublishedConfidence(NamedTuple):

@@ -1,90 +1,120 @@
-"""How likely all door number plates of a corridor are read: the automaton of thesis Figures 6.8 and 6.9.
-
-    S start    D a plate was detected    P something else was taken for a plate    M a plate was missed
+"""How likely all door number plates of a corridor are detected: the automaton of thesis Figures 6.8 and 6.9.
 
 At most one plate is missed, and at most one false one seen, between two that are detected (section 6.3).
+
+Its events E1 to E9 (Table 6.6) are counted in walks, as section 6.3 counts them. A walk is a string: D where
+a plate was detected, M where one was missed, P where something else was taken for one. False ones right after
+each other are one, as the nine labels from a wall of glass bricks are in the thesis. The probabilities of
+events "in the middle of a sequence" are parts of all symbols but the first of each walk: 132, 19 and 11 of
+162 there.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+import re
+from collections.abc import Iterable, Mapping
 from fractions import Fraction
 from typing import Literal
 
-PlateState = Literal["S", "D", "P", "M"]
-PLATE_STATES: tuple[PlateState, ...] = ("S", "D", "P", "M")
-"""In the order of rows and columns."""
+from colony.nav.confidence.estimate import Count
 
-PlateMatrix = tuple[tuple[Fraction, ...], ...]
+PlateEvent = Literal["E1", "E2", "E3", "E4", "E5", "E6", "E7", "E8", "E9"]
+
+PlateEvents = Mapping[PlateEvent, Fraction]
+"""The probability of each event."""
+
+EVENT_NAMES: Mapping[PlateEvent, str] = {
+    "E1": "the first plate is missed",
+    "E2": "another plate is missed",
+    "E3": "a plate is detected after a missed one",
+    "E4": "the first plate is detected",
+    "E5": "another plate is detected",
+    "E6": "a plate is missed after a false one",
+    "E7": "something false comes first",
+    "E8": "a plate is detected after a false one",
+    "E9": "something false comes in the middle",
+}
+
+_DETECTED = ("E3", "E4", "E5", "E8")
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class PlateEvents:
-    """The probabilities of the events E1 to E9 of Table 6.6.
+def all_as_printed(events: PlateEvents, plates: int) -> Fraction:
+    """Return p5 to the power of `plates`: the thesis's probability that all are detected.
 
-    Attributes:
-        missed_first, missed: E1, E2, a plate is missed: the first of a corridor, any other.
-        read_after_miss: E3, the next one is detected.
-        read_first, read: E4, E5, a plate is detected: the first of a corridor, any other.
-        missed_after_false: E6, a plate is missed after a false one.
-        false_first, false: E7, E9, a false one is seen: before the first plate, before any other.
-        read_after_false: E8, a plate is detected after a false one.
+    It takes the first plate for one like the others, and a false one in between for a failure.
     """
-
-    missed_first: Fraction
-    missed: Fraction
-    read_after_miss: Fraction
-    read_first: Fraction
-    read: Fraction
-    missed_after_false: Fraction
-    false_first: Fraction
-    read_after_false: Fraction
-    false: Fraction
-
-    def matrix(self) -> PlateMatrix:
-        """The transition probabilities of Figure 6.9; every row adds up to 1."""
-        zero = Fraction(0)
-        return (
-            (zero, self.read_first, self.false_first, self.missed_first),
-            (zero, self.read, self.false, self.missed),
-            (zero, self.read_after_false, zero, self.missed_after_false),
-            (zero, self.read_after_miss, zero, zero),
-        )
-
-    def all_as_printed(self, plates: int) -> Fraction:
-        """p5 to the power of `plates`: the thesis's probability that all are detected.
-
-        It takes the first plate for one like the others, and a false one in between for a failure.
-        """
-        return self.read**plates
-
-    def all_detected(self, plates: int) -> Fraction:
-        """The probability, by the matrix, that all are detected, whatever else is taken for a plate."""
-        matrix = self.matrix()
-        false = PLATE_STATES.index("P")
-        row = [Fraction(state == "S") for state in PLATE_STATES]
-        for _ in range(plates):
-            # A plate is detected at once, or after one false plate; who misses it is out.
-            seen = [row[i] for i in range(4)]
-            seen[false] = sum((row[i] * matrix[i][false] for i in range(4)), Fraction(0))
-            detected = sum((seen[i] * matrix[i][1] for i in range(4)), Fraction(0))
-            row = [Fraction(0), detected, Fraction(0), Fraction(0)]
-        return row[1] if plates else Fraction(1)
-
-    def none_false(self, plates: int) -> Fraction:
-        """The probability, by the matrix, that all are detected and nothing else is taken for one."""
-        return self.read_first * self.read ** (plates - 1) if plates else Fraction(1)
+    return events["E5"] ** plates
 
 
-TABLE_6_6 = PlateEvents(
-    missed_first=Fraction(0, 11),
-    missed=Fraction(19, 162),
-    read_after_miss=Fraction(1),
-    read_first=Fraction(11, 11),
-    read=Fraction(132, 162),
-    missed_after_false=Fraction(1, 11),
-    false_first=Fraction(0, 11),
-    read_after_false=Fraction(10, 11),
-    false=Fraction(11, 162),
-)
+def all_detected(events: PlateEvents, plates: int) -> Fraction:
+    """Return the probability that all plates are detected, whatever false ones are seen in between.
+
+    A path detects each plate at once or after one false one, as Figure 6.9 has no way from one false one to
+    the next.
+    """
+    first = events["E4"] + events["E7"] * events["E8"]
+    other = events["E5"] + events["E9"] * events["E8"]
+    return first * other ** (plates - 1) if plates else Fraction(1)
+
+
+def plate_counts(walks: Iterable[str]) -> dict[PlateEvent, Count]:
+    """Count how often each event could come true in these walks, and did.
+
+    Raises:
+        ValueError: a walk has other letters than D, M and P.
+    """
+    starts: list[str] = []
+    middles: list[str] = []
+    after_missed: list[str] = []
+    after_false: list[str] = []
+    for walk in walks:
+        if set(walk) - set("DMP"):
+            raise ValueError(f"the walk `{walk}`; expected letters D, M and P")
+        once = re.sub("P+", "P", walk)
+        starts += once[:1]
+        middles += once[1:]
+        after_missed += re.findall("(?<=M)[DM]", once)
+        after_false += re.findall("(?<=P)[DM]", once)
+
+    def part(letter: str, of: list[str]) -> Count:
+        return Count(of.count(letter), len(of))
+
+    return {
+        "E1": part("M", starts),
+        "E2": part("M", middles),
+        "E3": part("D", after_missed),
+        "E4": part("D", starts),
+        "E5": part("D", middles),
+        "E6": part("M", after_false),
+        "E7": part("P", starts),
+        "E8": part("D", after_false),
+        "E9": part("P", middles),
+    }
+
+
+def plate_events(counts: Mapping[PlateEvent, Count | None]) -> PlateEvents:
+    """Return the relative frequencies; what was never tried counts as sure.
+
+    Two plates are never missed in a row there, so that E3 is 1 as in the thesis.
+    """
+    return {
+        event: Fraction(*count) if count and count.trials and event != "E3" else Fraction(event in _DETECTED)
+        for event, count in counts.items()
+    }
+
+
+TABLE_6_6_COUNTS: Mapping[PlateEvent, Count | None] = {
+    "E1": Count(0, 11),
+    "E2": Count(19, 162),
+    "E3": None,
+    "E4": Count(11, 11),
+    "E5": Count(132, 162),
+    "E6": Count(1, 11),
+    "E7": Count(0, 11),
+    "E8": Count(10, 11),
+    "E9": Count(11, 162),
+}
+"""As published; E3 is assumed to be 1 there."""
+
+TABLE_6_6 = plate_events(TABLE_6_6_COUNTS)
 """As published, from the eleven walks of Table 6.3."""

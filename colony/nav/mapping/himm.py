@@ -31,7 +31,6 @@ class HimmSetting:
         reach_mm: echoes from beyond are not marked, the axis is cleared only so far.
         full_range_mm: a reading this long says that nothing was heard; it changes nothing.
         ring_mm: from the robot's center to each transducer.
-        growth: let cells next to occupied ones rise faster (the growth rate operator), for sparse readings.
     """
 
     cell_mm: float = 100.0
@@ -39,7 +38,6 @@ class HimmSetting:
     reach_mm: float = 3_000.0
     full_range_mm: float = 10_000.0
     ring_mm: float = 360.0
-    growth: bool = False
 
 
 class LocalPose(NamedTuple):
@@ -57,9 +55,6 @@ class Cells(NamedTuple):
     ahead_mm: Floats
     left_mm: Floats
     certainty: Floats
-
-
-_GROWTH = 0.5
 
 
 class HimmMap:
@@ -141,16 +136,8 @@ class HimmMap:
         """Add to the cells that were hit."""
         inside = (row > 0) & (row < self._side - 1) & (column > 0) & (column < self._side - 1)
         at = (row * self._side + column)[inside]
-        amount = np.full(len(at), RISE, dtype=np.int16)
-        if self.setting.growth:
-            around = sum(self._grid[at + step] for step in self._neighbors())
-            amount = (amount + _GROWTH * np.asarray(around)).astype(np.int16)
-        np.add.at(self._grid, at, amount)
+        np.add.at(self._grid, at, RISE)
         self._grid[at] = np.minimum(self._grid[at], MOST)
-
-    def _neighbors(self) -> tuple[int, ...]:
-        side = self._side
-        return (-side - 1, -side, -side + 1, -1, 1, side - 1, side, side + 1)
 
     def _inside(self, row: NDArray[np.int64], column: NDArray[np.int64]) -> NDArray[np.bool_]:
         return (row >= 0) & (row < self._side) & (column >= 0) & (column < self._side)

@@ -64,10 +64,6 @@ class Building:
         rides = (r for r in self.rides if r.one.map in names and r.other.map in names)
         return Building(maps=tuple(self.map_named(name) for name in names), rides=tuple(rides))
 
-    def maps_with(self, node: str) -> tuple[Map, ...]:
-        """The floors that have a node of this name; names are unique within one map only."""
-        return tuple(m for m in self.maps if any(n.name == node for ring in m.rings for n in ring.nodes))
-
 
 def load_building(path: str | os.PathLike[str]) -> Building:
     """Load the map at `path` and those that its elevators lead to, directly or by way of others.

@@ -13,7 +13,7 @@ from dataclasses import dataclass
 
 from colony.nav.maps.stickrep.geometry import Point
 from colony.nav.maps.stickrep.model import EdgeKind, Map
-from colony.nav.maps.walls import walls_of
+from colony.nav.maps.walls import facing_deg, point_on, walls_of
 
 SIGN_HEIGHT_MM = 1350.0
 """Of the middle of plates and markers above the floor (53 inches)."""
@@ -121,8 +121,8 @@ def markers_of(floor: Map) -> tuple[Marker, ...]:
             end = start + MARKER_WIDTH_MM
             markers.append(
                 Marker(
-                    edge=edge, start_mm=start, end_mm=end, middle=_at(row, room / 2),
-                    heading_deg=_facing(row), node=names[edge], code=code,
+                    edge=edge, start_mm=start, end_mm=end, middle=point_on(row, room / 2),
+                    heading_deg=facing_deg(row), node=names[edge], code=code,
                 )
             )  # fmt: skip
     return tuple(markers)
@@ -144,9 +144,15 @@ def _rings(floor: Map) -> list[tuple[list[str], int]]:
 
 def _plate(row: list[float], edge: int, start: float, door: str, text: str) -> Plate:
     end = start + PLATE_WIDTH_MM
-    middle = _at(row, (start + end) / 2)
+    middle = point_on(row, (start + end) / 2)
     return Plate(
-        edge=edge, start_mm=start, end_mm=end, middle=middle, heading_deg=_facing(row), door=door, text=text
+        edge=edge,
+        start_mm=start,
+        end_mm=end,
+        middle=middle,
+        heading_deg=facing_deg(row),
+        door=door,
+        text=text,
     )
 
 
@@ -164,15 +170,3 @@ def _is_straight(one: list[float], other: list[float]) -> bool:
     (ax, ay, bx, by), (cx, cy, dx, dy) = one, other
     ux, uy, vx, vy = bx - ax, by - ay, dx - cx, dy - cy
     return abs(ux * vy - uy * vx) < 0.02 * math.hypot(ux, uy) * math.hypot(vx, vy) and ux * vx + uy * vy > 0.0
-
-
-def _at(row: list[float], along: float) -> Point:
-    x0, y0, x1, y1 = row
-    length = math.hypot(x1 - x0, y1 - y0)
-    return Point(x0 + (x1 - x0) * along / length, y0 + (y1 - y0) * along / length)
-
-
-def _facing(row: list[float]) -> float:
-    """The heading into a wall, whose free space is to the right of it: to its left."""
-    x0, y0, x1, y1 = row
-    return (math.degrees(math.atan2(-(x1 - x0), y1 - y0)) + 90.0) % 360.0

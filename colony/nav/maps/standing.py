@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 import math
-from difflib import get_close_matches
 
 from colony.nav.maps.signs import door_name, plates_of
 from colony.nav.maps.stickrep.geometry import Point, direction
 from colony.nav.maps.stickrep.model import EdgeKind, Map
-from colony.nav.maps.walls import free_distance, walls_of
+from colony.nav.maps.walls import facing_deg, free_distance, point_on, walls_of
+from colony.text.suggestions import did_you_mean
 
 _FARTHEST_MM = 1900.0  # before a sign in a wide corridor or a hall
 _LEAST_ROOM_MM = 500.0
@@ -61,15 +61,13 @@ def standing_before(floor: Map, name: str) -> Pose:
     for edge, node in enumerate(names):
         is_door = walls.kinds[edge] is not EdgeKind.WALL
         if name == node or (is_door and name == door_name(node)):
-            x0, y0, x1, y1 = walls.segments[edge].tolist()
-            into = (math.degrees(math.atan2(-(x1 - x0), y1 - y0)) + 90.0) % 360.0
-            length = math.hypot(x1 - x0, y1 - y0)
-            part = 0.5 if is_door else min(0.5, _FROM_CORNER_MM / length)
-            middle = Point(x0 + part * (x1 - x0), y0 + part * (y1 - y0))
-            return _before(floor, name, middle, into, to_left=walls.kinds[edge] is not EdgeKind.ELEVATOR)
+            wall = walls.segments[edge].tolist()
+            half = math.dist(wall[:2], wall[2:]) / 2
+            middle = point_on(wall, half if is_door else min(half, _FROM_CORNER_MM))
+            to_left = walls.kinds[edge] is not EdgeKind.ELEVATOR
+            return _before(floor, name, middle, facing_deg(wall), to_left=to_left)
     known = [*dict.fromkeys((*map(door_name, names), *names))]
-    close = get_close_matches(name, known, n=3)
-    hint = f"did you mean {' or '.join(f'`{one}`' for one in close)}?" if close else "see `colony map`"
+    hint = did_you_mean(name, known, most=3) or "see `colony map`"
     raise NoPlace(f"`{floor.name}` has no door or node `{name}`; {hint}")
 
 

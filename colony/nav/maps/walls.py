@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import re
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -96,12 +97,15 @@ def _width(segments: NDArray[np.float64], at: Point, along: Point, away: Point) 
     return width if math.isfinite(width) else 2 * _HALF_CORRIDOR_MM
 
 
-def free_distance(segments: NDArray[np.float64], at: Point, away: Point) -> float:
-    """How far it is from a place, which may be on a wall, to the next wall, in mm; inf where there is none.
+def free_distance(
+    segments: NDArray[np.float64], at: Point, away: Point, least_mm: float = _AHEAD_MM
+) -> float:
+    """Return how far it is from a place to the next wall, in mm; inf where there is none.
 
     Args:
         segments: (n, 4) as of `Walls`.
         away: the unit vector of the direction to look in.
+        least_mm: nearer walls do not count: the place may be on one.
     """
     ax, ay = segments[:, 0] - at.x, segments[:, 1] - at.y
     ex, ey = segments[:, 2] - segments[:, 0], segments[:, 3] - segments[:, 1]
@@ -109,5 +113,18 @@ def free_distance(segments: NDArray[np.float64], at: Point, away: Point) -> floa
         across = away.x * ey - away.y * ex
         distance = (ax * ey - ay * ex) / across
         part = (ax * away.y - ay * away.x) / across
-    hit = (distance > _AHEAD_MM) & (part >= 0.0) & (part <= 1.0)
+    hit = (distance > least_mm) & (part >= 0.0) & (part <= 1.0)
     return float(distance[hit].min()) if hit.any() else math.inf
+
+
+def point_on(wall: Sequence[float], along_mm: float) -> Point:
+    """Return the place on a wall, x0, y0, x1, y1, so far from its beginning."""
+    x0, y0, x1, y1 = wall
+    length = math.hypot(x1 - x0, y1 - y0)
+    return Point(x0 + (x1 - x0) * along_mm / length, y0 + (y1 - y0) * along_mm / length)
+
+
+def facing_deg(wall: Sequence[float]) -> float:
+    """Return the heading of a robot that faces a wall from its free side, to the right of it."""
+    x0, y0, x1, y1 = wall
+    return (math.degrees(math.atan2(-(x1 - x0), y1 - y0)) + 90.0) % 360.0

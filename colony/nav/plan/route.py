@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from difflib import get_close_matches
-
 from colony.nav.maps.building import Building
 from colony.nav.maps.stickrep.geometry import Point
 from colony.nav.maps.stickrep.model import EdgeKind, Map, Travel
@@ -11,6 +9,7 @@ from colony.nav.plan.graph import Layout, Lift, Spot, Stretch, Way, layout_of, s
 from colony.nav.plan.legs import Apart, Leg, legs_of, segments_of
 from colony.nav.plan.plan import Place, Plan, Segment
 from colony.nav.shared import GoalKind
+from colony.text.suggestions import did_you_mean
 
 JAMBS = ("L", "R", ".L", ".R")
 """What a door's name ends in where it is the name of one of its jambs."""
@@ -106,9 +105,8 @@ def _spots(layouts: tuple[Layout, ...], known: Known, name: str, what: str) -> t
         raise NoPlan(message, f"say which one: `{maps[0]}:{name.rpartition(':')[2]}`")
     if found:
         return tuple(found)
-    close = [f"`{one}`" for one in _similar(name, known)]
     where = " or ".join(f"`{layout.source.name}`" for layout in layouts)
-    hint = f"did you mean {' or '.join(close)}?" if close else "`colony map` draws the names"
+    hint = _similar(name, known) or "`colony map` draws the names"
     raise NoPlan(f"there is no {what} {_quoted(name)} in the map {where}", hint)
 
 
@@ -118,16 +116,13 @@ def _quoted(name: str) -> str:
     return f"`{shown if len(shown) <= 40 else shown[:37] + '...'}`"
 
 
-def _similar(name: str, known: Known) -> list[str]:
-    """The same name in other letters, or up to three names of doors, or of nodes that are no jambs, that are
-    much like this one."""
+def _similar(name: str, known: Known) -> str | None:
+    """Return a hint with the same name in other letters, or up to three names of doors, or of nodes that are
+    no jambs, that are much like this one."""
     folded = [one for one in known if one.lower() == name.lower()]
-    if folded:
-        return folded[:3]
     doors = {one.removesuffix(jamb) for one in known for jamb in JAMBS if one.endswith(jamb)} - {""}
     others = {one for one in known if not any(one.removesuffix(jamb) in doors for jamb in JAMBS)}
-    by_letters = {one.lower(): one for one in sorted(doors | others)}
-    return [by_letters[one] for one in get_close_matches(name.lower()[:60], by_letters, n=3)]
+    return did_you_mean(name, folded or sorted(doors | others), most=3)
 
 
 def _lifts(building: Building) -> tuple[Lift, ...]:

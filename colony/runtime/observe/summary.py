@@ -10,6 +10,7 @@ from colony.ir.frame import RecordKind
 from colony.ir.program import Program
 from colony.runtime.observe.observer import FrameLog
 from colony.runtime.protocol.messages import Fate, Hold
+from colony.text.wording import counted
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -223,7 +224,7 @@ def _per(distance_mm: float, duration_s: float) -> float:
 def render(summary: RunSummary) -> str:
     """The summary for a person, in plain text."""
     end = ", interrupted" if summary.interrupted else ", broken off" if summary.broke_off else ""
-    length = f"{summary.duration_s:.1f} s, {_times(summary.frames, 'frame')}"
+    length = f"{summary.duration_s:.1f} s, {counted(summary.frames, 'frame')}"
     head = f"{summary.robot}: {length}, seed {summary.seed}{end}"
     lines = [head]
     for actuator in summary.actuators:
@@ -236,22 +237,22 @@ def render(summary: RunSummary) -> str:
     if summary.distance_mm is not None and summary.mean_speed_mm_s is not None:
         lines.append(
             f"  traveled {summary.distance_mm / 1000:.2f} m "
-            f"at {summary.mean_speed_mm_s:.0f} mm/s on average, {_times(summary.bumps or 0, 'bump')}"
+            f"at {summary.mean_speed_mm_s:.0f} mm/s on average, {counted(summary.bumps or 0, 'bump')}"
         )
-    lines += [f"  {r.subject}: {r.kind} in {_times(r.frames, 'frame')}" for r in summary.records]
-    lines += [f"  client {t.client}: {t.fate} in {_times(t.frames, 'frame')}" for t in summary.troubles]
-    lines += [f"  {i.actuator}: {_told(i)} in {_times(i.frames, 'frame')}" for i in summary.interventions]
+    lines += [f"  {r.subject}: {r.kind} in {counted(r.frames, 'frame')}" for r in summary.records]
+    lines += [f"  client {t.client}: {t.fate} in {counted(t.frames, 'frame')}" for t in summary.troubles]
+    lines += [f"  {i.actuator}: {_told(i)} in {counted(i.frames, 'frame')}" for i in summary.interventions]
     if summary.restarts:
-        lines.append(f"  all memory began anew {_times(summary.restarts, 'time')}")
+        lines.append(f"  all memory began anew {counted(summary.restarts, 'time')}")
     if summary.skipped:
-        lines.append(f"  {_times(summary.skipped, 'frame')} could not be observed")
+        lines.append(f"  {counted(summary.skipped, 'frame')} could not be observed")
     lines += [
-        f"  contract {b.contract}: BROKEN in {_times(b.frames, 'frame')}, "
+        f"  contract {b.contract}: BROKEN in {counted(b.frames, 'frame')}, "
         f"first at {b.first_s:g} s, last at {b.last_s:g} s"
         for b in summary.breaches
     ]
     if summary.contracts and summary.frames and not summary.breaches:
-        lines.append(f"  {_times(summary.contracts, 'contract')} held in every frame")
+        lines.append(f"  {counted(summary.contracts, 'contract')} held in every frame")
     lines += [f"  INTERNAL: {text}" for text in summary.disagreements]
     lines += [] if summary.broke_off is None else [f"  {summary.broke_off}"]
     return "\n".join(lines)
@@ -270,7 +271,3 @@ def _told(intervention: InterventionSummary) -> str:
         case _ as never:
             assert_never(never)
     return what
-
-
-def _times(n: int, what: str) -> str:
-    return f"{n} {what}{'' if n == 1 else 's'}"

@@ -8,12 +8,12 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from dataclasses import dataclass
-from difflib import get_close_matches
 
 from colony.ir.program import Actuator, Program, Sensor
 from colony.ir.types import Array, Bool, Enum, Quantity, Scalar, Type
 from colony.runtime.protocol.fields import SERVERS, CommandSpec, FieldSpec, ServerSpec
 from colony.text.diagnostics import Diagnostic, Failure, error
+from colony.text.suggestions import did_you_mean
 from colony.text.units import NUMBER
 
 
@@ -69,14 +69,11 @@ def bind(program: Program, servers: tuple[ServerSpec, ...] = SERVERS) -> Binding
     )
 
 
-def did_you_mean(name: str, known: Iterable[str]) -> str:
-    """A hint: the known name nearest to `name`, or all of them."""
+def nearest(name: str, known: Iterable[str]) -> str:
+    """Return a hint with the known name nearest to `name`, or with all of them."""
     names = list(known)
-    folded = {n.casefold(): n for n in names}
-    close = get_close_matches(name.casefold(), folded, n=1)
-    if close:
-        return f"did you mean `{folded[close[0]]}`?"
-    return "known are: " + ", ".join(names) if names else "there is none"
+    hint = did_you_mean(name, names)
+    return hint or ("known are: " + ", ".join(names) if names else "there is none")
 
 
 def _server(
@@ -85,7 +82,7 @@ def _server(
     for server in servers:
         if server.name == declared.server:
             return server
-    hint = did_you_mean(declared.server, (s.name for s in servers))
+    hint = nearest(declared.server, (s.name for s in servers))
     found.append(
         error("R001", declared.span, f"`{declared.name}`: there is no server `{declared.server}`", hint)
     )
@@ -102,7 +99,7 @@ def _bind_sensor(
     if not server.open_fields:
         spec = next((f for f in server.fields if f.name == sensor.field), None)
         if spec is None:
-            hint = did_you_mean(sensor.field, (f.name for f in server.fields))
+            hint = nearest(sensor.field, (f.name for f in server.fields))
             what = f"`{sensor.name}`: {server.name} has no field `{sensor.field}`"
             found.append(error("R002", sensor.span, what, hint))
             return None
@@ -151,7 +148,7 @@ def _bind_actuator(
     if not server.open_fields:
         command = next((c for c in server.commands if c.name == actuator.command), None)
         if command is None:
-            hint = did_you_mean(actuator.command, (c.name for c in server.commands))
+            hint = nearest(actuator.command, (c.name for c in server.commands))
             what = f"`{actuator.name}`: {server.name} has no command `{actuator.command}`"
             found.append(error("R004", actuator.span, what, hint))
             return None
@@ -172,7 +169,7 @@ def _check_parameters(actuator: Actuator, command: CommandSpec, found: list[Diag
         spec = known.get(field.name)
         if spec is None:
             what = f"`{actuator.name}.{field.name}`: {actuator.server}.{command.name} takes no `{field.name}`"
-            found.append(error("R005", field.span, what, did_you_mean(field.name, known)))
+            found.append(error("R005", field.span, what, nearest(field.name, known)))
         elif not _fits(field.type, spec.type):
             what = f"`{actuator.name}.{field.name}` is {field.type}, but the command takes {spec.type}"
             found.append(error("R003", field.span, what, f"it is the {spec.meaning}"))

@@ -25,6 +25,7 @@ from colony.ir.types import Array
 from colony.runtime.recordings.json_text import seconds_text
 from colony.text.diagnostics import Diagnostic, Failure, error
 from colony.text.source import Source, Span
+from colony.text.suggestions import did_you_mean
 from colony.text.units import nanoseconds
 
 LINE_BYTES = 4 * 1024 * 1024
@@ -184,10 +185,7 @@ class _Reader:
         if key in self._ignored and key not in self._sizes:
             return False
         if key not in self._sizes:
-            from difflib import get_close_matches
-
-            close = get_close_matches(key, list(self._sizes), n=1)
-            hint = f"did you mean `{close[0]}`?" if close else f"the robot has {', '.join(self._sizes)}"
+            hint = did_you_mean(key, self._sizes) or f"the robot has {', '.join(self._sizes)}"
             raise self._failure("F005", number, text, self._at(text, key), f"unknown sensor `{key}`", hint)
         size, value = self._sizes[key], row[key]
         if size is not None and isinstance(value, list) and len(value) != size:

@@ -14,6 +14,9 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
+from colony.nav.maps.stickrep.geometry import Point
+from colony.nav.maps.walls import free_distance
+
 DEPTH_MM = 3000.0
 
 _ASIDE_MM = 500.0  # so much of a room lies to either side of its door
@@ -47,7 +50,8 @@ def room_behind(walls: NDArray[np.float64], door: int) -> Room | None:
     others = np.delete(walls, door, axis=0)
 
     def free(along: float, deep: float, ux: float, uy: float) -> float:
-        return _ray(others, x0 + along * ex + deep * nx, y0 + along * ey + deep * ny, ux, uy) - _BRICK_MM
+        at = Point(x0 + along * ex + deep * nx, y0 + along * ey + deep * ny)
+        return free_distance(others, at, Point(ux, uy), 0.0) - _BRICK_MM
 
     columns = np.linspace(-_ASIDE_MM, width + _ASIDE_MM, 9).tolist()
     depth = min(DEPTH_MM, *(free(along, _BEHIND_MM, nx, ny) for along in columns))
@@ -89,15 +93,3 @@ def opened(room: Room, angle_deg: float, hinge_first: bool) -> list[tuple[float,
 
 def _leaf_mm(width: float) -> float:
     return width / 2 if width > _TWO_LEAVES_MM else width
-
-
-def _ray(walls: NDArray[np.float64], x: float, y: float, ux: float, uy: float) -> float:
-    """How far it is from (x, y) to the first wall in a direction, in mm; infinity where there is none."""
-    ax, ay = walls[:, 0] - x, walls[:, 1] - y
-    ex, ey = walls[:, 2] - walls[:, 0], walls[:, 3] - walls[:, 1]
-    with np.errstate(divide="ignore", invalid="ignore"):
-        across = ux * ey - uy * ex
-        distance = (ax * ey - ay * ex) / across
-        part = (ax * uy - ay * ux) / across
-    hit = (distance > 0.0) & (part >= 0.0) & (part <= 1.0)
-    return float(distance[hit].min()) if hit.any() else math.inf

@@ -5,7 +5,6 @@ from __future__ import annotations
 import os
 import socket
 from pathlib import Path
-from types import TracebackType
 
 from colony.sim.plant.protocol import (
     LARGEST_FROM_PLANT,
@@ -69,9 +68,7 @@ class PlantControl:
     def __enter__(self) -> PlantControl:
         return self
 
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
+    def __exit__(self, *raised: object) -> None:
         self.close()
 
     def _ask(self, message: ToPlant) -> FromPlant:

@@ -7,14 +7,16 @@ No I/O, and no clock: times are arguments. `colony.sim.plant.process` connects i
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from typing import assert_never
 
+from colony.runtime.servers.drivers import BaseState
+from colony.runtime.servers.images import Image
 from colony.sim.cameras.camera import Camera
 from colony.sim.cameras.ceiling import CeilingCamera
 from colony.sim.compiled import Bytes2
-from colony.sim.drivers import base_state
-from colony.sim.plant.protocol import BaseReading, CameraReading, ProximityReading, Truth
+from colony.sim.drivers import base_state, image_of
+from colony.sim.plant.protocol import Rings, Truth
 from colony.sim.world.world import MAX_STEP_S, World
 
 STEP_NS = 10_000_000
@@ -157,32 +159,21 @@ class Devices:
 
     # --- readings ------------------------------------------------------------------------------------
 
-    def base(self, robot: int, number: int = 0) -> BaseReading:
-        """What a base reports."""
-        state = base_state(self._world, robot, self.reached_ns)
-        return BaseReading(**asdict(state), number=number)
+    def base(self, robot: int) -> BaseState:
+        """Return what a base reports."""
+        return base_state(self._world, robot, self.reached_ns)
 
-    def proximity(self, robot: int, number: int = 0) -> ProximityReading:
-        """What the rings of a robot report."""
-        return ProximityReading(
+    def proximity(self, robot: int) -> Rings:
+        """Return what the rings of a robot report."""
+        return Rings(
             t_ns=self.reached_ns,
             sonar=tuple(self._world.sonar(robot).tolist()),
             infrared=tuple(self._world.infrared(robot).tolist()),
-            number=number,
         )
 
-    def image(self, robot: int, camera: str, number: int = 0) -> CameraReading:
-        """What a camera of a robot reports."""
-        image = self._pixels(robot, self._cameras[camera])
-        height, width = image.shape
-        return CameraReading(
-            t_ns=self.reached_ns,
-            height=height,
-            width=width,
-            channels=1,
-            pixels=image.tobytes(),
-            number=number,
-        )
+    def image(self, robot: int, camera: str) -> Image:
+        """Return what a camera of a robot reports."""
+        return image_of(self._pixels(robot, self._cameras[camera]), self.reached_ns)
 
     def _pixels(self, robot: int, eye: Eye) -> Bytes2:
         match eye:

@@ -17,8 +17,11 @@ import socket
 import threading
 import time
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 from typing import Generic, TypeVar
+
+import msgspec
 
 from colony.runtime.protocol.messages import Sample
 from colony.runtime.servers.drivers import BaseState
@@ -208,14 +211,14 @@ class _Remote(Generic[R]):
         self._cable.close()
 
     def _newest(self) -> tuple[R, int] | None:
-        """The newest reading that is fresh, and when it was taken in the robot's time."""
+        """Return the newest reading that is fresh, and when it was taken in the robot's time."""
         reading = self._cable.newest()
         if reading is None:
             return None
-        now_ns = self._clock()
+        now_ns, t_ns = self._clock(), reading.taken.t_ns
         if self._cable.logical:
-            return reading, self._logical_ns(reading.t_ns, now_ns) - self._base_ns
-        return None if now_ns - reading.t_ns > FRESH_NS else (reading, reading.t_ns - self._base_ns)
+            return reading, self._logical_ns(t_ns, now_ns) - self._base_ns
+        return None if now_ns - t_ns > FRESH_NS else (reading, t_ns - self._base_ns)
 
     def _logical_ns(self, t_ns: int, now_ns: int) -> int:
         """The time of a reading where time is logical: it goes as the plant's does, frame by frame, and is
@@ -262,20 +265,7 @@ class RemoteBase(_Remote[BaseReading]):
 
     def state(self) -> BaseState | None:
         found = self._newest()
-        if found is None:
-            return None
-        reading, t_ns = found
-        return BaseState(
-            t_ns=t_ns,
-            x=reading.x,
-            y=reading.y,
-            heading=reading.heading,
-            front_bumper=reading.front_bumper,
-            rear_bumper=reading.rear_bumper,
-            speed=reading.speed,
-            turn_rate=reading.turn_rate,
-            wheel_speed=reading.wheel_speed,
-        )
+        return None if found is None else replace(found[0].taken, t_ns=found[1])
 
 
 class RemoteProximity(_Remote[ProximityReading]):
@@ -288,11 +278,11 @@ class RemoteProximity(_Remote[ProximityReading]):
 
     def sonar(self) -> Sample | None:
         found = self._newest()
-        return None if found is None else Sample(found[0].sonar, found[1])
+        return None if found is None else Sample(found[0].taken.sonar, found[1])
 
     def infrared(self) -> Sample | None:
         found = self._newest()
-        return None if found is None else Sample(found[0].infrared, found[1])
+        return None if found is None else Sample(found[0].taken.infrared, found[1])
 
 
 class RemoteCamera(_Remote[CameraReading]):
@@ -311,13 +301,4 @@ class RemoteCamera(_Remote[CameraReading]):
 
     def grab(self) -> Image | None:
         found = self._newest()
-        if found is None:
-            return None
-        reading, t_ns = found
-        return Image(
-            t_ns=t_ns,
-            height=reading.height,
-            width=reading.width,
-            channels=reading.channels,
-            pixels=reading.pixels,
-        )
+        return None if found is None else msgspec.structs.replace(found[0].taken, t_ns=found[1])

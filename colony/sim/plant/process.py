@@ -31,9 +31,13 @@ from colony.sim.cameras.scene import scene_of
 from colony.sim.config import RobotConfig
 from colony.sim.hazards.hazards import Hazards, draw
 from colony.sim.plant.devices import STEP_NS, WATCHDOG_NS, Devices, Eye
-from colony.sim.plant.ports import BasePort, CameraPort, Port, ProximityPort, UnattachedPort
+from colony.sim.plant.ports import answer, attached, reading
 from colony.sim.plant.protocol import (
     LARGEST_TO_PLANT,
+    Attach,
+    AttachBase,
+    AttachCamera,
+    AttachControl,
     Attached,
     BadBytes,
     FromPlant,
@@ -175,7 +179,7 @@ def _listening(path: Path) -> Iterator[socket.socket]:
 @dataclass(frozen=False, slots=True, kw_only=True, eq=False)
 class _Connection:
     sock: socket.socket
-    port: Port = field(default_factory=UnattachedPort)
+    port: Attach | None = None
     unpacker: Unpacker = field(default_factory=lambda: Unpacker(LARGEST_TO_PLANT))
     outbox: bytearray = field(default_factory=bytearray)
     due_ns: int = 0
@@ -239,8 +243,8 @@ class _Server:
             self._connections.remove(connection)
             self._selector.unregister(connection.sock)
             connection.sock.close()
-            if isinstance(connection.port, BasePort):
-                self._devices.halt(connection.port.robot)
+            if isinstance(connection.port, AttachBase):
+                self._devices.halt(self._devices.number(connection.port.robot))
 
     def _serve(self, connection: _Connection, events: int) -> None:
         if events & selectors.EVENT_WRITE:
@@ -267,23 +271,23 @@ class _Server:
 
     def _take(self, connection: _Connection, payload: bytes) -> None:
         message = read_to_plant(payload)
-        answer: FromPlant | None
-        if isinstance(connection.port, UnattachedPort):
-            port = connection.port.attach(message, self._devices)
-            if isinstance(port, BasePort):
+        reply: FromPlant | None
+        if connection.port is None:
+            port = attached(message, self._devices)
+            if isinstance(port, AttachBase):
                 self._make_room(port)
             connection.port, connection.due_ns = port, self._devices.reached_ns
-            answer = Attached(logical=self._logical_ns is not None, began_ns=self._began_ns)
+            reply = Attached(logical=self._logical_ns is not None, began_ns=self._began_ns)
         else:
-            answer = connection.port.take(message, self._devices, self._logical_ns)
-        if answer is not None:
-            self._send(connection, pack(answer))
+            reply = answer(connection.port, message, self._devices, self._logical_ns)
+        if reply is not None:
+            self._send(connection, pack(reply))
 
-    def _make_room(self, port: BasePort) -> None:
+    def _make_room(self, port: AttachBase) -> None:
         """A base has one cable: who drives keeps it, and who does not loses it to the next."""
         for other in tuple(self._connections):
-            if isinstance(other.port, BasePort) and other.port.robot == port.robot:
-                if self._devices.driven(port.robot):
+            if other.port == port:
+                if self._devices.driven(self._devices.number(port.robot)):
                     raise ValueError("the base has a cable already, by which it is driven")
                 self._drop(other)
 
@@ -293,14 +297,13 @@ class _Server:
         """Give a reading to each whose time has come, unless the one before is still on its way."""
         now_ns = self._devices.reached_ns
         for connection in tuple(self._connections):
-            period_ns = _period_ns(connection.port)
-            if period_ns is None or now_ns < connection.due_ns:
+            port = connection.port
+            if port is None or isinstance(port, AttachControl) or now_ns < connection.due_ns:
                 continue
+            period_ns = IMAGE_NS if isinstance(port, AttachCamera) else REPORT_NS
             connection.due_ns += period_ns * (1 + (now_ns - connection.due_ns) // period_ns)
             if not connection.outbox:
-                reading = connection.port.reading(self._devices)
-                if reading is not None:
-                    self._send(connection, pack(reading))
+                self._send(connection, pack(reading(port, self._devices)))
 
     def _send(self, connection: _Connection, data: bytes) -> None:
         connection.outbox += data
@@ -321,9 +324,3 @@ class _Server:
         events = selectors.EVENT_READ if len(connection.outbox) < _UNREAD else 0
         events |= selectors.EVENT_WRITE if connection.outbox else 0
         self._selector.modify(connection.sock, events, connection)
-
-
-def _period_ns(port: Port) -> int | None:
-    if isinstance(port, (BasePort, ProximityPort)):
-        return REPORT_NS
-    return IMAGE_NS if isinstance(port, CameraPort) else None

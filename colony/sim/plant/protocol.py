@@ -17,11 +17,15 @@ reading with the same `number`.
 from __future__ import annotations
 
 from collections.abc import Iterator
-from typing import TypeVar
+from dataclasses import dataclass
+from typing import Generic, TypeVar
 
 import msgspec
 
-VERSION = 1
+from colony.runtime.servers.drivers import BaseState
+from colony.runtime.servers.images import Image
+
+VERSION = 2
 
 LARGEST_TO_PLANT = 4096
 LARGEST_FROM_PLANT = 8 * 1024 * 1024
@@ -30,6 +34,7 @@ LARGEST_FROM_PLANT = 8 * 1024 * 1024
 _LENGTH = 4
 
 M = TypeVar("M")
+Taken = TypeVar("Taken")
 
 
 class _Message(msgspec.Struct, frozen=True, kw_only=True, tag=True, array_like=True):
@@ -122,39 +127,32 @@ class Done(_Message, frozen=True, kw_only=True):
     """What was asked is done."""
 
 
-class BaseReading(_Message, frozen=True, kw_only=True):
-    """The state of a base, as in `colony.runtime.servers.drivers.BaseState`."""
-
-    t_ns: int
-    x: float
-    y: float
-    heading: float
-    front_bumper: bool
-    rear_bumper: bool
-    speed: float
-    turn_rate: float
-    wheel_speed: float
-    number: int = 0
-
-
-class ProximityReading(_Message, frozen=True, kw_only=True):
-    """Both rings: 24 ranges in mm, and what 24 detectors see."""
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Rings:
+    """The ranges in mm and the detections of a robot's rings, taken at `t_ns`."""
 
     t_ns: int
     sonar: tuple[float, ...]
     infrared: tuple[bool, ...]
+
+
+class _Reading(_Message, Generic[Taken], frozen=True, kw_only=True):
+    """What a device read; `number` is that of the message that asked for it."""
+
+    taken: Taken
     number: int = 0
 
 
-class CameraReading(_Message, frozen=True, kw_only=True):
-    """An image, as in `colony.runtime.servers.images.Image`."""
+class BaseReading(_Reading[BaseState], frozen=True, kw_only=True):
+    """The state of a base."""
 
-    t_ns: int
-    height: int
-    width: int
-    channels: int
-    pixels: bytes
-    number: int = 0
+
+class ProximityReading(_Reading[Rings], frozen=True, kw_only=True):
+    """A scan of both rings."""
+
+
+class CameraReading(_Reading[Image], frozen=True, kw_only=True):
+    """An image of a camera."""
 
 
 class Truth(_Message, frozen=True, kw_only=True):
@@ -177,7 +175,8 @@ class Truth(_Message, frozen=True, kw_only=True):
     skipped_ns: int
 
 
-Attach = AttachBase | AttachProximity | AttachCamera | AttachControl
+Device = AttachBase | AttachProximity | AttachCamera
+Attach = Device | AttachControl
 ToPlant = Attach | Drive | Halt | Sense | AskTruth | Place | Advance
 Reading = BaseReading | ProximityReading | CameraReading
 FromPlant = Attached | Refusal | Done | Reading | Truth

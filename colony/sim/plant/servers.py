@@ -1,11 +1,11 @@
-"""Servers of a simulated robot, as processes: `python -m colony.sim.plant.servers SPEC`.
+"""Servers of a simulated robot: `python -m colony.sim.plant.servers SPEC` is one whose hardware is the plant.
 
-Their hardware is the plant, which is `colony.sim.plant.child`.
+The plant itself is `colony.sim.plant.child`.
 """
 
 from __future__ import annotations
 
-from contextlib import ExitStack
+from contextlib import ExitStack, closing
 from pathlib import Path
 
 from colony.runtime.assembly.processes.child import main
@@ -17,19 +17,13 @@ class PlantDevices:
     """Drivers of what is in the plant."""
 
     def base(self, device: Device, robot: str, base_ns: int, holds: ExitStack) -> RemoteBase:
-        made = RemoteBase(Path(device.plant), robot, base_ns=base_ns)
-        holds.callback(made.close)
-        return made
+        return holds.enter_context(closing(RemoteBase(Path(device.plant), robot, base_ns=base_ns)))
 
     def proximity(self, device: Device, robot: str, base_ns: int, holds: ExitStack) -> RemoteProximity:
-        made = RemoteProximity(Path(device.plant), robot, base_ns=base_ns)
-        holds.callback(made.close)
-        return made
+        return holds.enter_context(closing(RemoteProximity(Path(device.plant), robot, base_ns=base_ns)))
 
     def camera(self, device: Device, robot: str, camera: str, base_ns: int, holds: ExitStack) -> RemoteCamera:
-        made = RemoteCamera(Path(device.plant), robot, camera, base_ns=base_ns)
-        holds.callback(made.close)
-        return made
+        return holds.enter_context(closing(RemoteCamera(Path(device.plant), robot, camera, base_ns=base_ns)))
 
 
 if __name__ == "__main__":

@@ -1,15 +1,12 @@
-"""A last try before a contract is called unknown: runs that are drawn, in the reference interpreter."""
+"""Runs that are drawn, in the reference interpreter: what breaks a contract where formulas do not tell."""
 
 from __future__ import annotations
 
 from random import Random
 
-from colony.ir.frame import Frame
 from colony.ir.program import Program
-from colony.ir.types import Value
 from colony.verify.contracts.replay import Replay
-from colony.verify.contracts.results import Snapshot
-from colony.verify.reference.boundary import sense
+from colony.verify.snapshot import Snapshot, snapshot_of
 from colony.verify.testing.drawing import Choices
 from colony.verify.testing.guided import Guide
 
@@ -18,23 +15,13 @@ _FRAMES = 8
 
 
 def drawn(program: Program, replay: Replay) -> tuple[Snapshot, ...] | None:
-    """A run that breaks the contract, if one of a few drawn ones does. The same for the same program."""
+    """Return a run that breaks the contract, if one of a few drawn ones does; always the same one."""
     guide = Guide(program, _FRAMES)
     for number in range(replay.affordable(_TRACES)):
         trace = guide.draw(Choices(Random(number)))
-        snapshots = tuple(_snapshot(program, frame) for frame in trace)
+        snapshots = tuple(snapshot_of(program, frame) for frame in trace)
         if replay.breaks(snapshots):
             return snapshots
         outcomes = replay.run(snapshots)
         guide.learn(trace, [tuple((d.by, d.fault) for d in o.decisions) for o in outcomes])
     return None
-
-
-def _snapshot(program: Program, frame: Frame) -> Snapshot:
-    """A frame in base units; what is out of its range is as the interpreter takes it."""
-    readings: dict[str, Value] = {}
-    for sensor in program.robot.sensors:
-        value, _ = sense(sensor, frame.readings.get(sensor.name), sensor.factor)
-        if value is not None:
-            readings[sensor.name] = value
-    return Snapshot(t_ns=frame.t_ns, readings=readings)

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from colony.ir.program import Contract
+from colony.text.wording import counted
 from colony.verify.contracts.results import Trace, Unknown
 from colony.verify.contracts.solver import Budget
 from colony.verify.symbolic.system import Inexact, Reason
@@ -39,9 +40,10 @@ def unknown(
     elif budget.gave_up:
         because.append("z3 gave up within its limits")
     if trace is None:
+        before = counted(budget.options.depth, "frame")
         because.append(
-            f"it does not follow from what held in the {_frames(budget.options.depth)} before, and no run of "
-            f"up to {_frames(searched)} breaks it"
+            f"it does not follow from what held in the {before} before, and no run of up to "
+            f"{counted(searched, 'frame')} breaks it"
         )
     return Unknown(
         contract=contract,
@@ -64,10 +66,6 @@ def _place(reason: Reason) -> str:
         return ""
     line, column = source.position(reason.span.start)
     return f"{source.name}:{line}:{column}: "
-
-
-def _frames(count: int) -> str:
-    return f"{count} frame{'' if count == 1 else 's'}"
 
 
 def _hint(budget: Budget, abstracted: Sequence[Reason], imagined: int, trace: Trace | None) -> str:

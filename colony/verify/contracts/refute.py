@@ -6,9 +6,7 @@ paper. A model close to the edge of a comparison often breaks it when its number
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import replace
-from typing import cast
+from collections.abc import Iterator
 
 from colony.ir.program import Program, Sensor
 from colony.ir.types import Bool, Enum, Value, element_type
@@ -16,9 +14,10 @@ from colony.verify.contracts.decimals import rounded
 from colony.verify.contracts.drawn import drawn
 from colony.verify.contracts.minimize import minimal
 from colony.verify.contracts.replay import Replay
-from colony.verify.contracts.results import Snapshot, Trace
+from colony.verify.contracts.results import Trace
 from colony.verify.contracts.search import Candidate, Search
-from colony.verify.symbolic.witness import ConcreteFrame, frames
+from colony.verify.snapshot import Snapshot
+from colony.verify.symbolic.witness import snapshots
 
 _MODELS_A_LENGTH = 4
 _MODELS = 16
@@ -41,7 +40,7 @@ class Refuter:
         """The minimal trace that a model leads to, None where it does not break the contract."""
         asks = candidate.unasked and bool(search.frames.cone.system.python)
         replay = self._replays[asks]
-        exact = _snapshots(frames(candidate.model, search.frames, candidate.frames))
+        exact = snapshots(candidate.model, search.frames, candidate.frames)
         for attempt in self._attempts(exact):
             if replay.breaks(attempt):
                 return minimal(replay, attempt)
@@ -67,18 +66,7 @@ class Refuter:
 
     def _rounded(self, snapshot: Snapshot, digits: int) -> Snapshot:
         readings = {n: _rounded(v, self._sensors[n], digits) for n, v in snapshot.readings.items()}
-        return replace(snapshot, readings=readings)
-
-
-def _snapshots(concrete: Sequence[ConcreteFrame]) -> tuple[Snapshot, ...]:
-    return tuple(
-        Snapshot(
-            t_ns=frame.t_ns,
-            readings=cast(Mapping[str, Value], frame.readings),  # witnesses give tuples for arrays
-            answers={module: fields for module, fields in frame.python.items() if fields is not None},
-        )
-        for frame in concrete
-    )
+        return snapshot._replace(readings=readings)
 
 
 def _rounded(value: Value, sensor: Sensor, digits: int) -> Value:

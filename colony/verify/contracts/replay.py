@@ -15,19 +15,16 @@ from colony.ir.program import (
     ActuatorField,
     AnyModule,
     Command,
-    Example,
-    Given,
     Let,
     Module,
     Program,
     PythonModule,
     Sensor,
-    Step,
 )
-from colony.ir.types import BOOL, Bool, Enum, Scalar, ScalarValue, Value
-from colony.verify.contracts.results import Snapshot
+from colony.ir.types import BOOL, Value, any_value
 from colony.verify.reference.interpreter import Interpreter
-from colony.verify.testing.examples import run_example
+from colony.verify.snapshot import Snapshot
+from colony.verify.testing.examples import facts_of_breach
 
 _SMALL = 60
 """How many things a program declares that is not large."""
@@ -40,7 +37,7 @@ class Replay:
     """
 
     def __init__(self, program: Program, contract: str, unasked: bool = False) -> None:
-        self._unasked = unasked
+        self._contract, self._unasked = contract, unasked
         self.program = replace(
             _with_stand_ins(program), contracts=tuple(c for c in program.contracts if c.name == contract)
         )
@@ -60,21 +57,18 @@ class Replay:
 
     def breaks(self, snapshots: Sequence[Snapshot]) -> bool:
         """Whether the contract is broken in one of the frames."""
+        return self.breach(snapshots) is not None
+
+    def breach(self, snapshots: Sequence[Snapshot]) -> int | None:
+        """Return the index of the first frame that breaks the contract, None if none does."""
         outcomes, asked = self._run(snapshots)
-        return bool(outcomes) and bool(outcomes[-1].breaches) and not (self._unasked and asked)
+        broken = bool(outcomes) and bool(outcomes[-1].breaches) and not (self._unasked and asked)
+        return len(outcomes) - 1 if broken else None
 
     def found(self, snapshots: Sequence[Snapshot]) -> tuple[str, ...]:
         """What the things that the contract names are in the frame that breaks it, a fact each."""
-        steps = []
-        for snapshot in snapshots:
-            readings = self._readings(snapshot)
-            given = tuple(
-                Given(sensor=s.name, index=None, value=readings.get(s.name))
-                for s in self.program.robot.sensors
-            )
-            steps.append(Step(times_ns=(snapshot.t_ns,), given=given, expectations=()))
-        result = run_example(self.program, Example(name="counterexample", steps=tuple(steps)))
-        return next((f.found for f in result.failures if f.kind == "contract broken"), ())
+        given = [s._replace(readings=self._readings(s)) for s in snapshots]
+        return facts_of_breach(self.program, self._contract, given)
 
     def _run(self, snapshots: Sequence[Snapshot]) -> tuple[tuple[Outcome, ...], bool]:
         """The outcomes, and whether a stand-in answered; with `unasked` they do wherever they are asked."""
@@ -93,8 +87,13 @@ class Replay:
             answer = snapshot.answers.get(module)
             readings[_answers(module)] = self._unasked or answer is not None
             for i, field in enumerate(fields):
-                readings[_answer(module, i)] = _harmless(field.type) if answer is None else answer[i]
+                readings[_answer(module, i)] = any_value(field.type) if answer is None else answer[i]
         return readings
+
+
+def is_stand_in(sensor: Sensor) -> bool:
+    """Return True for a sensor that stands in for the answers of a module in Python."""
+    return " " in sensor.name
 
 
 def _answers(module: str) -> str:
@@ -104,17 +103,6 @@ def _answers(module: str) -> str:
 
 def _answer(module: str, i: int) -> str:
     return f"{module} answers {i}"
-
-
-def _harmless(of: Scalar) -> ScalarValue:
-    """Some value of a type."""
-    match of:
-        case Bool():
-            return False
-        case Enum(members=members):
-            return members[0][1]
-        case _:
-            return 0.0
 
 
 def _with_stand_ins(program: Program) -> Program:

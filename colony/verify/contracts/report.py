@@ -9,6 +9,7 @@ from typing import assert_never
 from colony.ir.frame import Decision
 from colony.ir.program import Program
 from colony.text.diagnostics import Diagnostic, error, warning
+from colony.text.wording import counted
 from colony.verify.contracts.decimals import seconds
 from colony.verify.contracts.results import Proved, Refuted, Result, Trace, Unknown
 from colony.verify.contracts.table import reading, sent, table
@@ -82,7 +83,8 @@ def finding(result: Result, file: str | None) -> Diagnostic | None:
         case Refuted(trace=trace):
             when = seconds_of(trace)
             found = f"; found: {'; '.join(trace.found)}" if trace.found else ""
-            message = f"contract `{contract.name}` is broken at {when} of a run of {_frames(trace)}{found}"
+            length = counted(len(trace.snapshots), "frame")
+            message = f"contract `{contract.name}` is broken at {when} of a run of {length}{found}"
             return error("V010", contract.span, message, _hint(trace, file))
         case Unknown(because=because, hint=hint):
             reasons = "; ".join(line.strip() for line in because)
@@ -111,11 +113,6 @@ def _hint(trace: Trace, file: str | None) -> str | None:
 def seconds_of(trace: Trace) -> str:
     """The time of the last frame."""
     return str(seconds(trace.snapshots[-1].t_ns))
-
-
-def _frames(trace: Trace) -> str:
-    count = len(trace.snapshots)
-    return f"{count} frame{'' if count == 1 else 's'}"
 
 
 def row(program: Program, result: Result) -> dict[str, object]:

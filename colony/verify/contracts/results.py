@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import Self
 
 from colony.ir.frame import Outcome
 from colony.ir.program import Contract
-from colony.ir.types import ScalarValue, Value
+from colony.verify.snapshot import Snapshot
 from colony.verify.symbolic.system import Reason
 
 RESOURCES_A_SECOND = 7_200_000
@@ -44,19 +43,6 @@ class Options:
             resources=max(1, round(seconds * RESOURCES_A_SECOND)),
             seconds=_SAFETY * seconds,
         )
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Snapshot:
-    """What is given in one frame of a counterexample, in base units.
-
-    A sensor that `readings` does not hold is missing. `answers` are the fields that modules in Python
-    command; a module that it does not hold is not applicable.
-    """
-
-    t_ns: int
-    readings: Mapping[str, Value] = field(default_factory=dict)
-    answers: Mapping[str, tuple[ScalarValue, ...]] = field(default_factory=dict)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

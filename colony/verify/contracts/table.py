@@ -45,23 +45,10 @@ def _below(program: Program, trace: Trace, given: int) -> Iterator[str]:
 
 def _actuators(program: Program, contract: Contract) -> dict[str, Actuator]:
     """Those that the contract names, else all."""
-    named = set(_named(contract.expression))
+    asked = (ir.SentField, ir.WonBy, ir.IsCommanded, ir.IsIdle)
+    named = {x.actuator for x in ir.subexpressions(contract.expression) if isinstance(x, asked)}
     chosen = [a for a in program.robot.actuators if a.name in named] or program.robot.actuators
     return {a.name: a for a in chosen}
-
-
-def _named(expression: ir.Expression) -> Iterator[str]:
-    match expression:
-        case (
-            ir.SentField(actuator=name)
-            | ir.WonBy(actuator=name)
-            | ir.IsCommanded(actuator=name)
-            | ir.IsIdle(actuator=name)
-        ):
-            yield name
-        case _:
-            for child in ir.children(expression):
-                yield from _named(child)
 
 
 def reading(sensor: Sensor, value: Value | None) -> str:

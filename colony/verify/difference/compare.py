@@ -14,15 +14,17 @@ from colony.ir import expression as ir
 from colony.ir.expression import Binary
 from colony.ir.frame import Outcome
 from colony.ir.program import Actuator, Contract, Program
-from colony.ir.types import BOOL, Bool, Enum, Scalar
+from colony.ir.types import BOOL, any_value
 from colony.verify.contracts.prove import Prover
+from colony.verify.contracts.refute import Refuter
 from colony.verify.contracts.replay import Replay
-from colony.verify.contracts.results import Options, Proved, Refuted, Snapshot, Trace, Unknown
+from colony.verify.contracts.results import Options, Proved, Refuted, Trace, Unknown
 from colony.verify.difference.compatible import Ignored, Pair, check_sensors, ignored, pairs
 from colony.verify.difference.matching import matching
 from colony.verify.difference.product import OF_B, Product, product
 from colony.verify.difference.results import Different, Matching, Result, Same, Undecided
-from colony.verify.difference.shortest import drawn, shortest
+from colony.verify.difference.shortest import shortest
+from colony.verify.snapshot import Snapshot
 
 _SAME = "same commands"
 
@@ -53,7 +55,7 @@ def difference(
         return Same(matching=found, by_content=True)
     contract = Contract(name=_SAME, expression=_claim(open_, leave_out, both))
     program = replace(both.program, contracts=(contract,))
-    trace = drawn(program, _SAME)
+    trace = Refuter(program, _SAME).drawn()
     if trace is not None:
         return _different(
             a, b, both, compared, shortest(program, _SAME, trace, options or Options(), clock), found
@@ -121,17 +123,7 @@ def _sent(actuator: Actuator, i: int, name: str) -> ir.Expression:
     sent = ir.SentField(type=kind, actuator=name, field_index=i)
     if actuator.idle is not None:
         return sent
-    return ir.ValueOr(type=kind, expression=sent, other=_nothing(kind))
-
-
-def _nothing(kind: Scalar) -> ir.Expression:
-    match kind:
-        case Bool():
-            return ir.Constant(type=kind, value=False)
-        case Enum(members=members):
-            return ir.Constant(type=kind, value=members[0][1])
-        case _:
-            return ir.Constant(type=kind, value=0.0)
+    return ir.ValueOr(type=kind, expression=sent, other=ir.Constant(type=kind, value=any_value(kind)))
 
 
 def _excused(compared: Sequence[Pair], leave_out: Ignored, both: Product) -> Iterator[ir.Expression]:
@@ -187,9 +179,8 @@ def _different(
 
 def _answered(snapshot: Snapshot, of_b: dict[str, str]) -> Snapshot:
     """A snapshot for B alone, with B's names for modules."""
-    return replace(
-        snapshot, answers={of_b[name]: fields for name, fields in snapshot.answers.items() if name in of_b}
-    )
+    answers = {of_b[name]: fields for name, fields in snapshot.answers.items() if name in of_b}
+    return snapshot._replace(answers=answers)
 
 
 def _sends_apart(pair: Pair, a: Outcome, b: Outcome) -> bool:

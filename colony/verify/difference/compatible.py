@@ -4,11 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, field
-from difflib import get_close_matches
 
 from colony.ir.program import Actuator, Program, Sensor
 from colony.text.diagnostics import Diagnostic, Failure, error
 from colony.text.source import NOWHERE, Span
+from colony.text.suggestions import did_you_mean
+from colony.text.wording import duration_text
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -57,8 +58,7 @@ def ignored(a: Program, b: Program, names: Iterable[str]) -> Ignored:
 
 
 def _unknown(name: str, known: Sequence[str], kind: str, program: Program) -> Diagnostic:
-    close = get_close_matches(name, known, n=1)
-    hint = f"did you mean `{close[0]}`?" if close else f"there are: {', '.join(known) or 'none'}"
+    hint = did_you_mean(name, known) or f"there are: {', '.join(known) or 'none'}"
     message = f"`{name}` is no {kind} of either behavior"
     return error("V040", program.robot.span, message, hint)
 
@@ -171,7 +171,7 @@ def _facts(sensor: Sensor) -> tuple[tuple[str, str], ...]:
         ("range", "none" if bounds == ["none", "none"] else f"{bounds[0]} .. {bounds[1]}"),
         ("default", "none" if sensor.default is None else f"{sensor.default!r}"),
         ("source", f"`{sensor.server}.{sensor.field}`"),
-        ("age limit", "none" if sensor.within_ns is None else f"{sensor.within_ns / 1e9:g} s"),
+        ("age limit", "none" if sensor.within_ns is None else duration_text(sensor.within_ns)),
     )
 
 

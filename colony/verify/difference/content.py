@@ -8,7 +8,7 @@ count as the same, then those are told apart whose `next` differs, until nothing
 
 from __future__ import annotations
 
-from collections.abc import Hashable, Iterator
+from collections.abc import Hashable
 from typing import assert_never
 
 from colony.ir import expression as ir
@@ -24,6 +24,7 @@ from colony.ir.program import (
     State,
 )
 from colony.ir.types import Value
+from colony.ir.walk import expressions_of
 
 Loop = tuple[str, ...]
 
@@ -169,7 +170,7 @@ class Contents:
         if name not in self._known:
             expression = self._lets[name].expression
             content = self.expression(expression)
-            remembers = any(isinstance(x, ir.MemoryCall) for x in nodes(expression))
+            remembers = any(isinstance(x, ir.MemoryCall) for x in ir.subexpressions(expression))
             self._known[name] = self._table.number("let", content) if remembers else content
         return self._known[name]
 
@@ -182,10 +183,7 @@ class Contents:
 
     def needs(self, module: Module) -> frozenset[str]:
         """The sensors without which a module is silent."""
-        fields = module.command.fields if module.command else ()
-        states = (s.next for s in module.states if s.next is not None)
-        everything = (module.when, *fields, *states, *(let.expression for let in module.lets))
-        return frozenset[str]().union(*(self.needed(e) for e in everything))
+        return frozenset[str]().union(*(self.needed(e) for e in expressions_of(module)))
 
     def needed(self, e: ir.Expression) -> frozenset[str]:
         """The sensors without which an expression is missing."""
@@ -212,13 +210,6 @@ def contents(a: Program, b: Program) -> tuple[Contents, Contents]:
         for one in both:
             one.refine()
     return both
-
-
-def nodes(e: ir.Expression) -> Iterator[ir.Expression]:
-    """An expression and all its parts."""
-    yield e
-    for child in ir.children(e):
-        yield from nodes(child)
 
 
 def _besides(e: ir.Expression) -> tuple[Hashable, ...]:

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 
 from colony.ir.program import Program
+from colony.text.wording import duration_text
 from colony.verify.difference.compatible import Pair
 from colony.verify.difference.content import contents
 from colony.verify.difference.results import Matching
@@ -51,7 +52,5 @@ def _notes(a: Program, b: Program, compared: Sequence[Pair]) -> Iterator[str]:
             if actuator.name not in done and actuator.name not in there:
                 yield f"only {title} has the actuator `{actuator.name}`: it is not compared"
     if a.robot.frame_ns != b.robot.frame_ns:
-        yield (
-            f"the frame period is {a.robot.frame_ns / 1e6:g} ms in A and {b.robot.frame_ns / 1e6:g} ms in B: "
-            "compared is what they make of the same frames"
-        )
+        periods = f"{duration_text(a.robot.frame_ns)} in A and {duration_text(b.robot.frame_ns)} in B"
+        yield f"the frame period is {periods}: compared is what they make of the same frames"

@@ -6,14 +6,13 @@ such modules and nodes of the network. What is left is for a proof.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import assert_never
 
 from colony.ir import expression as ir
 from colony.ir.program import (
     AnyModule,
-    Chain,
     Command,
     Derived,
     Let,
@@ -26,9 +25,10 @@ from colony.ir.program import (
     State,
     Use,
     Wire,
-    Wiring,
 )
-from colony.verify.difference.content import Contents, contents, nodes
+from colony.ir.walk import nodes
+from colony.ir.wiring import Joint, joints_of
+from colony.verify.difference.content import Contents, contents
 from colony.verify.difference.rewriting import Rename, rewritten
 
 OF_B = " of B"
@@ -70,7 +70,7 @@ class _Merger:
     def run(self) -> Product:
         of_a, of_b = self._contents
         self._declare(self._a, of_a, "", 0)
-        shift = 1 + max(_cells(self._a), default=0)
+        shift = 1 + max((x.cell for x in nodes(self._a) if isinstance(x, ir.MemoryCall)), default=0)
         renamed = self._declare(self._b, of_b, OF_B, shift)
         program = Program(
             robot=self._robot(),
@@ -124,32 +124,20 @@ class _Merger:
 
     def _network(self, program: Program, renamed: dict[str, str], suffix: str) -> None:
         """Every node as a wire of its own; equal nodes are one."""
-        outputs = dict(renamed)
-        for wire in program.wires:
-            root = self._wiring(wire.wiring, outputs)
-            if wire.actuator is None:
-                outputs[wire.name] = root
-            else:
-                name = wire.actuator + suffix
-                self._roots[name] = root
-                self._wires.append(Wire(name=name, wiring=Use(name=root), actuator=name))
+        wired, outputs = joints_of(program), dict(renamed)
+        for joint in wired.joints:
+            outputs[joint.name] = self._node(joint, outputs[joint.dominant], outputs[joint.inferior])
+        for actuator, root in wired.roots.items():
+            name = actuator + suffix
+            self._roots[name] = outputs[root]
+            self._wires.append(Wire(name=name, wiring=Use(name=outputs[root]), actuator=name))
 
-    def _wiring(self, wiring: Wiring, outputs: dict[str, str]) -> str:
-        """The module or wire that a wiring is."""
-        if isinstance(wiring, Use):
-            return outputs[wiring.name]
-        inferior = self._wiring(wiring.operands[-1], outputs)
-        for operand, window in zip(reversed(wiring.operands[:-1]), reversed(wiring.windows_ns), strict=True):
-            dominant = self._wiring(operand, outputs)
-            inferior = self._node(wiring.relation, dominant, inferior, window, wiring)
-        return inferior
-
-    def _node(self, relation: str, dominant: str, inferior: str, window: int, like: Chain) -> str:
-        key = (relation, dominant, inferior, window)
+    def _node(self, joint: Joint, dominant: str, inferior: str) -> str:
+        """Return the wire of a node, which is made once."""
+        key = (joint.relation, dominant, inferior, joint.window_ns)
         if key not in self._nodes:
             name = self._nodes[key] = f"node {len(self._nodes)}"
-            operands = (Use(name=dominant), Use(name=inferior))
-            self._wires.append(Wire(name=name, wiring=replace(like, operands=operands, windows_ns=(window,))))
+            self._wires.append(joint.wire(name, dominant, inferior))
         return self._nodes[key]
 
 
@@ -220,32 +208,3 @@ def _limit(limit: Limit, actuator: str, rename: Rename, shift: int) -> Limit:
 
 def _optional(e: ir.Expression | None, rename: Rename, shift: int) -> ir.Expression | None:
     return None if e is None else rewritten(e, rename, shift)
-
-
-def _cells(program: Program) -> Iterator[int]:
-    """The cells of all calls of memory functions, those of contracts left out."""
-    for derived in program.derived:
-        match derived:
-            case Let(expression=e):
-                yield from _cells_in(e)
-            case State(next=following):
-                yield from _cells_in(following)
-            case Machine(transitions=transitions):
-                for transition in transitions:
-                    yield from _cells_in(transition.condition)
-            case _:
-                assert_never(derived)
-    for module in program.modules:
-        if isinstance(module, Module):
-            fields = module.command.fields if module.command else ()
-            inside = (*(x.expression for x in module.lets), *(x.next for x in module.states))
-            for expression in (module.when, *fields, *inside):
-                yield from _cells_in(expression)
-    for limit in program.limits:
-        yield from _cells_in(limit.bound)
-        yield from _cells_in(limit.condition)
-
-
-def _cells_in(e: ir.Expression | None) -> Iterator[int]:
-    if e is not None:
-        yield from (x.cell for x in nodes(e) if isinstance(x, ir.MemoryCall))

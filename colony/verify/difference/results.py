@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from colony.ir.frame import Outcome
-from colony.verify.contracts.results import Snapshot
+from colony.verify.snapshot import Snapshot
 from colony.verify.symbolic.system import Reason
 
 

@@ -1,35 +1,16 @@
-"""A run that breaks a claim: one that is drawn shows that there is one, a search looks for a shorter one."""
+"""Looks for a shorter run than one that is known to break a claim."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
-from random import Random
 
 from colony.ir.program import Program
-from colony.verify.contracts.minimize import minimal
 from colony.verify.contracts.refute import Refuter
-from colony.verify.contracts.replay import Replay
 from colony.verify.contracts.results import Options, Trace
 from colony.verify.contracts.search import Search
 from colony.verify.contracts.setting import Setting
 from colony.verify.contracts.solver import Budget
-from colony.verify.difference.sampling import frames
 from colony.verify.symbolic.encode import encode
-
-_SEED, _RUNS, _FRAMES = 0, 10, 30
-
-
-def drawn(program: Program, contract: str) -> Trace | None:
-    """A run that breaks the contract among some drawn at random, made as short as it goes.
-
-    Whatever the modules in Python would answer: none is asked in it.
-    """
-    replay, random = Replay(program, contract, unasked=True), Random(_SEED)
-    for _ in range(_RUNS):
-        snapshots = tuple(frames(program, random, _FRAMES))
-        if replay.breaks(snapshots):
-            return minimal(replay, snapshots)
-    return None
 
 
 def shortest(

@@ -1,6 +1,6 @@
 """Translation validation: every compiled form of a program is proved to do what its network says.
 
-`prove` is the way in (`prove.py`); `text/source.py` says what the network means, the readers (`table.py`,
+`prove` is the way in (`prove.py`); `source.py` says what the network means, the readers (`table.py`,
 `json_text.py`, `lowered.py`, `python_text.py`) what each compiled form does, and `circuit.py`, `matching.py`,
 `solver.py` and `priorities.py` show that these are the same.
 """

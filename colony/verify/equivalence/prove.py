@@ -1,7 +1,7 @@
 """The proof that what was compiled does what the program's network says.
 
 For free predicates and transfer functions, and any history: in every frame, for every actuator, the module
-that the network (`text/source.py`) lets through is the first client whose guard holds, and the only one whose
+that the network (`source.py`) lets through is the first client whose guard holds, and the only one whose
 exclusive guard holds; so no two exclusive guards hold. Priorities are n, ..., 2, 1; what contracts ask of
 wires and modules is their activity in the network; and each form that was emitted from the clients does as
 they do.

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+from colony.text.wording import duration_text, listed
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Proved:
@@ -109,15 +111,15 @@ Result = Proved | Counterexample | Undecided
 
 def frame_text(frame: Frame) -> str:
     """A frame in words, as what follows "with"."""
-    active = f"{_listed(frame.active)} active" if frame.active else "no module active"
+    active = f"{listed(frame.active)} active" if frame.active else "no module active"
     recent = [f"{_ago(one)}" for one in frame.recent]
-    return f"{active}, and {_listed(recent)}" if recent else active
+    return f"{active}, and {listed(recent)}" if recent else active
 
 
 def _ago(recent: Recent) -> str:
-    before = f"less than {_duration(recent.less_ns)} ago"
+    before = f"less than {duration_text(recent.less_ns)} ago"
     if recent.least_ns:
-        return f"{recent.name} {_duration(recent.least_ns)} ago or more, but {before}"
+        return f"{recent.name} {duration_text(recent.least_ns)} ago or more, but {before}"
     return f"{recent.name} {before}"
 
 
@@ -128,7 +130,7 @@ def counterexample_text(found: Counterexample) -> str:
             says = f"the network lets {found.network or 'nobody'} through"
             does = f"by priority {found.by_priority or 'nobody'} commands"
             if found.by_exclusive is not None:
-                does += f", by exclusive guard {_listed(found.by_exclusive) or 'nobody'}"
+                does += f", by exclusive guard {listed(found.by_exclusive) or 'nobody'}"
             return f"{found.form}: {found.actuator}: with {frame_text(found.frame)}, {says}; {does}"
         case WrongActivity():
             says = f"is {'' if found.network else 'not '}active in the network"
@@ -147,16 +149,5 @@ def undecided_text(found: Undecided) -> str:
 def proved_text(found: Proved) -> str:
     """What was proved, in one line."""
     how = f"{found.by_structure} by structure, {found.by_solver} by z3"
-    same = _listed((*found.forms, "network"))
+    same = listed((*found.forms, "network"))
     return f"proved: {same} are the same ({found.obligations} obligations: {how})"
-
-
-def _listed(words: tuple[str, ...] | list[str]) -> str:
-    return " and ".join(filter(None, (", ".join(words[:-1]), *words[-1:])))
-
-
-def _duration(nanoseconds: int) -> str:
-    for unit, size in (("s", 1_000_000_000), ("ms", 1_000_000)):
-        if nanoseconds >= size and nanoseconds % (size // 10) == 0:
-            return f"{nanoseconds / size:g} {unit}"
-    return f"{nanoseconds} ns"

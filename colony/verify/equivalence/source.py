@@ -23,9 +23,9 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 from types import MappingProxyType
-from typing import assert_never
 
-from colony.ir.program import Chain, Program, Use, Wiring
+from colony.ir.program import Program
+from colony.ir.wiring import joints_of
 from colony.verify.equivalence.circuit import FALSE, TRUE, Activity, Circuit, History
 
 
@@ -148,39 +148,22 @@ def _root(
 
 
 class _Wired:
-    """The wires as one table of nodes. Only parentheses nest, so wiring may recurse; chains are flat."""
+    """The wires as one table of nodes: all modules, then each joint behind what it joins."""
 
     def __init__(self, program: Program) -> None:
+        wired = joints_of(program)
+        names = [*(module.name for module in program.modules), *(joint.name for joint in wired.joints)]
+        at = {name: i for i, name in enumerate(names)}
         self.nodes: list[str | Joint] = [module.name for module in program.modules]
-        self.names = {module.name: at for at, module in enumerate(program.modules)}
-        self.driving: dict[str, int] = {}
-        for wire in program.wires:
-            node = self._wiring(wire.wiring)
-            if wire.actuator is None:
-                self.names[wire.name] = node
-            else:
-                self.driving[wire.actuator] = node
-
-    def _wiring(self, wiring: Wiring) -> int:
-        match wiring:
-            case Use(name=name):
-                return self.names[name]
-            case Chain():
-                return self._chain(wiring)
-            case _:
-                assert_never(wiring)
-
-    def _chain(self, chain: Chain) -> int:
-        """`a op[w0] b op[w1] c` is `a op[w0] (b op[w1] c)`."""
-        operands = [self._wiring(operand) for operand in chain.operands]
-        below = operands[-1]
-        for dominant, window_ns in reversed(list(zip(operands, chain.windows_ns, strict=False))):
-            joint = Joint(
-                suppresses=chain.relation == "suppresses",
-                dominant=dominant,
-                inferior=below,
-                window_ns=window_ns,
+        self.nodes += [
+            Joint(
+                suppresses=joint.relation == "suppresses",
+                dominant=at[joint.dominant],
+                inferior=at[joint.inferior],
+                window_ns=joint.window_ns,
             )
-            self.nodes.append(joint)
-            below = len(self.nodes) - 1
-        return below
+            for joint in wired.joints
+        ]
+        self.names = {module.name: at[module.name] for module in program.modules}
+        self.names |= {wire: at[stands_for] for wire, stands_for in wired.wires.items()}
+        self.driving = {actuator: at[root] for actuator, root in wired.roots.items()}

@@ -8,8 +8,8 @@ from functools import cached_property
 from colony.ir import expression as ir
 from colony.ir.program import Actuator, Let, Module, Program
 from colony.text.source import Source, Span
-from colony.verify.difference.content import Contents, Table, nodes
-from colony.verify.lints.network import Network, network
+from colony.verify.difference.content import Contents, Table
+from colony.verify.lints.network import NamedNetwork, network
 
 _READING = (ir.SensorValue, ir.DerivedValue, ir.LocalValue, ir.StateValue, ir.Fresh)
 
@@ -22,7 +22,7 @@ class Case:
 
     program: Program
     observed: Program
-    network: Network
+    network: NamedNetwork
 
     @cached_property
     def contents(self) -> Contents:
@@ -53,7 +53,7 @@ class Case:
 
     def decides(self, module: Module) -> bool:
         """Whether a module's predicate depends on anything."""
-        return any(isinstance(x, _READING) for x in nodes(module.when))
+        return any(isinstance(x, _READING) for x in ir.subexpressions(module.when))
 
 
 def case_of(program: Program) -> Case:

@@ -53,11 +53,3 @@ def any_of(some: Iterable[ir.Expression]) -> ir.Expression:
 
 def _joined(operator: Binary, some: Sequence[ir.Expression], none: ir.Expression) -> ir.Expression:
     return reduce(lambda a, b: binary(operator, a, b), some) if some else none
-
-
-def named(names: Sequence[str], word: str = "or") -> str:
-    """`` `a`, `b` or `c` ``."""
-    quoted = [f"`{name}`" for name in names]
-    if len(quoted) < 2:
-        return "".join(quoted)
-    return f"{', '.join(quoted[:-1])} {word} {quoted[-1]}"

@@ -27,7 +27,8 @@ def claims(case: Case) -> Iterator[tuple[str, Expression]]:
         if not case.is_own(contract.span):
             continue
         e = contract.expression
-        if not _remembers(e):
+        remembers = any(isinstance(x, ir.MemoryCall) for x in ir.subexpressions(e))
+        if not remembers:  # a second claim would have to share its memory
             yield _silent(contract), all_of((e, FALSE))
             if (left := _left(e)) is not None:
                 yield _idle(contract), all_of((e, negation(left)))
@@ -39,11 +40,6 @@ def _left(e: Expression) -> Expression | None:
             return left
         case _:
             return None
-
-
-def _remembers(e: Expression) -> bool:
-    """Whether it has memory of its own, which a second claim would have to share."""
-    return isinstance(e, ir.MemoryCall) or any(_remembers(child) for child in ir.children(e))
 
 
 def told(case: Case, proved: Set[str]) -> Iterator[Diagnostic]:

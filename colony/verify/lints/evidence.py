@@ -4,17 +4,21 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
+from itertools import chain
 from random import Random
 
 from colony.ir.expression import Expression
-from colony.ir.frame import Outcome, Reading
+from colony.ir.frame import Outcome
 from colony.ir.program import Contract, Module, Program
-from colony.ir.types import Value
 from colony.verify.contracts.replay import Replay
-from colony.verify.contracts.results import Snapshot
-from colony.verify.difference.sampling import frames
 from colony.verify.reference.interpreter import Interpreter
-from colony.verify.testing.example_frames import frames_of
+from colony.verify.snapshot import Snapshot, snapshot_of
+from colony.verify.testing.drawing import Choices
+from colony.verify.testing.example_frames import snapshots_of
+from colony.verify.testing.frames import draw_trace
+
+_RUNS = 12
+_FRAMES = 30
 
 Claims = Mapping[str, Expression]
 
@@ -25,23 +29,27 @@ def with_claims(program: Program, claims: Claims) -> Program:
     return replace(program, contracts=contracts)
 
 
-def broken(
-    program: Program, observed: Program, claims: Claims, random: Random, runs: int, length: int
-) -> frozenset[str]:
-    """The claims about `observed` that some run breaks.
+def broken(program: Program, observed: Program, claims: Claims, seed: int) -> frozenset[str]:
+    """Return the claims about `observed` that some run breaks.
 
-    Runs are the examples of `program`, then `runs` of `length` frames, until none is left. A program with
-    modules in Python is not run: its answers would be those of stand-ins.
+    Runs are the examples of `program`, then drawn ones, until no claim is left. A program with modules in
+    Python is not run: its answers would be those of stand-ins.
     """
     left = dict(claims)
     if _asks_python(program):
         return frozenset()
-    for trace in (*_examples(program), *(tuple(frames(program, random, length)) for _ in range(runs))):
+    for trace in chain((snapshots_of(program, t) for t in program.tests), _drawn(program, seed)):
         if not left:
             break
         for name in _breaches(with_claims(observed, left), trace):
             left.pop(name, None)
     return frozenset(set(claims) - set(left))
+
+
+def _drawn(program: Program, seed: int) -> Iterator[tuple[Snapshot, ...]]:
+    for number in range(_RUNS):
+        frames = draw_trace(Choices(Random(f"{seed}/{number}")), program, _FRAMES)
+        yield tuple(snapshot_of(program, frame) for frame in frames)
 
 
 def _asks_python(program: Program) -> bool:
@@ -57,27 +65,6 @@ def _breaches(program: Program, trace: Sequence[Snapshot]) -> set[str]:
         if len(found) == len(program.contracts):
             break
     return found
-
-
-def _examples(program: Program) -> Iterator[tuple[Snapshot, ...]]:
-    """The frames of the program's own tests."""
-    factors = {s.name: s.factor for s in program.robot.sensors}
-    for example in program.tests:
-        yield tuple(
-            Snapshot(
-                t_ns=frame.t_ns,
-                readings={n: _based(x, factors[n]) for n, x in frame.readings.items() if x is not None},
-            )
-            for frame in frames_of(program, example)
-        )
-
-
-def _based(reading: Reading, factor: float) -> Value:
-    """A reading in base units."""
-    if isinstance(reading, Sequence):
-        return tuple(x if isinstance(x, bool) else x * factor for x in reading)
-    assert reading is not None
-    return reading if isinstance(reading, bool) else reading * factor
 
 
 def replayed(program: Program, snapshots: Iterable[Snapshot]) -> tuple[Outcome, ...]:

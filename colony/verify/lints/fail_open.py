@@ -9,14 +9,13 @@ safeguard is active and m does not win; the sensor is missing, and m wins with a
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from dataclasses import replace
 
 from colony.ir.expression import Binary, Expression
 from colony.ir.program import Actuator, Module
 from colony.ir.types import Quantity
 from colony.text.diagnostics import Diagnostic, warning
 from colony.text.units import LENGTH, TIME
-from colony.verify.contracts.results import Snapshot
+from colony.text.wording import quoted
 from colony.verify.lints.case import Case, command_of
 from colony.verify.lints.claims import (
     active,
@@ -26,12 +25,12 @@ from colony.verify.lints.claims import (
     constant,
     fresh,
     implies,
-    named,
     negation,
     won,
 )
 from colony.verify.lints.evidence import replayed
 from colony.verify.lints.proof import Prover
+from colony.verify.snapshot import Snapshot
 
 _MOVES = "RServer"
 
@@ -128,7 +127,7 @@ def _moved(
 ) -> set[int]:
     """The fields that are not idle when the module wins the last frame without `sensor`."""
     last = snapshots[-1]
-    without = replace(last, readings={n: v for n, v in last.readings.items() if n != sensor})
+    without = last._replace(readings={n: v for n, v in last.readings.items() if n != sensor})
     outcome = replayed(case.program, (*snapshots[:-1], without))[-1]
     decision = next(d for d in outcome.decisions if d.actuator == actuator.name)
     if decision.by != module.name or decision.fault or decision.values is None or actuator.idle is None:
@@ -191,6 +190,6 @@ def _warnings(case: Case, found: Mapping[tuple[str, str], list[str]]) -> Iterato
         yield warning(
             "V030",
             case.modules[module].span,
-            f"with {named(sensors)} missing, `{module}` can drive: {named(who, 'and')}, {silent}",
+            f"with {quoted(sensors, 'or')} missing, `{module}` can drive: {quoted(who)}, {silent}",
             f"wire a module `when {condition}` that inhibits `{module}`",
         )

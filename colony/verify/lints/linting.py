@@ -7,8 +7,6 @@ its claim broken, and the run that breaks it is the evidence.
 
 from __future__ import annotations
 
-from random import Random
-
 from colony.ir.expression import Expression
 from colony.ir.program import Program
 from colony.text.diagnostics import Diagnostic, in_order
@@ -27,8 +25,6 @@ from colony.verify.lints.case import Case, case_of
 from colony.verify.lints.evidence import broken
 from colony.verify.lints.proof import Patience, Prover
 
-_RUNS = 3
-_FRAMES = 60
 _MOST_NAMED = 12
 
 
@@ -47,7 +43,7 @@ def lint(program: Program, seed: int = 0, patience: Patience | None = None) -> t
         never |= source.claims(case)
     for broken_source in (ranges, fail_open, pauses):
         can |= broken_source.claims(case)
-    seen = broken(program, case.observed, never, Random(seed), _RUNS, _FRAMES)
+    seen = broken(program, case.observed, never, seed)
     left = {name: claim for name, claim in never.items() if name not in seen}
     prover = Prover(case.observed, left | can, patience)
     proved = prover.proved(left)

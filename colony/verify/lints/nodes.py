@@ -5,19 +5,21 @@ from __future__ import annotations
 from collections.abc import Iterator, Set
 
 from colony.ir.expression import Expression
+from colony.ir.wiring import Joint
 from colony.text.diagnostics import Diagnostic, warning
+from colony.text.wording import duration_text, quoted
 from colony.verify.lints.case import Case
-from colony.verify.lints.claims import active, all_of, implies, named, negation
-from colony.verify.lints.network import Node
+from colony.verify.lints.claims import active, all_of, implies, negation
+from colony.verify.lints.network import span_of, text_of
 from colony.verify.lints.predicates import never
 from colony.verify.lints.shadows import shadowed
 
 
-def _idle(node: Node) -> str:
+def _idle(node: Joint) -> str:
     return f"inhibits nothing {node.name}"
 
 
-def _timeless(node: Node) -> str:
+def _timeless(node: Joint) -> str:
     return f"no time {node.name}"
 
 
@@ -36,9 +38,9 @@ def claims(case: Case) -> Iterator[tuple[str, Expression]]:
             yield _timeless(node), implies(waiting, passes)
 
 
-def _own(case: Case) -> Iterator[Node]:
-    for node in case.network.nodes.values():
-        if case.is_own(node.span):
+def _own(case: Case) -> Iterator[Joint]:
+    for node in case.network.joints.values():
+        if case.is_own(span_of(node)):
             yield node
 
 
@@ -47,20 +49,21 @@ def told(case: Case, proved: Set[str]) -> Iterator[Diagnostic]:
         sides = [case.network.under(node.dominant), case.network.under(node.inferior)]
         if any(all(never(m) in proved or shadowed(m) in proved for m in side) for side in sides):
             continue  # said of the modules
-        dominant, inferior = (named(side, "and") for side in sides)
+        dominant, inferior = (quoted(side) for side in sides)
         are = "is" if len(sides[1]) == 1 else "are"
         if _idle(node) in proved:
             yield warning(
                 "V023",
-                node.span,
-                f"`{node.text}` changes nothing: where {dominant} would inhibit, {inferior} {are} not active",
+                span_of(node),
+                f"`{text_of(node)}` changes nothing: where {dominant} would inhibit, "
+                f"{inferior} {are} not active",
                 "leave the inhibitor out, or correct a predicate",
             )
         elif _timeless(node) in proved:
             yield warning(
                 "V024",
-                node.span,
-                f"the time constant of `{node.text}` changes nothing: within {node.window_ns / 1e9:g} s "
-                f"after {dominant}, {inferior} {are} not active",
+                span_of(node),
+                f"the time constant of `{text_of(node)}` changes nothing: within "
+                f"{duration_text(node.window_ns)} after {dominant}, {inferior} {are} not active",
                 "leave the time constant out, or correct a predicate",
             )

@@ -5,22 +5,24 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 from colony.ir.expression import Expression
+from colony.ir.wiring import Joint
 from colony.text.diagnostics import Diagnostic, warning
+from colony.text.wording import duration_text, quoted
 from colony.verify.lints.case import Case
-from colony.verify.lints.claims import active, all_of, any_of, named, negation, won
-from colony.verify.lints.network import Node
+from colony.verify.lints.claims import active, all_of, any_of, negation, won
+from colony.verify.lints.network import span_of
 from colony.verify.lints.proof import Prover
 
 
-def _name(inner: Node, outer: Node) -> str:
+def _name(inner: Joint, outer: Joint) -> str:
     return f"pause {inner.name} {outer.name}"
 
 
-def _pairs(case: Case) -> Iterator[tuple[Node, Node]]:
+def _pairs(case: Case) -> Iterator[tuple[Joint, Joint]]:
     """`(A suppresses[T] B) suppresses C`: the inner node, and the outer one."""
-    for outer in case.network.nodes.values():
-        inner = case.network.nodes.get(outer.dominant)
-        if inner is None or not inner.window_ns or not case.is_own(outer.span):
+    for outer in case.network.joints.values():
+        inner = case.network.joints.get(outer.dominant)
+        if inner is None or not inner.window_ns or not case.is_own(span_of(outer)):
             continue
         if inner.relation == outer.relation == "suppresses":
             yield inner, outer
@@ -44,14 +46,14 @@ def told(case: Case, prover: Prover) -> Iterator[Diagnostic]:
         if prover.refuted(_name(inner, outer)) is None:
             continue
         first, held, lesser = (
-            named(case.network.under(ref), "and") for ref in (inner.dominant, inner.inferior, outer.inferior)
+            quoted(case.network.under(ref)) for ref in (inner.dominant, inner.inferior, outer.inferior)
         )
         many = len(case.network.under(inner.inferior)) > 1
         is_, dominates = ("are", "they dominate") if many else ("is", "it dominates")
-        time = f"{inner.window_ns / 1e9:g} s"
+        time = duration_text(inner.window_ns)
         yield warning(
             "V031",
-            outer.span,
+            span_of(outer),
             f"within {time} after {first}, {held} {is_} held back, and {lesser}, which {dominates}, "
             "gets through",
             f"put the time constant where it holds all: `A suppresses[{time}] (B suppresses C)`",

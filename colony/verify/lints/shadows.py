@@ -6,8 +6,9 @@ from collections.abc import Iterator, Mapping, Sequence, Set
 
 from colony.ir.expression import Expression
 from colony.text.diagnostics import Diagnostic, warning
+from colony.text.wording import quoted
 from colony.verify.lints.case import Case
-from colony.verify.lints.claims import active, all_of, any_of, implies, named, negation, won
+from colony.verify.lints.claims import active, all_of, any_of, implies, negation, won
 from colony.verify.lints.predicates import never
 
 
@@ -27,7 +28,7 @@ def claims(case: Case) -> Iterator[tuple[str, Expression]]:
             if name in case.network.under(root)
         ]
         deep = False
-        for node in case.network.nodes.values():
+        for node in case.network.joints.values():
             if node.relation == "inhibits" or node.window_ns:
                 way = case.network.emerges(name, node.dominant)
                 deep = deep or way is None
@@ -48,7 +49,7 @@ def dominated(case: Case, module: str, by: Sequence[str]) -> Expression | None:
     for way in _ways(case, module):
         cut = []
         for name in way:
-            node = case.network.nodes[name]
+            node = case.network.joints[name]
             for other in by:
                 if other in case.network.under(node.dominant):
                     out = case.network.emerges(other, node.dominant)
@@ -62,7 +63,7 @@ def dominated(case: Case, module: str, by: Sequence[str]) -> Expression | None:
 def _ways(case: Case, module: str) -> Iterator[tuple[str, ...]]:
     """The nodes on whose inferior side a module passes, for each of its ways to the end of a network."""
     ends = [*case.network.roots.values()]
-    ends += [n.dominant for n in case.network.nodes.values() if n.relation == "inhibits"]
+    ends += [n.dominant for n in case.network.joints.values() if n.relation == "inhibits"]
     made = 0
     todo: list[tuple[str, tuple[str, ...]]] = [(end, ()) for end in ends]
     while todo and made < _MOST_WAYS:
@@ -70,7 +71,7 @@ def _ways(case: Case, module: str) -> Iterator[tuple[str, ...]]:
         if ref == module:
             made += 1
             yield passed
-        node = case.network.nodes.get(ref)
+        node = case.network.joints.get(ref)
         if node is not None and module in case.network.under(ref):
             todo.append((node.inferior, (*passed, ref)))
             if node.relation == "suppresses":
@@ -94,14 +95,15 @@ def told(case: Case, proved: Set[str], by: Mapping[str, tuple[str, ...]]) -> Ite
         if shadowed(name) not in proved or never(name) in proved:
             continue
         who = by.get(name, ())
-        verb = "dominates" if len(who) == 1 else "dominate"
         if who:
-            why = f"wherever it is active, {named(who)} {'dominates' if len(who) > 1 else verb} it"
+            why = f"{quoted(who, 'or')} dominates it"
         else:
-            why = f"wherever it is active, something above it dominates: {named(candidates(case, name))}"
+            why = (
+                f"wherever it is active, something above it dominates: {quoted(candidates(case, name), 'or')}"
+            )
         yield warning(
             "V020",
             module.span,
-            f"`{name}` can never get through: {why}",
+            f"`{name}` can never get through: wherever it is active, {why}",
             "put it above what dominates it, or narrow the predicates there; a module of no use can go",
         )

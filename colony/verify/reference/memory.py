@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator
 from typing import Any, NamedTuple
 
 from colony.ir import expression as e
 from colony.ir import program as ir
 from colony.ir.memory import ProgramMemory, state_cell, window_cell
 from colony.ir.types import ScalarValue
+from colony.ir.walk import nodes
+from colony.ir.wiring import joints_of
 from colony.verify.reference.expressions import Memory
 
 Parts = dict[str, float | bool | int]
@@ -37,11 +38,12 @@ def recalled(program: ir.Program, memory: ProgramMemory, initial: dict[str, Scal
     cells, first_ns = dict(memory.cells), memory.first_ns or 0
     states = {name: cells.pop(state_cell(name), value) for name, value in initial.items()}
     dominated: dict[tuple[str | int, ...], int] = {}
-    for key, window_ns in _windows(program):
-        until = cells.pop(f"{window_cell(key[0], key[1:])} until", 0)
+    for joint in joints_of(program).joints:
+        wire, *operands = joint.place
+        until = cells.pop(f"{window_cell(wire, tuple(operands))} until", 0) if joint.window_ns else 0
         if until > 0:
-            dominated[key] = first_ns + int(until) - window_ns
-    calls = {call.cell: call for call in _calls(program)}
+            dominated[joint.place] = first_ns + int(until) - joint.window_ns
+    calls = {call.cell: call for call in nodes(program) if isinstance(call, e.MemoryCall)}
     functions: dict[tuple[int, tuple[int, ...], int], Parts] = {}
     for name, value in cells.items():
         found = _FUNCTION.fullmatch(name)
@@ -55,7 +57,7 @@ def recalled(program: ir.Program, memory: ProgramMemory, initial: dict[str, Scal
 
 
 def _remembered(call: e.MemoryCall, parts: Parts, first_ns: int) -> Any:
-    """What `interpreter_expressions.remember` remembers of a call: None at first, and where nothing depends
+    """What `expressions.remember` remembers of a call: None at first, and where nothing depends
     on it, so that cells are left out."""
     match call.function, parts:
         case _, {"started": False}:
@@ -72,45 +74,3 @@ def _remembered(call: e.MemoryCall, parts: Parts, first_ns: int) -> Any:
             return last
         case _:
             return None
-
-
-def _windows(program: ir.Program) -> Iterator[tuple[tuple[str, *tuple[int, ...]], int]]:
-    """Every time constant: its wire with the indices of operands, and its length."""
-    work: list[tuple[tuple[str, *tuple[int, ...]], ir.Wiring]] = [
-        ((w.name,), w.wiring) for w in program.wires
-    ]
-    while work:
-        place, wiring = work.pop()
-        if isinstance(wiring, ir.Chain):
-            yield from (((*place, i), ns) for i, ns in enumerate(wiring.windows_ns) if ns > 0)
-            work += [((*place, i), operand) for i, operand in enumerate(wiring.operands)]
-
-
-def _calls(program: ir.Program) -> Iterator[e.MemoryCall]:
-    work: list[e.Expression] = list(_expressions(program))
-    while work:
-        node = work.pop()
-        if isinstance(node, e.MemoryCall):
-            yield node
-        work += e.children(node)
-
-
-def _expressions(program: ir.Program) -> Iterator[e.Expression]:
-    for derived in program.derived:
-        match derived:
-            case ir.Let():
-                yield derived.expression
-            case ir.State(next=following):
-                yield from () if following is None else (following,)
-            case ir.Machine():
-                yield from (t.condition for t in derived.transitions)
-    for module in program.modules:
-        if isinstance(module, ir.Module):
-            yield from (let.expression for let in module.lets)
-            yield module.when
-            yield from module.command.fields if module.command else ()
-            yield from (s.next for s in module.states if s.next is not None)
-    for limit in program.limits:
-        yield limit.bound
-        yield from () if limit.condition is None else (limit.condition,)
-    yield from (contract.expression for contract in program.contracts)

@@ -41,7 +41,6 @@ class Shape:
 class Builder:
     """Mutable: collects the parts of a `System`. Terms are kept alive, so that their ids stay theirs."""
 
-    prefix: str
     precise: bool
     shapes: Mapping[str, Shape]  # of memory, by name, as far as known
     facts: list[Fact] = field(default_factory=list)
@@ -57,7 +56,7 @@ class Builder:
     def name(self, hint: str) -> str:
         """A name that no other constant of this program has."""
         count = self._names[hint] = self._names.get(hint, 0) + 1
-        return f"{self.prefix}{hint}" if count == 1 else f"{self.prefix}{hint}#{count}"
+        return hint if count == 1 else f"{hint}#{count}"
 
     def once(self, key: tuple[Any, ...], make: Callable[[], Made]) -> Made:
         """What `make` made when `key` came first."""

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
-from types import MappingProxyType
 
 from colony.ir.program import Contract, Program
 from colony.verify.symbolic.builder import Builder, Shape
@@ -14,48 +13,40 @@ from colony.verify.symbolic.inputs import begin, sense
 from colony.verify.symbolic.logic import negation
 from colony.verify.symbolic.modules import Declarations
 from colony.verify.symbolic.moment import Moment, missing
-from colony.verify.symbolic.network import Network
+from colony.verify.symbolic.network import NetworkEncoder
 from colony.verify.symbolic.reasons import reasons_of
 from colony.verify.symbolic.sending import limits, send
 from colony.verify.symbolic.shapes import settled
 from colony.verify.symbolic.system import Claim, Fact, FactKind, System
 
 
-def encode(
-    program: Program,
-    prefix: str = "",
-    precise: bool = False,
-    python_names: Mapping[str, str] = MappingProxyType({}),
-) -> System:
-    """The meaning of one frame of `program`.
+def encode(program: Program, precise: bool = False) -> System:
+    """Return the meaning of one frame of `program`.
 
-    The names of cells and auxiliary constants begin with `prefix`; those of time and sensors do not, so that
-    two programs share them. The answers of a module in Python are named by `python_names` where it is there,
-    else by prefix and module. `precise` states products and quotients of what varies as such, which z3 often
-    cannot decide, in place of their signs and bounds.
+    `precise` states products and quotients of what varies as such, which z3 often cannot decide, in place of
+    their signs and bounds.
     """
 
     def attempt(shapes: Mapping[str, Shape]) -> tuple[Builder, System]:
-        builder = Builder(prefix=prefix, precise=precise, shapes=dict(shapes))
-        return builder, _encode(program, builder, python_names)
+        builder = Builder(precise=precise, shapes=dict(shapes))
+        return builder, _encode(program, builder)
 
     return with_reasons(settled(attempt))
 
 
-def _encode(program: Program, builder: Builder, python_names: Mapping[str, str]) -> System:
+def _encode(program: Program, builder: Builder) -> System:
     moment = begin(builder)
     sensors = sense(program, builder, moment)
     declarations = Declarations(program, builder, moment)
     declarations.states()
     declarations.derived()
-    modules, python = declarations.modules(python_names)
-    nodes = Network(program, builder, moment).wires()
+    modules, python = declarations.modules()
+    NetworkEncoder(program, builder, moment).wires()
     bounds = limits(program, builder, moment)
     actuators = {a.name: send(a, modules, bounds, builder, moment) for a in program.robot.actuators}
     claims = tuple(_claim(c, builder, moment) for c in program.contracts)
     return System(
         program=program,
-        prefix=builder.prefix,
         now=moment.now,
         begun=moment.begun,
         last=moment.last,
@@ -74,7 +65,6 @@ def _encode(program: Program, builder: Builder, python_names: Mapping[str, str])
         locals={name: value for name, (_, value) in moment.locals.items()},
         modules=modules,
         active=moment.active,
-        nodes=nodes,
         actuators=actuators,
         claims=claims,
     )

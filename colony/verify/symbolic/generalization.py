@@ -24,12 +24,10 @@ from colony.verify.symbolic.system import (
     ActuatorTerms,
     Auxiliary,
     Blamed,
-    Cell,
     Fact,
     FactKind,
     Inexact,
     ModuleTerms,
-    NodeTerms,
     Number,
     Operation,
     Scalar,
@@ -58,7 +56,7 @@ class _Generalization:
     def __init__(self, system: System) -> None:
         self.before = system
         self.terms = [b for b in system.inexact.values() if _can_be_free(b)]
-        self.free = [z3.Const(f"{system.prefix}rounded#{i}", b.term.sort()) for i, b in enumerate(self.terms)]
+        self.free = [z3.Const(f"rounded#{i}", b.term.sort()) for i, b in enumerate(self.terms)]
         self.term = Substitution([b.term for b in self.terms], self.free)
 
     def system(self) -> System:
@@ -66,7 +64,7 @@ class _Generalization:
         facts = [*self._facts(), *self._bounds(), *self._overflows()]
         return replace(
             before,
-            cells=tuple(self._cell(c) for c in before.cells),
+            cells=tuple(replace(c, next=self.term(c.next)) for c in before.cells),
             assumptions=tuple(f.formula for f in facts if f.kind is FactKind.ASSUMPTION),
             definitions=tuple(f.formula for f in facts if f.kind is FactKind.DEFINITION),
             invariants=tuple(f.formula for f in facts if f.kind is FactKind.INVARIANT),
@@ -78,7 +76,6 @@ class _Generalization:
             locals={n: self.value(v) for n, v in before.locals.items()},
             modules={n: self._module(m) for n, m in before.modules.items()},
             active={n: self.term(x) for n, x in before.active.items()},
-            nodes=tuple(self._node(n) for n in before.nodes),
             actuators={n: self._actuator(a) for n, a in before.actuators.items()},
             claims=tuple(
                 replace(c, speaks=self.term(c.speaks), holds=self.term(c.holds)) for c in before.claims
@@ -107,9 +104,6 @@ class _Generalization:
     def value(self, x: Term) -> Term:
         return self.scalars(x) if isinstance(x, tuple) else self.scalar(x)
 
-    def _cell(self, cell: Cell) -> Cell:
-        return replace(cell, next=self.term(cell.next))
-
     def _module(self, module: ModuleTerms) -> ModuleTerms:
         return replace(
             module,
@@ -117,14 +111,6 @@ class _Generalization:
             applicable=self.term(module.applicable),
             active=self.term(module.active),
             command=self.scalars(module.command),
-        )
-
-    def _node(self, node: NodeTerms) -> NodeTerms:
-        return replace(
-            node,
-            dominant=self.term(node.dominant),
-            inferior=self.term(node.inferior),
-            dominates=self.term(node.dominates),
         )
 
     def _actuator(self, actuator: ActuatorTerms) -> ActuatorTerms:

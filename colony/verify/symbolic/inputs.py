@@ -113,13 +113,11 @@ def _member(name: str, of: Enum, builder: Builder) -> Number:
 # --- modules in Python ---------------------------------------------------------------------------
 
 
-def python_answers(
-    module: PythonModule, actuator: Actuator | None, base: str, builder: Builder
-) -> PythonInput:
-    """Anything that may come from `step`: nothing, or fields of their types, any numbers, NaN too."""
-    answers = z3.Bool(f"{base}.answers")
+def python_answers(module: PythonModule, actuator: Actuator | None, builder: Builder) -> PythonInput:
+    """Return anything that may come from `step`: nothing, or fields of their types, any numbers, NaN too."""
+    answers = z3.Bool(f"{module.name}.answers")
     fields = actuator.fields if actuator else ()
-    made = tuple(_answer(f"{base}.{f.name}", f.type, builder) for f in fields)
+    made = tuple(_answer(f"{module.name}.{f.name}", f.type, builder) for f in fields)
     text = f"`{module.name}` is written in Python: it may answer anything"
     reason = Reason(Inexact.PYTHON, module.span, text)
     builder.blame_term(answers, reason)

@@ -12,7 +12,7 @@ from typing import assert_never, cast
 import z3
 
 from colony.ir import expression as ir
-from colony.ir.types import Bool, Enum, Quantity, ScalarValue
+from colony.ir.types import Bool, Enum, ScalarValue, any_value
 from colony.ir.types import Scalar as ScalarType
 from colony.verify.symbolic.bounding import within
 from colony.verify.symbolic.builder import Builder, Shape
@@ -110,7 +110,7 @@ class Memory:
 
     def last(self, x: Scalar, of: ScalarType, initial: ScalarValue | None = None) -> Scalar:
         """`x` at the last frame in which memory moved on; `initial` (or whatever) before the first."""
-        start = initial if initial is not None else False if isinstance(of, Bool) else _any_of(of)
+        start = any_value(of) if initial is None else initial
         key = ("last", repr(start), *self.builder.keep(self.moves), *self.builder.key(x))
 
         def make() -> Scalar:
@@ -140,7 +140,7 @@ class Memory:
         of_terms = (*self.builder.keep(self.moves, kept), *self.builder.key(x))
 
         def make() -> Scalar:
-            old, set_next = remembered(self.builder, f"{self.hint}.value", of, _any_of(of))
+            old, set_next = remembered(self.builder, f"{self.hint}.value", of, any_value(of))
             value = select(kept, old, x)
             set_next(select(self.moves, value, old))
             return value
@@ -298,16 +298,3 @@ def _known(x: Scalar) -> ScalarValue | None:
     if isinstance(x, Number):
         return constant_of(x)
     return True if is_true(x) else False if is_false(x) else None
-
-
-def _any_of(of: ScalarType) -> ScalarValue:
-    """A value of a type, for memory that is not read before it is written."""
-    match of:
-        case Bool():
-            return False
-        case Enum(members=members):
-            return members[0][1]
-        case Quantity():
-            return 0.0
-        case _:
-            assert_never(of)

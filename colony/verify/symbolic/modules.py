@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from typing import assert_never, cast
 
 import z3
@@ -17,7 +17,7 @@ from colony.verify.symbolic.expressions import Expressions
 from colony.verify.symbolic.inputs import python_answers
 from colony.verify.symbolic.logic import FALSE, all_of, any_of, both, negation
 from colony.verify.symbolic.memory import remembered
-from colony.verify.symbolic.moment import Moment, missing, needs
+from colony.verify.symbolic.moment import Moment, missing
 from colony.verify.symbolic.numbers import select
 from colony.verify.symbolic.system import ModuleTerms, Number, PythonInput, Scalar, Term
 
@@ -67,7 +67,6 @@ class Declarations:
                     absent = missing(expression, self.moment)
                     value = self.expressions(negation(absent), name).value(expression)
                     self.moment.derived[name] = (absent, self._named(value, name))
-                    self.moment.needs[name] = needs(expression, self.moment)
                 case ir.State(name=name, next=None):
                     self._unchanged(name)
                 case ir.State(name=name, next=following):
@@ -100,8 +99,8 @@ class Declarations:
 
     # --- modules ---------------------------------------------------------------------------------
 
-    def modules(self, names: Mapping[str, str]) -> tuple[dict[str, ModuleTerms], dict[str, PythonInput]]:
-        """Every module; `names` are the first part of the names of Python answers, where not the own."""
+    def modules(self) -> tuple[dict[str, ModuleTerms], dict[str, PythonInput]]:
+        """Encode every module; return their terms and the answers of those in Python."""
         found: dict[str, ModuleTerms] = {}
         python: dict[str, PythonInput] = {}
         actuators = {a.name: a for a in self.program.robot.actuators}
@@ -111,8 +110,7 @@ class Declarations:
                     terms = self._module(module)
                 case ir.PythonModule():
                     actuator = actuators[module.actuator] if module.actuator else None
-                    base = names.get(module.name, f"{self.builder.prefix}{module.name}")
-                    given = python[module.name] = python_answers(module, actuator, base, self.builder)
+                    given = python[module.name] = python_answers(module, actuator, self.builder)
                     terms = self._python_module(module, given)
                 case _:
                     assert_never(module)
@@ -129,9 +127,7 @@ class Declarations:
         own = frozenset(let.name for let in module.lets)
         silent = any_of(missing(e, self.moment, own) for e in everything)
         runs = self.expressions(negation(silent), module.name, own)
-        read = frozenset[str]()
         for let in module.lets:
-            self.moment.needs[let.name] = needs(let.expression, self.moment)
             self.moment.locals[let.name] = (silent, self._named(runs.value(let.expression), let.name))
         applicable = runs.boolean(module.when)
         command = tuple(runs.scalar(e) for e in fields)
@@ -141,18 +137,14 @@ class Declarations:
             else:
                 old = self.moment.states[state.name]
                 self._set_next[state.name](select(silent, old, runs.scalar(state.next)))
-        for e in everything:
-            read |= needs(e, self.moment)
         active = both(applicable, negation(silent))
-        return ModuleTerms(silent=silent, applicable=applicable, active=active, command=command, reads=read)
+        return ModuleTerms(silent=silent, applicable=applicable, active=active, command=command)
 
     def _python_module(self, module: ir.PythonModule, given: PythonInput) -> ModuleTerms:
         silent = any_of(missing(r.expression, self.moment) for r in module.reads)
-        read = frozenset[str]().union(*(needs(r.expression, self.moment) for r in module.reads))
         return ModuleTerms(
             silent=silent,
             applicable=given.answers,
             active=both(given.answers, negation(silent)),
             command=given.fields,
-            reads=read,
         )

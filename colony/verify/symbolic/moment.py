@@ -29,7 +29,6 @@ class Moment:
     wins: dict[str, dict[str, z3.BoolRef]] = field(default_factory=dict)  # by actuator and module
     commanded: dict[str, z3.BoolRef] = field(default_factory=dict)
     sent: dict[tuple[str, int], tuple[z3.BoolRef, Scalar]] = field(default_factory=dict)  # missing, value
-    needs: dict[str, frozenset[str]] = field(default_factory=dict)  # sensors, by derived value or local
 
 
 def missing(e: ir.Expression, moment: Moment, own: Set[str] = frozenset()) -> z3.BoolRef:
@@ -47,24 +46,6 @@ def missing(e: ir.Expression, moment: Moment, own: Set[str] = frozenset()) -> z3
             return missing(other, moment, own)
         case _:
             return any_of(missing(child, moment, own) for child in ir.children(e))
-
-
-def needs(e: ir.Expression, moment: Moment) -> frozenset[str]:
-    """The sensors that `e` cannot do without, directly or through derived values."""
-    match e:
-        case ir.SensorValue(name=name):
-            can_be_missing = not _never(moment.missing[name])
-            return frozenset({name}) if can_be_missing else frozenset()
-        case ir.DerivedValue(name=name) | ir.LocalValue(name=name):
-            return moment.needs.get(name, frozenset())
-        case ir.ValueOr(other=other):
-            return needs(other, moment)
-        case _:
-            return frozenset[str]().union(*(needs(child, moment) for child in ir.children(e)))
-
-
-def _never(x: z3.BoolRef) -> bool:
-    return bool(x.get_id() == FALSE.get_id())
 
 
 def needed_for(condition: z3.BoolRef, e: ir.Expression, moment: Moment, own: Set[str]) -> z3.BoolRef:

@@ -13,7 +13,6 @@ from colony.verify.symbolic.builder import Builder
 from colony.verify.symbolic.logic import TRUE, any_of, both, either, negation
 from colony.verify.symbolic.memory import Memory
 from colony.verify.symbolic.moment import Moment
-from colony.verify.symbolic.system import NodeTerms
 
 
 @dataclass(frozen=True, slots=True)
@@ -24,40 +23,37 @@ class Output:
     active: z3.BoolRef
 
 
-class Network:
+class NetworkEncoder:
     """Encodes the wires, in an order in which each stands after what it is made of. Mutable."""
 
     def __init__(self, program: ir.Program, builder: Builder, moment: Moment) -> None:
         self.program = program
         self.builder = builder
         self.moment = moment
-        self.nodes: list[NodeTerms] = []
         self._outputs = {m.name: _of_module(m.name, moment.active[m.name]) for m in program.modules}
 
-    def wires(self) -> tuple[NodeTerms, ...]:
-        """All wires, into the moment; gives the nodes, inner ones first."""
+    def wires(self) -> None:
+        """Encode all wires into the moment."""
         for actuator in self.program.robot.actuators:
             self.moment.wins[actuator.name] = {}
         for wire in self.program.wires:
-            output = self._wiring(wire.wiring, wire.name, ())
+            output = self._wiring(wire.wiring, wire.name)
             if wire.actuator is None:
                 self._outputs[wire.name] = output
                 self.moment.active[wire.name] = output.active
             else:
                 self.moment.wins[wire.actuator] = dict(output.by)
-        return tuple(self.nodes)
 
-    def _wiring(self, wiring: ir.Wiring, wire: str, path: tuple[int, ...]) -> Output:
+    def _wiring(self, wiring: ir.Wiring, wire: str) -> Output:
         match wiring:
             case ir.Use(name=name):
                 return self._outputs[name]
             case ir.Chain():
-                operands = [self._wiring(o, wire, (*path, i)) for i, o in enumerate(wiring.operands)]
-                return self._chain(wiring, operands, wire, path)
+                return self._chain(wiring, [self._wiring(o, wire) for o in wiring.operands], wire)
             case _:
                 assert_never(wiring)
 
-    def _chain(self, chain: ir.Chain, operands: list[Output], wire: str, path: tuple[int, ...]) -> Output:
+    def _chain(self, chain: ir.Chain, operands: list[Output], wire: str) -> Output:
         """Each operand but the last dominates what follows it."""
         count = len(operands) - 1
         dominates = [
@@ -66,22 +62,9 @@ class Network:
         ]
         rest = operands[count].active  # what is on the output of the operands from i + 1 on
         for i in reversed(range(count)):
-            dominant = operands[i].active
-            self.nodes.append(
-                NodeTerms(
-                    wire=wire,
-                    path=(*path, i),
-                    relation=chain.relation,
-                    window_ns=chain.windows_ns[i],
-                    dominant=dominant,
-                    inferior=rest,
-                    dominates=dominates[i],
-                    span=chain.span,
-                )
-            )
             rest = both(rest, negation(dominates[i]))
             if chain.relation == "suppresses":
-                rest = either(dominant, rest)
+                rest = either(operands[i].active, rest)
         return Output(_through(chain, operands, dominates), rest)
 
     def _dominates(self, active: z3.BoolRef, window_ns: int, hint: str) -> z3.BoolRef:

@@ -20,7 +20,6 @@ from typing import TypeAlias
 import z3
 
 from colony.ir.program import Program
-from colony.ir.types import ScalarValue
 from colony.text.source import NOWHERE, Span
 from colony.verify.symbolic.graph import Graph
 
@@ -169,32 +168,13 @@ class PythonInput:
 class ModuleTerms:
     """A module in the frame. `applicable` and `command` mean something only where not `silent`.
 
-    `active` is `applicable and not silent`. `reads` are the sensors that it cannot do
-    without, directly or through derived values.
+    `active` is `applicable and not silent`.
     """
 
     silent: z3.BoolRef
     applicable: z3.BoolRef
     active: z3.BoolRef
     command: tuple[Scalar, ...]
-    reads: frozenset[str]
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class NodeTerms:
-    """One suppressor or inhibitor of the source: `wire` and `path` (operand indices down its chains) name it.
-
-    `dominates` is `dominant`, or that it was within the time constant.
-    """
-
-    wire: str
-    path: tuple[int, ...]
-    relation: str  # "suppresses" or "inhibits"
-    window_ns: int
-    dominant: z3.BoolRef
-    inferior: z3.BoolRef
-    dominates: z3.BoolRef
-    span: Span = field(default=NOWHERE)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -272,11 +252,5 @@ class System:
     locals: Mapping[str, Term]  # lets of modules, by full name
     modules: Mapping[str, ModuleTerms]
     active: Mapping[str, z3.BoolRef]  # modules and wires
-    nodes: tuple[NodeTerms, ...]
     actuators: Mapping[str, ActuatorTerms]
     claims: tuple[Claim, ...]
-    prefix: str = ""  # of the names of cells and auxiliary constants
-
-
-ModelValue = ScalarValue | None
-"""A value taken from a model of z3; None where the sensor is missing."""

@@ -1,70 +1,46 @@
-"""From a model of z3 to what people can read and the interpreter can run: frames, answers, memory."""
+"""From a model of z3 to what people can read and the interpreter can run: readings and answers."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
-from dataclasses import dataclass
 from fractions import Fraction
 
 import z3
 
-from colony.ir.frame import Reading
 from colony.ir.program import Sensor
-from colony.ir.types import Array, Bool, Enum, ScalarValue, element_type
+from colony.ir.types import Array, Bool, Enum, ScalarValue, Value, element_type
 from colony.ir.types import Scalar as ScalarType
 from colony.verify.reference.boundary import clamp
-from colony.verify.symbolic.system import Number, PythonInput, Scalar, SensorInput, Term
+from colony.verify.snapshot import Snapshot
+from colony.verify.symbolic.system import Number, Scalar, SensorInput
 from colony.verify.symbolic.unrolling import Unrolling
 
 _DIGITS = 30  # of an algebraic number, more than a float has
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class ConcreteFrame:
-    """One frame of a witness.
+def snapshots(model: z3.ModelRef, unrolling: Unrolling, count: int) -> tuple[Snapshot, ...]:
+    """Return the first `count` frames of a model of `unrolling`.
 
-    `readings` are in base units, as `Interpreter.step_in_base_units` takes them; a sensor that is missing, or
-    on which nothing depends, is absent (`free` names the latter). `python` is what modules in Python
-    answered: the fields, or None for no command. `cells` is memory before the frame, by the names of cells.
+    Numbers are the floats nearest to the model's reals, within the sensor's range; times are exact. A sensor
+    on which nothing depends is missing.
     """
-
-    t_ns: int
-    readings: Mapping[str, Reading]
-    python: Mapping[str, tuple[ScalarValue, ...] | None]
-    cells: Mapping[str, ScalarValue | int]
-    free: frozenset[str] = frozenset()
+    return tuple(_snapshot(model, unrolling, i) for i in range(count))
 
 
-def frames(model: z3.ModelRef, unrolling: Unrolling, count: int) -> tuple[ConcreteFrame, ...]:
-    """The first `count` frames of a model of `unrolling`.
-
-    Numbers are the floats nearest to the model's reals, within the sensor's range; times are exact.
-    """
-    return tuple(_frame(model, unrolling, i) for i in range(count))
-
-
-def _frame(model: z3.ModelRef, unrolling: Unrolling, i: int) -> ConcreteFrame:
+def _snapshot(model: z3.ModelRef, unrolling: Unrolling, i: int) -> Snapshot:
     system, met = unrolling.system, unrolling.cone.visited
     sensors = {s.name: s for s in system.program.robot.sensors}
-    readings: dict[str, Reading] = {}
-    free = set()
-    for name, given in system.sensors.items():
-        if not _depends(given, met):
-            free.add(name)
-        elif _truth(model, unrolling.at(i, given.present)):
-            readings[name] = _reading(model, unrolling, i, sensors[name], given)
-    python = {
-        n: _answer(model, unrolling, i, p) for n, p in system.python.items() if p.answers.get_id() in met
+    readings = {
+        name: _reading(model, unrolling, i, sensors[name], given)
+        for name, given in system.sensors.items()
+        if _depends(given, met) and _truth(model, unrolling.at(i, given.present))
     }
-    cells = {c.name: _plain(_evaluated(model, unrolling.at(i, c.old))) for c in unrolling.cone.cells}
-    return ConcreteFrame(
-        t_ns=_time(model, unrolling, i),
-        readings=readings,
-        python=python,
-        cells=cells,
-        free=frozenset(free),
-    )
+    answers = {
+        name: tuple(value_in(model, unrolling, i, x) for x in given.fields)
+        for name, given in system.python.items()
+        if given.answers.get_id() in met and _truth(model, unrolling.at(i, given.answers))
+    }
+    return Snapshot(_time(model, unrolling, i), readings, answers)
 
 
 def _time(model: z3.ModelRef, unrolling: Unrolling, i: int) -> int:
@@ -84,7 +60,7 @@ def _depends(given: SensorInput, met: frozenset[int]) -> bool:
     return any(term.get_id() in met for term in (*terms, *values) if not z3.is_false(term))
 
 
-def _reading(model: z3.ModelRef, unrolling: Unrolling, i: int, sensor: Sensor, given: SensorInput) -> Reading:
+def _reading(model: z3.ModelRef, unrolling: Unrolling, i: int, sensor: Sensor, given: SensorInput) -> Value:
     of = element_type(sensor.type)
     values = [_sensed(value_in(model, unrolling, i, x), of, sensor) for x in given.elements]
     return tuple(values) if isinstance(sensor.type, Array) else values[0]
@@ -96,14 +72,6 @@ def _sensed(x: ScalarValue, of: ScalarType, sensor: Sensor) -> ScalarValue:
         members = [v for _, v in of.members]
         return x if x in members else members[0]
     return x if isinstance(of, Bool) else clamp(x, sensor.low, sensor.high)
-
-
-def _answer(
-    model: z3.ModelRef, unrolling: Unrolling, i: int, given: PythonInput
-) -> tuple[ScalarValue, ...] | None:
-    if not _truth(model, unrolling.at(i, given.answers)):
-        return None
-    return tuple(value_in(model, unrolling, i, x) for x in given.fields)
 
 
 # --- values --------------------------------------------------------------------------------------
@@ -121,28 +89,12 @@ def value_in(model: z3.ModelRef, unrolling: Unrolling, i: int, x: Scalar) -> Sca
     return _nearest(value)
 
 
-def values_in(
-    model: z3.ModelRef, unrolling: Unrolling, i: int, x: Term
-) -> ScalarValue | tuple[ScalarValue, ...]:
-    """The same of any term; a tuple of an array."""
-    if isinstance(x, tuple):
-        return tuple(value_in(model, unrolling, i, element) for element in x)
-    return value_in(model, unrolling, i, x)
-
-
 def _evaluated(model: z3.ModelRef, term: z3.ExprRef) -> z3.ExprRef:
     return model.eval(term, model_completion=True)
 
 
 def _truth(model: z3.ModelRef, term: z3.BoolRef) -> bool:
     return bool(z3.is_true(_evaluated(model, term)))
-
-
-def _plain(value: z3.ExprRef) -> ScalarValue | int:
-    if z3.is_bool(value):
-        return bool(z3.is_true(value))
-    rational = _rational(value)
-    return int(rational) if z3.is_int(value) else _nearest(rational)
 
 
 def _rational(value: z3.ExprRef) -> Fraction:

@@ -2,40 +2,56 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+
 from colony.ir.frame import Frame, Reading
 from colony.ir.program import Example, Given, Program, Sensor
-from colony.ir.types import Array, ScalarValue
+from colony.ir.types import Array, Value
+from colony.verify.snapshot import Snapshot
 
 
-def frames_of(program: Program, example: Example) -> tuple[Frame, ...]:
-    """What an example gives in each of its frames, in declared units.
+def snapshots_of(program: Program, example: Example) -> tuple[Snapshot, ...]:
+    """Return what an example gives in each of its frames.
 
     An element that is set in an array that is missing is left out, as is what the example expects.
     """
+    return tuple(
+        Snapshot(t_ns, {name: value for name, value in given.items() if value is not None})
+        for t_ns, given in _given(program, example)
+    )
+
+
+def frames_of(program: Program, example: Example) -> tuple[Frame, ...]:
+    """Return the same frames in declared units."""
+    factors = {s.name: s.factor for s in program.robot.sensors}
+    return tuple(
+        Frame(t_ns, {name: _declared(value, factors[name]) for name, value in given.items()})
+        for t_ns, given in _given(program, example)
+    )
+
+
+def _given(program: Program, example: Example) -> Iterator[tuple[int, dict[str, Value | None]]]:
     sensors = {s.name: s for s in program.robot.sensors}
-    readings: dict[str, Reading] = {}
-    frames = []
+    readings: dict[str, Value | None] = {}
     for step in example.steps:
         for given in step.given:
-            sensor = sensors[given.sensor]
-            readings[sensor.name] = _given(sensor, given, readings.get(sensor.name))
-        frames += [Frame(t_ns, dict(readings)) for t_ns in step.times_ns]
-    return tuple(frames)
+            readings[given.sensor] = assigned(sensors[given.sensor], given, readings.get(given.sensor))
+        yield from ((t_ns, dict(readings)) for t_ns in step.times_ns)
 
 
-def _given(sensor: Sensor, given: Given, before: Reading) -> Reading:
+def assigned(sensor: Sensor, given: Given, before: Value | None) -> Value | None:
+    """Return what a sensor gives after an assignment; an array that is missing has no elements to set."""
     value = given.value
+    if isinstance(value, tuple) or value is None:
+        return value
+    if given.index is None:
+        return (value,) * sensor.type.size if isinstance(sensor.type, Array) else value
+    if not isinstance(before, tuple):
+        return before
+    return (*before[: given.index], value, *before[given.index + 1 :])
+
+
+def _declared(value: Value | None, factor: float) -> Reading:
     if isinstance(value, tuple):
-        return tuple(_declared(sensor, x) for x in value)
-    if value is None:
-        return None
-    scalar = _declared(sensor, value)
-    if given.index is not None:
-        if not isinstance(before, tuple):
-            return before
-        return (*before[: given.index], scalar, *before[given.index + 1 :])
-    return (scalar,) * sensor.type.size if isinstance(sensor.type, Array) else scalar
-
-
-def _declared(sensor: Sensor, value: ScalarValue) -> ScalarValue:
-    return value if isinstance(value, bool) else value / sensor.factor
+        return tuple(x if isinstance(x, bool) else x / factor for x in value)
+    return value if value is None or isinstance(value, bool) else value / factor

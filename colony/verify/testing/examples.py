@@ -7,17 +7,20 @@ contract that is broken in any frame of an example.
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Literal, assert_never
 
 from colony.ir import expression as ir
 from colony.ir.frame import Decision, Outcome, Reading
-from colony.ir.program import Actuator, Contract, Example, Given, Program, Sensor, Step
-from colony.ir.types import Array, Bool, Enum, Quantity, Scalar, ScalarValue, Type, Value
+from colony.ir.program import Actuator, Contract, Example, Given, Program, Step
+from colony.ir.types import Array, Bool, Enum, Quantity, Scalar, ScalarValue, Type, Value, element_type
 from colony.text.diagnostics import Diagnostic, error
 from colony.text.source import Span
+from colony.text.wording import counted
 from colony.verify.reference.boundary import default_of
 from colony.verify.reference.interpreter import Interpreter
+from colony.verify.snapshot import Snapshot
+from colony.verify.testing.example_frames import assigned
 from colony.verify.written import written
 
 FailureKind = Literal["false", "says nothing", "contract broken", "no array to set an element in"]
@@ -75,6 +78,22 @@ def run_example(program: Program, example: Example) -> ExampleResult:
     )
 
 
+def facts_of_breach(program: Program, contract: str, snapshots: Iterable[Snapshot]) -> tuple[str, ...]:
+    """Return what the things that a contract names are in the frame of a run that breaks it, a fact each."""
+    names = [s.name for s in program.robot.sensors]
+    steps = tuple(
+        Step(
+            times_ns=(snapshot.t_ns,),
+            given=tuple(Given(sensor=n, index=None, value=snapshot.readings.get(n)) for n in names),
+            expectations=(),
+        )
+        for snapshot in snapshots
+    )
+    alone = replace(program, contracts=tuple(c for c in program.contracts if c.name == contract))
+    failures = run_example(alone, Example(name=contract, steps=steps)).failures
+    return next((f.found for f in failures if f.kind == "contract broken"), ())
+
+
 def failures_as_diagnostics(results: Iterable[ExampleResult]) -> tuple[Diagnostic, ...]:
     """An error for each failure: T001 false, T002 says nothing, T003 contract broken, T004 no such array."""
     return tuple(_diagnostic(result, failure) for result in results for failure in result.failures)
@@ -82,7 +101,7 @@ def failures_as_diagnostics(results: Iterable[ExampleResult]) -> tuple[Diagnosti
 
 def _diagnostic(result: ExampleResult, failure: ExampleFailure) -> Diagnostic:
     when = f'in "{result.name}" at {_number(failure.t_ns / 1e9)} s'
-    more = f", and in {_frames(failure.frames - 1, 'more ')}" if failure.frames > 1 else ""
+    more = f", and in {counted(failure.frames - 1, 'more frame')}" if failure.frames > 1 else ""
     match failure.kind:
         case "false":
             message = f"{when}{more}: expected `{failure.expected}`"
@@ -98,10 +117,6 @@ def _diagnostic(result: ExampleResult, failure: ExampleFailure) -> Diagnostic:
     if failure.kind == "no array to set an element in":
         return error(_CODES[failure.kind], failure.span, message, found)
     return error(_CODES[failure.kind], failure.span, f"{message}; found: {found}" if found else message)
-
-
-def _frames(count: int, kind: str = "") -> str:
-    return f"{count} {kind}frame{'' if count == 1 else 's'}"
 
 
 class _Run:
@@ -132,15 +147,8 @@ class _Run:
         """Take an assignment over; it stays until the sensor is given anew."""
         sensor = self.sensors[given.sensor]
         before = self.readings.get(sensor.name)
-        if given.index is None:
-            self.readings[sensor.name] = _filling(sensor, given.value)
-        elif isinstance(before, tuple) and not isinstance(given.value, tuple) and given.value is not None:
-            self.readings[sensor.name] = (
-                *before[: given.index],
-                given.value,
-                *before[given.index + 1 :],
-            )
-        else:
+        self.readings[sensor.name] = assigned(sensor, given, before)
+        if given.index is not None and before is None:
             stands_in = default_of(sensor) is not None
             hint = f"give all of it first: `{sensor.name} = ...`" + (
                 ": its default only stands in for it" if stands_in else ""
@@ -166,25 +174,15 @@ class _Run:
         """Note a failure; the same one of a later frame is only counted."""
         before = self.failures.get(key)
         if before is None:
-            self.failures[key] = ExampleFailure(
-                kind=kind, span=span, t_ns=t_ns, expected=expected, found=found
-            )
-        else:
-            self.failures[key] = ExampleFailure(
-                kind=kind,
-                span=before.span,
-                t_ns=before.t_ns,
-                expected=before.expected,
-                found=before.found,
-                frames=before.frames + 1,
-            )
+            before = ExampleFailure(kind=kind, span=span, t_ns=t_ns, expected=expected, found=found, frames=0)
+        self.failures[key] = replace(before, frames=before.frames + 1)
 
     # --- what was there instead ------------------------------------------------------------------
 
     def found(self, expression: ir.Expression, outcome: Outcome) -> Iterator[str]:
         """A fact for each thing that `expression` names, each once, and what was recorded."""
         facts = dict.fromkeys(
-            fact for leaf in _leaves(expression) for fact in self.fact(leaf, outcome) if fact
+            fact for leaf in ir.subexpressions(expression) for fact in self.fact(leaf, outcome) if fact
         )
         yield from facts
         for record in outcome.records:
@@ -236,21 +234,6 @@ def _decider(decision: Decision) -> str:
     return f"by {decision.by}" + (f", whose command is {decision.fault}" if decision.fault else "")
 
 
-def _filling(sensor: Sensor, value: Value | None) -> Value | None:
-    """A scalar fills an array."""
-    if isinstance(sensor.type, Array) and value is not None and not isinstance(value, tuple):
-        return (value,) * sensor.type.size
-    return value
-
-
-def _leaves(expression: ir.Expression) -> Iterator[ir.Expression]:
-    below = ir.children(expression)
-    if not below:
-        yield expression
-    for child in below:
-        yield from _leaves(child)
-
-
 # --- values for people ---------------------------------------------------------------------------
 
 _MOST_ELEMENTS = 8
@@ -259,8 +242,7 @@ _MOST_ELEMENTS = 8
 def shown(value: Value, of: Type) -> str:
     """A value with its unit, or an enumerator by its name; of long arrays the first elements."""
     if not isinstance(value, tuple):
-        element = of.element if isinstance(of, Array) else of
-        return _scalar(value, element)
+        return _scalar(value, element_type(of))
     assert isinstance(of, Array)
     parts = [_scalar(x, of.element) for x in value[:_MOST_ELEMENTS]]
     return f"[{', '.join(parts)}{', ...' if len(value) > _MOST_ELEMENTS else ''}]"

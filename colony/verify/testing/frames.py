@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-
 from colony.ir import expression as ir
 from colony.ir.frame import Frame
-from colony.ir.program import Chain, Let, Machine, Module, Program, PythonModule, State, Wiring
+from colony.ir.program import Program, PythonModule
 from colony.ir.types import Quantity
+from colony.ir.walk import nodes
+from colony.ir.wiring import joints_of
 from colony.text.units import TIME
 from colony.verify.testing.drawing import Choices
 from colony.verify.testing.example_frames import frames_of
@@ -51,19 +51,18 @@ def _written(choices: Choices, program: Program, max_frames: int) -> tuple[Frame
 
 def thresholds_of(program: Program) -> Thresholds:
     """The numbers that the program's expressions name, by dimension."""
-    return thresholds_among(node for root in expressions_of(program) for node in _walk(root))
+    return thresholds_among(nodes(program))
 
 
 def sensors_read(program: Program) -> frozenset[str]:
     """The sensors that some expression or module in Python reads."""
     found: set[str] = set()
-    for root in expressions_of(program):
-        for node in _walk(root):
-            match node:
-                case ir.SensorValue(name=name) | ir.Fresh(name=name, derived=False):
-                    found.add(name)
-                case _:
-                    pass
+    for node in nodes(program):
+        match node:
+            case ir.SensorValue(name=name) | ir.Fresh(name=name, derived=False):
+                found.add(name)
+            case _:
+                pass
     return frozenset(found)
 
 
@@ -84,13 +83,11 @@ def gaps_of(program: Program) -> list[int]:
 def durations_of(program: Program) -> list[int]:
     """The durations that the program measures, in nanoseconds, each once."""
     found: dict[int, None] = {}
-    for wire in program.wires:
-        for window_ns in _windows(wire.wiring):
-            found[window_ns] = None
-    for root in expressions_of(program):
-        for node in _walk(root):
-            if isinstance(node, ir.MemoryCall):
-                found[node.duration_ns] = None
+    for joint in joints_of(program).joints:
+        found[joint.window_ns] = None
+    for node in nodes(program):
+        if isinstance(node, ir.MemoryCall):
+            found[node.duration_ns] = None
     for module in program.modules:
         if isinstance(module, PythonModule) and module.rate_ns is not None:
             found[module.rate_ns] = None
@@ -101,59 +98,15 @@ def durations_of(program: Program) -> list[int]:
 def _times_compared(program: Program) -> list[int]:
     """What `elapsed` and `now` may be compared with, in nanoseconds, the first few."""
     found: dict[int, None] = {}
-    for root in expressions_of(program):
-        for node in _walk(root):
-            match node:
-                case ir.Constant(type=Quantity(dimension=dimension), value=float(seconds)):
-                    if dimension == TIME and 0 < seconds < _LONGEST_S:
-                        found[round(seconds * 1e9)] = None
-                case _:
-                    pass
+    for node in nodes(program):
+        match node:
+            case ir.Constant(type=Quantity(dimension=dimension), value=float(seconds)):
+                if dimension == TIME and 0 < seconds < _LONGEST_S:
+                    found[round(seconds * 1e9)] = None
+            case _:
+                pass
     return list(found)[:8]
 
 
 _LONGEST_S = 86_400.0
 """Longer ones are no waiting times."""
-
-
-def _windows(wiring: Wiring) -> Iterator[int]:
-    if isinstance(wiring, Chain):
-        yield from wiring.windows_ns
-        for operand in wiring.operands:
-            yield from _windows(operand)
-
-
-# --- the program's expressions -------------------------------------------------------------------
-
-
-def expressions_of(program: Program) -> Iterator[ir.Expression]:
-    """All expressions of a program that are evaluated every frame."""
-    for derived in program.derived:
-        match derived:
-            case Let(expression=expression):
-                yield expression
-            case State(next=following) if following is not None:
-                yield following
-            case Machine(transitions=transitions):
-                yield from (t.condition for t in transitions)
-            case _:
-                pass
-    for module in program.modules:
-        if isinstance(module, Module):
-            yield from (let.expression for let in module.lets)
-            yield module.when
-            yield from module.command.fields if module.command else ()
-            yield from (s.next for s in module.states if s.next is not None)
-        else:
-            yield from (r.expression for r in module.reads)
-    for limit in program.limits:
-        yield limit.bound
-        if limit.condition is not None:
-            yield limit.condition
-    yield from (contract.expression for contract in program.contracts)
-
-
-def _walk(root: ir.Expression) -> Iterator[ir.Expression]:
-    yield root
-    for child in ir.children(root):
-        yield from _walk(child)

@@ -26,6 +26,7 @@ from colony.ir.program import (
     Wiring,
 )
 from colony.ir.types import BOOL, PLAIN
+from colony.text.wording import duration_text
 from colony.verify.testing.drawing import Choices
 
 WINDOWS_NS = (0, 0, 100_000_000, 50_000_000, 150_000_000, 1)
@@ -169,6 +170,6 @@ def wiring_text(wiring: Wiring, nested: bool = False) -> str:
         case Chain(relation=relation, operands=operands, windows_ns=windows_ns):
             text = wiring_text(operands[0], nested=True)
             for operand, window_ns in zip(operands[1:], windows_ns, strict=True):
-                window = f"[{window_ns / 1e6:g} ms]" if window_ns else ""
+                window = f"[{duration_text(window_ns)}]" if window_ns else ""
                 text += f" {relation}{window} {wiring_text(operand, nested=True)}"
             return f"({text})" if nested else text

@@ -1,139 +1,208 @@
-"""Shrinks a trace that shows something to what it takes: few frames, plain readings, regular times.
+"""Shrinks a run that shows something to what it takes: few frames, simple readings, regular times.
 
-Delta debugging (Zeller and Hildebrandt, 2002) over frames, then one reading after the other, until nothing
-more can go. Every step is tried: what is left does show it.
+Delta debugging (Zeller and Hildebrandt, 2002) over frames, then over the readings of one sensor after the
+other, then over times, until nothing more can go. Every step is tried: what is left does show it.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator, Sequence
-from typing import assert_never
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from typing import Any, Generic, Protocol, TypeVar
 
 from colony.ir.frame import Frame, Reading
-from colony.ir.program import Program, Sensor
-from colony.ir.types import Array, Bool, Enum, Quantity, Scalar, ScalarValue
+from colony.ir.program import Program, Robot, Sensor
+from colony.ir.types import Array, Quantity, ScalarValue, any_value, element_type
 from colony.verify.reference.boundary import sense
+from colony.verify.snapshot import Snapshot
 
-MOST_TRIES = 1000
-"""How often a trace is tried at most; what is best so far is given then."""
+PATIENCE = 6000
+"""How many frames may be computed to shrink a trace; the best so far is given then."""
 
-Shows = Callable[[tuple[Frame, ...]], int | None]
+Given = TypeVar("Given", Frame, Snapshot)
+
+Shows = Callable[[tuple[Given, ...]], int | None]
 """The index of the frame that shows it, None if none does; the frames after it do not matter."""
 
 
+class Simpler(Protocol):
+    """What counts as simpler than the readings of a sensor, simplest first."""
+
+    def in_all(self, sensor: Sensor, readings: Sequence[Reading]) -> Iterable[Reading]:
+        """Return what the sensor might as well give in all frames; `readings` has what it gives in each."""
+
+    def in_one(self, sensor: Sensor, reading: Reading, before: Reading) -> Iterable[Reading]:
+        """Return what it might as well give in one frame; `before` is what it gives in the frame before.
+
+        Nothing that is as simple as `reading` may be among it, or there would be no end.
+        """
+
+
 def shrunk(
-    program: Program, trace: Sequence[Frame], shows: Shows, most_tries: int = MOST_TRIES
+    program: Program, trace: Sequence[Frame], shows: Shows[Frame], patience: int = PATIENCE
 ) -> tuple[Frame, ...]:
-    """The least trace found that `shows` what `trace` does; its last frame is the one that shows it.
+    """Return the least trace found that shows what `trace` does; its last frame is the one that shows it.
 
     Frames keep their order. `trace` itself must show it.
     """
-    shrinking = _Shrinking(program, tuple(trace), shows, most_tries)
-    before: tuple[Frame, ...] = ()
-    while repr(before) != repr(shrinking.trace) and shrinking.left:
-        before = shrinking.trace
-        shrinking.fewer_frames()
-        shrinking.plainer_readings()
-        shrinking.regular_times()
-    return shrinking.trace
+    shrinker = Shrinker(program.robot, tuple(trace), shows, _Plainer(), patience)
+    shrinker.run()
+    return shrinker.trace
 
 
-class _Shrinking:
-    """Mutable: the best trace so far, and how many tries are left."""
+class Shrinker(Generic[Given]):
+    """Makes a run smaller, step by step. Mutable: the best run so far, and how much patience is left."""
 
-    def __init__(self, program: Program, trace: tuple[Frame, ...], shows: Shows, left: int) -> None:
-        self._sensors = program.robot.sensors
-        self._frame_ns = program.robot.frame_ns
-        self._shows = shows
-        self.left = left
-        self.trace = trace
-        self._take(trace)
+    def __init__(
+        self,
+        robot: Robot,
+        trace: tuple[Given, ...],
+        shows: Shows[Given],
+        simpler: Simpler,
+        patience: int,
+    ) -> None:
+        self._robot = robot
+        self._shows: Shows[Given] = shows
+        self._simpler = simpler
+        self._patience = patience
+        self.trace: tuple[Given, ...] = trace
+        self.take(trace)
 
-    def _take(self, candidate: tuple[Frame, ...]) -> bool:
-        """Go on with a candidate if it shows it, up to the frame that does."""
-        if not self.left or not candidate:
+    def run(self) -> None:
+        """Shrink until nothing more can go, or patience ends."""
+        before: tuple[Given, ...] = ()
+        while repr(before) != repr(self.trace) and self._patience > 0:
+            before = self.trace
+            self._fewer_frames()
+            self._simpler_readings()
+            self._regular_times()
+
+    def take(self, candidate: tuple[Given, ...]) -> bool:
+        """Go on with a candidate if it shows it, up to the frame that does; return whether it does."""
+        if not candidate or len(candidate) > self._patience:
             return False
-        self.left -= 1
+        self._patience -= len(candidate)
         at = self._shows(candidate)
-        if at is None:
-            return False
-        self.trace = candidate[: at + 1]
-        return True
+        if at is not None:
+            self.trace = candidate[: at + 1]
+        return at is not None
 
-    def fewer_frames(self) -> None:
+    def _fewer_frames(self) -> None:
         """Leave out half of them, a quarter, ..., single ones, from the end; the last frame as well."""
         size = max(1, len(self.trace) // 2)
         while size:
             end = len(self.trace)
             while end > 0:
-                self._take((*self.trace[: max(0, end - size)], *self.trace[end:]))
+                self.take(self.trace[: max(0, end - size)] + self.trace[end:])
                 end = min(end - size, len(self.trace))
             size //= 2
 
-    def regular_times(self) -> None:
-        """Begin at 0, and let each frame follow after one frame period, or after some whole ones."""
-        first = self.trace[0].t_ns
-        self._take(tuple(f._replace(t_ns=f.t_ns - first) for f in self.trace))
-        for i in range(1, len(self.trace)):
-            if i >= len(self.trace):
-                return
-            gap = self.trace[i].t_ns - self.trace[i - 1].t_ns
-            for wanted in dict.fromkeys((self._frame_ns, -(-gap // self._frame_ns) * self._frame_ns)):
-                if gap == wanted:
-                    break
-                moved = tuple(f._replace(t_ns=f.t_ns - gap + wanted) for f in self.trace[i:])
-                if self._take((*self.trace[:i], *moved)):
-                    break
+    # --- times -----------------------------------------------------------------------------------
 
-    def plainer_readings(self) -> None:
-        """For each sensor, in all frames at once and then one by one."""
-        for sensor in self._sensors:
-            self._alike(sensor)
-            for i in range(len(self.trace)):
-                for plain in _plainer(sensor, self._reading(sensor, i)):
-                    if i >= len(self.trace) or self._take(self._with(sensor, (i,), plain)):
-                        break
-
-    def _alike(self, sensor: Sensor) -> None:
-        """One plain reading in all frames, or the first one, or the last one."""
-        if not self.trace:
+    def _regular_times(self) -> None:
+        """Begin at 0, and let each frame follow after one frame period, or after few."""
+        period, first = self._robot.frame_ns, self.trace[0].t_ns
+        if first:
+            self.take(tuple(f._replace(t_ns=f.t_ns - first) for f in self.trace))
+        regular = tuple(f._replace(t_ns=i * period) for i, f in enumerate(self.trace))
+        if repr(regular) == repr(self.trace) or self.take(regular):
             return
-        every = range(len(self.trace))
-        candidates = [_plain(sensor), self._reading(sensor, 0), self._reading(sensor, len(self.trace) - 1)]
-        for candidate in candidates:
-            changed = self._with(sensor, every, candidate)
-            if repr(changed) == repr(self.trace) or self._take(changed):
-                return
+        for i in range(1, len(self.trace)):
+            if i < len(self.trace):
+                self._sooner(i)
 
-    def _reading(self, sensor: Sensor, i: int) -> Reading:
-        return self.trace[i].readings.get(sensor.name) if i < len(self.trace) else None
+    def _sooner(self, i: int) -> None:
+        """Let frame `i` follow after as few whole periods as will do, which bisection finds."""
+        period, gap = self._robot.frame_ns, self._gap(i)
+        if gap == period or self._moved(i, period):
+            return
+        for grain in (period, 1_000_000, 1_000):
+            if any(self._moved(i, wanted) for wanted in (-(-gap // grain) * grain, gap // grain * grain)):
+                break
+        low, high = 1, self._gap(i) // period if i < len(self.trace) else 0
+        while high - low > 1:
+            middle = (low + high) // 2
+            if self._moved(i, middle * period):
+                high = middle
+            else:
+                low = middle
 
-    def _with(self, sensor: Sensor, frames: Sequence[int], reading: Reading) -> tuple[Frame, ...]:
-        chosen = frozenset(frames)
+    def _gap(self, i: int) -> int:
+        return self.trace[i].t_ns - self.trace[i - 1].t_ns
+
+    def _moved(self, i: int, wanted: int) -> bool:
+        """Try another time between frame `i` and the one before; those after it move along."""
+        if i >= len(self.trace) or wanted <= 0:
+            return False
+        change = wanted - self._gap(i)
+        if not change:
+            return True
+        moved = tuple(f._replace(t_ns=f.t_ns + change) for f in self.trace[i:])
+        return self.take(self.trace[:i] + moved)
+
+    # --- readings --------------------------------------------------------------------------------
+
+    def _simpler_readings(self) -> None:
+        """Simplify each sensor in all frames at once, and then in one after the other."""
+        for sensor in self._robot.sensors:
+            for candidate in self._simpler.in_all(sensor, [self._reading(sensor, f) for f in self.trace]):
+                changed = self._with(sensor, range(len(self.trace)), candidate)
+                if repr(changed) == repr(self.trace) or self.take(changed):
+                    break
+            i = 0
+            while i < len(self.trace):
+                before = self._reading(sensor, self.trace[i - 1]) if i else None
+                here = self._simpler.in_one(sensor, self._reading(sensor, self.trace[i]), before)
+                if not any(self._set(sensor, i, candidate) for candidate in here):
+                    i += 1
+
+    def _set(self, sensor: Sensor, i: int, reading: Reading) -> bool:
+        """Try another reading from frame `i` on as long as the sensor gives the same, or there alone."""
+        end, same = i + 1, repr(self._reading(sensor, self.trace[i]))
+        while end < len(self.trace) and repr(self._reading(sensor, self.trace[end])) == same:
+            end += 1
+        return any(self.take(self._with(sensor, range(i, n), reading)) for n in dict.fromkeys((end, i + 1)))
+
+    def _reading(self, sensor: Sensor, frame: Given) -> Reading:
+        return frame.readings.get(sensor.name)
+
+    def _with(self, sensor: Sensor, frames: range, reading: Reading) -> tuple[Given, ...]:
         return tuple(
-            f._replace(readings={**f.readings, sensor.name: reading}) if i in chosen else f
-            for i, f in enumerate(self.trace)
+            with_reading(f, sensor.name, reading) if i in frames else f for i, f in enumerate(self.trace)
         )
 
 
-def _plainer(sensor: Sensor, reading: Reading) -> Iterator[Reading]:
-    """What could stand in its place, plainest first; nothing where it is as plain as can be."""
-    plain = _plain(sensor)
-    if repr(reading) in (repr(plain), "None"):
-        return
-    yield plain
-    if isinstance(reading, list | tuple) and isinstance(sensor.type, Array):
-        yield from _plainer_elements(sensor, sensor.type, list(reading))
-    elif isinstance(reading, float) and math.isfinite(reading) and not reading.is_integer():
-        yield from (x for digits in (0, 1, 3) if (x := round(reading, digits)) != reading)
-    if not _is_proper(sensor, reading):
-        yield None
+def with_reading(frame: Given, sensor: str, reading: Reading) -> Given:
+    """Return a frame in which a sensor gives something else; None for nothing."""
+    readings: dict[str, Any] = {**frame.readings, sensor: reading}
+    if reading is None and isinstance(frame, Snapshot):
+        del readings[sensor]  # it holds only what is there
+    return frame._replace(readings=readings)
 
 
-def _plainer_elements(sensor: Sensor, of: Array, elements: list[ScalarValue | int]) -> Iterator[Reading]:
+class _Plainer:
+    """Readings in declared units: false, the first enumerator, 0, and what is rounder."""
+
+    def in_all(self, sensor: Sensor, readings: Sequence[Reading]) -> Iterator[Reading]:
+        """Yield a plain reading, the first and the last."""
+        yield from (_plain(sensor), readings[0], readings[-1])
+
+    def in_one(self, sensor: Sensor, reading: Reading, before: Reading) -> Iterator[Reading]:
+        """Yield what is plainer; what is no reading of the sensor may be missing as well."""
+        plain = _plain(sensor)
+        if repr(reading) in (repr(plain), "None"):
+            return
+        yield plain
+        if isinstance(reading, list | tuple) and isinstance(sensor.type, Array):
+            yield from _plainer_elements(_plain_scalar(sensor), list(reading))
+        elif isinstance(reading, float) and math.isfinite(reading) and not reading.is_integer():
+            yield from (x for digits in (0, 1, 3) if (x := round(reading, digits)) != reading)
+        if sense(sensor, reading, sensor.factor)[0] is None:
+            yield None
+
+
+def _plainer_elements(plain: ScalarValue, elements: list[ScalarValue | int]) -> Iterator[Reading]:
     """Halves, quarters, ... of an array plain; then rounded."""
-    plain = _plain_scalar(sensor, of.element)
     size = len(elements) // 2
     while size:
         for first in range(0, len(elements), size):
@@ -147,28 +216,16 @@ def _plainer_elements(sensor: Sensor, of: Array, elements: list[ScalarValue | in
             yield rounded
 
 
-def _is_proper(sensor: Sensor, reading: Reading) -> bool:
-    """Whether it is a reading of the sensor; others count as missing, which is plainer."""
-    return sense(sensor, reading, sensor.factor)[0] is not None
-
-
 def _plain(sensor: Sensor) -> Reading:
-    if isinstance(sensor.type, Array):
-        return (_plain_scalar(sensor, sensor.type.element),) * sensor.type.size
-    return _plain_scalar(sensor, sensor.type)
+    plain = _plain_scalar(sensor)
+    return (plain,) * sensor.type.size if isinstance(sensor.type, Array) else plain
 
 
-def _plain_scalar(sensor: Sensor, of: Scalar) -> ScalarValue:
+def _plain_scalar(sensor: Sensor) -> ScalarValue:
     """False, the first enumerator, or what is nearest to 0 in the range; in declared units."""
-    match of:
-        case Bool():
-            return False
-        case Enum(members=members):
-            return members[0][1]
-        case Quantity():
-            low, high = sensor.low, sensor.high
-            if low is not None and low > 0:
-                return low / sensor.factor
-            return high / sensor.factor if high is not None and high < 0 else 0.0
-        case _:
-            assert_never(of)
+    of, low, high = element_type(sensor.type), sensor.low, sensor.high
+    if isinstance(of, Quantity) and low is not None and low > 0:
+        return low / sensor.factor
+    if isinstance(of, Quantity) and high is not None and high < 0:
+        return high / sensor.factor
+    return any_value(of)

@@ -65,7 +65,7 @@ def programs(*, python: bool = True) -> st.SearchStrategy[Program]:
     Raises:
         Failure: while drawing, if the front end refuses a text; that is a bug in one of the two.
     """
-    from colony.dsl.load import load_text  # lark is loaded only where texts are parsed
+    from colony.dsl.load import load_text
 
     return texts(python=python).map(load_text)
 

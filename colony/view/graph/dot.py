@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from colony.compile.backends.guard_text import duration_text
 from colony.compile.network import Inhibitor, ModuleLeaf, Network, Suppressor
+from colony.text.wording import duration_text
 
 _HEAD = """  rankdir=LR; fontname="Helvetica"; ranksep=0.5; nodesep=0.3;
   node [fontname="Helvetica", fontsize=12];

@@ -9,8 +9,8 @@ from dataclasses import dataclass
 from itertools import accumulate
 from xml.sax.saxutils import escape, quoteattr
 
-from colony.compile.backends.guard_text import duration_text
 from colony.compile.network import Inhibitor, ModuleLeaf, Network, Suppressor
+from colony.text.wording import duration_text
 from colony.view.graph.layout import Connection, Diagram, Layout, Place, layout
 
 MARGIN = 28.0

@@ -13,9 +13,7 @@ corrects nothing itself. In turn it believes the reported position as far as the
 estimates the pose, it reckons by itself, from light to light, and learns the scale of the odometry.
 
 One script does that for any number of cameras: their lights meet in the same track, where one that is seen by
-two cameras is still one light. That is cheaper than the children of the thesis, and needs no token. Where
-cameras are far apart, each may have a child beside it all the same (`light_looks.camera_child`), and `parent`
-then verifies what they tell, with the same track.
+two cameras is still one light. That is cheaper than the child processes of the thesis, and needs no token.
 """
 
 from __future__ import annotations
@@ -23,7 +21,6 @@ from __future__ import annotations
 import math
 from collections import deque
 from collections.abc import Generator, Sequence
-from dataclasses import dataclass
 from typing import Any
 
 from colony.nav.asks import values
@@ -43,7 +40,7 @@ from colony.runtime.library import data, robot
 from colony.runtime.library.robot import Position
 from colony.vision.lights.along_track import Scale
 from colony.vision.lights.ceiling_camera import UPWARD, CeilingCamera
-from colony.vision.lights.looks import SILENT, Looker, cameras_looker, children_looker, hurry
+from colony.vision.lights.looks import SILENT, Looker, cameras_looker, hurry
 from colony.vision.lights.thesis_track import ThesisTrack
 from colony.vision.lights.track import LightTrack, Passing, Seen, Sighting
 from colony.vision.lights.track_goals import (
@@ -55,9 +52,7 @@ from colony.vision.lights.track_goals import (
     take_goal,
     unfinished_goal,
 )
-
-PERIOD_S, THESIS_PERIOD_S = 0.25, 0.5
-"""From one look at the ceiling to the next. Half a second is 250 mm at full speed."""
+from colony.vision.periods import PERIOD_S, THESIS_PERIOD_S, period_of
 
 ASK_AGAIN_S = 1.0
 """How often it is asked, while tracking, whether there is a new goal in place of the present one."""
@@ -72,17 +67,6 @@ _STANDING_MM = 2.0
 _POSITIONS = 8
 
 Track = LightTrack | ThesisTrack
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class TrackerSettings:
-    """How a tracker works: how often it looks, whether its lights tell the heading, whether it has no camera
-    at all, and whether it is the thesis's."""
-
-    period_s: float
-    heading: bool
-    blind: bool
-    thesis: bool
 
 
 def light_tracker(
@@ -107,30 +91,12 @@ def light_tracker(
     geometries = (geometry,) * len(cameras) if isinstance(geometry, CeilingCamera) else tuple(geometry)
     if len(geometries) != len(cameras):
         raise ValueError(f"{len(cameras)} cameras with {len(geometries)} geometries; expected one for each")
-    settings = TrackerSettings(
-        period_s=_period_s(period_s, thesis), heading=True, blind=not cameras, thesis=thesis
-    )
-    return _tracker(cameras_looker(cameras, geometries), settings, cameras)
+    period = period_of(period_s, THESIS_PERIOD_S if thesis else PERIOD_S)
+    return _tracker(cameras_looker(cameras, geometries), cameras, period, thesis)
 
 
-def parent(*, period_s: float | None = None, thesis: bool = False) -> Script:
-    """CTracker's parent: as `light_tracker`, with what the cameras' children tell. They do not know the
-    heading, and so cannot correct it."""
-    settings = TrackerSettings(
-        period_s=_period_s(period_s, thesis), heading=False, blind=False, thesis=thesis
-    )
-    return _tracker(children_looker(), settings, ())
-
-
-def _period_s(told: float | None, thesis: bool) -> float:
-    period_s = told if told is not None else THESIS_PERIOD_S if thesis else PERIOD_S
-    if not 0.0 < period_s < math.inf:
-        raise ValueError(f"period_s is {period_s!r}; expected a finite time above 0")
-    return period_s
-
-
-def _tracker(looker: Looker, settings: TrackerSettings, cameras: Sequence[str]) -> Script:
-    yield from hurry(cameras, settings.period_s)
+def _tracker(looker: Looker, cameras: Sequence[str], period_s: float, thesis: bool) -> Script:
+    yield from hurry(cameras, period_s)
     for name in (TRACK_DATA, LIGHT_DETECTED, END_L_MODE):
         yield from do("DServer", data.create_semaphore(name, 0))
     scale = Scale()
@@ -143,10 +109,10 @@ def _tracker(looker: Looker, settings: TrackerSettings, cameras: Sequence[str]) 
         left = None
         track: Track = (
             ThesisTrack.start(goal, passed)
-            if settings.thesis
-            else LightTrack.start(goal, scale, passed, blind=settings.blind)
+            if thesis
+            else LightTrack.start(goal, scale, passed, blind=not cameras)
         )
-        tracking = _Tracking(track, looker, settings)
+        tracking = _Tracking(track, looker, period_s)
         again = yield from tracking.run()
         scale = tracking.scale(scale)
 
@@ -154,10 +120,10 @@ def _tracker(looker: Looker, settings: TrackerSettings, cameras: Sequence[str]) 
 class _Tracking:
     """One goal. Mutable: the track, and the robot's last positions, oldest first."""
 
-    def __init__(self, track: Track, looker: Looker, settings: TrackerSettings) -> None:
+    def __init__(self, track: Track, looker: Looker, period_s: float) -> None:
         self._track = track
         self._looker = looker
-        self._settings = settings
+        self._period_s = period_s
         self._positions: deque[Position] = deque(maxlen=_POSITIONS)
         self._looked_at_mm: float | None = None
         self._asked_ns: int | None = None
@@ -182,7 +148,7 @@ class _Tracking:
                 if (yield from is_given_up()):
                     yield from give_up()
                     return False
-            wait_s = self._settings.period_s
+            wait_s = self._period_s
             pose = yield from self._pose()
             try:
                 here = yield from do("RServer", robot.position())
@@ -248,7 +214,7 @@ class _Tracking:
         east, north = goal.ahead
         along = east * goal.x_mm + north * goal.y_mm + sighting.place_mm
         rows = [Row(east, north, 0.0, along, sighting.sigma_mm)]
-        if turned_deg is not None and self._settings.heading:
+        if turned_deg is not None:
             heading = math.radians(goal.direction_deg + sighting.tilt_deg + turned_deg)
             rows.append(Row(0.0, 0.0, 1.0, heading, math.radians(TILT_SIGMA_DEG)))
         yield from do("DServer", data.set(LIGHT_FIX, fix_list(Fix(sighting.t_ns, tuple(rows)))))
@@ -257,7 +223,7 @@ class _Tracking:
     def _pose(self) -> Generator[Step, Any, PoseEstimate | None]:
         """The estimate of the pose; None where there is none. To be asked before the position, which then
         has in it what the estimator corrected."""
-        if self._settings.thesis:
+        if isinstance(self._track, ThesisTrack):
             return None
         told = yield from values(POSE)
         return None if told is None else pose_of(told[POSE])
@@ -277,7 +243,7 @@ class _Tracking:
 
     def _wait_s(self) -> float:
         """Until the next look; less, where the robot's center comes below a light before."""
-        period_s = self._settings.period_s
+        period_s = self._period_s
         newest = self._positions[-1]
         rest_mm = self._track.to_next(self._progress(newest))
         if rest_mm is None or len(self._positions) < 2 or rest_mm <= 0.0:

@@ -43,6 +43,7 @@ from colony.vision.lights.looks import SILENT
 from colony.vision.lights.tracker import position_at
 from colony.vision.markers.pose import MarkerPose, marker_pose, marker_rows
 from colony.vision.markers.rows import find_markers
+from colony.vision.periods import period_of
 from colony.vision.sightings import MarkerBox
 
 PERIOD_S = 0.2
@@ -68,7 +69,7 @@ def marker_finder(
     *,
     camera: str = "CServerFront",
     geometry: LevelCamera = AHEAD,
-    period_s: float = PERIOD_S,
+    period_s: float | None = None,
 ) -> Script:
     """Tell where the marker of the elevator is that the robot is to take; never ends.
 
@@ -81,9 +82,7 @@ def marker_finder(
     Raises:
         ValueError: no period; later, in the script: the camera's images are not as large as `geometry` says.
     """
-    if not 0.0 < period_s < math.inf:
-        raise ValueError(f"period_s is {period_s!r}; expected a finite time above 0")
-    return _finder(_Finder(floors, camera, geometry), period_s)
+    return _finder(_Finder(floors, camera, geometry), period_of(period_s, PERIOD_S))
 
 
 def _finder(finder: _Finder, period_s: float) -> Script:

@@ -39,15 +39,13 @@ from colony.vision.gray_images import gray_image
 from colony.vision.level_camera import SIDE, LevelCamera
 from colony.vision.level_looks import made_ready
 from colony.vision.lights.looks import SILENT
+from colony.vision.periods import PERIOD_S, THESIS_PERIOD_S, period_of
 from colony.vision.plates.geometry import is_too_steep
 from colony.vision.plates.map import gate_mm
 from colony.vision.plates.search import Known, PlateSearch, Search, ThesisSearch, View
 from colony.vision.plates.sights import PlateSight
 from colony.vision.plates.thesis import scan_band
 from colony.vision.sightings import PlateBox, Reading
-
-PERIOD_S, THESIS_PERIOD_S = 0.25, 0.5
-"""From one image to the next."""
 
 BAND = 0.54
 """The part of the image's rows, about the middle, that ours looks at: all of a plate from 0.45 m on."""
@@ -101,9 +99,7 @@ def plate_finder(
         ValueError: the period is no time above 0; later, in the script: the camera's images are not as large
             as `geometry` says.
     """
-    period = period_s if period_s is not None else THESIS_PERIOD_S if thesis else PERIOD_S
-    if not 0.0 < period < math.inf:
-        raise ValueError(f"period_s is {period_s!r}; expected a finite time above 0")
+    period = period_of(period_s, THESIS_PERIOD_S if thesis else PERIOD_S)
     search: Search = ThesisSearch(geometry, reader) if thesis else PlateSearch(geometry, reader)
     eye = _Eye(camera, geometry, period, lock=thesis)
     maps = None if thesis or floors is None else _Maps(floors)

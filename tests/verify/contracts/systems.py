@@ -50,7 +50,6 @@ def system(
         locals={},
         modules={},
         active={},
-        nodes=(),
         actuators={},
         claims=tuple(Claim(name=name, speaks=TRUE, holds=holds) for name, holds in claims.items()),
     )

@@ -5,7 +5,8 @@ from __future__ import annotations
 from colony.ir.program import Program
 from colony.verify.contracts.minimize import minimal
 from colony.verify.contracts.replay import Replay
-from colony.verify.contracts.results import Snapshot, Trace
+from colony.verify.contracts.results import Trace
+from colony.verify.snapshot import Snapshot
 from tests.verify.contracts.behaviors import program
 
 MS = 1_000_000

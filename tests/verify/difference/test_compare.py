@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -9,10 +10,10 @@ import pytest
 from colony.dsl.load import load_file, load_text
 from colony.text.diagnostics import Failure
 from colony.verify.difference import Different, Same, Undecided, difference
+from tests.paths import ROOT
 from tests.verify.difference.programs import QUICK, compare, program, verdict
 from tests.verify.small_robot import go
 
-ROOT = Path(__file__).parent.parent.parent.parent
 CRUISE = go("cruise", "true")
 AVOID = go("avoid", "sonar < 1 m", "80 mm/s", "30 deg/s")
 ROAM = CRUISE + AVOID + "network { drive = avoid suppresses cruise }"
@@ -266,6 +267,6 @@ def test_a_behavior_with_one_constant_changed(name: str, old: str, new: str) -> 
     text = path.read_text()
     assert old in text
     changed = load_text(text.replace(old, new, 1), directory=path.parent)
-    result = difference(load_file(path), changed, options=QUICK)
+    result = difference(load_file(path), changed, options=replace(QUICK, resources=5 * QUICK.resources))
     assert isinstance(result, Different)
     assert len(result.snapshots) <= 3

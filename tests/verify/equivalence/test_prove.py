@@ -5,7 +5,6 @@ from pathlib import Path
 
 import pytest
 
-from benchmarks.networks import chain, ladder, random_program
 from colony.compile import pipeline
 from colony.compile.pipeline import compile_program
 from colony.dsl.load import load_file
@@ -15,10 +14,11 @@ from colony.verify.equivalence.prove import prove
 from colony.verify.equivalence.results import Malformed, Proved, Result, Undecided, WrongActivity, WrongWinner
 from colony.verify.testing.agreement import EXECUTORS, disagreement
 from colony.verify.testing.strategies import run_of_seed
-from tests.verify.bugs_in_passes import lists
-from tests.verify.seeded_bugs import BUGS, Bug
+from tests.networks import chain, ladder, random_program
+from tests.paths import BEHAVIORS
+from tests.verify.testing.bugs_in_passes import lists
+from tests.verify.testing.seeded_bugs import BUGS, Bug
 
-BEHAVIORS = sorted((Path(__file__).parents[3] / "behaviors").glob("*.colony"))
 NOT_OF_THE_COMPILER = {"windows that include their end"}  # a mistake in what an operator of the executor does
 PASSES = [bug for bug in BUGS if bug.network and bug.name not in NOT_OF_THE_COMPILER]
 

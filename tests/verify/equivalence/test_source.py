@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import pytest
 
-from benchmarks.networks import chain, driven
 from colony.ir.program import Chain, Use, Wire
 from colony.verify.equivalence.circuit import Activity, Circuit, History, Input
 from colony.verify.equivalence.source import encode_source
 from colony.verify.reference.interpreter import Interpreter
 from colony.verify.testing.strategies import run_of_seed
+from tests.networks import chain, driven
 from tests.verify.equivalence.valuations import valued
 
 

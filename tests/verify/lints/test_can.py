@@ -8,6 +8,7 @@ import pytest
 
 from colony.dsl.load import load_file, load_text
 from colony.verify.lints import lint
+from tests.paths import ROOT
 from tests.verify.lints.programs import ROBOT, USES, codes, found
 from tests.verify.small_robot import go
 
@@ -148,7 +149,6 @@ def test_a_file_without_a_network_has_no_lints() -> None:
 
 # --- what ships ------------------------------------------------------------------------------------
 
-ROOT = Path(__file__).parent.parent.parent.parent
 SHIPPED = sorted((*(ROOT / "behaviors").glob("*.colony"), *(ROOT / "examples").rglob("*.colony")))
 
 

@@ -3,20 +3,19 @@
 from __future__ import annotations
 
 from fractions import Fraction
-from pathlib import Path
 
 import pytest
 import z3
 
 from colony.dsl.load import load_file
-from colony.verify.symbolic.cones import whole_cone
 from colony.verify.symbolic.encode import encode
 from colony.verify.symbolic.system import Bounds, Inexact, Number, System
 from colony.verify.symbolic.unrolling import Unrolling
 from colony.verify.testing.strategies import run_of_seed
+from tests.paths import ROOT
 from tests.verify.symbolic.programs import broken, claim_of, program
 
-BEHAVIORS = Path(__file__).parents[3] / "behaviors"
+BEHAVIORS = ROOT / "behaviors"
 
 TWO = """
 module m { when held(p, 1 s)  do drive(v = 100 mm/s) }
@@ -33,27 +32,6 @@ def number(system: System, name: str) -> Number:
     value = system.states[name]
     assert isinstance(value, Number)
     return value
-
-
-# --- names ---------------------------------------------------------------------------------------
-
-
-def test_two_programs_share_sensors_and_time_and_nothing_else() -> None:
-    one, other = (encode(program(TWO), prefix=prefix) for prefix in ("old.", "new."))
-    constants = [{str(c) for c in whole_cone(s).constants} | set(names(s)) for s in (one, other)]
-    shared = {"now", "p?", "p", "x?", "x"}
-    assert constants[0] & constants[1] <= shared | {"q?", "a?", "a", "a.infinite", "q", "s?", *_elements()}
-    assert shared - {"x"} <= constants[0] & constants[1]
-
-
-def _elements() -> set[str]:
-    return {f"s[{i}]" for i in range(5)}
-
-
-def test_answers_of_python_can_be_shared() -> None:
-    one, other = (encode(program(TWO), prefix=p, python_names={"c": "answer of c"}) for p in ("old.", "new."))
-    assert one.python["c"].answers.eq(other.python["c"].answers)
-    assert str(one.python["c"].answers) == "answer of c.answers"
 
 
 # --- memory --------------------------------------------------------------------------------------
@@ -190,18 +168,3 @@ def test_modules_in_python_are_a_reason() -> None:
 def test_sums_of_small_whole_numbers_are_exact() -> None:
     system = encode(program("contract c: count(s < 5 mm) + 2 * count(s > 7 mm) - 1 <= 9"))
     assert not claim_of(system, "c").inexact
-
-
-def test_reads_are_what_a_module_cannot_do_without() -> None:
-    text = "let far = x > 3 mm  module m { when far and q and value_or(p, false) and fresh(a) }"
-    assert encode(program(text)).modules["m"].reads == {"x"}
-
-
-def test_nodes_say_where_they_stand() -> None:
-    text = "module a1 { when p  do drive(v = 1 mm/s) }  module a2 { when q  do drive(v = 2 mm/s) }"
-    text += " module a3 { when true  do drive(v = 3 mm/s) }"
-    text += " network { drive = a1 suppresses[1 s] (a2 inhibits a1) suppresses a3 }"
-    nodes = {n.path: n for n in encode(program(text)).nodes}
-    assert nodes.keys() == {(0,), (1,), (1, 0)}
-    assert nodes[0,].window_ns == 1_000_000_000
-    assert nodes[1, 0].relation == "inhibits"

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from fractions import Fraction
-from pathlib import Path
 
 import pytest
 import z3
@@ -20,9 +19,10 @@ from colony.verify.symbolic.logic import real
 from colony.verify.symbolic.system import Inexact, Number, System, Term
 from colony.verify.symbolic.unrolling import Unrolling
 from colony.verify.testing.strategies import run_of_seed
+from tests.paths import ROOT
 from tests.verify.symbolic.programs import broken, claim_of, program
 
-BEHAVIORS = Path(__file__).parents[3] / "behaviors"
+BEHAVIORS = ROOT / "behaviors"
 
 OF_REALS = [
     "x in 1 mm .. 2 mm implies (x + 0.1 mm) + 0.1 mm == x + 0.2 mm",

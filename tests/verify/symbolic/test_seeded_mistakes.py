@@ -113,7 +113,7 @@ def a_default_is_not_used(patch: pytest.MonkeyPatch) -> None:
 
 
 def a_time_constant_is_forgotten(patch: pytest.MonkeyPatch) -> None:
-    patch.setattr(network.Network, "_dominates", lambda self, active, window_ns, hint: active)
+    patch.setattr(network.NetworkEncoder, "_dominates", lambda self, active, window_ns, hint: active)
 
 
 def a_suppressor_inhibits(patch: pytest.MonkeyPatch) -> None:

@@ -17,9 +17,8 @@ from colony.verify.testing.drawing import Choices
 from colony.verify.testing.example_frames import frames_of
 from colony.verify.testing.frames import draw_trace
 from colony.verify.testing.strategies import run_of_seed
+from tests.paths import BEHAVIORS
 from tests.verify.symbolic.trust import Tally, Trust, held_against
-
-BEHAVIORS = sorted((Path(__file__).parents[3] / "behaviors").glob("*.colony"))
 
 ROBOT = """
 enum mood { calm = 0, alert = 67, lost = -2.5 }

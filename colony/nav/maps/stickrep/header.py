@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from difflib import get_close_matches
 from typing import TypeVar, get_args
 
 from colony.nav.maps.stickrep import fields
 from colony.nav.maps.stickrep.fields import LENGTH_UNITS, Problems, Word
 from colony.nav.maps.stickrep.model import LightOffsets, Travel
 from colony.text.source import Source, Span
+from colony.text.suggestions import did_you_mean
 
 _T = TypeVar("_T")
 
@@ -34,18 +34,18 @@ class Header:
         self.start: tuple[Word, ...] | None = None
         self.links: list[tuple[Word, Word]] = []
         self.elevators: list[tuple[Word, Word, Word]] = []
-        self._once: dict[str, Callable[[list[Word]], None]] = {
-            "map": self._map,
-            "floor": self._floor,
-            "start": self._start,
-            "unit": self._unit,
-            "lights": self._lights,
-            "closure": self._closure,
-            "travel": self._travel,
+        self._once: dict[str, tuple[str, Callable[[list[Word]], None]]] = {
+            "map": ("map NAME", self._map),
+            "floor": ("floor NAME", self._floor),
+            "start": ("start X Y HEADING", self._start),
+            "unit": ("unit NAME", self._unit),
+            "lights": ("lights CONVENTION", self._lights),
+            "closure": ("closure LENGTH", self._closure),
+            "travel": ("travel WAY", self._travel),
         }
-        self._often: dict[str, Callable[[list[Word]], None]] = {
-            "link": self._link,
-            "elevator": self._elevator,
+        self._often: dict[str, tuple[str, Callable[[list[Word]], None]]] = {
+            "link": ("link PLACE PLACE", self._link),
+            "elevator": ("elevator NODE FILE NODE", self._elevator),
         }
 
     @property
@@ -59,22 +59,25 @@ class Header:
         if key.text == "ring" or key.looks_like_number:
             return False
         if key.text in self._often:
-            self._take_one_of_many(words)
+            line = " ".join(word.text for word in words)
+            if self._is_first(line, key.span, f"each `{key.text}` line once"):
+                self._read(words, *self._often[key.text])
             return True
         if key.text not in self._once:
-            close = get_close_matches(key.text[:40], ["stickrep", "ring", *self.known], n=1)
-            hint = f"did you mean `{close[0]}`?" if close else "header lines are: " + ", ".join(self.known)
+            close = did_you_mean(key.text, ("stickrep", "ring", *self.known))
+            hint = close or "header lines are: " + ", ".join(self.known)
             message = f"expected a header line, `ring` or a row that begins with an angle; found {key.shown}"
             self.problems.report("M004", key.span, message, hint)
             return False  # perhaps a row: the ring that it stands in is not judged
         if self._is_first(key.text, key.span, f"one `{key.text}` line"):
-            self._once[key.text](words)
+            self._read(words, *self._once[key.text])
         return True
 
-    def _take_one_of_many(self, words: list[Word]) -> None:
-        line = " ".join(word.text for word in words)
-        if self._is_first(line, words[0].span, f"each `{words[0].text}` line once"):
-            self._often[words[0].text](words)
+    def _read(self, words: list[Word], usage: str, take: Callable[[list[Word]], None]) -> None:
+        """Hand the values of a line over if there are as many as its usage says."""
+        values = fields.values(self.problems, words, usage)
+        if values:
+            take(values)
 
     def _is_first(self, key: str, span: Span, expected: str) -> bool:
         if key not in self.seen:
@@ -85,61 +88,44 @@ class Header:
         self.problems.report("M005", span, message, "take one of the two lines out")
         return False
 
-    def _map(self, words: list[Word]) -> None:
-        values = fields.values(self.problems, words, "map NAME")
-        if values:
-            self.name = fields.name(self.problems, values[0], "the map's name")
+    def _map(self, values: list[Word]) -> None:
+        self.name = fields.name(self.problems, values[0], "the map's name")
 
-    def _floor(self, words: list[Word]) -> None:
-        values = fields.values(self.problems, words, "floor NAME")
-        if values:
-            self.floor = fields.name(self.problems, values[0], "the floor's name") or ""
+    def _floor(self, values: list[Word]) -> None:
+        self.floor = fields.name(self.problems, values[0], "the floor's name") or ""
 
-    def _start(self, words: list[Word]) -> None:
-        values = fields.values(self.problems, words, "start X Y HEADING")
-        self.start = tuple(values) if values else None
+    def _start(self, values: list[Word]) -> None:
+        self.start = tuple(values)
 
-    def _closure(self, words: list[Word]) -> None:
-        values = fields.values(self.problems, words, "closure LENGTH")
-        self.tolerance = values[0] if values else None
+    def _closure(self, values: list[Word]) -> None:
+        self.tolerance = values[0]
 
-    def _unit(self, words: list[Word]) -> None:
-        values = fields.values(self.problems, words, "unit NAME")
-        if values and values[0].text in LENGTH_UNITS:
+    def _unit(self, values: list[Word]) -> None:
+        if values[0].text in LENGTH_UNITS:
             self.unit = values[0].text
-        elif values:
-            message = f"expected a unit of length, {', '.join(LENGTH_UNITS)}; found {values[0].shown}"
-            self.problems.report("M007", values[0].span, message)
+            return
+        message = f"expected a unit of length, {', '.join(LENGTH_UNITS)}; found {values[0].shown}"
+        self.problems.report("M007", values[0].span, message)
 
-    def _lights(self, words: list[Word]) -> None:
+    def _lights(self, values: list[Word]) -> None:
         hint = "offsets count from the light before (incremental), or all from the node (cumulative)"
-        found = self._one_of(get_args(LightOffsets), words, "lights CONVENTION", hint)
-        if found is not None:
-            self.light_offsets = found
+        self.light_offsets = self._one_of(get_args(LightOffsets), values[0], hint) or self.light_offsets
 
-    def _travel(self, words: list[Word]) -> None:
+    def _travel(self, values: list[Word]) -> None:
         hint = "paths follow the rings both ways (either), or only as these are traced (wall-on-left)"
-        found = self._one_of(get_args(Travel), words, "travel WAY", hint)
-        if found is not None:
-            self.travel = found
+        self.travel = self._one_of(get_args(Travel), values[0], hint) or self.travel
 
-    def _one_of(self, known: tuple[_T, ...], words: list[Word], form: str, hint: str) -> _T | None:
-        """Which of the words `known` a line has; None, and an error, where it is none of them."""
-        values = fields.values(self.problems, words, form)
+    def _one_of(self, known: tuple[_T, ...], word: Word, hint: str) -> _T | None:
+        """Return which of the words `known` this is; None, and an error, where it is none of them."""
         for one in known:
-            if values and values[0].text == one:
+            if word.text == one:
                 return one
-        if values:
-            message = f"expected {' or '.join(map(str, known))}; found {values[0].shown}"
-            self.problems.report("M007", values[0].span, message, hint)
+        message = f"expected {' or '.join(map(str, known))}; found {word.shown}"
+        self.problems.report("M007", word.span, message, hint)
         return None
 
-    def _link(self, words: list[Word]) -> None:
-        values = fields.values(self.problems, words, "link PLACE PLACE")
-        if values:
-            self.links.append((values[0], values[1]))
+    def _link(self, values: list[Word]) -> None:
+        self.links.append((values[0], values[1]))
 
-    def _elevator(self, words: list[Word]) -> None:
-        values = fields.values(self.problems, words, "elevator NODE FILE NODE")
-        if values:
-            self.elevators.append((values[0], values[1], values[2]))
+    def _elevator(self, values: list[Word]) -> None:
+        self.elevators.append((values[0], values[1], values[2]))

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from difflib import get_close_matches
 from typing import NamedTuple
 
 import numpy as np
@@ -16,6 +15,7 @@ from colony.nav.maps.stickrep.geometry import Point, corners, in_free_space
 from colony.nav.maps.stickrep.header import Header
 from colony.nav.maps.stickrep.model import Edge, EdgeKind, ElevatorLink, Link, Map, Ring, Site
 from colony.text.source import Span
+from colony.text.suggestions import did_you_mean
 
 MAX_ACROSS_MM = 8_000.0
 """How far apart linked places may be."""
@@ -119,8 +119,7 @@ class _JointReader:
         """The indices of a node's ring, and of the node in it."""
         found = self.nodes.get(name)
         if found is None:
-            close = get_close_matches(name[:64], self.nodes, n=1)
-            hint = f"did you mean `{close[0]}`?" if close else "a node is named in the second field of a row"
+            hint = did_you_mean(name, self.nodes) or "a node is named in the second field of a row"
             shown = name if len(name) <= 40 else name[:37] + "..."
             self.problems.report("M025", word.span, f"there is no node `{shown}` in this map", hint)
         return found

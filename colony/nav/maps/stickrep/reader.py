@@ -51,6 +51,7 @@ from colony.nav.maps.stickrep.model import (
 )
 from colony.text.diagnostics import Failure, error, in_order
 from colony.text.source import Source, Span
+from colony.text.wording import counted
 
 FORMAT_VERSION = "1"
 MAX_LINES = 5_000
@@ -239,8 +240,8 @@ class _Reader:
         if len(words) <= at or not words[at].looks_like_number:
             place = words[at].span if len(words) > at else line_end(words)
             numbers = sum(w.looks_like_number for w in words[4 : at + 1])
-            message = f"expected {_plural(count, 'offset')} and a length after the number of lights"
-            self.problems.report("M012", place, f"{message}; found {_plural(numbers, 'number')}")
+            message = f"expected {counted(count, 'offset')} and a length after the number of lights"
+            self.problems.report("M012", place, f"{message}; found {counted(numbers, 'number')}")
             return None
         lights = self._light_offsets(words[4:at])
         length = self._mm(words[at], "the length", fields.MIN_LENGTH_MM, fields.MAX_LENGTH_MM)
@@ -325,7 +326,3 @@ class _Reader:
         if not self.rings:
             message = "expected at least one ring; found none"
             self.problems.report("M006", end, message, "a ring begins with `ring NAME X Y HEADING`")
-
-
-def _plural(count: int, noun: str) -> str:
-    return f"{count} {noun}" if count == 1 else f"{count} {noun}s"

@@ -1,0 +1,166 @@
+"""An LALR(1) parser that is driven by tables, and reads tokens as the place in the grammar asks for them.
+
+lark builds the tables from the grammar (`colony.dsl.tables`); only this module reads them, so that no command
+waits for lark. It reads as lark does with its contextual lexer: a terminal is recognized only where it can
+stand, words before signs before patterns, and optional parts that are absent are None.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable
+from typing import Any, TypeAlias
+
+END = "$END"
+"""The terminal that stands at the end of a text."""
+
+_BLANKS = re.compile(r"(?:[ \t\r\n\f]+|#[^\r\n]*)*")
+_WORD = re.compile(r"\w+")
+
+Rule: TypeAlias = tuple[str, int, "Callable[[list[Any]], Any] | None", "list[list[int]] | None"]
+"""Nonterminal, number of symbols, what builds its value, and where its children are not just the symbols."""
+
+
+class Token:
+    """A terminal of a text, and where it stands: `text[start:end]`."""
+
+    __slots__ = ("end", "start", "text", "type")
+
+    def __init__(self, type_: str, text: str, start: int, end: int) -> None:
+        self.type, self.text, self.start, self.end = type_, text, start, end
+
+
+class UnexpectedInput(Exception):
+    """The first thing in a text that cannot be read.
+
+    Attributes:
+        offset: where it begins; at the end of the text, where the last token ends.
+        at_end: True if the text ends too early.
+        accepted: the terminals that can stand there.
+        values: what was read before it, as it stands on the parser's stack.
+    """
+
+    def __init__(self, *, offset: int, at_end: bool, accepted: frozenset[str], values: list[Any]) -> None:
+        super().__init__(f"unexpected input at offset {offset}")
+        self.offset, self.at_end, self.accepted, self.values = offset, at_end, accepted, values
+
+
+class Parser:
+    """A parser of one grammar, whose `builder` has a method for each rule, named after it.
+
+    Args:
+        tables: what `colony.dsl.tables.build` made of the grammar.
+        builder: its methods take the children of a rule and return its value.
+    """
+
+    def __init__(self, tables: dict[str, Any], builder: object) -> None:
+        self._words: dict[str, str] = tables["words"]
+        self._signs: dict[str, str] = tables["signs"]
+        self._patterns = [(name, re.compile(pattern)) for name, pattern in tables["patterns"]]
+        self._rows: list[dict[str, int]] = tables["rows"]
+        self._start: int = tables["start"]
+        self._final: int = tables["final"]
+        self._rules: list[Rule] = [
+            (origin, size, getattr(builder, method) if method else None, layout)
+            for origin, size, method, layout in tables["rules"]
+        ]
+
+    def parse(self, text: str, start: int = 0) -> Any:
+        """Read a text from `start` to its end, and return the value of the whole.
+
+        Raises:
+            UnexpectedInput: something in the text cannot stand where it stands.
+        """
+        states, values = [self._start], list[Any]()
+        while True:
+            token = self._token(text, start, self._rows[states[-1]])
+            before = states.copy()  # a token that cannot stand here may be seen only after reductions
+            if token is None or not self._feed(token, states, values):
+                offset = start if token and token.type == END else _skip_blanks(text, start)
+                raise UnexpectedInput(
+                    offset=offset,
+                    at_end=token is not None and token.type == END,
+                    accepted=frozenset(t for t in self._rows[before[-1]] if self._can_follow(t, before)),
+                    values=values,
+                )
+            if token.type == END:
+                return values[-1]
+            start = token.end
+
+    def _token(self, text: str, start: int, row: dict[str, int]) -> Token | None:
+        """Return the next token, of a terminal in this row of the table; None if there is none."""
+        at = _skip_blanks(text, start)
+        if at == len(text):
+            return Token(END, "", start, start)
+        word = _WORD.match(text, at)
+        if word is not None:
+            type_ = self._words.get(word[0])
+            if type_ in row:
+                return Token(type_, word[0], at, word.end())
+        else:
+            for sign in (text[at : at + 2], text[at]):
+                type_ = self._signs.get(sign)
+                if type_ in row:
+                    return Token(type_, sign, at, at + len(sign))
+        for type_, pattern in self._patterns:
+            if type_ in row and (match := pattern.match(text, at)):
+                return Token(type_, match[0], at, match.end())
+        return None
+
+    def _feed(self, token: Token, states: list[int], values: list[Any]) -> bool:
+        """Reduce until the token can be shifted, and shift it; False if it cannot stand here."""
+        type_, rows = token.type, self._rows
+        while True:
+            action = rows[states[-1]].get(type_)
+            if action is None:
+                return False
+            if action >= 0:
+                states.append(action)
+                values.append(token)
+                return True
+            origin, size, build, layout = self._rules[~action]
+            first = len(values) - size
+            children = values[first:]
+            del states[first + 1 :], values[first:]
+            if layout is not None:
+                children = _laid_out(children, layout)
+            values.append(build(children) if build else children[0] if origin[0] != "_" else children)
+            states.append(rows[states[-1]][origin])
+            if type_ == END and states[-1] == self._final:
+                return True
+
+    def _can_follow(self, symbol: str, before: list[int]) -> bool:
+        """Return True if the symbol is a terminal that can be shifted, after reductions, in these states."""
+        states = before.copy()
+        while (action := self._rows[states[-1]].get(symbol)) is not None and symbol.isupper():
+            if action >= 0 or states[-1] == self._final:
+                return True
+            origin, size, _, _ = self._rules[~action]
+            del states[len(states) - size :]
+            states.append(self._rows[states[-1]][origin])
+            if symbol == END and states[-1] == self._final:
+                return True
+        return False
+
+
+def _skip_blanks(text: str, start: int) -> int:
+    match = _BLANKS.match(text, start)
+    return start if match is None else match.end()
+
+
+def _laid_out(children: list[Any], layout: list[list[int]]) -> list[Any]:
+    """Return the children with None for each absent part, and with what lists of helper rules hold.
+
+    `layout` has two numbers for each symbol: how many parts are absent before it, and 1 if it is a list; and
+    two for the end.
+    """
+    found: list[Any] = []
+    for child, (absent, is_list) in zip(children, layout, strict=False):
+        found += [None] * absent
+        if not is_list:
+            found.append(child)
+        elif found:
+            found += child
+        else:  # no longer needed where it was: lists are as long as the file
+            found = child
+    return found + [None] * layout[-1][0]

@@ -1,0 +1,47 @@
+"""Walks over a whole program: its expressions, and everything that they are made of."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import assert_never
+
+from colony.ir.expression import Expression, subexpressions
+from colony.ir.program import AnyModule, Let, Machine, Module, Program, PythonModule, State
+
+
+def nodes(program: Program) -> Iterator[Expression]:
+    """Yield all that the expressions of a program are made of, in the order of `expressions`."""
+    for root in expressions(program):
+        yield from subexpressions(root)
+
+
+def expressions(program: Program) -> Iterator[Expression]:
+    """Yield all expressions of a program that are evaluated every frame."""
+    for derived in program.derived:
+        match derived:
+            case Let(expression=expression):
+                yield expression
+            case State(next=following):
+                yield from () if following is None else (following,)
+            case Machine(transitions=transitions):
+                yield from (t.condition for t in transitions)
+            case _:
+                assert_never(derived)
+    for module in program.modules:
+        yield from expressions_of(module)
+    for limit in program.limits:
+        yield from (limit.bound,) if limit.condition is None else (limit.bound, limit.condition)
+    yield from (contract.expression for contract in program.contracts)
+
+
+def expressions_of(module: AnyModule) -> tuple[Expression, ...]:
+    """Return all expressions of a module: if one reads something that is missing, the module is silent."""
+    match module:
+        case Module(lets=lets, when=when, command=command, states=states):
+            fields = command.fields if command else ()
+            following = (s.next for s in states if s.next is not None)
+            return (*(let.expression for let in lets), when, *fields, *following)
+        case PythonModule(reads=reads):
+            return tuple(r.expression for r in reads)
+        case _:
+            assert_never(module)

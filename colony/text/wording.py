@@ -1,0 +1,44 @@
+"""Numbers, times and lists as sentences have them."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+
+def counted(count: int, noun: str) -> str:
+    """Return a number of things.
+
+    Example:
+        >>> counted(1, "frame"), counted(3, "frame")
+        ('1 frame', '3 frames')
+    """
+    return f"{count} {noun}" if count == 1 else f"{count} {noun}s"
+
+
+def listed(words: Sequence[str], conjunction: str = "and") -> str:
+    """Return words as a sentence lists them.
+
+    Example:
+        >>> listed(["a", "b", "c"], "or")
+        'a, b or c'
+    """
+    *first, last = words or [""]
+    return f"{', '.join(first)} {conjunction} {last}" if first else last
+
+
+def quoted(names: Sequence[str], conjunction: str = "and") -> str:
+    """Return names as a sentence lists them, each in backticks."""
+    return listed([f"`{name}`" for name in names], conjunction)
+
+
+def duration_text(ns: int) -> str:
+    """Return nanoseconds as the language writes them.
+
+    Example:
+        >>> duration_text(1_500_000_000), duration_text(250_000_000)
+        ('1.5 s', '250 ms')
+    """
+    unit, scale, digits = ("s", 1_000_000_000, 9) if ns >= 1_000_000_000 else ("ms", 1_000_000, 6)
+    whole, rest = divmod(ns, scale)
+    fraction = f".{rest:0{digits}d}".rstrip("0").rstrip(".")
+    return f"{whole}{fraction} {unit}"

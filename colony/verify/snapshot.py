@@ -1,0 +1,36 @@
+"""What the reference interpreter is given in one frame of a proof: readings in base units, bit for bit."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any, NamedTuple
+
+from colony.ir.frame import Frame
+from colony.ir.program import Program
+from colony.ir.types import ScalarValue, Value
+from colony.verify.reference.boundary import sense
+
+_NONE: Mapping[str, Any] = {}
+
+
+class Snapshot(NamedTuple):
+    """The inputs of one frame in base units, where a `Frame` has them in declared units.
+
+    Proofs need their own form: a reading that is divided by its unit and multiplied again may differ in the
+    last bit, and a counterexample at the edge of a comparison would then break nothing.
+
+    Attributes:
+        t_ns: Time of the frame.
+        readings: Value of each sensor that is there; the others are missing.
+        answers: Fields that modules in Python command; a module that is absent is not applicable.
+    """
+
+    t_ns: int
+    readings: Mapping[str, Value] = _NONE
+    answers: Mapping[str, tuple[ScalarValue, ...]] = _NONE
+
+
+def snapshot_of(program: Program, frame: Frame) -> Snapshot:
+    """Return a frame as the interpreter takes it: clamped to ranges, without readings that cannot be."""
+    sensed = {s.name: sense(s, frame.readings.get(s.name), s.factor)[0] for s in program.robot.sensors}
+    return Snapshot(frame.t_ns, {name: value for name, value in sensed.items() if value is not None})

@@ -1,0 +1,218 @@
+"""`colony experiment` from end to end."""
+
+from __future__ import annotations
+
+import json
+import os
+import signal
+import sqlite3
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import pytest
+
+from colony.cli.experiment import outputs as experiment_outputs
+from colony.cli.experiment.outputs import Found
+from colony.experiment.auditing import AuditedRun
+from colony.experiment.record import RunKey
+from tests.cli.conftest import Colony
+from tests.nav.floors import two_floors
+from tests.paths import ROOT
+
+MAP = str(ROOT / "maps" / "msu_engineering_3.stickrep")
+QUICK = ("thesis", "--runs", "29", "--seeds", "1", "--no-hazards", "--engine", "serial")
+
+
+@pytest.fixture
+def rounds(tmp_path: Path) -> Path:
+    """A list of one's own: two short ways."""
+    path = tmp_path / "rounds.csv"
+    path.write_text("from,to\nA342L,A340R\nA339L,A338R\n")
+    return path
+
+
+def test_published_runs_beside_ours(colony: Colony) -> None:
+    result = colony("experiment", *QUICK)
+    assert result.code == 0
+    assert "thesis, ours/no-hazards: 1 of 1 runs" in result.out
+    [row] = [line for line in result.out.splitlines() if line.startswith("| 29 ")]
+    cells = [cell.strip() for cell in row.strip("|").split("|")]
+    assert cells[:5] == ["29", "A392L", "A340R", "15.1", "1/1"]
+    assert cells[12:] == ["+0.07 m", "3:09", "4.8", "1/1", "1/1", "1/1"]
+    assert "runs that reached the goal" in result.out
+    assert "a corner is passed" in result.out
+    assert "100 %: 1 of 1 run, 0 bad" in result.err
+
+
+def test_results_are_kept_and_not_made_again(colony: Colony, rounds: Path, tmp_path: Path) -> None:
+    kept = tmp_path / "r.sqlite"
+    arguments = (str(rounds), "--map", MAP, "--engine", "serial", "--no-hazards", "-o", str(kept))
+    first = colony("experiment", *arguments, "--format", "json")
+    assert first.code == 0
+    told = json.loads(first.out)
+    assert [one["number"] for one in told["results"]] == [1, 2]
+    assert all(one["reached"] for one in told["results"])
+    assert told["variant"] == "ours/no-hazards"
+    again = colony("experiment", *arguments, "--format", "json")
+    assert json.loads(again.out) == told
+    assert again.err == ""
+    with sqlite3.connect(kept) as database:
+        [(count,)] = database.execute("SELECT count(*) FROM run WHERE failure = ''").fetchall()
+    database.close()
+    assert count == 2
+
+
+def test_pictures_and_a_page(colony: Colony, rounds: Path, tmp_path: Path) -> None:
+    page, pictures = tmp_path / "page.md", tmp_path / "pictures"
+    arguments = (str(rounds), "--map", MAP, "--engine", "serial", "--no-hazards", "--write", str(page))
+    page.write_text("Before.\n\n<!-- x -->\nOld.\n<!-- end of x -->\n\nAfter.\n")
+    missing = colony("experiment", *arguments)
+    assert missing.code == 2
+    assert "100 %" not in missing.err
+    name = missing.err.split("<!-- ")[1].split(" -->")[0]
+    page.write_text(f"Before.\n\n<!-- {name} -->\nOld.\n<!-- end of {name} -->\n\nAfter.\n")
+    result = colony("experiment", *arguments, "--plot", str(pictures), "--format", "json")
+    assert result.code == 0
+    assert len(json.loads(result.out)["results"]) == 2
+    assert f"put into {page}" in result.err
+    assert f"drawn in {pictures}: 2 pictures of paths" in result.err
+    text = page.read_text()
+    assert text.startswith("Before.\n\n<!-- ")
+    assert text.endswith(" -->\n\nAfter.\n")
+    assert "| A342L | A340R |" in text
+    assert "Old." not in text
+    assert sorted(path.name for path in pictures.iterdir()) == [
+        "A339L_to_A338R.png",
+        "A342L_to_A340R.png",
+        "errors.png",
+    ]
+    assert all(path.read_bytes().startswith(b"\x89PNG") for path in pictures.iterdir())
+
+
+def test_ways_are_drawn_on_their_floor_and_none_on_two(colony: Colony, tmp_path: Path) -> None:
+    two_floors(tmp_path)
+    ways, pictures = tmp_path / "ways.csv", tmp_path / "pictures"
+    ways.write_text("from,to\nA,C\nupper:A,upper:C\nliftR,upper:D\n")
+    arguments = (str(ways), "--map", str(tmp_path / "ground.stickrep"), "--engine", "serial", "--no-hazards")
+    refused = colony("experiment", *arguments, "--plot", str(pictures))
+    assert refused.code == 2
+    assert "run 3 takes an elevator: `colony run ... --from liftR --to upper:D` draws each" in refused.err
+    drawn = colony("experiment", *arguments, "--plot", str(pictures), "--runs", "1,2")
+    assert drawn.code == 0
+    names = sorted(path.name for path in pictures.iterdir())
+    assert names == ["A_to_C.png", "A_to_C_of_upper.png", "errors.png"]
+
+
+def test_pages_that_cannot_be_filled_are_told_before_the_runs(colony: Colony, tmp_path: Path) -> None:
+    page = tmp_path / "page.md"
+    page.write_bytes(b"\xff<!-- thesis ours/no-hazards -->")
+    told = f"{page}: error: cannot write: byte 0 is no UTF-8; expected a page of Markdown\n"
+    assert colony("experiment", *QUICK, "--write", str(page)) == (2, "", told)
+    source = tmp_path / "page.colony"
+    source.write_text("<!-- thesis ours/no-hazards -->\n<!-- end of thesis ours/no-hazards -->\n")
+    result = colony("experiment", *QUICK, "--write", str(source))
+    assert (result.code, result.err) == (
+        2,
+        f"{source}: error: cannot write: it is a source, and exists already\n",
+    )
+
+
+def test_random_pairs(colony: Colony) -> None:
+    arguments = ("random", "--map", str(ROOT / "maps" / "loop.stickrep"), "--pairs", "2", "--seed", "3")
+    result = colony("experiment", *arguments, "--engine", "serial", "--format", "json")
+    assert result.code == 0
+    told = json.loads(result.out)
+    assert told["list"] == "random 2 pairs, seed 3, loop"
+    assert len(told["results"]) == 2
+
+
+def test_an_audit_says_what_it_compared(colony: Colony, rounds: Path) -> None:
+    arguments = (str(rounds), "--map", MAP, "--engine", "serial", "--no-hazards", "--runs", "1")
+    result = colony("experiment", *arguments, "--audit", "0.0001")
+    assert result.code == 0
+    assert "Audited: 1 runs, " in result.out
+    assert "decided alike in all of them" in result.out
+
+
+def test_differences_are_told() -> None:
+    key = RunKey("x", 1, 1, "ours")
+    found = Found(
+        results=(),
+        audits=(
+            AuditedRun(key=key, frames=3, difference=""),
+            AuditedRun(key=key, frames=4, difference="frame 4"),
+        ),
+        interrupted=False,
+    )
+    assert [one.frames for one in found.differences] == [4]
+    assert experiment_outputs.audit_line(found.audits).endswith("decided otherwise in 1 of them.")
+
+
+@pytest.mark.parametrize(
+    ("arguments", "told"),
+    [
+        (("rounds.csv",), "give --map MAP"),
+        (("rounds",), "no list `rounds`; expected thesis, random, floors, plates, lights"),
+        (("rounds", "--map", MAP), "no list `rounds`; expected thesis, random, floors, plates, lights"),
+        (("none.csv", "--map", MAP), "none.csv: cannot be read"),
+        (("thesis", "--map", MAP), "leave out --map"),
+        (("thesis", "--runs", "41"), "there is no run 41"),
+        (("thesis", "--audit", "nan"), "`nan`; expected a part of the runs, from 0 to 1"),
+        (("thesis", "--audit", "1.5"), "`1.5`; expected a part of the runs, from 0 to 1"),
+        (("plates", "--pairs", "3"), "--pairs goes with `random` and `floors`, not with `plates`"),
+        (("thesis", "--no-hazard", "rain"), "there is no hazard `rain`; expected slip, glass"),
+        (("thesis", "--engine", "cloud"), "there is no engine `cloud`; expected pool, serial, dask"),
+        (("thesis", "-o", "/nowhere/r.sqlite"), "there is no such folder"),
+    ],
+)
+def test_misuse_is_one_line_and_2(colony: Colony, arguments: tuple[str, ...], told: str) -> None:
+    result = colony("experiment", *arguments)
+    assert result.code == 2
+    assert told in result.err
+    assert len(result.err.splitlines()) == 1
+
+
+@pytest.mark.skipif(os.name != "posix", reason="there is no SIGINT to send")
+def test_ctrl_c_keeps_what_is_finished(tmp_path: Path) -> None:
+    kept = tmp_path / "r.sqlite"
+    command = [
+        sys.executable,
+        "-m",
+        "colony.cli.main",
+        "experiment",
+        "thesis",
+        "--runs",
+        "29,33",
+        "--seeds",
+        "9",
+    ]
+    with subprocess.Popen(
+        [*command, "--no-hazards", "--engine", "serial", "-o", str(kept)],
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+        cwd=ROOT,
+        env={**os.environ, "PYTHONPATH": str(ROOT)},
+    ) as child:
+        while not _count(kept):
+            assert child.poll() is None
+            time.sleep(0.05)
+        child.send_signal(signal.SIGINT)
+        out, err = child.communicate(timeout=60)
+    assert child.returncode == 130
+    assert f"{_count(kept)} of 18 runs" in out
+    assert "Traceback" not in err
+
+
+def _count(path: Path) -> int:
+    if not path.exists():
+        return 0
+    with sqlite3.connect(path) as database:
+        try:
+            [(count,)] = database.execute("SELECT count(*) FROM run").fetchall()
+        except sqlite3.OperationalError:
+            count = 0
+    database.close()
+    return int(count)

@@ -1,0 +1,83 @@
+"""`colony run --from ROOM --to ROOM`: scripts among the real servers in virtual time, also between floors."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+from tests.cli.conftest import Colony
+from tests.nav.floors import two_floors
+from tests.paths import ROOT
+
+NAVIGATOR = str(ROOT / "behaviors" / "navigator.colony")
+MAP = str(ROOT / "maps" / "msu_engineering_3.stickrep")
+
+
+def test_a_robot_is_sent_around_a_corner_and_arrives(colony: Colony, tmp_path: Path) -> None:
+    way = ("--from", "A392L", "--to", "A340R", "--hazards", "3")
+    result = colony("run", NAVIGATOR, "--map", MAP, *way, "--no-picture", "--format", "json")
+    assert result.code == 0
+    told = json.loads(result.out)
+    assert told["arrival"]["arrived"] is True
+    assert told["arrival"]["pictures"] == []
+    assert "from A392L to A340R (lcd): arrived after" in told["arrival"]["text"]
+    assert told["arrival"]["text"].endswith("; the goal's plate was read")
+
+
+def test_a_robot_rides_to_another_floor_and_its_way_is_drawn_on_both(colony: Colony, tmp_path: Path) -> None:
+    two_floors(tmp_path)
+    ground, picture = str(tmp_path / "ground.stickrep"), tmp_path / "way.svg"
+    way = ("--from", "liftR", "--to", "upper:liftR", "--picture", str(picture))
+    result = colony("run", NAVIGATOR, "--map", ground, *way, "--seed", "31")  # whose operator is quick
+    assert result.code == 0
+    assert "from liftR to liftR of upper (dvd): arrived after" in result.out
+    assert picture.stat().st_size > 1000
+    assert (tmp_path / "way.upper.svg").stat().st_size > 1000
+    wrote = [line.split("wrote ")[1] for line in result.out.splitlines() if "wrote " in line]
+    assert wrote == [str(picture), str(tmp_path / "way.upper.svg")]
+
+
+def test_who_does_not_arrive_is_told_where_it_is(colony: Colony, tmp_path: Path) -> None:
+    way = ("--from", "A392L", "--to", "A340R", "--duration", "10")
+    result = colony("run", NAVIGATOR, "--map", MAP, *way, "--no-picture")
+    assert result.code == 1
+    assert "from A392L to A340R (lcd): not done after 10.0 s" in result.out
+    two_floors(tmp_path)
+    ground = str(tmp_path / "ground.stickrep")
+    way = ("--from", "A", "--to", "2:C", "--duration", "1")
+    below = colony("run", NAVIGATOR, "--map", ground, *way, "--no-picture")
+    assert below.code == 1
+    assert "from A to C of upper (dvd): not done after 1.0 s, on ground, not on upper" in below.out
+
+
+def test_rooms_that_are_not_there_and_half_a_way_are_refused(colony: Colony) -> None:
+    unknown = colony("run", NAVIGATOR, "--map", MAP, "--from", "A392L", "--to", "A34OR", "--no-picture")
+    assert unknown.code == 2
+    assert "goal `A34OR`" in unknown.err
+    assert "did you mean" in unknown.err
+    floor = colony("run", NAVIGATOR, "--map", MAP, "--from", "A392L", "--to", "7:250R", "--no-picture")
+    assert floor.code == 2
+    assert "there is no goal `7:250R` in the map `msu_engineering_3` or `msu_engineering_2`" in floor.err
+    half = colony("run", NAVIGATOR, "--map", MAP, "--from", "A392L")
+    assert half.code == 2
+    assert "found --from alone" in half.err
+    alone = colony("run", NAVIGATOR, "--map", MAP, "--hazards", "1")
+    assert alone.code == 2
+    assert "--hazards goes with --from and --to" in alone.err
+
+
+def test_a_simulated_robot_of_processes_stays_on_its_floor(colony: Colony) -> None:
+    result = colony("run", NAVIGATOR, "--map", MAP, "--processes", "--from", "350R", "--to", "2:250R")
+    assert result.code == 2
+    assert "msu_engineering_3 to msu_engineering_2, and a simulated robot of processes" in result.err
+    assert "leave out --processes" in result.err
+
+
+def test_a_robot_that_is_there_is_led_through_a_map_and_has_its_own_hazards(colony: Colony) -> None:
+    way = ("--from", "350R", "--to", "352L")
+    no_map = colony("run", NAVIGATOR, "--connect", *way)
+    assert (no_map.code, "found --to without --map: through which building?" in no_map.err) == (2, True)
+    no_way = colony("run", NAVIGATOR, "--connect", "--map", MAP)
+    assert (no_way.code, "--map goes with it for --from and --to alone" in no_way.err) == (2, True)
+    hazards = colony("run", NAVIGATOR, "--connect", "--map", MAP, *way, "--hazards", "3")
+    assert (hazards.code, "`colony serve` takes it" in hazards.err) == (2, True)

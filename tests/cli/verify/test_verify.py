@@ -1,0 +1,314 @@
+"""`colony verify`: verdicts, traces, tests that it writes, formats, exit codes."""
+
+from __future__ import annotations
+
+import json
+import os
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import pytest
+
+from tests.cli.conftest import Colony
+from tests.paths import ROOT
+
+TRUE = "contract backs: drive by back implies drive.velocity <= 0\n"
+FALSE = "contract quick: drive.velocity > -100 mm/s\n"
+LONG = "contract lasts: drive by back implies bumper\n"
+OPEN = "state n = 1  next n = if bumper then 2 * n else n\ncontract never_six: n != 6\n"
+
+
+def add(behavior: Path, *texts: str) -> Path:
+    """Append to a behavior file."""
+    behavior.write_text(behavior.read_text() + "".join(texts))
+    return behavior
+
+
+# --- verdicts --------------------------------------------------------------------------------------
+
+
+def test_proved(colony: Colony, behavior: Path) -> None:
+    code, out, _ = colony("verify", add(behavior, TRUE))
+    assert code == 0
+    assert f"{behavior}: proved   backs\n" in out
+    assert "1 proved, 0 refuted, 0 unknown" in out.splitlines()[-1]
+
+
+def test_refuted_shows_the_run_and_the_place(colony: Colony, behavior: Path) -> None:
+    code, out, err = colony("verify", add(behavior, TRUE, LONG))
+    assert code == 1
+    assert f"{behavior}: REFUTED  lasts\n" in out
+    table = [line.split("  ") for line in out.splitlines() if "by back: " in line]
+    assert [[cell.strip() for cell in row if cell][:3] for row in table] == [
+        ["0 s", "all 0", "true"],
+        ["0.05 s", "all 0", "false"],
+    ]
+    assert "error[V010]: contract `lasts` is broken at 0.05 s of a run of 2 frames" in err
+    assert f"hint: `colony verify --write-test {behavior}`" in err
+    assert "1 proved, 1 refuted, 0 unknown" in out.splitlines()[-1]
+
+
+def test_unknown_says_why_and_is_no_error(colony: Colony, behavior: Path) -> None:
+    code, out, err = colony("verify", "--depth", "1", add(behavior, OPEN))
+    assert code == 0
+    assert f"{behavior}: unknown  never_six\n" in out
+    assert "no run of up to 6 frames breaks it" in out
+    assert "warning[V011]: contract `never_six` is neither proved nor refuted" in err
+
+
+def test_only_the_contracts_named(colony: Colony, behavior: Path) -> None:
+    code, out, _ = colony("verify", "--contract", "backs", add(behavior, TRUE, FALSE))
+    assert code == 0
+    assert "quick" not in out
+
+
+def test_a_name_that_no_contract_has(colony: Colony, behavior: Path) -> None:
+    code, out, err = colony("verify", "--contract", "bakcs", add(behavior, TRUE))
+    assert (code, out) == (2, "")
+    assert "no contract `bakcs`; did you mean `backs`?" in err
+
+
+def test_no_contracts(colony: Colony, behavior: Path) -> None:
+    code, out, _ = colony("verify", behavior)
+    assert code == 0
+    assert f"{behavior}: there are no contracts" in out
+
+
+def test_several_files(colony: Colony, behavior: Path, tmp_path: Path) -> None:
+    other = tmp_path / "other.colony"
+    other.write_text(behavior.read_text() + FALSE)
+    code, out, _ = colony("verify", add(behavior, TRUE), other)
+    assert code == 1
+    assert f"{behavior}: proved   backs" in out
+    assert f"{other}: REFUTED  quick" in out
+
+
+def test_what_cannot_be_read_is_misuse_and_the_rest_is_done(colony: Colony, behavior: Path) -> None:
+    code, out, err = colony("verify", "absent.colony", add(behavior, TRUE))
+    assert code == 2
+    assert "absent.colony" in err
+    assert "proved   backs" in out
+
+
+def test_errors_in_a_file_are_told(colony: Colony, behavior: Path) -> None:
+    code, out, err = colony("verify", add(behavior, "contract c: nothing"))
+    assert (code, out) == (1, "")
+    assert "error[E" in err
+
+
+def test_a_module_in_python_may_answer_anything(colony: Colony, tmp_path: Path) -> None:
+    path = tmp_path / "p.colony"
+    path.write_text(
+        """robot r {
+  sensor near : mm range 0 .. 5000 from PServer.near
+  actuator drive { velocity : mm/s range -600 .. 600 } to RServer.drive idle drive(velocity = 0)
+}
+module guess from python "nowhere:Guess" { reads near commands drive }
+network { drive = guess }
+contract within: drive.velocity <= 600 mm/s
+contract slow: drive.velocity <= 100 mm/s
+"""
+    )
+    code, out, err = colony("verify", path)
+    assert code == 0
+    assert "proved   within" in out
+    assert "unknown  slow" in out
+    assert "guess answers" in out
+    assert "warning[V011]" in err
+    code, _, err = colony("verify", "--write-test", path)
+    assert code == 0
+    assert "test" not in path.read_text()
+
+
+@pytest.mark.parametrize("seconds", ["nan", "inf", "0"])
+def test_a_timeout_that_is_no_time_is_refused(colony: Colony, behavior: Path, seconds: str) -> None:
+    code, out, err = colony("verify", "--timeout", seconds, add(behavior, TRUE))
+    assert (code, out) == (2, "")
+    assert "is not in the range 0<x<=1000000.0" in err
+
+
+# --- tests that are written ------------------------------------------------------------------------
+
+
+def test_a_written_test_fails_in_colony_test_until_the_contract_holds(colony: Colony, behavior: Path) -> None:
+    add(behavior, LONG)
+    before = behavior.read_text()
+    code, _, err = colony("verify", "--write-test", behavior)
+    assert code == 1
+    assert 'wrote the test "counterexample: lasts"' in err
+    assert "--write-test" not in err
+    after = behavior.read_text()
+    assert after.startswith(before)
+    assert after[len(before) :] == (
+        '\ntest "counterexample: lasts" {\n'
+        "  at 0 s given rays = 0, bumper = true\n"
+        "  at 0.05 s given bumper = false\n"
+        "}\n"
+    )
+    code, _, err = colony("test", behavior)
+    assert code == 1
+    assert 'error[T003]: in "counterexample: lasts" at 0.05 s: contract `lasts:' in err
+    behavior.write_text(after.replace(LONG, ""))
+    code, out, _ = colony("test", behavior)
+    assert (code, out.splitlines()[-1]) == (0, "2 passed, 0 failed")
+
+
+def test_a_test_is_written_once(colony: Colony, behavior: Path) -> None:
+    add(behavior, FALSE)
+    colony("verify", "--write-test", behavior)
+    once = behavior.read_bytes()
+    _, _, err = colony("verify", "--write-test", behavior)
+    assert behavior.read_bytes() == once
+    assert "is there already" in err
+
+
+def test_a_second_counterexample_gets_a_name_of_its_own(colony: Colony, behavior: Path) -> None:
+    add(behavior, FALSE, 'test "counterexample: quick" { at 0 s }\n')
+    _, _, err = colony("verify", "--write-test", behavior)
+    assert 'wrote the test "counterexample: quick (2)"' in err
+    assert colony("check", behavior).code == 0
+
+
+@pytest.mark.skipif(os.geteuid() == 0, reason="root may write everywhere")
+def test_a_read_only_file_is_refused_before_the_work(colony: Colony, behavior: Path) -> None:
+    add(behavior, FALSE).chmod(0o444)
+    before = behavior.read_bytes()
+    code, out, err = colony("verify", "--write-test", behavior)
+    assert (code, out) == (2, "")
+    assert f"{behavior}: error: cannot write: Permission denied" in err
+    assert behavior.read_bytes() == before
+
+
+def test_line_breaks_stay_as_they_are(colony: Colony, behavior: Path) -> None:
+    behavior.write_bytes(add(behavior, FALSE).read_bytes().rstrip().replace(b"\n", b"\r\n"))
+    colony("verify", "--write-test", behavior)
+    data = behavior.read_bytes()
+    assert data.count(b"\n") == data.count(b"\r\n")
+    assert b"counterexample: quick" in data
+    assert colony("check", behavior).code == 0
+
+
+def test_a_file_that_cannot_be_written_stays_as_it_was(colony: Colony, behavior: Path) -> None:
+    add(behavior, FALSE)
+    before = behavior.read_bytes()
+    if os.geteuid() == 0:
+        pytest.skip("root writes everywhere")
+    behavior.parent.chmod(0o500)
+    try:
+        code, _, err = colony("verify", "--write-test", behavior)
+    finally:
+        behavior.parent.chmod(0o700)
+    assert code == 2
+    assert "cannot write" in err
+    assert behavior.read_bytes() == before
+
+
+# --- drawn traces ----------------------------------------------------------------------------------
+
+
+def test_drawn_traces_come_from_the_seed(colony: Colony, behavior: Path) -> None:
+    add(behavior, TRUE)
+    one = colony("verify", "--examples", "3", "--seed", "7", behavior)
+    assert one.code == 0
+    assert "3 traces" in one.out
+    assert "seed 7" in one.out
+    assert colony("verify", "--examples", "3", "--seed", "7", behavior).out == one.out
+
+
+def test_drawn_traces_break_what_could_not_be_decided(colony: Colony, behavior: Path) -> None:
+    add(behavior, "contract c: sin(rays[0] * 1 deg) * sin(rays[0] * 1 deg) < 0.9\n")
+    code, _, err = colony("verify", "--examples", "60", behavior)
+    assert code == 1
+    assert "error[V010]: contract `c` is broken" in err
+
+
+def test_faults_need_examples(colony: Colony, behavior: Path) -> None:
+    code, _, err = colony("verify", "--faults", behavior)
+    assert code == 2
+    assert "--faults goes with --examples" in err
+
+
+# --- formats ---------------------------------------------------------------------------------------
+
+
+def test_json_has_every_verdict(colony: Colony, behavior: Path) -> None:
+    code, out, _ = colony("verify", "--format", "json", "--depth", "1", add(behavior, TRUE, LONG, OPEN))
+    assert code == 1
+    told = json.loads(out)
+    [file] = told["files"]
+    assert told["interrupted"] is False
+    assert file["file"] == str(behavior)
+    verdicts = {c["contract"]: c["verdict"] for c in file["contracts"]}
+    assert verdicts == {"backs": "proved", "lasts": "refuted", "never_six": "unknown"}
+    trace = file["contracts"][1]["trace"]
+    assert [step["given"].get("bumper") for step in trace] == ["true", "false"]
+    assert [step["broken"] for step in trace] == [[], ["lasts"]]
+    assert {d["code"] for d in file["diagnostics"]} >= {"V010", "V011"}
+
+
+def test_sarif_has_the_run_as_a_code_flow(colony: Colony, behavior: Path) -> None:
+    code, out, _ = colony("verify", "--format", "sarif", add(behavior, LONG))
+    assert code == 1
+    results = json.loads(out)["runs"][0]["results"]
+    [refuted] = [r for r in results if r["ruleId"] == "V010"]
+    [flow] = refuted["codeFlows"]
+    assert len(flow["threadFlows"][0]["locations"]) == 2
+
+
+# --- interruption ----------------------------------------------------------------------------------
+
+ENDLESS = ["--depth", "64", "--timeout", "1000"]
+"""With these, `OPEN` takes a minute."""
+
+
+def busy_seconds(process: subprocess.Popen[str]) -> float:
+    """The processor time that a process has had."""
+    fields = Path(f"/proc/{process.pid}/stat").read_text().rpartition(")")[2].split()
+    return (int(fields[11]) + int(fields[12])) / os.sysconf("SC_CLK_TCK")
+
+
+@pytest.mark.skipif(not Path("/proc/self/stat").exists(), reason="there is no /proc")
+@pytest.mark.parametrize("format_", ["text", "json"])
+def test_ctrl_c_tells_what_was_found_so_far(behavior: Path, format_: str) -> None:
+    add(behavior, TRUE, OPEN)
+    process = subprocess.Popen(
+        [sys.executable, "-m", "colony.cli.main", "verify", *ENDLESS, "--format", format_, str(behavior)],
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+        cwd=ROOT,
+    )
+    while process.poll() is None and busy_seconds(process) < 2:
+        time.sleep(0.05)
+    process.send_signal(signal.SIGINT)
+    out, err = process.communicate(timeout=60)
+    assert "Traceback" not in err
+    assert process.returncode == 130, out + err
+    assert "interrupted" in err
+    if format_ == "json":
+        told = json.loads(out)
+        assert told["interrupted"] is True
+        assert [c["contract"] for c in told["files"][0]["contracts"]] == ["backs"]
+    else:
+        assert "proved   backs" in out
+        assert "interrupted before the end" in out
+
+
+def test_what_can_never_act_is_asked_for_a_while_only(colony: Colony, tmp_path: Path) -> None:
+    modules = "\n".join(f"module m{i} {{ when s > {i} mm do drive(velocity = {i} mm/s) }}" for i in range(60))
+    file = tmp_path / "many.colony"
+    file.write_text(
+        f"""robot r {{
+  sensor s : mm range 0 .. 10000 from P.s
+  actuator drive {{ velocity : mm/s range 0 .. 500 }} to R.drive idle drive(velocity = 0)
+}}
+{modules}
+network {{ drive = {" suppresses ".join(f"m{i}" for i in range(60))} }}
+"""
+    )
+    code, out, _ = colony("verify", "--timeout", "0.05", str(file))
+    assert code == 0
+    assert "about what can never act; --timeout gives more" in out

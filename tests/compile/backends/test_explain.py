@@ -1,0 +1,48 @@
+"""Case files hold wiring, a line `---`, and what the compiler says of it."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from colony.compile.backends.explain import DEEPEST, MOST_LINES, explain, wiring_text
+from colony.compile.pipeline import compile_program
+from colony.ir.program import Chain, Use
+from tests.networks import chain, ladder, random_program
+from tests.wiring import program
+
+CASES = sorted((Path(__file__).parent / "cases" / "explain").glob("*.txt"))
+
+
+@pytest.mark.parametrize("path", CASES, ids=lambda path: path.stem)
+def test_case(path: Path) -> None:
+    wiring, _, expected = path.read_text().partition("\n---\n")
+    assert explain(compile_program(program(wiring))) + "\n" == expected
+
+
+def test_both_networks_of_figure_4_14_are_visited_alike() -> None:
+    texts = [path.read_text() for path in CASES if path.stem.startswith("figure_4_14")]
+    assert len(texts) == 2
+    clients = [text[text.index("The forward traversal") :] for text in texts]
+    assert "D-C-B-A" in clients[0]
+    assert clients[0] == clients[1]
+
+
+@pytest.mark.parametrize("large", [chain(5_000), ladder(5_000), random_program(5_000, seed=1)])
+def test_large_programs_are_cut(large) -> None:
+    text = explain(compile_program(large))
+    assert "left out" in text
+    assert len(text.splitlines()) < 12 * MOST_LINES
+    assert max(map(len, text.splitlines())) < 120 + 3 * DEEPEST
+
+
+def test_nothing_wired() -> None:
+    assert "(nothing is wired)" in explain(compile_program(program("")))
+
+
+def test_wiring_reads_as_in_the_language() -> None:
+    inner = Chain(relation="inhibits", operands=(Use(name="b"), Use(name="c")), windows_ns=(2_000_000_000,))
+    outer = Chain(relation="suppresses", operands=(Use(name="a"), inner, Use(name="d")), windows_ns=(0, 0))
+    assert wiring_text(outer) == "a suppresses (b inhibits[2 s] c) suppresses d"
+    assert wiring_text(outer, most=2) == "a suppresses (b inhibits[2 s] c) suppresses ... (1 more)"

@@ -1,0 +1,149 @@
+"""Executors at their edges: foreign memory, classes that cannot be built, contracts where nothing is sent."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+
+import pytest
+
+from colony.compile.lower.lower import lower
+from colony.compile.pipeline import compile_program
+from colony.dsl.load import load_text
+from colony.execute.executor import ClientExecutor, ClientListExecutor, ClientMemory, NotExclusive
+from colony.execute.machine import build
+from colony.ir.frame import Frame
+from colony.text.diagnostics import Failure
+from tests.runtime.programs import roam
+
+MS = 1_000_000
+ROBOT = """
+robot r {
+  sensor x : number from DServer.x
+  sensor b : bool from DServer.b
+  actuator out { v : number } to DServer.out idle hold
+}
+"""
+REMEMBERING = f"""{ROBOT}
+state count = 0
+next count = count + 1
+module m {{ when held(b, 1 s) and previous(b, false) do out(v = x + count) }}
+network {{ out = m }}
+"""
+GO = "actuator go { velocity : mm/s, turn : deg/s } to DServer.go idle hold"
+MOODY = f"""{ROBOT}
+module m from python "colony.verify.testing.python_modules:Moody" {{
+  param seed = 1 reads b commands go rate 1 s
+}}
+module n {{ when b do out(v = 1) }}
+network {{ out = n  go = m }}
+""".replace("actuator out", f"{GO}\n  actuator out")
+
+
+def client(text: str, actuator: str, module: str) -> ClientExecutor:
+    program = load_text(text)
+    return ClientExecutor(program, compile_program(program).clients, actuator, module)
+
+
+# --- memory ------------------------------------------------------------------------------------------
+
+
+def test_memory_of_another_client_is_refused_and_changes_nothing() -> None:
+    one = client(REMEMBERING, "out", "m")
+    one.step(Frame(0, {"x": 1.0, "b": True}))
+    before = one.memory
+    for cells in ({}, {**before.cells, "more": 1.0}, dict.fromkeys(list(before.cells)[1:], 0.0)):
+        with pytest.raises(ValueError, match=r"^the memory is of another client$"):
+            one.memory = ClientMemory(0, cells)
+    assert one.memory == before
+
+
+def test_memory_has_the_type_of_its_cell() -> None:
+    one = client(REMEMBERING, "out", "m")
+    one.step(Frame(0, {"x": 1.0, "b": True}))
+    good = one.memory
+    kinds = {type(value) for value in good.cells.values()}
+    assert kinds == {bool, int, float}
+    for name, value in good.cells.items():
+        for other in (True, 3, 2.5, "text", None):
+            if type(other) is type(value):
+                continue
+            with pytest.raises(
+                ValueError, match=rf"memory of .*: found {other!r}, expected a (bool|number|time)"
+            ):
+                one.memory = good._replace(cells={**good.cells, name: other})  # type: ignore[dict-item]
+    one.memory = good
+    assert one.memory == good
+
+
+def test_without_answers_a_module_in_python_begins_anew() -> None:
+    one = client(MOODY, "go", "m")
+    frames = [Frame(k * 500 * MS, {"x": 1.0, "b": True}) for k in range(8)]
+    for frame in frames[:3]:
+        one.step(frame)
+    assert one.memory.answers is not None
+    assert not one.portable
+    one.memory = ClientMemory(0, dict(one.memory.cells))
+    assert one.memory.answers == (0, None, None)
+
+
+# --- modules in Python ---------------------------------------------------------------------------------
+
+
+def test_a_class_that_cannot_be_built_is_named_with_what_to_do() -> None:
+    program = load_text(MOODY)
+    (call,) = lower(program, compile_program(program).clients).python
+    cases = (
+        ({"module_path": "colony.nowhere"}, "colony.nowhere:Moody", "ModuleNotFoundError"),
+        ({"class_name": "Nobody"}, "colony.verify.testing.python_modules:Nobody", "AttributeError"),
+        ({"params": (("color", 1.0),)}, "colony.verify.testing.python_modules:Moody", "TypeError"),
+        (
+            {"module_path": "tests.verify.scripted_modules", "class_name": "Leaving", "params": ()},
+            "tests.verify.scripted_modules:Leaving",
+            "SystemExit",
+        ),
+    )
+    for change, path, problem in cases:
+        with pytest.raises(Failure) as failure:
+            build(replace(call, **change))
+        (found,) = failure.value.diagnostics
+        assert found.code == "P001"
+        assert found.span == call.span
+        assert found.message.startswith(f"`{path}` cannot be imported and built: {problem}: ")
+        assert found.hint == (
+            "it is looked for beside the behavior and in this folder; its params are given by keyword"
+        )
+
+
+# --- exclusive guards, contracts -----------------------------------------------------------------------
+
+
+def test_two_exclusive_guards_at_once_are_told_by_name() -> None:
+    program = roam()
+    clients = compile_program(program).clients
+    (drive,) = clients.actuators
+    wrong = tuple(replace(c, exclusive=c.guard) for c in drive.clients)
+    executor = ClientListExecutor(
+        program, replace(clients, actuators=(replace(drive, clients=wrong),)), exclusive=True
+    )
+    with pytest.raises(NotExclusive, match=r"^drive: avoid, cruise$"):
+        executor.step(Frame(0, {"sonar": (100.0,) * 24, "bumper": False, "chance": 0.5}))
+
+
+def test_contracts_on_a_field_that_is_not_sent_say_nothing() -> None:
+    text = f"""{ROBOT}
+module m {{ when b do out(v = x) }}
+network {{ out = m }}
+contract high: out.v > 5
+contract sent: out is commanded implies out.v > 5
+"""
+    program = load_text(text)
+    executor = ClientListExecutor(program, compile_program(program).clients)
+    for b, x, broken in (
+        (False, 9.0, ()),
+        (True, 9.0, ()),
+        (True, 1.0, ("high", "sent")),
+        (True, math.inf, ()),
+    ):
+        outcome = executor.step(Frame(0, {"b": b, "x": x}))
+        assert outcome.breaches == broken, (b, x)

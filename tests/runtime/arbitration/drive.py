@@ -1,0 +1,36 @@
+"""An arbiter of one actuator with three clients, and what comes in to it."""
+
+from __future__ import annotations
+
+from colony.ir.program import Actuator, ActuatorField
+from colony.runtime.arbitration.arbiter import Arbiter, Timing
+from colony.runtime.protocol.fields import SPEED
+from colony.runtime.protocol.messages import Request, Tick
+
+MS = 1_000_000
+TIMES = Timing(deadline_ns=40 * MS, grace_ns=5 * MS)
+PLACES = ("back_off", "avoid", "cruise")
+DRIVE = Actuator(
+    name="drive",
+    fields=(
+        ActuatorField(name="velocity", type=SPEED, low=-600.0, high=600.0),
+        ActuatorField(name="turn", type=SPEED),
+    ),
+    server="RServer",
+    command="drive",
+    idle=(0.0, 0.0),
+)
+COMMANDS = {"back_off": (-200.0, 15.0), "avoid": (80.0, 30.0), "cruise": (300.0, 0.0)}
+
+
+def request(client: str, bid: str = "silent", k: int = 0) -> Request:
+    values = COMMANDS.get(client, (1.0, 1.0)) if bid == "command" else None
+    return Request(k=k, actuator="drive", client=client, bid=bid, values=values)  # type: ignore[arg-type]
+
+
+def arbiter() -> Arbiter:
+    return Arbiter(DRIVE, PLACES, TIMES)
+
+
+def tick(k: int = 0) -> Tick:
+    return Tick(k=k, t_ns=k * 50 * MS)

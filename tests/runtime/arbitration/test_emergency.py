@@ -1,0 +1,203 @@
+"""The emergency stop of a whole robot: whoever hears it stops, and it holds until the Clock releases it."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from pathlib import Path
+
+import msgspec
+import pytest
+
+from colony.runtime.assembly.virtual import Session
+from colony.runtime.kit.emergency import StopButton
+from colony.runtime.kit.errors import CallRefused
+from colony.runtime.library import clock as clock_library
+from colony.runtime.library import data, emergency
+from colony.runtime.library.ask import Ask
+from colony.runtime.protocol import topics
+from colony.runtime.protocol.calls import Nothing
+from colony.runtime.protocol.messages import Call
+from tests.cli.machine import MAP, ROBOT, WANDER, Machine, release, until
+from tests.runtime.calling import call_of, opening
+from tests.runtime.programs import roam
+from tests.runtime.scripted import Log, Script, session
+from tests.runtime.servers.data_stage import MS, DataStage
+from tests.runtime.servers.test_dserver import LAMP, deploy, field, program, request, table, tick
+
+S = 1000 * MS
+
+# --- among all servers, in virtual time ------------------------------------------------------------
+
+
+def call(server: str, method: str, number: int = 1) -> tuple[str, Call]:
+    ask = opening("ann") if method == "open" else Ask(method, Nothing(), None, "command")
+    ask = emergency.stop() if method == emergency.stop().method else ask
+    return topics.calls(server), call_of(ask, "ann/1", number)
+
+
+def at(whole: Session, t_ns: int, server: str, method: str, number: int = 1) -> None:
+    topic, made = call(server, method, number)
+    whole.transport.at(t_ns, lambda: whole.transport.inject(topic, made))
+
+
+def moved(script: Script, since_ns: int, until_ns: int) -> bool:
+    """Whether anything but zero was sent to the base in the meantime."""
+    return any(since_ns <= t < until_ns and (v, w) != (0.0, 0.0) for t, v, w in script.told)
+
+
+@pytest.mark.parametrize("server", ["RServer", "Clock"])
+def test_a_stop_that_one_server_heard_holds_everywhere_until_the_clock_releases_it(server: str) -> None:
+    script, log = Script(), Log()
+    whole = session(roam(), script, log)
+    at(whole, 1 * S, server, "emergency_stop")
+    at(whole, 3 * S, "Clock", "open")
+    at(whole, 3 * S + 1, "Clock", "release", 2)
+    assert whole.run(4 * S)
+    assert moved(script, 0, 1 * S)
+    assert not moved(script, 1 * S + 51 * MS, 3 * S)
+    assert moved(script, 3 * S + 50 * MS, 4 * S)
+    holds = [f.verdicts["drive"].hold for f in log.frames]
+    assert set(holds[22:60]) == {"stopped"}
+    assert set(holds[62:]) == {None}
+    assert not any(f.disagreements for f in log.frames)
+
+
+@pytest.mark.parametrize("killed", ["RServer", "Clock"])
+def test_it_survives_the_death_of_any_one_of_them(killed: str, tmp_path: Path) -> None:
+    script = Script()
+    whole = session(roam(), script, Log())
+    at(whole, 1 * S, "RServer", "emergency_stop")
+    whole.transport.at(2 * S, lambda: whole.restart(killed))
+    assert whole.run(4 * S)
+    assert moved(script, 0, 1 * S)
+    assert not moved(script, 1 * S + 1, 4 * S)
+
+
+def test_the_base_is_halted_in_the_moment_in_which_the_server_hears_of_it() -> None:
+    script = Script()
+    whole = session(roam(), script, Log())
+    at(whole, 1 * S + 20 * MS, "RServer", "emergency_stop")
+    assert whole.run(2 * S)
+    assert 1 * S + 20 * MS in script.stopped
+    assert not moved(script, 1 * S + 20 * MS, 2 * S)
+
+
+# --- DServer's actuators ---------------------------------------------------------------------------
+
+IDLE_LAMP = msgspec.structs.replace(LAMP, idle=(False,))
+
+
+@pytest.fixture
+def lit() -> DataStage:
+    """A lamp that the program has lit in frame 1."""
+    stage = DataStage()
+    leader = stage.connect("ada/leader")
+    leader.do(deploy(msgspec.structs.replace(program("run", IDLE_LAMP), reads=("Lamp",))))
+    tick(stage, 1)
+    stage.handle(request(1, "lamp", True))
+    assert leader.do(data.get("Lamp")) is True
+    return stage
+
+
+def lamp(stage: DataStage) -> bool:
+    found = stage.server._variables.present("Lamp")
+    assert found is not None
+    return bool(msgspec.msgpack.decode(found.data))
+
+
+def test_a_stop_makes_variables_idle_at_once_and_says_so_in_frames(lit: DataStage) -> None:
+    _, stop = call("DServer", "emergency_stop")
+    lit.handle(stop)
+    assert not lamp(lit)
+    effects = tick(lit, 2)
+    frames = [e.message for e in effects if getattr(e, "topic", "") == "DServer/frames"]
+    assert frames[0].stopped is not None  # type: ignore[attr-defined, unused-ignore]
+    lit.handle(request(2, "lamp", True))
+    assert not lamp(lit), "and stay idle"
+
+
+def test_variables_become_idle_when_the_ticks_stop(lit: DataStage) -> None:
+    lit.pass_time(100 * MS)
+    assert lamp(lit)
+    lit.pass_time(30 * MS)
+    assert not lamp(lit)
+
+
+def test_what_is_held_when_idle_is_left_as_it_is() -> None:
+    stage = DataStage()
+    leader = stage.connect("ada/leader")
+    leader.do(deploy(program("run", table("lamp", field("on", "bool")))))
+    tick(stage, 1)
+    stage.handle(request(1, "lamp", True))
+    stage.handle(call("DServer", "emergency_stop")[1])
+    stage.pass_time(500 * MS)
+    assert lamp(stage)
+
+
+# --- the button, at real processes -----------------------------------------------------------------
+
+
+@pytest.fixture
+def machine(tmp_path: Path) -> Iterator[Machine]:
+    made = Machine(tmp_path)
+    yield made
+    made.close()
+
+
+def serving(machine: Machine, *servers: str) -> None:
+    for server in servers:
+        started = machine.start(
+            "serve", server, "--robot", ROBOT, *(("--map", MAP) if server == "all" else ())
+        )
+        until(lambda s=started: s.ended() or "Ctrl-C ends" in s.err, f"{server} runs")  # type: ignore[misc]
+    awaited = {"Clock", "RServer", "DServer"} if "all" in servers else set(servers)
+    with machine.session() as session:
+        until(lambda: awaited <= set(session.servers()), f"{awaited} are there")
+
+
+def test_a_button_stops_all_and_tells_who_acknowledged(machine: Machine) -> None:
+    serving(machine, "all")
+    run = machine.start("run", WANDER, "--connect", "--set", "DockedAt=0")
+    until(lambda: run.ended() or machine.moves(), "the robot drives")
+    with machine.session() as session, StopButton(session) as button:
+        pressed = button.press()
+        assert pressed.problems == {}
+        assert set(pressed.acknowledged) == {"Clock", "RServer", "DServer"}
+        assert pressed.kept
+        until(machine.stands, "the robot stands")
+        assert button.press().kept, "again"
+        release(session)
+        until(machine.moves, "the robot drives on")
+
+
+def test_without_a_clock_the_servers_stop_and_it_is_not_kept(machine: Machine) -> None:
+    serving(machine, "RServer")
+    with machine.session() as session, StopButton(session, timeout_s=20.0) as button:
+        pressed = button.press()
+    assert pressed.acknowledged == ("RServer",)
+    assert not pressed.kept
+    assert "the Clock is not there" in pressed.problems["Clock"]
+
+
+def test_the_clock_alone_keeps_it(machine: Machine) -> None:
+    serving(machine, "Clock")
+    with machine.session() as session:
+        with StopButton(session, timeout_s=20.0) as button:
+            assert button.press().kept
+        with session.connect("Clock") as clock:
+            clock.do(clock_library.release())
+        with session.connect("Clock") as clock, pytest.raises(CallRefused, match="no method `halt`"):
+            clock.do(emergency.stop()._replace(method="halt"))
+
+
+def test_a_stop_that_arrives_again_after_the_release_is_no_other_stop() -> None:
+    """It comes by two links from the gateway, and is sent again when its answer was lost."""
+    script = Script()
+    whole = session(roam(), script, Log())
+    at(whole, 1 * S, "RServer", "emergency_stop", 7)
+    at(whole, 2 * S, "Clock", "open")
+    at(whole, 2 * S + 1, "Clock", "release", 2)
+    at(whole, 3 * S, "RServer", "emergency_stop", 7)
+    assert whole.run(4 * S)
+    assert not moved(script, 1 * S + 1, 2 * S)
+    assert moved(script, 3 * S + 50 * MS, 4 * S)

@@ -1,0 +1,219 @@
+"""What processes of a robot are told, what they are made of, and what their leader knows."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+from contextlib import ExitStack
+from pathlib import Path
+
+import msgspec
+import pytest
+
+from colony.compile.pipeline import compile_program
+from colony.ir.frame import Frame, Outcome
+from colony.ir.program import Program
+from colony.runtime.assembly.processes.compiled import Compiled, NotOurs, read_compiled, write_compiled
+from colony.runtime.assembly.processes.crew import client_jobs, fresh_folder, server_parts
+from colony.runtime.assembly.processes.leader import LeaderServer, Standings
+from colony.runtime.assembly.processes.parts import nodes_of, serves
+from colony.runtime.assembly.processes.spec import (
+    Device,
+    Spec,
+    name_of,
+    place_of,
+    read_spec,
+    said_of,
+    write_spec,
+)
+from colony.runtime.assembly.processes.window import Window
+from colony.runtime.library.ask import Ask
+from colony.runtime.library.leader import LEADER, RunStatus
+from colony.runtime.observe.observer import FrameLog
+from colony.runtime.protocol.bindings import bind
+from colony.runtime.protocol.calls import Nothing
+from colony.runtime.protocol.deployment import Deployment, deployment
+from colony.runtime.protocol.messages import Fate, Reply, Send, Tick, Verdict
+from colony.runtime.transport.live.place import Credentials, Local, Remote
+from colony.runtime.transport.live.run_directory import RobotDirectory
+from tests.runtime.calling import call_of, opening
+from tests.runtime.programs import roam
+from tests.runtime.scripted import Log
+
+CLIENTS = ["drive/back_off", "drive/avoid", "drive/cruise"]
+MS = 1_000_000
+"""Nanoseconds."""
+
+
+@pytest.fixture
+def roaming() -> Program:
+    return roam()
+
+
+def deployed(of: Program) -> Deployment:
+    return deployment(of, compile_program(of).clients, bind(of), run="r1", seed=1)
+
+
+def log(k: int, *fates: tuple[str, Fate], by: str | None = None, restart: bool = False) -> FrameLog:
+    verdict = Verdict(k=k, t_ns=50 * MS * k, actuator="drive", by=by, values=(0.0, 0.0), fates=fates)
+    return FrameLog(
+        tick=Tick(k=k, t_ns=50 * MS * k),
+        frame=Frame(50 * MS * k, {}),
+        verdicts={"drive": verdict},
+        expected=Outcome((), (), ()),
+        disagreements=(),
+        restart=restart,
+    )
+
+
+# --- files ---------------------------------------------------------------------------------------
+
+
+def test_a_compiled_program_comes_back_as_it_was(roaming: Program, tmp_path: Path) -> None:
+    path = tmp_path / "p"
+    compiled = Compiled(roaming, compile_program(roaming).clients)
+    write_compiled(path, compiled)
+    write_compiled(path, compiled)  # in place of the first one
+    assert path.stat().st_mode & 0o777 == 0o600
+    assert read_compiled(path) == compiled
+    assert os.listdir(tmp_path) == ["p"]
+
+
+def test_a_pickle_that_others_may_write_is_not_read(roaming: Program, tmp_path: Path) -> None:
+    path = tmp_path / "p"
+    write_compiled(path, Compiled(roaming, compile_program(roaming).clients))
+    path.chmod(0o620)
+    with pytest.raises(NotOurs, match="not this user's alone"):
+        read_compiled(path)
+
+
+def test_specs_come_back_as_they_were(roaming: Program, tmp_path: Path) -> None:
+    here = Local(RobotDirectory(tmp_path, "rome"))
+    pem = tmp_path / "pem"
+    there = Remote(
+        robot="rome",
+        endpoint="tls/h:1",
+        credentials=Credentials(user="ada", certificate=pem, key=pem, authority=pem),
+    )
+    compiled = Compiled(roaming, compile_program(roaming).clients)
+    for place in (here, there):
+        assert place_of(said_of(place)) == place
+        folder = fresh_folder(tmp_path / "told")
+        jobs = client_jobs(place, deployed(roaming), compiled, folder, ("modules",))
+        assert [job.name for job in jobs] == CLIENTS
+        specs = [read_spec(Path(job.arguments[0])) for job in jobs]
+        assert [name_of(spec.part) for spec in specs] == CLIENTS
+        assert {place_of(spec.place) for spec in specs} == {place}
+    for part in server_parts(tmp_path, Device(plant="p"), cameras=[("CServer", "CServer")], held={"v": 1.0}):
+        write_spec(tmp_path / "s", Spec(place=said_of(here), part=part))
+        assert read_spec(tmp_path / "s").part == part
+        assert serves(part)  # type: ignore[arg-type]
+
+
+def test_a_client_is_built_of_its_spec(roaming: Program, tmp_path: Path) -> None:
+    place = Local(RobotDirectory(tmp_path, "rome"))
+    jobs = client_jobs(
+        place, deployed(roaming), Compiled(roaming, compile_program(roaming).clients), tmp_path
+    )
+    with ExitStack() as holds:
+        (node,) = nodes_of(read_spec(Path(jobs[1].arguments[0])).part, place, None, holds)  # type: ignore[arg-type]
+    assert node.address == "drive/avoid"
+
+
+def test_a_server_of_hardware_wants_a_driver(tmp_path: Path) -> None:
+    place = Local(RobotDirectory(tmp_path, "rome"))
+    base = server_parts(tmp_path, Device(plant="p"))[1]
+    with ExitStack() as holds, pytest.raises(ValueError, match="runs where the hardware is"):
+        nodes_of(base, place, None, holds)  # type: ignore[arg-type]
+
+
+@pytest.mark.parametrize(
+    ("module", "absent"),
+    [
+        (
+            "colony.runtime.assembly.processes.child, colony.runtime.assembly.nodes",
+            {"lark", "colony.dsl", "colony.verify", "numpy", "numba", "matplotlib", "sqlite3", "subprocess"},
+        ),
+        ("colony.sim.plant.servers", {"lark", "colony.dsl", "numpy", "numba", "matplotlib"}),
+        ("colony.sim.plant.child", {"lark", "colony.dsl", "colony.compile", "matplotlib"}),
+    ],
+)
+def test_processes_load_no_more_than_they_need(module: str, absent: set[str]) -> None:
+    code = f"import {module}, sys; print(*sys.modules)"
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert not set(done.stdout.split()) & absent
+
+
+# --- the leader ----------------------------------------------------------------------------------
+
+
+def test_a_window_shows_its_part_of_a_run_with_times_from_zero() -> None:
+    shown, recorded = Log(), Log()
+    window = Window(150 * MS, frame_ns=50 * MS, sinks=(shown,))
+    window.record(recorded)
+    for k in range(7, 12):
+        assert window.over == (k > 10)
+        window.take(log(k))
+    assert [f.tick.k for f in shown.frames] == [f.tick.k for f in recorded.frames] == [7, 8, 9]
+    assert [f.frame.t_ns for f in shown.frames] == [0, 50 * MS, 100 * MS]
+    assert [f.tick.t_ns for f in shown.frames] == [0, 50 * MS, 100 * MS]
+    assert [f.tick.t_ns for f in recorded.frames] == [350 * MS, 400 * MS, 450 * MS]
+    assert window.shown_ns == 150 * MS
+    window.close()
+    assert (shown.closed, recorded.closed) == (1, 1)
+
+
+def test_a_window_that_was_shut_shows_nothing_more() -> None:
+    shown = Log()
+    window = Window(None, frame_ns=50 * MS, sinks=(shown,))
+    assert not window.begun
+    window.take(log(7))
+    assert window.begun
+    assert not window.over
+    window.shut()
+    window.take(log(8))
+    assert window.over
+    assert len(shown.frames) == 1
+
+
+def test_sinks_are_closed_even_where_one_fails() -> None:
+    class Full(Log):
+        def close(self) -> None:
+            raise OSError("no space left")
+
+    first, last = Log(), Log()
+    window = Window(None, frame_ns=50 * MS, sinks=(first, Full(), last))
+    with pytest.raises(OSError, match="no space left"):
+        window.close()
+    assert (first.closed, last.closed) == (1, 1)
+
+
+def test_the_leader_counts_who_was_on_time(roaming: Program) -> None:
+    standings = Standings(deployed(roaming), file="f.colony")
+    standings.take(log(1, ("back_off", "silent"), ("avoid", "won"), by="avoid"))
+    standings.take(log(2, ("back_off", "late"), ("avoid", "won"), by="avoid"))
+    standings.take(log(3, ("back_off", "lost"), ("avoid", "suppressed"), restart=True))
+    standings.died("drive/back_off", "MemoryError")
+    standings.died("RServer", "is no client")
+    status = standings.status()
+    a, b, _ = status.clients
+    assert (a.address, a.standing, a.on_time, a.late, a.lost) == ("drive/back_off", "lost", 1, 1, 1)
+    assert (a.restarts, a.last_error) == (1, "MemoryError")
+    assert (b.address, b.standing, b.on_time, b.late, b.lost) == ("drive/avoid", "alive", 3, 0, 0)
+    assert (status.k, status.frames, status.restarts) == (3, 3, 1)
+    assert status.commanded_by == {"drive": None}
+    assert status.process == os.getpid()
+
+
+def test_the_leader_answers(roaming: Program) -> None:
+    server = LeaderServer(Standings(deployed(roaming), file="f.colony"))
+    replies = []
+    for number, ask in enumerate((opening("test"), Ask("run", Nothing(), None, "read")), 1):
+        call = call_of(ask, "ada/1", number)
+        replies += [e.message for e in server.handle(call, number) if isinstance(e, Send)]
+    assert all(isinstance(r, Reply) and r.problem is None for r in replies)
+    status = msgspec.msgpack.decode(replies[-1].result, type=RunStatus)  # type: ignore[union-attr]
+    assert server.address == LEADER
+    assert (status.run, status.frames, status.k) == ("r1", 0, -1)
+    assert {c.standing for c in status.clients} == {"starting"}

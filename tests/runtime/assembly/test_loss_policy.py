@@ -1,0 +1,136 @@
+"""The policy for losses over some seeds (`make loss` is for many); known bugs put in on purpose are found."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Callable, Iterator
+
+import pytest
+
+from colony.runtime.clients import client
+from colony.runtime.frames import liveness
+from colony.runtime.frames.assembly import Assembled, FrameAssembler
+from colony.runtime.protocol.messages import Effect, Tick
+from colony.runtime.servers.publishing import Publisher
+from tests.runtime.assembly.loss_policy import run
+
+SEEDS = 120
+GROUPS = 8
+
+
+@pytest.mark.parametrize("group", range(GROUPS))
+def test_stop(group: int) -> None:
+    totals = Counter[str]()
+    for seed in range(group * SEEDS // GROUPS, (group + 1) * SEEDS // GROUPS):
+        totals += run(seed)
+    assert totals["commands"] > 100
+
+
+def test_degrade() -> None:
+    totals = Counter[str]()
+    for seed in range(30):
+        totals += run(seed, degrade=True)
+    assert totals["commands"] > 100
+
+
+# --- would it notice? --------------------------------------------------------------------------------
+
+
+def restored_without_catching_up(patch: pytest.MonkeyPatch) -> None:
+    """A client that loads a checkpoint goes on with the present frame."""
+    resume = FrameAssembler.resume
+
+    def wrong(self: FrameAssembler, k: int) -> tuple[Effect, ...]:
+        return resume(self, self.latest)
+
+    patch.setattr(FrameAssembler, "resume", wrong)
+
+
+def frames_skipped(patch: pytest.MonkeyPatch) -> None:
+    """A reader that is behind leaves frames out."""
+    take = FrameAssembler.take
+
+    def wrong(self: FrameAssembler, message: Tick) -> tuple[Effect, ...]:
+        effects = take(self, message)
+        if isinstance(message, Tick) and self.latest - self.next >= 3:
+            self.skip()
+            self._next = self.latest
+        return effects
+
+    patch.setattr(FrameAssembler, "take", wrong)
+
+
+def epochs_ignored(patch: pytest.MonkeyPatch) -> None:
+    """Memory goes on where it should begin anew."""
+    patch.setattr(Assembled, "restart", property(lambda self: False))
+
+
+def frames_given_up_by_guess(patch: pytest.MonkeyPatch) -> None:
+    """Each reader decides for itself that the frame of a server that is down now will not come."""
+    gone = FrameAssembler._gone
+
+    def wrong(self: FrameAssembler, tick: Tick) -> frozenset[str]:
+        newest = self._ticks.get(self._latest, tick)
+        return gone(self, tick) | (
+            frozenset(newest.down) & frozenset(self._servers) - frozenset(self._modules)
+        )
+
+    patch.setattr(FrameAssembler, "_gone", wrong)
+
+
+def frames_invented(patch: pytest.MonkeyPatch) -> None:
+    """A server that was started anew says "no value" for frames that the dead one may have published."""
+    handle = Publisher.handle
+
+    def wrong(self: Publisher, message: Tick) -> object:
+        if self._since is not None:
+            self._forgotten = -1
+        return handle(self, message)
+
+    patch.setattr(Publisher, "handle", wrong)
+
+
+def never_asked_for_again(patch: pytest.MonkeyPatch) -> None:
+    """What got lost on its way is not asked for again."""
+
+    def none(self: FrameAssembler) -> Iterator[Effect]:
+        yield from ()
+
+    patch.setattr(FrameAssembler, "_gaps", none)
+    patch.setattr(client, "RECALL_NS", -1)
+    patch.setattr(FrameAssembler, "lost", property(lambda self: False))
+
+
+def liveness_forgotten(patch: pytest.MonkeyPatch) -> None:
+    """Whoever was missing once is missing for good."""
+
+    def heard(self: liveness.Liveness, name: str, now_ns: int) -> None:
+        if name in self._heard and name not in self.missing(now_ns):
+            self._heard[name] = now_ns
+
+    patch.setattr(liveness.Liveness, "heard", heard)
+
+
+@pytest.mark.parametrize(
+    "bug",
+    [
+        restored_without_catching_up,
+        frames_skipped,
+        epochs_ignored,
+        frames_given_up_by_guess,
+        frames_invented,
+        never_asked_for_again,
+        liveness_forgotten,
+    ],
+)
+def test_known_bugs_are_found(
+    bug: Callable[[pytest.MonkeyPatch], None], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    bug(monkeypatch)
+    with pytest.raises(AssertionError, match=r"^seed \d"):
+        run_many(300)
+
+
+def run_many(seeds: int) -> None:
+    for seed in range(seeds):
+        run(seed)

@@ -1,0 +1,274 @@
+"""Sessions in which messages are lost, and processes die, freeze and come back."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from functools import partial
+
+import pytest
+
+from colony.ir.expression import Binary, BinaryOperation, SensorValue, StateValue
+from colony.ir.program import Chain, Module, Program, State, Use, Wire
+from colony.ir.types import BOOL
+from colony.runtime.protocol.messages import Malformed, Message, Ready, Request, Sample, ServerFrame, Tick
+from colony.runtime.transport.virtual import Link
+from colony.verify.reference.interpreter import Interpreter
+from tests.runtime.assembly.test_virtual import MS, S, pulsing, run, script
+from tests.runtime.programs import drive, go, less, nearest, roam
+from tests.runtime.scripted import FAR, Log, Script, session
+
+
+@pytest.fixture
+def log() -> Log:
+    return Log()
+
+
+def cut_off(address: str, from_ns: int) -> Link:
+    """Nothing that this node sends arrives from then on."""
+
+    def link(sender: str, receiver: str, message: Message) -> int | None:
+        cut = sender == address and isinstance(message, (Request, Ready)) and message.k * 50 * MS >= from_ns
+        return None if cut else 0
+
+    return link
+
+
+def test_a_client_cut_off_is_late_then_lost_and_the_robot_idles_at_the_deadline() -> None:
+    stage = Script()
+    log = run(roam(), stage, 3 * S, link=cut_off("drive/cruise", 1 * S))
+    fates = [dict(f.verdicts["drive"].fates)["cruise"] for f in log.frames]
+    assert set(fates[20:25]) == {"late"}
+    assert set(fates[26:]) == {"lost"}
+    assert stage.told[20][0] == 20 * 50 * MS + 40 * MS
+    assert stage.told[40][0] == 40 * 50 * MS
+    assert all(told[1:] == (0.0, 0.0) for told in stage.told[20:])
+    assert all(not f.disagreements for f in log.frames)
+
+
+def test_with_on_loss_degrade_lesser_behaviors_take_over() -> None:
+    program = roam()
+    degrading = replace(
+        program, robot=replace(program.robot, actuators=(replace(drive(), on_loss="degrade"),))
+    )
+    for other, winner in ((program, None), (degrading, "cruise")):
+        stage = Script(sonar_at=lambda t: Sample((400.0, *FAR[1:]), t))
+        log = run(other, stage, 3 * S, link=cut_off("drive/avoid", 0))
+        assert set(log.winners()[10:]) <= {winner, None}
+        assert (winner in log.winners()[10:]) is True
+
+
+def test_a_killed_client_never_gives_way_to_a_lesser_one() -> None:
+    stage, log = Script(sonar_at=lambda t: Sample((400.0, *FAR[1:]), t)), Log()
+    whole = session(roam(), stage, log)
+
+    def stop() -> bool:
+        if stage.clock() >= 1 * S and "drive/avoid" not in killed:
+            whole.transport.kill("drive/avoid")
+            killed.append("drive/avoid")
+        return False
+
+    killed: list[str] = []
+    assert whole.run(3 * S, stop=stop)
+    assert "avoid" in log.winners()[:20]
+    assert set(log.winners()[21:]) == {None}
+
+
+def test_when_the_ticks_stop_the_watchdog_stops_the_robot() -> None:
+    stage, log = Script(), Log()
+    whole = session(roam(), stage, log)
+
+    def stop() -> bool:
+        if stage.clock() == 1 * S and not killed:
+            killed.append(whole.transport.kill("Clock"))
+        return False
+
+    killed: list[object] = []
+    whole.run(3 * S, stop=stop)
+    assert stage.told[-1][0] == 1 * S
+    assert stage.stopped == [0, 1 * S + 100 * MS, 3 * S]
+
+
+def test_late_ticks_and_frames_are_caught_up_with() -> None:
+    def slow_to_cruise(sender: str, receiver: str, message: Message) -> int | None:
+        far = receiver == "drive/cruise" and isinstance(message, (Tick, ServerFrame))
+        return 130 * MS if far and 20 <= message.k < 25 else 0  # type: ignore[union-attr]
+
+    log = run(roam(), Script(), 3 * S, link=slow_to_cruise)
+    fates = [dict(f.verdicts["drive"].fates)["cruise"] for f in log.frames]
+    assert "late" in fates[20:28]
+    assert "late" not in fates[30:]
+    assert all(not f.disagreements for f in log.frames)
+
+
+# --- processes that die and come back --------------------------------------------------------------
+
+
+def near(t: int) -> Sample:
+    return Sample((400.0, *FAR[1:]), t)
+
+
+def as_by_the_interpreter(program: Program, log: Log) -> list[bool]:
+    """Of each frame, whether the commands were those of the interpreter, begun anew where the log says so."""
+    interpreter, same = Interpreter(program), []
+    for frame in log.frames:
+        if frame.restart:
+            interpreter = Interpreter(program)
+        due = {d.actuator: (d.by, d.values) for d in interpreter.step(frame.frame).decisions}
+        same.append(due == {name: (v.by, v.values) for name, v in frame.verdicts.items()})
+    return same
+
+
+def remembering() -> Script:
+    """The bumper is pressed at 3 s; `back_off` remembers it for a second, and `seen` for good."""
+    return Script(bumper_at=lambda t: 3 * S <= t < 3 * S + 50 * MS)
+
+
+def latching() -> Program:
+    """`seen` is active from when the bumper was pressed."""
+    pressed = SensorValue(type=BOOL, name="bumper")
+    program = roam()
+    ever = State(
+        name="ever",
+        type=BOOL,
+        initial=False,
+        next=BinaryOperation(
+            type=BOOL, operator=Binary.OR, left=StateValue(type=BOOL, name="ever"), right=pressed
+        ),
+    )
+    seen = Module(name="seen", when=StateValue(type=BOOL, name="ever"), command=go(10.0, 1.0))
+    over = Chain(relation="suppresses", operands=(Use(name="seen"), Use(name="cruise")), windows_ns=(0,))
+    return replace(
+        program,
+        derived=(ever,),
+        modules=(seen, program.modules[0]),
+        wires=(Wire(name="drive", actuator="drive", wiring=over),),
+        contracts=(),
+    )
+
+
+def test_a_client_that_is_started_anew_remembers(log: Log) -> None:
+    whole = session(latching(), remembering(), log)
+    whole.transport.at(6 * S, lambda: whole.transport.kill("drive/seen"))
+    whole.transport.at(7 * S, lambda: whole.restart("drive/seen"))
+    assert whole.run(9 * S)
+    same = as_by_the_interpreter(latching(), log)
+    assert [k for k, right in enumerate(same) if not right] == list(range(120, 141))
+    assert log.winners()[62:120] == ["seen"] * 58
+    assert log.winners()[120:141] == [None] * 21
+    assert log.winners()[141:] == ["seen"] * 39
+    assert not any(f.restart or f.disagreements for f in log.frames)
+
+
+def test_without_dserver_it_cannot_remember_and_everyone_begins_anew(log: Log) -> None:
+    whole = session(latching(), remembering(), log)
+    whole.transport.at(6 * S, lambda: whole.transport.kill("DServer"))
+    whole.transport.at(7 * S, lambda: whole.restart("drive/seen"))
+    assert whole.run(10 * S)
+    (anew,) = (f.tick.k for f in log.frames if f.restart)
+    assert 140 + 20 <= anew <= 140 + 23
+    assert log.winners()[anew - 1 : anew + 1] == [None, "cruise"]
+    assert all(as_by_the_interpreter(latching(), log)[anew:])
+    assert not any(f.disagreements for f in log.frames)
+
+
+@pytest.mark.parametrize("server", ["PServer", "DServer", "Runtime", "RServer"])
+@pytest.mark.parametrize("away_ms", [0, 60, 1000])
+def test_a_server_that_is_started_anew_costs_nobody_its_memory(log: Log, server: str, away_ms: int) -> None:
+    whole = session(roam(), script(), log)
+    whole.transport.at(1 * S + 10 * MS, lambda: whole.transport.kill(server))
+    whole.transport.at(1 * S + (10 + away_ms) * MS, lambda: whole.restart(server))
+    assert whole.run(5 * S)
+    assert [f.tick.k for f in log.frames] == list(range(100))
+    assert not any(f.restart or f.disagreements for f in log.frames)
+    decided = [f for f in log.frames if f.verdicts]
+    assert all(as_by_the_interpreter(roam(), log)[50:])
+    assert len(decided) >= 100 - away_ms // 50 - 2
+
+
+def test_the_clock_that_is_started_anew_begins_an_epoch(log: Log) -> None:
+    whole = session(latching(), remembering(), log)
+    whole.transport.at(4 * S + 10 * MS, lambda: whole.restart("Clock"))
+    assert whole.run(6 * S)
+    (anew,) = (f.tick for f in log.frames if f.restart)
+    assert anew.k > 4 * S // (50 * MS)
+    assert anew.t_ns <= 4 * S + 10 * MS + 300 * MS
+    assert all(as_by_the_interpreter(latching(), log))
+    assert log.winners()[-1] == "cruise"
+
+
+def test_frozen_for_a_while_a_client_catches_up_without_asking_for_anything() -> None:
+    for asleep_ms in (100, 1000, 1900):
+        log = Log()
+        whole = session(latching(), remembering(), log)
+        thaw = (2900 + asleep_ms) * MS
+        whole.transport.at(2900 * MS, partial(whole.transport.freeze, "drive/seen"))
+        whole.transport.at(thaw, partial(whole.transport.thaw, "drive/seen"))
+        assert whole.run(6 * S)
+        assert not any(f.restart or f.disagreements for f in log.frames)
+        assert log.winners()[-1] == "seen"
+        assert all(as_by_the_interpreter(latching(), log)[thaw // (50 * MS) + 1 :])
+
+
+@pytest.mark.parametrize("dies", [True, False])
+def test_with_degrade_the_lesser_behavior_takes_over_within_a_second_and_hands_back(dies: bool) -> None:
+    program = roam()
+    degrading = replace(
+        program, robot=replace(program.robot, actuators=(replace(drive(), on_loss="degrade"),))
+    )
+    quiet = (*program.modules[:3], Module(name="asleep", when=less(nearest(), 0.0)))
+    log = Log()
+    whole = session(replace(degrading, modules=quiet), Script(sonar_at=near), log)
+    transport = whole.transport
+    down = transport.kill if dies else transport.freeze
+    transport.at(2 * S, lambda: down("drive/avoid"))
+    transport.at(3500 * MS, lambda: whole.restart("drive/avoid") if dies else transport.thaw("drive/avoid"))
+    assert whole.run(5 * S)
+    winners = log.winners()
+    assert winners[:40] == ["avoid"] * 40
+    assert set(winners[40:60]) == {None, "cruise"}
+    assert winners[60:70] == ["cruise"] * 10
+    assert winners[75:] == ["avoid"] * 25
+    assert not any(f.disagreements or f.restart for f in log.frames)
+
+
+def test_rubbish_for_every_topic_changes_nothing() -> None:
+    log, plain = Log(), run(roam(), script())
+    whole = session(roam(), script(), log)
+
+    def throw() -> None:
+        for address in whole.transport.addresses:
+            for topic in ("Clock/ticks", f"{address}/frames", f"{address}/requests", f"{address}/call"):
+                whole.transport.inject(topic, Malformed(topic=topic, connection=None, reason="rubbish"))
+
+    for t in range(0, 5 * S, 330 * MS):
+        whole.transport.at(t, throw)
+    assert whole.run(5 * S)
+    assert log.winners() == plain.winners()
+
+
+def test_requests_come_with_the_frames_if_that_is_asked_for() -> None:
+    log = run(roam(), script(), 1 * S, requests=True)
+    assert all(len(f.requests) == 3 for f in log.frames[:-1])
+    assert {r.bid for f in log.frames for r in f.requests} == {"command", "inhibited", "silent"}
+
+
+# --- modules in Python ---------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("address", ["drive/pulse", "DServer/activity/pulse"])
+def test_an_object_in_python_that_is_gone_makes_everyone_begin_anew(log: Log, address: str) -> None:
+    whole = session(pulsing(), Script(), log)
+    whole.transport.at(3 * S + 10 * MS, lambda: whole.restart(address))
+    assert whole.run(5 * S)
+    (anew,) = (f.tick.k for f in log.frames if f.restart)
+    assert anew <= 63
+    assert log.winners()[anew:] == (["cruise", "cruise", "pulse"] * 40)[: 100 - anew]
+    assert not any(f.disagreements for f in log.frames)
+
+
+def test_dserver_that_is_started_anew_is_told_the_activity_again(log: Log) -> None:
+    whole = session(pulsing(), Script(), log)
+    whole.transport.at(3 * S, lambda: whole.restart("DServer"))
+    assert whole.run(5 * S)
+    assert not any(f.restart or f.disagreements for f in log.frames)
+    assert log.winners()[66:] == ["cruise", "cruise", "pulse"] * 11 + ["cruise"]

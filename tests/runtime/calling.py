@@ -1,0 +1,36 @@
+"""Messages of calls, for tests that hand them to a server themselves."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import msgspec
+
+from colony.runtime.library.ask import Ask
+from colony.runtime.protocol.calls import Nothing, Open
+from colony.runtime.protocol.messages import Call, Right
+
+CLOSE: Ask[None] = Ask("close", Nothing(), None, "read")
+"""Ends a connection."""
+
+
+def opening(name: str) -> Ask[None]:
+    """Return what opens a connection that goes by a name."""
+    return Ask("open", Open(name=name), None, "read")
+
+
+def call_of(ask: Ask[Any], connection: str, number: int = 1, priority: int = 0) -> Call:
+    """Return the message that asks a server."""
+    return Call(
+        connection=connection,
+        number=number,
+        method=ask.method,
+        arguments=msgspec.Raw(msgspec.msgpack.encode(ask.arguments)),
+        priority=priority,
+        right=ask.right,
+    )
+
+
+def plain_call(connection: str, number: int = 1, *, priority: int = 0, right: Right = "command") -> Call:
+    """Return a call without arguments of a method that no server has."""
+    return call_of(Ask("m", None, None, right), connection, number, priority)  # type: ignore[arg-type]

@@ -1,0 +1,217 @@
+"""A client asks for the present frame only, gives its memory to DServer, and gets it back when it is started
+anew; where that cannot be, it asks for a new epoch."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+
+import pytest
+
+from colony.compile.pipeline import compile_program
+from colony.execute.executor import ClientMemory
+from colony.ir.program import Program
+from colony.runtime.assembly.nodes import build_client
+from colony.runtime.clients.client import RECALL_NS, ClientNode
+from colony.runtime.clients.memory import encode_memory
+from colony.runtime.frames.assembly import frames_kept
+from colony.runtime.frames.membership import READY_AGAIN_NS
+from colony.runtime.protocol.bindings import bind
+from colony.runtime.protocol.messages import (
+    Checkpoint,
+    Effect,
+    Fetch,
+    Message,
+    Ready,
+    Recall,
+    Request,
+    Restart,
+    Sample,
+    Send,
+    Sent,
+    ServerFrame,
+    Tick,
+)
+from tests.runtime.assembly.test_virtual import pulsing
+from tests.runtime.programs import roam
+
+MS = 1_000_000
+FRAME = 50 * MS
+KEPT = frames_kept(FRAME)
+ADDRESS = "drive/back_off"
+HELD = "back_off held 0 until"
+
+
+def back_off(program: Program | None = None, module: str = "back_off") -> ClientNode:
+    """Active for a second after the bumper was pressed."""
+    program = roam() if program is None else program
+    return build_client(program, compile_program(program).clients, bind(program), "drive", module, "run")
+
+
+def tick(k: int, *, start: int = 0, run: str = "run") -> Tick:
+    return Tick(k=k, t_ns=k * FRAME, start=start, run=run)
+
+
+def base(k: int, bumper: bool = False) -> ServerFrame:
+    return ServerFrame(server="RServer", k=k, fields={"bumper": Sample(bumper, k * FRAME)})
+
+
+def take(node: ClientNode, *messages: Message, now_ns: int = 0) -> list[Sent]:
+    effects: list[Effect] = []
+    for message in messages:
+        effects += node.handle(message, now_ns)
+    return [e.message for e in effects if isinstance(e, Send)]
+
+
+def only(kind: type, messages: Iterable[Sent]) -> list[Sent]:
+    return [m for m in messages if isinstance(m, kind)]
+
+
+def run(node: ClientNode, ks: Iterable[int], pressed: int = 3) -> list[Sent]:
+    """Frames one after the other, in one of which the bumper is pressed."""
+    return [m for k in ks for m in take(node, tick(k), base(k, k == pressed), now_ns=k * FRAME)]
+
+
+def bids(messages: Iterable[Sent]) -> dict[int, str]:
+    return {m.k: m.bid for m in messages if isinstance(m, Request)}
+
+
+# --- requests --------------------------------------------------------------------------------------
+
+
+def test_one_request_a_frame(node: ClientNode) -> None:
+    assert list(node.start(0)) == [Send("Clock/ready", Ready(client=ADDRESS, run="run"))]
+    got = bids(run(node, range(30)))
+    assert got == {k: "command" if 3 <= k < 23 else "silent" for k in range(30)}
+
+
+def test_behind_it_steps_through_what_it_missed_and_asks_for_the_present_only(node: ClientNode) -> None:
+    run(node, range(3))
+    got = take(node, tick(3), tick(4), tick(5), base(5), base(4))
+    assert [(m.server, m.k) for m in got if isinstance(m, Fetch)] == [
+        (("RServer"), 3),
+        *(("RServer", k) for k in (3, 4)),
+    ]
+    assert bids(got) == {}
+    assert bids(take(node, base(3, True))) == {5: "command"}
+    assert bids(run(node, range(6, 9))) == dict.fromkeys((6, 7, 8), "command")
+
+
+def test_doubled_and_late_messages_change_nothing(node: ClientNode) -> None:
+    for k in range(30):
+        message = (tick(k), base(k, k == 3))
+        assert len(bids(take(node, *message, *message, *(tick(max(0, k - 5)), base(max(0, k - 5)))))) == 1
+    assert node.frontier == (0, 29)
+
+
+def test_a_tick_of_another_run_makes_it_say_that_it_is_ready(node: ClientNode) -> None:
+    list(node.start(0))
+    assert take(node, tick(0, run=""), now_ns=READY_AGAIN_NS - 1) == []
+    assert take(node, tick(1, run=""), now_ns=READY_AGAIN_NS) == [Ready(client=ADDRESS, run="run")]
+    assert take(node, tick(2, run=""), now_ns=READY_AGAIN_NS + FRAME) == []
+    assert not only(Ready, take(node, tick(3, start=3), now_ns=10 * READY_AGAIN_NS))
+
+
+def test_with_its_requests_it_tells_the_clock_that_it_lives_but_not_more_often_than_needed(
+    node: ClientNode,
+) -> None:
+    list(node.start(0))
+    told = [m for m in run(node, range(10)) if isinstance(m, Ready)]
+    assert told == [Ready(client=ADDRESS, run="run", k=k) for k in range(10)]
+    quick = [m for k in range(10, 20) for m in take(node, tick(k), base(k), now_ns=9 * FRAME + k * 10 * MS)]
+    assert [m.k for m in quick if isinstance(m, Ready)] == [10, 14, 18]
+    assert [m.k for m in only(Request, quick)] == [*range(10, 20)]  # type: ignore[union-attr]
+    assert not only(Ready, take(node, tick(20), tick(21), base(20), now_ns=20 * FRAME)), "it is behind"
+
+
+# --- epochs ----------------------------------------------------------------------------------------
+
+
+def test_with_an_epoch_memory_begins_anew(node: ClientNode) -> None:
+    assert bids(run(node, range(5)))[4] == "command"
+    assert bids(take(node, tick(5, start=5), base(5))) == {5: "silent"}
+    assert node.frontier == (5, 5)
+
+
+# --- memory ----------------------------------------------------------------------------------------
+
+
+def saved(until: int = 60) -> Checkpoint:
+    """The newest checkpoint of a client that was pressed in frame 50."""
+    found = [m for m in run(back_off(), range(until), pressed=50) if isinstance(m, Checkpoint)]
+    return found[-1]
+
+
+def test_memory_goes_to_dserver_every_half_second() -> None:
+    found = [m for m in run(back_off(), range(35)) if isinstance(m, Checkpoint)]
+    assert [(m.client, m.k, m.start) for m in found] == [(ADDRESS, k, 0) for k in (10, 20, 30)]
+    assert [m.memory for m in found] == [encode_memory(ClientMemory(0, {HELD: 23 * FRAME}))] * 3
+
+
+def test_one_that_comes_late_into_a_young_epoch_steps_through_all_of_it(node: ClientNode) -> None:
+    got = take(node, tick(10))
+    assert not only(Recall, got)
+    assert len(only(Fetch, got)) == 20
+    messages = [m for k in range(10) for m in (tick(k), base(k, k == 3))]
+    assert bids(take(node, *messages, base(10))) == {10: "command"}
+
+
+def test_one_that_comes_late_asks_for_its_memory_and_steps_through_what_came_since() -> None:
+    node, now = back_off(), 65
+    assert take(node, tick(now)) == [Recall(client=ADDRESS)]
+    got = take(node, saved())
+    assert saved().k == 50
+    assert {(m.server, m.k) for m in got if isinstance(m, Fetch)} == {
+        (server, k) for server in ("Clock", "RServer") for k in range(51, 65)
+    }
+    assert take(node, saved()) == []  # the answer comes twice
+    messages = [m for k in range(51, 65) for m in (tick(k), base(k))]
+    assert bids(take(node, *messages, base(now))) == {now: "command"}
+    assert bids(run(node, range(66, 72))) == {k: "command" if k < 70 else "silent" for k in range(66, 72)}
+
+
+def none() -> Checkpoint:
+    return Checkpoint(client=ADDRESS, k=-1, start=-1, memory=b"")
+
+
+@pytest.mark.parametrize(
+    "answer",
+    [
+        none(),
+        Checkpoint(client=ADDRESS, k=55, start=0, memory=b"rubbish"),
+        Checkpoint(client=ADDRESS, k=55, start=0, memory=b"\x92\x00\x80"),
+        Checkpoint(client=ADDRESS, k=55, start=9, memory=saved().memory),
+        Checkpoint(client=ADDRESS, k=61, start=0, memory=saved().memory),
+        Checkpoint(client=ADDRESS, k=60 - KEPT - 2, start=0, memory=saved().memory),
+    ],
+)
+def test_where_there_is_no_memory_to_be_had_it_asks_for_a_new_epoch_once_a_frame(
+    node: ClientNode, answer: Checkpoint
+) -> None:
+    assert take(node, tick(60)) == [Recall(client=ADDRESS)]
+    assert not only(Restart, take(node, answer))
+    for k in (61, 62):
+        assert take(node, tick(k)) == [Restart(client=ADDRESS, start=0)]
+        assert take(node, base(k)) == []
+    assert bids(take(node, tick(63, start=63), base(63))) == {63: "silent"}
+
+
+def test_dserver_is_not_waited_for_forever(node: ClientNode) -> None:
+    ks = range(60, 63 + RECALL_NS // FRAME)
+    got = [m for k in ks for m in take(node, tick(k), now_ns=k * FRAME)]
+    assert got[0] == got[-3] == Recall(client=ADDRESS)
+    assert got[-2:] == [Restart(client=ADDRESS, start=0)] * 2
+
+
+def test_one_that_fell_behind_too_far_asks_for_a_new_epoch_at_once(node: ClientNode) -> None:
+    run(node, range(5))
+    got = [m for k in range(6, 6 + KEPT) for m in take(node, tick(k), base(k))]
+    assert only(Restart, got) == [Restart(client=ADDRESS, start=0)]
+    assert not only(Recall, got)
+    assert bids(got) == {}
+
+
+def test_the_memory_of_an_object_in_python_cannot_be_had() -> None:
+    node = back_off(pulsing(), "pulse")
+    assert not only(Checkpoint, run(node, range(30)))
+    late = back_off(pulsing(), "pulse")
+    assert take(late, tick(60)) == [Restart(client="drive/pulse", start=0)]

@@ -1,0 +1,12 @@
+"""A Clock without a program, unless a test brings its own."""
+
+from __future__ import annotations
+
+import pytest
+
+from tests.runtime.frames.clock_stage import Stage
+
+
+@pytest.fixture
+def stage() -> Stage:
+    return Stage()

@@ -1,0 +1,267 @@
+"""Frames are put together whatever the order of arrival, and only an explicit absence is missing."""
+
+from __future__ import annotations
+
+import itertools
+from typing import Any
+
+import pytest
+
+from colony.ir.frame import Frame
+from colony.runtime.frames.assembly import FrameAssembler
+from colony.runtime.protocol.bindings import SensorBinding
+from colony.runtime.protocol.messages import Fetch, Sample, Send, ServerFrame, Tick
+
+MS = 1_000_000
+SONAR = SensorBinding(sensor="sonar", server="P", field="sonar", within_ns=300 * MS, factor=1.0)
+BUMPER = SensorBinding(sensor="bumper", server="R", field="bumper", within_ns=None, factor=1.0)
+METERS = SensorBinding(sensor="m", server="P", field="sonar", within_ns=None, factor=1000.0)
+
+
+@pytest.fixture
+def assembler() -> FrameAssembler:
+    return FrameAssembler((BUMPER,), keep=4)
+
+
+def tick(k: int, **more: Any) -> Tick:
+    return Tick(k=k, t_ns=k * 50 * MS, **more)
+
+
+def proximity(k: int, value: tuple[float, ...] = (1.0, 2.0), t_ns: int | None = None) -> ServerFrame:
+    return ServerFrame(
+        server="P", k=k, fields={"sonar": Sample(value, k * 50 * MS if t_ns is None else t_ns)}
+    )
+
+
+def base(k: int, bumper: bool = False) -> ServerFrame:
+    return ServerFrame(server="R", k=k, fields={"bumper": Sample(bumper, k * 50 * MS)})
+
+
+def frames(assembler: FrameAssembler, *messages: Tick | ServerFrame) -> list[Frame]:
+    out = []
+    for message in messages:
+        assembler.take(message)
+        out += [a.frame for a in assembler.complete()]
+    return out
+
+
+def test_any_order_and_doubled_messages_give_the_same_frames() -> None:
+    messages: tuple[Tick | ServerFrame, ...] = (
+        tick(0),
+        proximity(0),
+        base(0),
+        tick(1),
+        proximity(1),
+        base(1, True),
+    )
+    expected = [
+        Frame(0, {"sonar": (1.0, 2.0), "bumper": False}),
+        Frame(50 * MS, {"sonar": (1.0, 2.0), "bumper": True}),
+    ]
+    for order in itertools.permutations(messages):
+        assert frames(FrameAssembler((SONAR, BUMPER)), *order, *order) == expected
+
+
+def test_a_value_older_than_within_is_missing_and_one_just_as_old_is_not() -> None:
+    binding = (SONAR,)
+    assert frames(FrameAssembler(binding), tick(0), proximity(0, t_ns=-300 * MS))[0].readings
+    assert not frames(FrameAssembler(binding), tick(0), proximity(0, t_ns=-300 * MS - 1))[0].readings
+
+
+def test_no_value_is_missing() -> None:
+    silent = ServerFrame(server="P", k=0, fields={"sonar": None})
+    assert frames(FrameAssembler((SONAR,)), tick(0), silent) == [Frame(0, {})]
+    nothing = ServerFrame(server="P", k=0, fields={})
+    assert frames(FrameAssembler((SONAR,)), tick(0), nothing) == [Frame(0, {})]
+
+
+def test_a_frame_not_delivered_is_no_missing_sensor_but_is_fetched() -> None:
+    assembler = FrameAssembler((SONAR, BUMPER))
+    assert frames(assembler, tick(0), base(0)) == []
+    assert assembler.take(tick(1)) == (Send("P/fetches", Fetch(server="P", k=0)),)
+    assert frames(assembler, base(1), proximity(1)) == []
+    assert [f.t_ns for f in frames(assembler, proximity(0))] == [0, 50 * MS]
+
+
+def test_a_tick_not_delivered_is_fetched() -> None:
+    assembler = FrameAssembler((BUMPER,))
+    assembler.take(base(0))
+    assert assembler.take(tick(1)) == (Send("Clock/fetches", Fetch(server="Clock", k=0)),)
+
+
+def test_only_the_newest_frame_is_current() -> None:
+    assembler = FrameAssembler((BUMPER,))
+    for message in (tick(0), tick(1), base(1), base(0)):
+        assembler.take(message)
+    assert [a.current for a in assembler.complete()] == [False, True]
+
+
+def test_the_sensors_of_a_server_that_is_down_are_missing_even_if_its_frame_comes() -> None:
+    assembler = FrameAssembler((SONAR, BUMPER))
+    assert frames(assembler, base(0), tick(0, down=("P",))) == [Frame(0, {"bumper": False})]
+    assert frames(assembler, proximity(1), base(1), tick(1, down=("P",))) == [
+        Frame(50 * MS, {"bumper": False})
+    ]
+
+
+def test_frames_that_a_dead_server_did_not_give_are_waited_for_until_a_tick_says_that_they_are_void() -> None:
+    assembler = FrameAssembler((SONAR, BUMPER))
+    assert frames(assembler, tick(0), base(0), tick(1), base(1)) == []
+    assert frames(assembler, base(2), tick(2, down=("P",))) == []
+    got = frames(assembler, base(3), tick(3, down=("P",), void=(("P", 0), ("P", 1))))
+    assert [f.readings for f in got] == [{"bumper": False}] * 4
+    assert not assembler.lost
+
+
+def test_what_is_void_does_not_count_if_it_comes_after_all() -> None:
+    assembler = FrameAssembler((SONAR, BUMPER))
+    got = frames(assembler, tick(0), tick(1, down=("P",), void=(("P", 0),)), proximity(0), base(0), base(1))
+    assert [f.readings for f in got] == [{"bumper": False}] * 2
+
+
+def test_who_handed_out_what_is_void_later_is_lost_until_the_next_epoch() -> None:
+    assembler = FrameAssembler((SONAR, BUMPER))
+    assert len(frames(assembler, tick(0), base(0), proximity(0))) == 1
+    assert frames(assembler, tick(1, void=(("P", 0),)), base(1), proximity(1)) == []
+    assert assembler.lost
+    (anew,) = frames(assembler, tick(2, start=2), base(2), proximity(2))
+    assert anew.t_ns == 100 * MS
+    assert not assembler.lost
+
+
+# --- epochs and runs -------------------------------------------------------------------------------
+
+
+def test_a_new_epoch_forgets_what_is_before_it() -> None:
+    assembler = FrameAssembler((BUMPER,))
+    assembler.take(tick(0))
+    assembler.take(base(4))  # came before its tick
+    assert assembler.take(tick(5, start=4)) == (Send("Clock/fetches", Fetch(server="Clock", k=4)),)
+    out = []
+    for message in (tick(4, start=4), base(5), tick(1), base(0)):
+        assembler.take(message)
+        out += list(assembler.complete())
+    assert [(a.tick.k, a.restart, a.current) for a in out] == [(4, True, False), (5, False, True)]
+    assert assembler.start == 4
+
+
+def test_ticks_of_another_run_are_not_for_us() -> None:
+    assembler = FrameAssembler((BUMPER,), run="mine")
+    assert frames(assembler, tick(0, run="yours"), base(0)) == []
+    assert assembler.start == -1
+    assert len(frames(assembler, tick(1, run="mine", start=1), base(1))) == 1
+    assert frames(assembler, tick(2, run="", start=2), base(2)) == []
+    assert (assembler.start, assembler.latest) == (1, 1)
+
+
+def test_an_epoch_that_begins_after_its_frame_is_none() -> None:
+    assembler = FrameAssembler((BUMPER,))
+    assert frames(assembler, tick(0), base(0), tick(1, start=2)) == [Frame(0, {"bumper": False})]
+    assert (assembler.start, assembler.latest) == (0, 0)
+
+
+# --- what cannot be had ----------------------------------------------------------------------------
+
+
+def test_who_comes_late_steps_through_the_epoch_if_it_is_still_to_be_had(assembler: FrameAssembler) -> None:
+    asked = assembler.take(tick(3))
+    assert [e.message.k for e in asked if isinstance(e, Send) and isinstance(e.message, Fetch)] == [
+        *(0, 0, 1, 1, 2, 2)
+    ]
+    assert not assembler.lost
+    late = FrameAssembler((BUMPER,), keep=4)
+    assert late.take(tick(4)) == ()
+    assert late.lost
+
+
+def test_who_falls_behind_for_longer_than_frames_are_kept_is_lost(assembler: FrameAssembler) -> None:
+    assert len(frames(assembler, tick(0), base(0))) == 1
+    for k in range(2, 5):
+        assert frames(assembler, tick(k), base(k)) == []
+        assert not assembler.lost
+    assert frames(assembler, tick(5), base(5)) == []
+    assert assembler.lost
+
+
+def test_with_memory_from_elsewhere_it_goes_on(assembler: FrameAssembler) -> None:
+    assembler.take(tick(20))
+    assert assembler.lost
+    assert assembler.resume(19) == (
+        Send("Clock/fetches", Fetch(server="Clock", k=19)),
+        Send("R/fetches", Fetch(server="R", k=19)),
+    )
+    assert not assembler.lost
+    out = frames(assembler, tick(19), base(20), base(19))
+    assert [f.t_ns for f in out] == [19 * 50 * MS, 20 * 50 * MS]
+
+
+def test_memory_that_saw_what_is_void_now_is_of_no_use() -> None:
+    assembler = FrameAssembler((SONAR,), keep=4)
+    assembler.take(tick(20, void=(("P", 18),), down=("P",)))
+    assembler.resume(19)
+    assert assembler.lost
+
+
+def test_who_commands_nothing_can_do_without(assembler: FrameAssembler) -> None:
+    assembler.take(tick(0))
+    assembler.take(tick(9))
+    assert assembler.lost
+    assert assembler.skip() == 9
+    assert [f.t_ns for f in frames(assembler, base(9))] == [9 * 50 * MS]
+
+
+def test_what_waits_is_bounded(assembler: FrameAssembler) -> None:
+    for k in range(1000):
+        assembler.take(base(k))
+        assembler.take(tick(k + 1))
+    assert len(assembler._ticks) <= 8
+    assert len(assembler._frames) <= 8
+
+
+# --- the activity of modules in Python ---------------------------------------------------------------
+
+PULSE = "DServer/activity/pulse"
+
+
+def active(k: int, value: bool = True) -> ServerFrame:
+    return ServerFrame(server=PULSE, k=k, fields={"active": Sample(value, k)})
+
+
+def test_the_activity_of_a_module_is_waited_for_whoever_is_down() -> None:
+    assembler = FrameAssembler((), ("pulse",))
+    assembler.take(tick(0))
+    (asked,) = assembler.take(tick(1, down=("R",)))
+    assert asked == Send("DServer/fetches", Fetch(server=PULSE, k=0))
+    assembler.take(tick(2, down=(PULSE,), void=((PULSE, 0), (PULSE, 1))))
+    assert list(assembler.complete()) == []
+    for k in range(3):
+        assembler.take(active(k, k == 1))
+    assert [a.active for a in assembler.complete()] == [{"pulse": k == 1} for k in range(3)]
+
+
+def test_with_degrade_a_module_of_which_nothing_is_known_is_not_active() -> None:
+    assembler = FrameAssembler((), ("pulse",), degrade=True)
+    assembler.take(active(0))
+    assembler.take(tick(0))
+    assembler.take(tick(1))
+    assembler.take(tick(2, down=(PULSE,), void=((PULSE, 1),)))
+    assembler.take(tick(3, down=("DServer",)))
+    assert [a.active["pulse"] for a in assembler.complete()] == [True, False, False, False]
+
+
+def test_a_new_epoch_is_not_asked_for_while_the_module_is_down() -> None:
+    assembler = FrameAssembler((), ("pulse",), keep=4)
+    for k in range(10):
+        assembler.take(tick(k, down=(PULSE,) if k else ()))
+    assert not assembler.lost
+    assembler.take(tick(10))
+    assert assembler.lost
+
+
+def test_without_sensors_every_tick_is_a_frame() -> None:
+    assert frames(FrameAssembler(()), tick(0), tick(1)) == [Frame(0, {}), Frame(50 * MS, {})]
+
+
+def test_values_enter_in_the_declared_unit() -> None:
+    (frame,) = frames(FrameAssembler((METERS,)), tick(0), proximity(0, (1500.0, 250.0)))
+    assert frame.readings == {"m": (1.5, 0.25)}

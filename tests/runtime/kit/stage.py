@@ -1,0 +1,140 @@
+"""A server written with the kit, for tests: in a thread, or as a process of its own."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+import threading
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
+from pathlib import Path
+
+import msgspec
+
+from colony.runtime.kit.server import Field, Method, Server, field, method
+from colony.runtime.library.ask import Ask
+from colony.runtime.protocol.calls import Caller, Nothing, Refused
+from tests.runtime.transport.live.stage import ROBOT, until
+
+BATTERY = "Battery"
+
+
+class Charge(msgspec.Struct, frozen=True, kw_only=True):
+    amperes: float
+
+
+class Battery:
+    """Mutable: how full it is, and how often somebody asked for what."""
+
+    def __init__(self) -> None:
+        self.level = 0.5
+        self.charges = 0
+        self.wait = threading.Event()
+        self.wait.set()
+
+    def methods(self) -> list[Method]:
+        return [
+            method("level", Nothing, lambda caller, nothing: self.level, right="read"),
+            method("charge", Charge, self.charge),
+            method("who", Nothing, lambda caller, nothing: list(caller), right="read"),
+            method("fail", Nothing, lambda caller, nothing: 1 / 0),
+            method("wait", Nothing, lambda caller, nothing: self.wait.wait(20)),
+            method("halt", Nothing, lambda caller, nothing: "halted", right="stop"),
+        ]
+
+    def fields(self) -> list[Field]:
+        return [
+            field("level", lambda: self.level, meaning="how full it is, 0 to 1"),
+            field("cells", lambda: (3.0, 4.0), size=2),
+            field("broken", lambda: 1 / 0),
+            field("nothing", lambda: None, boolean=True),
+        ]
+
+    def charge(self, caller: Caller, given: Charge) -> float:
+        if given.amperes < 0:
+            raise Refused("range", f"{given.amperes:g} A: expected 0 or more")
+        self.charges += 1
+        self.level += given.amperes / 10
+        return self.level
+
+
+def level() -> Ask[float]:
+    return Ask("level", Nothing(), float, "read", repeatable=True)
+
+
+def charge(amperes: float) -> Ask[float]:
+    return Ask("charge", Charge(amperes=amperes), float, "command")
+
+
+def plain(name: str, reply: object = None, *, repeatable: bool = False) -> Ask[object]:
+    return Ask(name, Nothing(), reply or object, "command", repeatable=repeatable)
+
+
+def halt() -> Ask[str]:
+    return Ask("halt", Nothing(), str, "stop")
+
+
+@contextmanager
+def battery_thread(
+    environment: Mapping[str, str], *, report: Callable[[str], None] = lambda problem: None
+) -> Iterator[Battery]:
+    """The server in a thread."""
+    battery, failures = Battery(), list[BaseException]()
+    with Server.open(BATTERY, robot=ROBOT, environment=environment, report=report) as server:
+
+        def serve() -> None:
+            try:
+                server.mainloop(battery.methods(), fields=battery.fields())
+            except BaseException as failure:
+                failures.append(failure)
+
+        thread = threading.Thread(target=serve)
+        thread.start()
+        try:
+            yield battery
+        finally:
+            battery.wait.set()
+            server.exitloop()
+            thread.join(20)
+            assert not thread.is_alive()
+            assert not failures, failures
+
+
+@contextmanager
+def battery_process(environment: Mapping[str, str]) -> Iterator[subprocess.Popen[str]]:
+    """The server as a process, killed in the end if it is still there."""
+    process = subprocess.Popen(
+        [sys.executable, "-m", "tests.runtime.kit.stage"],
+        env={**os.environ, **environment, "PYTHONPATH": str(Path(__file__).parents[3])},
+        stdout=subprocess.PIPE,
+        text=True,
+    )
+    try:
+        assert process.stdout is not None
+        assert process.stdout.readline() == "ready\n"
+        yield process
+    finally:
+        process.kill()
+        process.communicate()
+
+
+def gone(process: subprocess.Popen[str]) -> None:
+    """Kill it, and see it dead."""
+    process.kill()
+    until(lambda: process.poll() is not None, "it is dead")
+
+
+def main() -> None:
+    """The server, until somebody ends it by a signal."""
+    import signal
+
+    battery = Battery()
+    with Server.open(BATTERY, robot=ROBOT) as server:
+        signal.signal(signal.SIGTERM, lambda *_: server.exitloop())
+        print("ready", flush=True)
+        server.mainloop(battery.methods(), fields=battery.fields())
+
+
+if __name__ == "__main__":
+    main()

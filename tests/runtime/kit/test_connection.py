@@ -1,0 +1,319 @@
+"""Connections that wait for answers, to a server over zenoh."""
+
+from __future__ import annotations
+
+import math
+import os
+import signal
+import threading
+from collections.abc import Iterator, Mapping
+
+import msgspec
+import pytest
+
+from colony.runtime.kit.connection import Connection, Session, connect
+from colony.runtime.kit.errors import CallRefused, ConnectionLost, ServerNotFound, TimedOut
+from colony.runtime.library.ask import Ask
+from colony.runtime.protocol import topics
+from colony.runtime.protocol.calls import Asked, CallDesk, Nothing, method
+from colony.runtime.protocol.messages import Effect, Message
+from tests.runtime.kit.stage import (
+    BATTERY,
+    battery_process,
+    battery_thread,
+    charge,
+    gone,
+    halt,
+    level,
+    plain,
+)
+from tests.runtime.transport.live.stage import ROBOT, Recorder, hosted, run_directory, until
+
+
+@pytest.fixture
+def environment() -> Iterator[Mapping[str, str]]:
+    with run_directory() as made:
+        yield made
+
+
+@pytest.fixture
+def battery(environment: Mapping[str, str]) -> Iterator[Connection]:
+    with battery_thread(environment), connect(BATTERY, robot=ROBOT, environment=environment) as connection:
+        yield connection
+
+
+def test_a_server_does_what_it_is_asked(battery: Connection) -> None:
+    assert battery.do(level()) == 0.5
+    assert battery.do(charge(1.0)) == pytest.approx(0.6)
+    assert battery.do(halt()) == "halted"
+    assert battery.openings >= 1
+
+
+def test_the_two_halves_of_an_exchange_apart(battery: Connection) -> None:
+    battery.send(level())
+    later = battery.send(charge(1.0))
+    assert battery.recv() == 0.5
+    assert battery.recv() == later.result() == pytest.approx(0.6)
+    with pytest.raises(LookupError, match="nothing was sent to Battery"):
+        battery.recv()
+
+
+def test_the_server_knows_who_calls(environment: Mapping[str, str]) -> None:
+    with (
+        battery_thread(environment),
+        connect(BATTERY, robot=ROBOT, name="joystick", priority=7, environment=environment) as connection,
+    ):
+        caller = connection.do(plain("who", list))
+    assert isinstance(caller, list)
+    identity, name, priority, user = caller
+    assert (name, priority) == ("joystick", 7)
+    assert identity.startswith(f"{user}/")
+
+
+@pytest.mark.parametrize(
+    ("ask", "code", "says"),
+    [
+        (plain("fly"), "method", "Battery has no method `fly`; it has open, close, status, level"),
+        (charge(-1.0), "range", "-1 A: expected 0 or more"),
+        (Ask("charge", Nothing(), float, "command"), "arguments", "Battery.charge: .*amperes"),
+        (Ask("charge", Nothing(), float, "read"), "right", "Battery.charge needs the right to command, not"),
+        (plain("fail"), "failed", "Battery.fail failed: ZeroDivisionError: division by zero"),
+        (
+            Ask("level", Nothing(), str, "read"),
+            "reply",
+            "Battery.level gave a strange result: Expected `str`",
+        ),
+    ],
+)
+def test_what_the_server_does_not_do(battery: Connection, ask: Ask[object], code: str, says: str) -> None:
+    with pytest.raises(CallRefused, match=says) as refused:
+        battery.do(ask)
+    assert refused.value.code == code
+    assert battery.do(level()) == 0.5
+
+
+def test_an_answer_that_does_not_come_in_time(environment: Mapping[str, str]) -> None:
+    with (
+        battery_thread(environment) as server,
+        connect(BATTERY, robot=ROBOT, environment=environment) as connection,
+    ):
+        server.wait.clear()
+        with pytest.raises(TimedOut, match=r"Battery did not answer `wait` in 0\.05 s"):
+            connection.do(plain("wait"), timeout_s=0.05)
+        server.wait.set()
+        assert connection.do(level()) == 0.5
+
+
+def test_a_call_may_ask_for_more_time_than_the_connection_gives(environment: Mapping[str, str]) -> None:
+    with (
+        battery_thread(environment) as server,
+        connect(BATTERY, robot=ROBOT, environment=environment, timeout_s=2.0) as connection,
+    ):
+        server.wait.clear()
+        answer = connection.send(Ask("wait", Nothing(), bool, "command", wait_s=20.0))
+        assert answer._timeout_s == 20.0
+        server.wait.set()
+        assert answer.result() is True
+
+
+@pytest.mark.parametrize("wait_s", [math.inf, 1e300])
+def test_a_call_may_wait_for_ever(battery: Connection, wait_s: float) -> None:
+    assert battery.do(level()._replace(wait_s=wait_s)) == 0.5
+
+
+def test_threads_share_a_connection(battery: Connection) -> None:
+    results: list[float] = []
+
+    def many() -> None:
+        results.extend(battery.do(level()) for _ in range(50))
+
+    threads = [threading.Thread(target=many) for _ in range(4)]
+    for thread in threads:
+        thread.start()
+    for thread in threads:
+        thread.join(20)
+    assert results == [0.5] * 200
+
+
+def test_connections_share_a_session(environment: Mapping[str, str]) -> None:
+    with battery_thread(environment), Session.open(ROBOT, environment=environment) as session:
+        assert session.servers() == (BATTERY,)
+        with session.connect(BATTERY) as one, session.connect(BATTERY, priority=3) as two:
+            assert one.do(charge(1.0)) == two.do(level())
+        with session.connect(BATTERY) as three:
+            until(lambda: len(three.do(plain("status", dict))["connections"]) == 1, "the others are closed")  # type: ignore[index]
+
+
+def test_nobody_there(environment: Mapping[str, str]) -> None:
+    with pytest.raises(ServerNotFound, match=r"no robot `rome` on this machine: /tmp/.* is not there .*none"):
+        connect(BATTERY, robot=ROBOT, environment=environment)
+    with battery_thread(environment):
+        with pytest.raises(ServerNotFound, match=r"no robot `siena` .*robots found: rome"):
+            connect(BATTERY, robot="siena", environment=environment)
+        with pytest.raises(ServerNotFound, match="rome has no Radio: found Battery"):
+            connect("Radio", robot=ROBOT, environment=environment, timeout_s=0.2)
+    with pytest.raises(ServerNotFound, match=r"nothing of rome runs on this machine \(looked in /tmp"):
+        connect(BATTERY, robot=ROBOT, environment=environment, timeout_s=0.2)
+
+
+def test_a_server_that_answers_nothing(environment: Mapping[str, str]) -> None:
+    silent = Recorder("Silent", topics.calls("Silent"))
+    with (
+        hosted(environment, [silent]),
+        pytest.raises(ServerNotFound, match="Silent of rome is there, but does not answer"),
+    ):
+        connect("Silent", robot=ROBOT, environment=environment, timeout_s=0.2)
+
+
+def test_a_server_that_starts_late_is_waited_for(environment: Mapping[str, str]) -> None:
+    with battery_thread(environment), Session.open(ROBOT, environment=environment) as session:
+        found: list[float] = []
+
+        def ask() -> None:
+            with session.connect("Late") as late:
+                found.append(late.do(Ask("one", Nothing(), float, "read")))
+
+        asking = threading.Thread(target=ask)
+        asking.start()
+        with hosted(environment, [_Late()]):
+            asking.join(20)
+    assert found == [1.0]
+
+
+class _Late:
+    address = "Late"
+
+    def __init__(self) -> None:
+        self._desk = CallDesk("Late", (method("one", Nothing, lambda *_: 1.0, right="read"),))
+        self.listens = self._desk.listens
+
+    def start(self, now_ns: int) -> Iterator[Effect]:
+        return iter(())
+
+    def handle(self, message: Message, now_ns: int) -> Iterator[Effect]:
+        return self._desk.handle(message, now_ns)
+
+    def close(self) -> None: ...
+
+
+class _Telling(_Late):
+    """Tells the caller of something, as often as it was asked to."""
+
+    address = "Telling"
+
+    def __init__(self) -> None:
+        self.asked: list[Asked] = []
+        self._desk = CallDesk("Telling", (method("watch", Nothing, self._watch, right="read"),))
+        self.listens = self._desk.listens
+
+    def handle(self, message: Message, now_ns: int) -> Iterator[Effect]:
+        yield from self._desk.handle(message, now_ns)
+        for number, asked in enumerate(self.asked):
+            yield from self._desk.notify(asked.caller, "count", number)
+        self.asked.clear()
+
+    def _watch(self, asked: Asked, nothing: Nothing, now_ns: int) -> None:
+        self.asked.extend([asked] * 3)
+
+
+def test_notices_come_in_their_order(environment: Mapping[str, str]) -> None:
+    with (
+        hosted(environment, [_Telling()]),
+        connect("Telling", robot=ROBOT, environment=environment) as connection,
+    ):
+        connection.keep(Ask("watch", Nothing(), None, "read"))
+        came = connection.notices(timeout_s=20)
+        three = [next(came) for _ in range(3)]
+        assert [(n.subject, msgspec.msgpack.decode(n.body)) for n in three] == [
+            ("count", k) for k in range(3)
+        ]
+        assert list(connection.notices(timeout_s=0.01)) == []
+
+
+def test_a_server_that_is_started_anew_is_found_again(environment: Mapping[str, str]) -> None:
+    with (
+        battery_process(environment) as first,
+        connect(BATTERY, robot=ROBOT, environment=environment, timeout_s=20) as connection,
+    ):
+        assert connection.do(charge(1.0)) == pytest.approx(0.6)
+        gone(first)
+        waiting = connection.send(level())
+        with battery_process(environment) as second:
+            assert waiting.result() == 0.5
+            assert connection.openings >= 2
+            os.kill(second.pid, signal.SIGSTOP)
+            lost, waiting = connection.send(charge(1.0)), connection.send(level())
+            gone(second)
+            with pytest.raises(ConnectionLost, match="Battery went away before it answered"):
+                lost.result()
+        with battery_process(environment):
+            assert waiting.result() == 0.5
+            assert connection.do(charge(1.0)) == pytest.approx(0.6)
+
+
+def test_who_was_frozen_for_longer_than_the_lease_is_lost_and_comes_back(
+    environment: Mapping[str, str],
+) -> None:
+    with (
+        battery_thread(environment),
+        Session.open(ROBOT, environment=environment) as session,
+        session.connect(BATTERY, timeout_s=20) as connection,
+        session.connect(BATTERY) as other,
+    ):
+        wire = connection._wire
+        session.hub._wires.discard(wire)  # nobody tends it any more
+        until(lambda: _connected(other) == 1, "the silent one is lost")
+        session.hub._wires.add(wire)
+        until(lambda: connection.openings >= 2, "it opens anew")
+        assert connection.do(level()) == 0.5
+
+
+def _connected(connection: Connection) -> int:
+    status = connection.do(plain("status", dict))
+    assert isinstance(status, dict)
+    return len(status["connections"])
+
+
+def test_a_closed_connection_says_so(environment: Mapping[str, str]) -> None:
+    with battery_thread(environment):
+        connection = connect(BATTERY, robot=ROBOT, environment=environment)
+        connection.close()
+        connection.close()
+        with pytest.raises(ConnectionLost, match="the connection to Battery was closed"):
+            connection.do(level())
+
+
+def test_what_cannot_be_asked_is_told_at_once(battery: Connection) -> None:
+    with pytest.raises(
+        TypeError, match=r"cannot ask <function level at .*>: call it; expected what a function"
+    ):
+        battery.do(level)  # type: ignore[arg-type]
+    with pytest.raises(TypeError, match="cannot ask 'level'; expected"):
+        battery.send("level")  # type: ignore[arg-type]
+
+
+def test_how_a_connection_cannot_be_opened(environment: Mapping[str, str]) -> None:
+    with battery_thread(environment), Session.open(ROBOT, environment=environment) as session:
+        with pytest.raises(TypeError, match="priority of a connection is 'high'; expected a whole number"):
+            session.connect(BATTERY, priority="high")  # type: ignore[arg-type]
+        with pytest.raises(TypeError, match="name of a connection is 7; expected text"):
+            session.connect(BATTERY, name=7)  # type: ignore[arg-type]
+
+
+def test_a_thousand_connections_are_one_key_to_the_network() -> None:
+    """zenoh keeps a little of every key that was ever declared."""
+    with (
+        run_directory() as environment,
+        battery_thread(environment),
+        Session.open(ROBOT, environment=environment) as session,
+    ):
+        hub = session.hub
+        connections = [session.connect(BATTERY) for _ in range(3)]
+        ids = {connection._wire._talk.connection for connection in connections}
+        assert len(ids) == 3
+        assert {id.partition("/")[2][:3] for id in ids} == {f"{hub._bucket}-"}
+        assert set(hub._begun) == ids
+        for connection in connections:
+            assert connection.do(level()) == 0.5
+            connection.close()
+        assert hub._begun == {}

@@ -1,0 +1,131 @@
+"""Scripts over live connections, among real servers over zenoh."""
+
+from __future__ import annotations
+
+import threading
+import time
+from collections.abc import Iterator
+
+import pytest
+
+from colony.runtime.kit.connection import Connection, Session
+from colony.runtime.kit.errors import CallRefused, ServerNotFound
+from colony.runtime.kit.script import Script, do, sleep
+from colony.runtime.kit.script_live import run_script
+from colony.runtime.library import data
+from colony.runtime.servers.dserver import DServer
+from tests.runtime.transport.live.stage import ROBOT, hosted, run_directory, until
+
+
+@pytest.fixture
+def session() -> Iterator[Session]:
+    with (
+        run_directory() as environment,
+        hosted(environment, [DServer()]),
+        Session.open(ROBOT, environment=environment) as opened,
+    ):
+        yield opened
+
+
+def test_a_script_asks_sleeps_and_ends(session: Session) -> None:
+    seen: list[object] = []
+
+    def script() -> Script:
+        seen.append((yield from do("DServer", data.create_semaphore("$Go", 1))))
+        yield from do("DServer", data.set("Answer", [42, 0.5]))
+        seen.append((yield from do("DServer", data.get("Answer"))))
+        before = yield from sleep(0.0)
+        after = yield from sleep(0.02)
+        seen.append(after - before >= 20_000_000)
+
+    assert run_script(session, script(), name="asker")
+    assert seen == [True, [42, 0.5], True]
+
+
+def test_its_time_is_that_of_the_servers(session: Session) -> None:
+    times: list[int] = []
+
+    def script() -> Script:
+        times.append((yield from sleep(0.0)))
+        yield from do("DServer", data.set("Answer", 42))
+        (dated,) = yield from do("DServer", data.history("Answer"))
+        times.append(dated.t_ns)
+        times.append((yield from sleep(0.0)))
+
+    assert run_script(session, script(), name="asker")
+    assert times == sorted(times)
+
+
+def test_refusals_are_raised_in_the_script(session: Session) -> None:
+    codes: list[str] = []
+
+    def script() -> Script:
+        for server, ask in (("DServer", data.get("Nothing")), ("DServer", data.wait("$Nothing"))):
+            try:
+                yield from do(server, ask)
+            except CallRefused as refused:
+                codes.append(refused.code)
+        yield from do("Nobody", data.get("Nothing"))
+
+    with pytest.raises(ServerNotFound):
+        run_script(session, script(), name="asker", timeout_s=0.2)
+    assert codes == ["unknown", "unknown"]
+
+
+def test_a_script_that_waits_for_ever_can_be_stopped(session: Session) -> None:
+    stop, ended = threading.Event(), threading.Event()
+    cleaned: list[str] = []
+
+    def script() -> Script:
+        try:
+            yield from do("DServer", data.create_semaphore("$Never", 0))
+            yield from do("DServer", data.wait("$Never"))
+        finally:
+            cleaned.append("cleaned")
+
+    def run() -> None:
+        assert run_script(session, script(), name="waiter", stop=stop) is False
+        ended.set()
+
+    thread = threading.Thread(target=run)
+    thread.start()
+    with session.connect("DServer") as other:
+        until(lambda: _waiting(other, "$Never") == 1, "the script waits")
+        stop.set()
+        until(ended.is_set, "the script ended")
+        thread.join()
+        assert cleaned == ["cleaned"]
+        until(lambda: _waiting(other, "$Never") == 0, "its place in the queue is free")
+
+
+def test_a_script_is_stopped_that_is_just_opening_a_connection(session: Session) -> None:
+    stop, ended = threading.Event(), threading.Event()
+
+    class Slow(Session):
+        """Stop is asked for while this opens a connection, and long before it has."""
+
+        def connect(
+            self, server: str, *, name: str | None = None, priority: int = 0, timeout_s: float = 10.0
+        ) -> Connection:
+            stop.set()
+            time.sleep(0.3)
+            return super().connect(server, name=name, priority=priority, timeout_s=timeout_s)
+
+    def run() -> None:
+        assert run_script(Slow(session.hub), wait_for_ever(), name="waiter", stop=stop) is False
+        ended.set()
+
+    def wait_for_ever() -> Script:
+        yield from do("DServer", data.wait("$Never"))
+
+    with session.connect("DServer") as other:
+        other.do(data.create_semaphore("$Never", 0))
+        threading.Thread(target=run, daemon=True).start()
+        until(ended.is_set, "the script ended")
+
+
+def _waiting(connection: Connection, name: str) -> int:
+    try:
+        return len(connection.do(data.semaphore(name)).waiting)
+    except CallRefused:
+        return -1

@@ -1,0 +1,152 @@
+"""Servers written with the kit: methods, fields of frames, what they say of themselves, how they end."""
+
+from __future__ import annotations
+
+import signal
+import threading
+from collections.abc import Iterator, Mapping
+
+import pytest
+
+from colony.ir.program import Program, Sensor
+from colony.ir.types import BOOL, PLAIN, Array, Quantity
+from colony.runtime.kit.connection import Session, connect
+from colony.runtime.kit.description import Description, FieldDescription, describe, field_type, server_spec
+from colony.runtime.kit.discovery import discover
+from colony.runtime.kit.errors import CallRefused
+from colony.runtime.kit.server import Server, field
+from colony.runtime.protocol import topics
+from colony.runtime.protocol.bindings import SensorBinding, bind
+from colony.runtime.protocol.fields import SERVERS, FieldSpec
+from colony.runtime.protocol.messages import Effect, Fetch, Message, Send, ServerFrame, Tick, Wake, WakeAt
+from colony.runtime.transport.live.errors import AlreadyRunning
+from colony.text.diagnostics import Failure
+from colony.text.units import LENGTH, TIME
+from tests.runtime.kit.stage import BATTERY, Battery, battery_process, battery_thread, level, plain
+from tests.runtime.programs import robot
+from tests.runtime.transport.live.stage import ROBOT, Recorder, hosted, run_directory, until
+
+
+@pytest.fixture
+def environment() -> Iterator[Mapping[str, str]]:
+    with run_directory() as made:
+        yield made
+
+
+class _Ticking(Recorder):
+    """A Clock of sorts: ticks until a frame came, and then asks for that one again."""
+
+    def __init__(self) -> None:
+        super().__init__(topics.CLOCK, topics.frames(BATTERY), on=self._tick, begin=lambda now: [WakeAt(now)])
+        self.k = 0
+
+    @property
+    def frames(self) -> list[ServerFrame]:
+        return [message for message in self.got if isinstance(message, ServerFrame)]
+
+    def _tick(self, message: Message, now_ns: int) -> Iterator[Effect]:
+        if isinstance(message, Wake) and not self.frames:
+            self.k += 1
+            yield Send(topics.TICKS, Tick(k=self.k, t_ns=now_ns))
+            yield WakeAt(now_ns + 5_000_000)
+        elif isinstance(message, ServerFrame) and len(self.frames) == 1:
+            yield Send(topics.fetches(BATTERY), Fetch(server=BATTERY, k=message.k))
+
+
+def test_its_fields_are_in_the_frames_also_in_those_that_are_asked_for_again(
+    environment: Mapping[str, str],
+) -> None:
+    reports: list[str] = []
+    clock = _Ticking()
+    with battery_thread(environment, report=reports.append), hosted(environment, [clock]):
+        until(
+            lambda: sum(frame.k == clock.frames[0].k for frame in clock.frames) >= 2, "the same frame twice"
+        )
+    first, *others = clock.frames
+    assert first in others
+    values = {name: sample and sample.value for name, sample in first.fields.items()}
+    assert values == {"level": 0.5, "cells": (3.0, 4.0), "broken": None, "nothing": None}
+    assert "Battery.broken failed" in reports[0]
+    assert "ZeroDivisionError" in reports[0]
+
+
+def test_it_says_what_it_has_so_that_programs_can_be_bound_to_it(environment: Mapping[str, str]) -> None:
+    with (
+        battery_thread(environment),
+        Session.open(ROBOT, environment=environment) as session,
+        session.connect(BATTERY) as connection,
+    ):
+        description = connection.do(describe())
+        (spec,) = discover(session, [BATTERY])
+    assert [(m.name, m.right) for m in description.methods][:2] == [("level", "read"), ("charge", "command")]
+    assert spec.name == BATTERY
+    assert spec.fields == (
+        FieldSpec("level", PLAIN, "how full it is, 0 to 1"),
+        FieldSpec("cells", Array(PLAIN, 2), ""),
+        FieldSpec("broken", PLAIN, ""),
+        FieldSpec("nothing", BOOL, ""),
+    )
+
+
+def test_units_of_fields() -> None:
+    speed = FieldDescription(name="speed", kind="number", unit="mm/s")
+    assert field_type(speed) == Quantity(LENGTH.over(TIME))
+    with pytest.raises(ValueError, match="far: the unit `m`; expected base units, mm, s and deg"):
+        field("far", lambda: 1.0, unit="m")
+    with pytest.raises(ValueError, match="`parsec` is not a unit"):
+        server_spec(
+            Description(server="S", fields=(FieldDescription(name="d", kind="number", unit="parsec"),))
+        )
+
+
+def test_what_a_handler_raises_is_reported_and_the_server_lives_on(environment: Mapping[str, str]) -> None:
+    reports: list[str] = []
+    with (
+        battery_thread(environment, report=reports.append),
+        connect(BATTERY, robot=ROBOT, environment=environment) as connection,
+    ):
+        with pytest.raises(CallRefused, match=r"Battery\.fail failed: ZeroDivisionError") as refused:
+            connection.do(plain("fail"))
+        assert refused.value.code == "failed"
+        assert connection.do(level()) == 0.5
+    assert "Traceback" in reports[0]
+
+
+def test_its_name_is_taken_as_long_as_it_is_open(environment: Mapping[str, str]) -> None:
+    with (
+        battery_thread(environment),
+        pytest.raises(AlreadyRunning, match="Battery of rome runs already"),
+    ):
+        Server.open(BATTERY, robot=ROBOT, environment=environment)
+    Server.open(BATTERY, robot=ROBOT, environment=environment).close()
+
+
+def test_a_loop_that_was_ended_before_it_began_ends(environment: Mapping[str, str]) -> None:
+    with Server.open(BATTERY, robot=ROBOT, environment=environment) as server:
+        server.exitloop()
+        serving = threading.Thread(target=server.mainloop, args=(Battery().methods(),))
+        serving.start()
+        serving.join(20)
+        assert not serving.is_alive()
+
+
+def test_a_signal_ends_the_loop(environment: Mapping[str, str]) -> None:
+    with battery_process(environment) as process:
+        process.send_signal(signal.SIGTERM)
+        assert process.wait(20) == 0
+
+
+def test_a_program_reads_it() -> None:
+    described = Description(
+        server=BATTERY,
+        fields=(FieldDescription(name="level", kind="number"), FieldDescription(name="full", kind="bool")),
+    )
+    servers = (*SERVERS, server_spec(described))
+    sensor = Sensor(name="charged", type=BOOL, server=BATTERY, field="full")
+    bindings = bind(Program(robot=robot(sensor)), servers)
+    assert bindings.sensors[-1] == SensorBinding(
+        sensor="charged", server=BATTERY, field="full", within_ns=None, factor=1.0
+    )
+    wrong = Sensor(name="charged", type=BOOL, server=BATTERY, field="level")
+    with pytest.raises(Failure, match=r"Battery\.level is number, not bool"):
+        bind(Program(robot=robot(wrong)), servers)

@@ -1,0 +1,152 @@
+"""The summary counts what happened, as data and in words."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import replace
+
+from msgspec import structs
+
+from colony.compile.pipeline import compile_program
+from colony.ir.expression import SensorValue
+from colony.ir.program import Command, Limit, Module, Program, Use, Wire
+from colony.ir.types import BOOL
+from colony.runtime.assembly.nodes import places_of
+from colony.runtime.observe.observer import FrameLog
+from colony.runtime.observe.summary import RunSummary, Tally, Travel, render
+from colony.runtime.protocol.messages import Hold, Message, Request, Sample
+from colony.runtime.transport.virtual import Link, perfect
+from tests.runtime.programs import go, number, roam
+from tests.runtime.scripted import FAR, Script, session
+
+MS = 1_000_000
+S = 1000 * MS
+
+
+def summarize(program: Program, script: Script, duration_ns: int = 4 * S, link: Link = perfect) -> RunSummary:
+    tally = Tally(program, places_of(program, compile_program(program).clients))
+    session(program, script, tally, link=link).run(duration_ns)
+    return tally.summary(
+        seed=1, duration_s=duration_ns / 1e9, interrupted=False, travel=Travel(bumps=1, distance_mm=1200.0)
+    )
+
+
+def awake() -> Program:
+    """roam whose contract does not hold, without chance."""
+    program = roam()
+    wires = (Wire(name="drive", actuator="drive", wiring=Use(name="cruise")),)
+    return replace(program, wires=wires)
+
+
+def cruise(program: Program) -> Module:
+    module = program.modules[0]
+    assert isinstance(module, Module)
+    return module
+
+
+def test_shares_and_breaches() -> None:
+    summary = summarize(awake(), Script(bumper_at=lambda t: t in (1 * S, 2 * S)))
+    (drive,) = summary.actuators
+    assert [(s.module, s.frames, s.seconds, s.percent) for s in drive.shares] == [
+        ("cruise", 80, 4.0, 100.0),
+        (None, 0, 0.0, 0.0),
+    ]
+    (breach,) = summary.breaches
+    assert (breach.contract, breach.frames, breach.first_s, breach.last_s) == ("never_ram", 2, 1.0, 2.0)
+    assert not summary.sound
+    text = render(summary)
+    assert "rome: 4.0 s, 80 frames, seed 1" in text
+    assert "traveled 1.20 m at 300 mm/s on average, 1 bump\n" in text
+    assert "contract never_ram: BROKEN in 2 frames, first at 1 s, last at 2 s" in text
+    assert json.loads(json.dumps(summary.as_json()))["breaches"][0]["frames"] == 2
+
+
+def test_records_of_limits_and_faults() -> None:
+    bumper = SensorValue(type=BOOL, name="bumper")
+    program = awake()
+    fast = replace(cruise(program), command=go(900.0, 0.0))
+    limited = replace(
+        program,
+        modules=(fast, *program.modules[1:]),
+        limits=(Limit(actuator="drive", field_index=0, relation="<=", bound=number(0.0), condition=bumper),),
+    )
+    summary = summarize(
+        limited,
+        Script(
+            bumper_at=lambda t: t < 500 * MS,
+            sonar_at=lambda t: Sample((20_000.0, *FAR[1:]) if t == 1 * S else FAR, t),
+        ),
+    )
+    assert {(r.kind, r.subject): r.frames for r in summary.records} == {
+        ("limited", "drive.velocity"): 10,
+        ("command clamped", "drive.velocity"): 70,
+        ("sensor clamped", "sonar"): 1,
+    }
+    assert summary.sound
+    assert "drive.velocity: limited in 10 frames" in render(summary)
+    assert "1 contract held in every frame" in render(summary)
+
+
+def test_troubles() -> None:
+    def slow(sender: str, receiver: str, message: Message) -> int | None:
+        return 45 * MS if isinstance(message, Request) and message.k in (3, 4) else 0
+
+    summary = summarize(awake(), Script(), link=slow)
+    assert [(t.client, t.fate, t.frames) for t in summary.troubles] == [("cruise", "late", 2)]
+    assert "client cruise: late in 2 frames" in render(summary)
+    assert summary.actuators[0].shares[-1].frames == 2
+
+
+def test_a_command_that_is_not_finite_is_a_fault() -> None:
+    program = awake()
+    bad = replace(
+        cruise(program), command=Command(actuator="drive", fields=(number(float("nan")), number(0.0)))
+    )
+    summary = summarize(replace(program, modules=(bad, *program.modules[1:])), Script(), 1 * S)
+    assert [(r.kind, r.subject, r.frames) for r in summary.records] == [("not finite", "cruise", 20)]
+    assert summary.actuators[0].shares[0].frames == 20
+
+
+def test_no_frames() -> None:
+    tally = Tally(roam(), {"drive": ("cruise",)})
+    summary = tally.summary(seed=0, duration_s=0.0, interrupted=True, travel=Travel(bumps=0, distance_mm=0.0))
+    assert "0 frames, seed 0, interrupted" in render(summary)
+    assert "held in every frame" not in render(summary)
+
+
+def test_what_kept_the_network_from_deciding() -> None:
+    program = awake()
+    tally = Tally(program, {"drive": ("cruise",)})
+
+    class Marked:
+        def take(self, log: FrameLog) -> None:
+            marks: dict[int, tuple[str | None, Hold | None]] = {
+                0: ("joystick", None),
+                1: ("joystick", None),
+                2: (None, "stopped"),
+                3: (None, "locked"),
+                4: ("inspector", "locked"),
+            }
+            outside, hold = marks.get(log.tick.k, (None, None))
+            verdict = structs.replace(log.verdicts["drive"], outside=outside, hold=hold)
+            skipped, restart = {5: (3, False), 6: (0, True)}.get(log.tick.k, (0, False))
+            tally.take(replace(log, verdicts={"drive": verdict}, skipped=skipped, restart=restart))
+
+        def close(self) -> None:
+            tally.close()
+
+    session(program, Script(), Marked()).run(1 * S)
+    summary = tally.summary(seed=0, duration_s=1.0, interrupted=False, travel=None)
+    assert [(i.by, i.hold, i.frames) for i in summary.interventions] == [
+        ("joystick", None, 2),
+        (None, "stopped", 1),
+        (None, "locked", 1),
+        ("inspector", "locked", 1),
+    ]
+    told = render(summary)
+    assert "drive: joystick commanded from outside the network in 2 frames" in told
+    assert "drive: the EMERGENCY STOP was on (`colony stop --release` ends it) in 1 frame" in told
+    assert "drive: somebody outside the network had the lock in 1 frame" in told
+    assert "all memory began anew 1 time\n  3 frames could not be observed" in told
+    assert "drive: inspector commanded, who has the lock, in 1 frame" in told
+    assert summary.sound

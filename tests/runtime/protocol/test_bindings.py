@@ -1,0 +1,125 @@
+"""Sensors and actuators are bound to what servers have, or it is said where they are not."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import pytest
+
+from colony.ir.program import Actuator, ActuatorField, Program, Sensor
+from colony.ir.types import BOOL, DEGREES, DISTANCE, PLAIN, Array, Enum, Type
+from colony.runtime.protocol.bindings import bind, nearest
+from colony.runtime.protocol.fields import SPEED, TURN_RATE
+from colony.text.diagnostics import Failure, render
+from colony.text.source import Source, Span
+from tests.runtime.programs import drive, roam, robot
+
+
+def with_sensor(type: Type, server: str, field: str, factor: float = 1.0) -> Program:
+    return Program(robot=robot(Sensor(name="s", type=type, server=server, field=field, factor=factor)))
+
+
+def test_a_good_program_is_bound() -> None:
+    bound = bind(roam())
+    assert [(b.sensor, b.server, b.field) for b in bound.sensors] == [
+        ("sonar", "PServer", "sonar"),
+        ("bumper", "RServer", "bumper"),
+        ("chance", "Runtime", "random"),
+    ]
+    (actuator,) = bound.actuators
+    assert (actuator.server, actuator.command, actuator.places) == ("RServer", "drive", (0, 1))
+
+
+BAD_SENSORS = [
+    (BOOL, "Pserver", "sonar", "R001", "no server `Pserver`", "`PServer`"),
+    (DISTANCE, "CServer", "lights", "R001", "no server `CServer`", "?"),
+    (Array(DISTANCE, 24), "PServer", "sonars", "R002", "no field `sonars`", "`sonar`"),
+    (BOOL, "RServer", "qqq", "R002", "no field `qqq`", "front_bumper"),
+    (Array(DISTANCE, 12), "PServer", "sonar", "R003", "mm[24], not mm[12]", "range"),
+    (DISTANCE, "PServer", "sonar", "R003", "mm[24], not mm", "range"),
+    (DEGREES, "RServer", "x", "R003", "mm, not deg", "east"),
+    (BOOL, "RServer", "heading", "R003", "deg, not bool", "north"),
+    (Enum("goal", (("none", 0.0),)), "RServer", "bumper", "R003", "bool, not goal", "touches"),
+]
+
+
+@pytest.mark.parametrize(("type", "server", "field", "code", "message", "hint"), BAD_SENSORS)
+def test_a_sensor_bound_to_nothing_is_an_error_with_a_hint(
+    type: Type, server: str, field: str, code: str, message: str, hint: str
+) -> None:
+    with pytest.raises(Failure) as failed:
+        bind(with_sensor(type, server, field))
+    (found,) = failed.value.diagnostics
+    assert found.code == code
+    assert message in found.message
+    assert hint in (found.hint or "")
+
+
+def test_errors_are_at_the_declaration_and_all_are_told() -> None:
+    source = Source("rome.colony", "sensor a : bool from RServer.bumpre\nsensor b : bool from Server.x\n")
+    first, second = Span(source, 7, 8), Span(source, 43, 44)
+    program = Program(
+        robot=robot(
+            Sensor(name="a", type=BOOL, server="RServer", field="bumpre", span=first),
+            Sensor(name="b", type=BOOL, server="Server", field="x", span=second),
+        )
+    )
+    with pytest.raises(Failure) as failed:
+        bind(program)
+    texts = [render(d) for d in failed.value.diagnostics]
+    assert texts[0].startswith("rome.colony:1:8: error[R002]: `a`: RServer has no field `bumpre`")
+    assert "did you mean `bumper`?" in texts[0]
+    assert texts[1].startswith("rome.colony:2:8: error[R001]")
+
+
+def test_dserver_has_every_field_and_plain_numbers_take_base_units() -> None:
+    bound = bind(with_sensor(DISTANCE, "DServer", "Anything", factor=1000.0)).sensors[-1]
+    assert (bound.field, bound.factor) == ("Anything", 1.0)
+    assert bind(with_sensor(PLAIN, "RServer", "x")).sensors[-1].factor == 1.0
+    assert bind(with_sensor(DISTANCE, "RServer", "x", factor=1000.0)).sensors[-1].factor == 1000.0
+
+
+def command_to(command: str, *fields: ActuatorField, server: str = "RServer") -> Program:
+    actuator = Actuator(name="wheels", fields=fields, server=server, command=command, idle=None)
+    return Program(robot=replace(robot(), actuators=(actuator,)))
+
+
+def test_parameters_are_found_by_name_and_may_be_left_out() -> None:
+    turn, velocity = ActuatorField(name="turn", type=TURN_RATE), ActuatorField(name="velocity", type=SPEED)
+    assert bind(command_to("drive", turn, velocity)).actuators[0].places == (1, 0)
+    assert bind(command_to("drive", turn)).actuators[0].places == (None, 0)
+
+
+BAD_COMMANDS = [
+    ("driv", ActuatorField(name="velocity", type=SPEED), "R004", "`drive`"),
+    ("drive", ActuatorField(name="speed", type=SPEED), "R005", "velocity"),
+    ("drive", ActuatorField(name="turn", type=SPEED), "R003", "turning"),
+    ("drive", ActuatorField(name="turn", type=BOOL), "R003", "turning"),
+]
+
+
+@pytest.mark.parametrize(("command", "field", "code", "hint"), BAD_COMMANDS)
+def test_a_command_that_no_server_takes(command: str, field: ActuatorField, code: str, hint: str) -> None:
+    with pytest.raises(Failure) as failed:
+        bind(command_to(command, field))
+    (found,) = failed.value.diagnostics
+    assert found.code == code
+    assert hint in (found.hint or "")
+
+
+def test_a_sensor_server_takes_no_commands() -> None:
+    with pytest.raises(Failure) as failed:
+        bind(command_to("sonar", server="PServer"))
+    assert failed.value.diagnostics[0].hint == "there is none"
+
+
+def test_two_actuators_on_one_command_would_not_be_arbitrated() -> None:
+    with pytest.raises(Failure) as failed:
+        bind(Program(robot=replace(robot(), actuators=(drive(), replace(drive(), name="wheels")))))
+    assert failed.value.diagnostics[0].code == "R006"
+
+
+def test_the_nearest_name_or_all_that_are_known() -> None:
+    assert nearest("rserver", ["PServer", "RServer"]) == "did you mean `RServer`?"
+    assert nearest("camera", ["PServer", "RServer"]) == "known are: PServer, RServer"
+    assert nearest("camera", []) == "there is none"

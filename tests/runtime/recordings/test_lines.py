@@ -1,0 +1,249 @@
+"""Recordings read back as the frames that they were made of."""
+
+from __future__ import annotations
+
+import io
+import json
+import math
+from dataclasses import replace
+
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from colony.compile.pipeline import compile_program
+from colony.execute.executor import ClientListExecutor
+from colony.ir.frame import Decision, Frame, Outcome, Reading
+from colony.ir.program import Actuator, ActuatorField, Program, Sensor
+from colony.ir.types import BOOL, PLAIN, Array
+from colony.runtime.observe.observer import FrameLog
+from colony.runtime.protocol.messages import Sample, Tick, Verdict
+from colony.runtime.recordings.lines import Recording, encoder, seconds_text, summed
+from colony.runtime.recordings.replay import Rows, has_right_sum, read_frames
+from colony.text.diagnostics import Failure
+from colony.text.units import nanoseconds
+from tests.runtime.programs import roam
+from tests.runtime.scripted import FAR, Log, Script, session
+
+MS = 1_000_000
+S = 1000 * MS
+
+
+class Kept(io.BytesIO):
+    """A file whose text outlives it, and that counts its writes."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.writes: list[bytes] = []
+
+    def write(self, data: object, /) -> int:
+        self.writes.append(bytes(data))  # type: ignore[call-overload]
+        return len(self.writes[-1])
+
+
+def recorded(script: Script, duration_ns: int = 5 * S) -> tuple[list[bytes], Log]:
+    file, log = Kept(), Log()
+    program = roam()
+    session(program, script, log, Recording(program, file)).run(duration_ns)
+    assert file.closed
+    return file.writes, log
+
+
+def script() -> Script:
+    return Script(
+        sonar_at=lambda t: None if t % (250 * MS) == 0 else Sample((300.0 + t / 7e6, *FAR[1:]), t),
+        bumper_at=lambda t: t == 2 * S,
+    )
+
+
+def test_every_write_is_a_whole_line() -> None:
+    lines, log = recorded(script())
+    assert len(lines) == len(log.frames) == 100
+    for line in lines:
+        assert line.endswith(b"\n")
+        assert line.count(b"\n") == 1
+        json.loads(line)
+
+
+def test_what_is_read_back_is_decided_as_it_was() -> None:
+    lines, log = recorded(script())
+    program = roam()
+    executor = ClientListExecutor(program, compile_program(program).clients)
+    for line, frame, took in zip(lines, read_frames(lines, "run.jsonl", program), log.frames, strict=True):
+        assert frame.t_ns == took.frame.t_ns
+        decision = executor.step(frame).decisions[0]
+        row = json.loads(line)
+        assert row["drive"] == {"by": decision.by, "velocity": decision.values[0], "turn": decision.values[1]}  # type: ignore[index]
+        assert ("sonar" in row) is ("sonar" in took.frame.readings)
+
+
+@given(st.integers(-(10**18), 10**18))
+@settings(deadline=None)
+def test_times_are_exact_decimals(t_ns: int) -> None:
+    text = seconds_text(t_ns)
+    assert json.loads(text, parse_float=lambda x: x) == text
+    whole, fraction = text.split(".")
+    assert int(whole + fraction.ljust(9, "0")) == t_ns
+
+
+@given(st.integers(0, 10**15))
+def test_times_of_eleven_days_read_back_through_a_double(t_ns: int) -> None:
+    assert nanoseconds(float(seconds_text(t_ns))) == t_ns
+
+
+SENSORS = (
+    Sensor(name="n", type=PLAIN, server="DServer", field="n"),
+    Sensor(name="b", type=BOOL, server="DServer", field="b"),
+    Sensor(name="a", type=Array(PLAIN, 2), server="DServer", field="a"),
+)
+LAMP = Actuator(
+    name="lamp", fields=(ActuatorField(name="on", type=BOOL),), server="DServer", command="Lamp", idle=None
+)
+
+
+def small() -> Program:
+    robot = roam().robot
+    return Program(robot=replace(robot, sensors=SENSORS, actuators=(LAMP,)))
+
+
+def line(readings: dict[str, Reading], verdict: Verdict | None = None) -> str:
+    log = FrameLog(
+        tick=Tick(k=0, t_ns=0),
+        frame=Frame(0, readings),
+        verdicts={} if verdict is None else {"lamp": verdict},
+        expected=Outcome((Decision("lamp", None, None),)),
+        disagreements=(),
+    )
+    return encoder(small())(log)
+
+
+def members(of: str) -> str:
+    """A line without its checksum, which is right."""
+    assert has_right_sum(of.encode())
+    return of[: of.rindex(', "@sum"')] + "}"
+
+
+READINGS: list[tuple[Reading, str]] = [
+    (1.5, "1.5"),
+    (3, "3"),
+    (1e300, "1e+300"),
+    (-0.0, "-0.0"),
+    (math.inf, "1e999"),
+    (-math.inf, "-1e999"),
+    (math.nan, '"nan"'),
+    (True, "true"),
+]
+
+
+@pytest.mark.parametrize(("reading", "text"), READINGS)
+def test_readings_are_valid_json_that_means_the_same(reading: Reading, text: str) -> None:
+    assert members(line({"n": reading})) == f'{{"t": 0.0, "@tick": 0, "n": {text}}}'
+    array: Reading = (reading, 0.0)  # type: ignore[assignment]
+    assert members(line({"a": array})) == f'{{"t": 0.0, "@tick": 0, "a": [{text}, 0.0]}}'
+    (back,) = read_frames([line({"n": reading}).encode()], "x", small())
+    if isinstance(reading, float) and math.isnan(reading):
+        assert isinstance(back.readings["n"], str)
+    else:
+        assert back.readings["n"] == reading
+
+
+def test_faulty_readings_stay_faulty() -> None:
+    assert members(line({"a": (1.0,)})) == '{"t": 0.0, "@tick": 0, "a": "1 elements"}'
+    assert members(line({"n": None, "b": False})) == '{"t": 0.0, "@tick": 0, "b": false}'
+
+
+def verdict(**changes: object) -> Verdict:
+    fields: dict[str, object] = {
+        "k": 0,
+        "t_ns": 0,
+        "actuator": "lamp",
+        "by": "m",
+        "values": (True,),
+        "fates": (),
+    }
+    return Verdict(**(fields | changes))  # type: ignore[arg-type]
+
+
+def test_actuators() -> None:
+    def lamp(of: Verdict) -> object:
+        return json.loads(line({}, of))["lamp"]
+
+    assert lamp(verdict()) == {"by": "m", "on": True}
+    assert lamp(verdict(by=None, values=None)) is None
+    assert lamp(verdict(by=None, values=(False,))) == {"by": None, "on": False}
+    assert lamp(verdict(values=None, fault="not finite")) == {"by": "m", "fault": "not finite"}
+    fates = (("m", "won"), ("n", "late"), ("o", "silent"))
+    assert lamp(verdict(fates=fates)) == {"by": "m", "on": True, "fates": {"n": "late"}}
+    assert lamp(verdict(by=None, values=None, fates=fates)) == {"by": None, "fates": {"n": "late"}}
+    assert lamp(verdict(by=None, outside="ann/1")) == {"by": None, "on": True, "@outside": "ann/1"}
+    assert lamp(verdict(by=None, values=None, hold="stopped")) == {"by": None, "@held_by": "stopped"}
+
+
+def test_a_file_that_takes_a_part_gets_the_rest() -> None:
+    class Slow(Kept):
+        def write(self, data: object, /) -> int:
+            return super().write(bytes(data)[:10])  # type: ignore[call-overload]
+
+    file, program = Slow(), roam()
+    session(program, Script(), Recording(program, file)).run(100 * MS)
+    assert [json.loads(row)["t"] for row in b"".join(file.writes).splitlines()] == [0.0, 0.05]
+
+
+# --- damaged lines -----------------------------------------------------------------------------------
+
+
+def rows(*lines: str) -> tuple[list[float], bool, bool]:
+    """The times of the whole lines, and how the file ends: damaged, broken off."""
+    found = Rows([text.encode() for text in lines], "x", small())
+    return [row.frame.t_ns / 1e9 for row in found], found.damaged, found.broken_off
+
+
+def at(t: float) -> str:
+    return summed(f'{{"t": {t}, "@tick": 0, "b": true') + "\n"
+
+
+def bad(t: float) -> str:
+    return at(t).replace("true", "trux")
+
+
+def test_damaged_lines_are_left_out_wherever_they_stand() -> None:
+    assert rows(at(0), at(1), at(2)) == ([0.0, 1.0, 2.0], False, False)
+    assert rows(bad(0), bad(1), at(2), bad(3)) == ([2.0], True, False)
+    assert rows(bad(0)) == ([], True, False)
+    assert rows(at(0), "\0" * 100 + "\n", at(2)) == ([0.0, 2.0], False, False)
+    assert rows("\0" * 100 + "\n", at(2)) == ([2.0], False, False)
+
+
+@pytest.mark.parametrize("length", range(1, len(at(1))))
+def test_a_last_line_that_is_cut_anywhere_breaks_off(length: int) -> None:
+    times, damaged, broken_off = rows(at(0), at(1)[:length])
+    if length == len(at(1)) - 1:
+        assert (times, damaged, broken_off) == ([0.0, 1.0], False, False)
+    else:
+        assert (times, damaged, broken_off) == ([0.0], False, True)
+
+
+def test_a_last_line_whose_end_is_another_sign_is_damaged() -> None:
+    assert rows(at(0), at(1)[:-1] + "\v") == ([0.0], True, False)
+
+
+def test_zeros_at_the_end_are_damage() -> None:
+    assert rows(at(0), "\0" * 100) == ([0.0], True, False)
+
+
+def test_lines_without_checksums_are_plain_input() -> None:
+    plain = '{"t": 0, "b": true}\n'
+    assert rows(plain) == ([0.0], False, False)
+    with pytest.raises(Failure, match="F001"):
+        rows(plain, '{"t": 1, "b": tru')
+
+
+def test_a_time_beyond_all_clocks_is_refused() -> None:
+    with pytest.raises(Failure, match="F003"):
+        rows('{"t": 1e305}\n')
+
+
+def test_names_that_repeat_are_found_at_once() -> None:
+    many = ", ".join(f'"x{i}": 0' for i in range(100_000))
+    with pytest.raises(Failure, match="`x0` stands twice"):
+        rows(f'{{"t": 0, {many}, "x0": 1}}\n')

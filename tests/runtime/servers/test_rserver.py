@@ -1,0 +1,304 @@
+"""RServer: fields of the base, one command a frame, runs, a watchdog and a reflex."""
+
+from __future__ import annotations
+
+import msgspec
+import pytest
+
+from colony.runtime.library import robot
+from colony.runtime.protocol.fields import RSERVER
+from colony.runtime.protocol.messages import Malformed, Tick
+from tests.runtime.servers.base_stage import FRAME, MS, Stage, bid, deployed, silent, stage_in_run
+
+
+@pytest.fixture
+def stage() -> Stage:
+    return stage_in_run()
+
+
+def test_it_has_exactly_the_documented_fields() -> None:
+    stage = Stage()
+    stage.tick()
+    assert set(stage.frames[-1].fields) == {f.name for f in RSERVER.fields}
+
+
+def test_a_base_that_gave_nothing_yet_has_no_values() -> None:
+    stage = Stage()
+    stage.base.mute = True
+    stage.tick()
+    assert set(stage.frames[-1].fields) == {"speed_setting", "turn_setting"}
+    stage.open("ann/1")
+    assert stage.problem("ann/1", robot.position()).code == "no value"
+
+
+def test_the_settings_are_the_command_sent_last(stage: Stage) -> None:
+    stage.frame(bid("cruise", 300.0, -10.0), *silent("cruise"))
+    assert stage.base.told == [(0, 300.0, -10.0)]
+    stage.tick()
+    fields = stage.frames[-1].fields
+    assert [fields[n].value for n in ("speed_setting", "turn_setting")] == [300.0, -10.0]  # type: ignore[union-attr]
+
+
+@pytest.mark.parametrize(("places", "sent"), [((1, 0), (7.0, 5.0)), ((None, 1), (0.0, 7.0))])
+def test_parameters_are_passed_by_name_and_what_is_not_declared_is_0(
+    places: tuple[int | None, ...], sent: tuple[float, float]
+) -> None:
+    stage = Stage(run="r1", deployment=deployed(places=places))
+    stage.frame(bid("cruise", 5.0, 7.0), *silent("cruise"))
+    assert stage.base.told == [(0, *sent)]
+
+
+def test_in_lockstep_a_frame_is_waited_for_from_when_its_tick_came() -> None:
+    stage = Stage(run="r1", deployment=msgspec.structs.replace(deployed(), lockstep=True))
+    came_ns = 1000 * FRAME  # far later than the time that the tick tells
+    stage.wait(came_ns)
+    stage.give(Tick(k=0, t_ns=0, run="r1"))
+    stage.give(bid("back_off", bid="silent"))
+    stage.wait(came_ns + FRAME // 2)
+    assert stage.base.told == []
+    stage.wait(came_ns + FRAME)
+    assert stage.base.told == [(came_ns + FRAME * 4 // 5, 0.0, 0.0)]
+
+
+def test_it_stops_the_base_when_it_starts_and_when_it_ends() -> None:
+    stage = Stage()
+    assert stage.base.stops == [0]
+    stage.server.close()
+    assert stage.base.stops == [0, 0]
+
+
+def test_a_base_without_ticks_is_stopped_within_two_frames(stage: Stage) -> None:
+    stage.frame(bid("cruise", 300.0, 0.0), *silent("cruise"), count=3)
+    assert stage.base.velocity == 300.0
+    stage.wait(stage.now_ns + 10 * FRAME)
+    assert stage.base.velocity == 0.0
+    assert stage.base.stops == [0, 2 * FRAME + 2 * FRAME]
+    stage.wait(stage.now_ns + 100 * FRAME)
+    assert len(stage.base.stops) == 2
+
+
+def test_a_network_that_falls_silent_is_idle_in_that_frame(stage: Stage) -> None:
+    stage.frame(bid("cruise", 300.0, 0.0), *silent("cruise"))
+    stage.frame(*silent("cruise"))
+    stage.tick()
+    assert dict(stage.verdicts[-1].fates)["cruise"] == "late"
+    assert stage.base.told[-1] == (FRAME + FRAME * 4 // 5, 0.0, 0.0)
+
+
+def test_an_idle_command_that_holds_lets_the_base_go_on_for_two_frames() -> None:
+    stage = Stage(run="r1", deployment=deployed(idle=None))
+    stage.frame(bid("cruise", 300.0, 0.0), *silent("cruise"))
+    stage.frame(*silent(), count=10)
+    assert stage.base.told == [(0, 300.0, 0.0)]
+    assert stage.base.stops == [0, 2 * FRAME]
+
+
+def test_a_tick_that_comes_twice_or_late_changes_nothing(stage: Stage) -> None:
+    stage.frame(bid("cruise", 300.0, 0.0), *silent("cruise"), count=2)
+    verdicts, told = len(stage.verdicts), len(stage.base.told)
+    stage.give(Tick(k=0, t_ns=0, run="r1"))
+    stage.give(Tick(k=1, t_ns=FRAME, run="other"))
+    assert (len(stage.verdicts), len(stage.base.told), stage.base.velocity) == (verdicts, told, 300.0)
+
+
+def test_in_frames_of_another_run_the_base_stands_and_nobody_is_told_anything(stage: Stage) -> None:
+    stage.frame(bid("cruise", 300.0, 0.0), *silent("cruise"))
+    stage.run = "r2"
+    assert stage.frame(bid("cruise", 300.0, 0.0), *silent("cruise"), count=3) is None
+    assert stage.base.velocity == 0.0
+    assert len(stage.base.stops) == 1 + 3
+    stage.run = "r1"
+    verdict = stage.frame(bid("cruise", 300.0, 0.0), *silent("cruise"))
+    assert verdict is not None
+    assert (verdict.k, verdict.by) == (4, "cruise")
+
+
+def test_without_a_program_the_built_in_actuator_has_a_verdict_every_frame() -> None:
+    stage = Stage()
+    stage.frame(count=3)
+    assert [(v.k, v.actuator, v.by, v.values) for v in stage.verdicts] == [
+        (k, "drive", None, (0.0, 0.0)) for k in range(3)
+    ]
+
+
+def test_a_program_that_has_no_base_hears_nothing_of_it_and_scripts_drive_it() -> None:
+    stage = Stage(run="r1", deployment=deployed(actuators=()))
+    stage.open("ann/1")
+    stage.do("ann/1", robot.drive(100.0, 0.0))
+    assert stage.frame() is None
+    assert stage.base.velocity == 100.0
+
+
+def test_requests_that_cannot_be_read_are_noted(stage: Stage) -> None:
+    stage.tick()
+    stage.give(Malformed(topic="RServer/requests", connection=None, reason="found version 7"))
+    verdict = stage.frame(*silent())
+    assert verdict is not None
+    assert stage.verdicts[0].notes == ("a request could not be read: found version 7",)
+
+
+def test_a_pressed_bumper_lets_nothing_go_into_it_whoever_commands(stage: Stage) -> None:
+    stage.base.front = True
+    stage.frame(bid("cruise", 300.0, 20.0), *silent("cruise"))
+    assert stage.base.told[-1] == (0, 0.0, 20.0)
+    assert stage.verdicts[-1].values == (300.0, 20.0)
+    stage.frame(bid("back_off", -100.0, 0.0), *silent("back_off"))
+    assert stage.base.told[-1][1:] == (-100.0, 0.0)
+    assert "300 mm/s was not sent, the front bumper is pressed" in stage.verdicts[-1].notes[0]
+    stage.base.front, stage.base.rear = False, True
+    stage.frame(bid("back_off", -100.0, 0.0), *silent("back_off"))
+    assert stage.base.told[-1][1:] == (0.0, 0.0)
+
+
+def test_bumpers_can_be_ignored(stage: Stage) -> None:
+    stage.open("ann/1")
+    stage.base.front = True
+    stage.do("ann/1", robot.set_bumper(0))
+    stage.frame(bid("cruise", 300.0, 0.0), *silent("cruise"))
+    assert stage.base.velocity == 300.0
+    stage.do("ann/1", robot.set_bumper(1))
+    stage.frame(bid("cruise", 300.0, 0.0), *silent("cruise"))
+    assert stage.base.velocity == 0.0
+
+
+# --- deploying -------------------------------------------------------------------------------------
+
+
+def test_a_run_begins_with_deploy_and_ends_with_its_leader() -> None:
+    stage = Stage()
+    stage.open("lead/1")
+    stage.do("lead/1", robot.deploy(deployed("r1")))
+    stage.run = "r1"
+    stage.frame(bid("cruise", 300.0, 0.0), *silent("cruise"))
+    assert stage.verdicts[-1].by == "cruise"
+    stage.die("lead/1")
+    stage.frame(bid("cruise", 300.0, 0.0), *silent("cruise"), count=20)
+    assert stage.base.velocity == 0.0
+    stage.run = ""
+    stage.frame()
+    assert stage.verdicts[-1].fates == ()
+
+
+def test_deploying_again_changes_nothing_and_may_come_from_a_new_leader() -> None:
+    stage = Stage(run="r1")
+    stage.open("lead/1")
+    stage.open("lead/2")
+    stage.do("lead/1", robot.deploy(deployed("r1")))
+    stage.tick()
+    stage.give(bid("cruise", 300.0, 0.0))
+    stage.do("lead/2", robot.deploy(deployed("r1")))
+    stage.close("lead/1")
+    for request in silent("cruise"):
+        stage.give(request)
+    assert stage.verdicts[-1].by == "cruise"
+    assert stage.do("lead/2", robot.arbitration()).leader == "lead/2"
+
+
+def test_another_run_waits_for_the_leader_to_be_gone() -> None:
+    stage = Stage()
+    stage.open("lead/1", name="colony run a")
+    stage.open("lead/2")
+    stage.do("lead/1", robot.deploy(deployed("r1")))
+    busy = stage.problem("lead/2", robot.deploy(deployed("r2")))
+    assert busy.code == "busy"
+    assert "colony run a" in busy.message
+    stage.close("lead/1")
+    stage.do("lead/2", robot.deploy(deployed("r2")))
+    assert stage.do("lead/2", robot.arbitration()).run == "r2"
+
+
+def test_a_frame_that_is_open_when_a_run_begins_ends_as_it_stands() -> None:
+    stage = Stage(run="r1", deployment=deployed("r1"))
+    stage.open("lead/1")
+    stage.tick()
+    stage.give(bid("cruise", 300.0, 0.0))
+    stage.do("lead/1", robot.deploy(deployed("r2")))
+    assert (stage.verdicts[-1].k, stage.verdicts[-1].by) == (0, "cruise")
+    assert stage.base.velocity == 300.0
+    stage.run = "r2"
+    stage.frame(*silent())
+    assert stage.base.velocity == 0.0
+
+
+BAD = [
+    ({"run": ""}, "a run without a name"),
+    ({"clients": (("a", 1), ("b", 1))}, "two clients have the priority 1"),
+    ({"clients": (("a", 2), ("a", 1))}, "two clients have the name a"),
+    ({"clients": (("a", 1), ("b", 2))}, "not in the order of their priorities"),
+    ({"command": "fly"}, "no command `fly`"),
+    ({"places": (0,)}, "1 parameters; expected 2"),
+    ({"places": (0, 2)}, "none of its 2 fields"),
+    ({"idle": (float("nan"), 0.0)}, "not finite"),
+    ({"idle": (0.0,)}, "an idle command of 1 values"),
+]
+
+
+@pytest.mark.parametrize(("changes", "text"), BAD)
+def test_what_cannot_be_deployed_is_refused_and_changes_nothing(
+    stage: Stage, changes: dict[str, object], text: str
+) -> None:
+    stage.open("lead/1")
+    wrong = deployed(**({"run": "r2"} | changes))  # type: ignore[arg-type]
+    problem = stage.problem("lead/1", robot.deploy(wrong))
+    assert text in problem.message
+    found = stage.do("lead/1", robot.arbitration())
+    assert (found.run, found.leader) == ("r1", None)
+    stage.frame(bid("cruise", 300.0, 0.0), *silent("cruise"))
+    assert stage.base.velocity == 300.0
+
+
+def test_two_actuators_of_one_base_are_refused() -> None:
+    stage = Stage()
+    stage.open("lead/1")
+    (table,) = deployed().actuators
+    problem = stage.problem("lead/1", robot.deploy(deployed(actuators=(table, table))))
+    assert "expected one actuator" in problem.message
+
+
+# --- what it knows ---------------------------------------------------------------------------------
+
+
+def test_arbitration_tells_how_every_client_did(stage: Stage) -> None:
+    stage.open("ann/1")
+    stage.frame(bid("cruise", 300.0, 0.0), *silent("cruise"), count=3)
+    stage.frame(*silent("cruise"))
+    stage.frame(*silent("cruise"), lost=("drive/cruise",))
+    stage.frame(bid("cruise", 9e9, 0.0), *silent("cruise"))
+    found = stage.do("ann/1", robot.arbitration())
+    (actuator,) = found.actuators
+    assert (actuator.name, actuator.frames) == ("drive", 6)
+    by_name = {c.name: (c.priority, c.on_time, c.late, c.lost, c.refused) for c in actuator.clients}
+    assert by_name == {
+        "back_off": (3, 6, 0, 0, 0),
+        "avoid": (2, 6, 0, 0, 0),
+        "cruise": (1, 3, 1, 1, 1),
+    }
+    assert actuator.last_note == "`cruise` gave velocity = 9000000000.0"
+    assert (found.acting, found.outside, found.stopped, found.lock_holder) == (None, (), None, None)
+
+
+def test_the_watchdog_can_be_given_more_time() -> None:
+    stage = stage_in_run(watchdog_ns=250 * MS)
+    stage.frame(bid("cruise", 300.0, 0.0), *silent("cruise"))
+    stage.wait(300 * MS)
+    assert stage.base.stops == [0, 250 * MS]
+
+
+def test_a_server_that_stood_still_moves_nothing_by_what_waited_for_it() -> None:
+    """Frozen, it has not heard what was said since: a stop, perhaps, that comes behind these ticks."""
+    stage = Stage(run="r1", deployment=deployed())
+    stage.frame(bid("cruise", 300.0, 0.0), *silent("cruise"))
+    assert stage.base.velocity == 300.0
+    stage.wait(2_000_000_000)
+    told = len(stage.base.told)
+    for k in range(stage.k + 1, stage.k + 30):
+        stage.give(Tick(k=k, t_ns=k * FRAME, run="r1"))
+        for request in (bid("cruise", 300.0, 0.0), *silent("cruise")):
+            stage.give(msgspec.structs.replace(request, k=k))
+    assert len(stage.base.told) == told
+    assert stage.base.velocity == 0.0
+    notes = [note for verdict in stage.verdicts for note in verdict.notes]
+    assert any("nothing was sent, its tick came too late" in note for note in notes)
+    stage.k = 40
+    stage.frame(bid("cruise", 300.0, 0.0), *silent("cruise"))
+    assert stage.base.velocity == 300.0

@@ -1,0 +1,42 @@
+"""Chance comes from the seed of what is deployed, by a call or from the Clock beside it."""
+
+from __future__ import annotations
+
+import msgspec
+import pytest
+
+from colony.runtime.frames.clock import Clock
+from colony.runtime.library.clock import deploy
+from colony.runtime.protocol.messages import Send, ServerFrame, Tick
+from colony.runtime.servers.runtime_server import RuntimeServer, random_of_frame
+from tests.runtime.asking import Asker, Trouble
+from tests.runtime.frames.clock_stage import deployed
+
+
+def chance(server: RuntimeServer, k: int) -> object:
+    (sent,) = server.handle(Tick(k=k, t_ns=k), k)
+    assert isinstance(sent, Send)
+    assert isinstance(sent.message, ServerFrame)
+    sample = sent.message.fields["random"]
+    return None if sample is None else sample.value
+
+
+def test_the_seed_comes_with_the_deployment() -> None:
+    server = RuntimeServer(keep=10)
+    assert chance(server, 0) == random_of_frame(0, 0)
+    leader = Asker(server)
+    leader.open("leader")
+    leader.do("leader", deploy(msgspec.structs.replace(deployed("a"), seed=7)))
+    assert chance(server, 1) == random_of_frame(7, 1)
+    leader.open("other")
+    with pytest.raises(Trouble, match="leads"):
+        leader.do("other", deploy(msgspec.structs.replace(deployed("b"), seed=8)))
+    assert chance(server, 2) == random_of_frame(7, 2)
+
+
+def test_the_clock_tells_it_before_the_first_frame() -> None:
+    server = RuntimeServer(keep=10)
+    clock = Asker(Clock(servers=("Runtime",), keep=10, told=server.use))
+    clock.open("leader")
+    clock.do("leader", deploy(msgspec.structs.replace(deployed("a"), seed=9)))
+    assert chance(server, 5) == random_of_frame(9, 5)

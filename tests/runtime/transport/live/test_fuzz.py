@@ -1,0 +1,165 @@
+"""The servers of a robot as processes, under fire from the network: all of them live, answer, and keep their
+memory, and the robot stands where it stood."""
+
+from __future__ import annotations
+
+import os
+from collections import Counter
+from collections.abc import Iterator
+from contextlib import suppress
+from pathlib import Path
+from random import Random
+
+import pytest
+import zenoh
+
+from colony.runtime.kit.connection import Session
+from colony.runtime.library import clock as clock_library
+from colony.runtime.library import proximity, robot
+from colony.runtime.library.ask import Ask
+from colony.runtime.protocol import codec, topics
+from colony.runtime.protocol.calls import Nothing, Status
+from colony.runtime.protocol.codec import LARGEST, NotAMessage
+from colony.runtime.protocol.messages import Reply, Right, Sent, Tick
+from colony.runtime.transport.live.inbox import LONGEST_SLEEP_S, Inbox
+from colony.runtime.transport.live.network import Network
+from colony.runtime.transport.live.outbox import publish
+from colony.runtime.transport.live.place import local
+from colony.runtime.transport.live.waiting import WaitingRoom
+from tests.cli.machine import MAP, ROBOT, Machine, until
+from tests.runtime.servers.fuzz_stage import BUILD, Stage
+
+SEED = 1994
+SALVO = 1500
+"""Messages, of which there are three salvos; the first one warms up."""
+
+GROWTH = 16 << 20
+"""Bytes by which a server may be larger after the last salvo than after the first."""
+
+
+class Gun(Stage):
+    """What a `Stage` would give to its server goes over the network to the one of the same name.
+
+    Mutable: what was fired.
+    """
+
+    def __init__(self, name: str, network: Network, random: Random) -> None:
+        self.network = network
+        self.fired = 0
+        rights: tuple[Right, ...] = ("read", "stop") if name == "RServer" else ("read", "command", "stop")
+        super().__init__(BUILD[name](), random, rights=rights)
+
+    def frame(self, topic: str, data: bytes) -> None:
+        """Anything but what a Clock would say: who can speak in its place is believed."""
+        try:
+            forged = topic == topics.TICKS and isinstance(codec.decode(data), Tick)
+        except NotAMessage:
+            forged = False
+        if not forged:
+            self.fire(f"colony/{ROBOT}/{topic}", data)
+
+    def call(self, right: Right, connection: str, data: bytes) -> list[Sent]:
+        self._numbers[connection] += 1
+        server = self.node.address
+        self.fire(f"colony/{ROBOT}/{topics.calls(server)}/{right}/{connection}", data)
+        return []
+
+    def fire(self, key: str, data: bytes) -> None:
+        self.fired += 1
+        self.network.session.put(
+            key, data, congestion_control=zenoh.CongestionControl.BLOCK, priority=zenoh.Priority.DATA
+        )
+
+
+@pytest.fixture
+def machine(tmp_path: Path) -> Iterator[Machine]:
+    made = Machine(tmp_path)
+    yield made
+    made.close()
+
+
+def resident(pid: int) -> int:
+    """Bytes of a process in memory."""
+    return int(Path(f"/proc/{pid}/statm").read_text().split()[1]) * os.sysconf("SC_PAGESIZE")
+
+
+def healthy(session: Session) -> None:
+    """Every server answers a call that nothing is wrong with."""
+    for name in BUILD:
+        with session.connect(name, name="doctor") as connection:
+            found: Status = connection.do(Ask("status", Nothing(), Status, "read", repeatable=True))
+            assert found.server == name
+    with session.connect("PServer", name="doctor") as eye:
+        until(lambda: eye.do(proximity.sonar()), "the sonars read")
+
+
+def test_servers_under_fire(machine: Machine) -> None:
+    print(f"seed {SEED}")
+    served = machine.start("serve", "all", "--robot", ROBOT, "--map", MAP, "--camera", "0")
+    until(lambda: served.ended() or len(machine.directory.running()) == 8, "all of them are there")
+    until(machine.truth, "the plant answers")
+    random, said = Random(SEED), Counter[str]()
+
+    def hear(sample: zenoh.Sample) -> None:
+        with suppress(NotAMessage):  # what was fired at all keys comes back here
+            reply = codec.decode(sample.payload.to_bytes())
+            if isinstance(reply, Reply):
+                said[reply.problem.code if reply.problem is not None else "done"] += 1
+
+    with machine.session() as session, Network.open(local(ROBOT, machine.environment)) as network:
+        until(lambda: set(BUILD) <= set(network.alive()), "all of them are found")
+        handler = zenoh.handlers.Callback(hear, indirect=False)
+        network.session.declare_subscriber(f"colony/{ROBOT}/*/reply/*/*", handler)
+        healthy(session)
+        pids = dict(machine.directory.running())
+        guns = [Gun(name, network, random) for name in BUILD]
+        sizes: list[dict[str, int]] = []
+        for _ in range(3):
+            for _ in range(SALVO):
+                random.choice(guns).anything()
+            _cannonballs(network)
+            healthy(session)
+            truth = machine.truth()
+            assert truth is not None
+            assert (truth.velocity, truth.turn, truth.distance) == (0.0, 0.0, 0.0)
+            assert dict(machine.directory.running()) == pids, served.err
+            sizes.append({name: resident(pid) for name, pid in pids.items()})
+        grown = {name: sizes[-1][name] - sizes[0][name] for name in pids}
+        print(f"{sum(g.fired for g in guns)} messages; grown by KiB:", {n: s >> 10 for n, s in grown.items()})
+        print(f"said: {dict(said)}")
+        assert max(grown.values()) < GROWTH
+        assert min(said[code] for code in ("done", "malformed", "arguments", "closed", "right")) > 10
+        _drives(machine, session)
+    assert served.err.count("Traceback") == 0
+
+
+def _cannonballs(network: Network) -> None:
+    """What is too large, or comes on keys where nobody should speak."""
+    huge = bytes([1]) + bytes(LARGEST)
+    for key in (
+        f"colony/{ROBOT}/RServer/call/read/ada/1",
+        f"colony/{ROBOT}/DServer/requests/ada",
+        f"colony/{ROBOT}/{topics.TICKS}",
+    ):
+        with publish(network.session, key) as publisher:
+            publisher.put(huge)
+    for key in ("**", "*/call/command/*/*", "RServer/call/*/*/*", "RServer/**", "DServer/call/up/ada/1"):
+        network.session.put(f"colony/{ROBOT}/{key}", b"\x01\x93\xa4Call")
+
+
+def _drives(machine: Machine, session: Session) -> None:
+    """After all of this the robot goes where somebody sends it who may."""
+    with session.connect("Clock") as clock:
+        clock.do(clock_library.release())
+    with session.connect("RServer", name="driver", priority=77) as base:
+        base.do(robot.turn(20.0))
+    truth = machine.truth()
+    assert truth is not None
+    assert truth.bumps == 0
+
+
+def test_who_sleeps_for_ever_is_woken_in_between() -> None:
+    inbox = Inbox(WaitingRoom())
+    inbox.rouse()
+    inbox.sleep(1e12)
+    assert LONGEST_SLEEP_S < 1e6

@@ -1,0 +1,164 @@
+"""Two machines, as two network namespaces joined by a cable that can be pulled."""
+
+from __future__ import annotations
+
+import os
+import shutil
+import subprocess
+import sys
+from collections.abc import Callable, Iterator
+from contextlib import ExitStack, contextmanager
+from pathlib import Path
+
+import pytest
+
+from colony.runtime.frames.clock import Clock
+from colony.runtime.servers.drivers import BaseLimits, BaseState
+from colony.runtime.servers.rserver import RServer
+from colony.runtime.transport.live.gateway import open_gateway
+from colony.runtime.transport.live.network import local_time
+from colony.runtime.transport.live.security import read_security
+from tests.runtime.transport.live.certificates import Authority, free_port
+from tests.runtime.transport.live.stage import ROBOT, hosted, place, run_directory, running, until
+
+HERE, THERE = "198.18.231.1", "198.18.231.2"
+SECOND = 1_000_000_000
+
+CLIENT = """
+import sys, time
+from pathlib import Path
+from colony.runtime.kit.connection import connect
+from colony.runtime.kit.errors import ConnectionProblem
+from colony.runtime.library import robot
+from colony.runtime.transport.live.security import read_credentials
+
+endpoint, login = sys.argv[1], Path(sys.argv[2])
+arguments = dict(robot="rome", gateway=endpoint, credentials=read_credentials(login), timeout_s=1.0)
+with connect("RServer", name="teleop", priority=5, **arguments) as base:
+    while True:
+        try:
+            base.do(robot.drive(100.0, 0.0))
+            print("driving", flush=True)
+        except ConnectionProblem as problem:
+            print(type(problem).__name__, flush=True)
+        time.sleep(0.1)
+"""
+
+
+def _run(*command: str) -> None:
+    subprocess.run(command, check=True, capture_output=True)
+
+
+def _can_make_networks() -> bool:
+    if os.geteuid() != 0 or shutil.which("ip") is None:
+        return False
+    name = f"colony-try-{os.getpid()}"
+    tried = subprocess.run(["ip", "netns", "add", name], capture_output=True, check=False)
+    if tried.returncode == 0:
+        _run("ip", "netns", "delete", name)
+    return tried.returncode == 0
+
+
+@contextmanager
+def _cable() -> Iterator[tuple[str, str]]:
+    """A namespace, and the end of the cable to it that is here."""
+    name, here, there = f"colony-{os.getpid()}", f"cola{os.getpid()}", f"colb{os.getpid()}"
+    with ExitStack() as undo:
+        _run("ip", "netns", "add", name)
+        undo.callback(_run, "ip", "netns", "delete", name)  # takes both ends of the cable with it
+        _run("ip", "link", "add", here, "type", "veth", "peer", "name", there, "netns", name)
+        _run("ip", "address", "add", f"{HERE}/30", "dev", here)
+        _run("ip", "link", "set", here, "up")
+        inside = ("ip", "-n", name)
+        _run(*inside, "address", "add", f"{THERE}/30", "dev", there)
+        _run(*inside, "link", "set", there, "up")
+        _run(*inside, "link", "set", "lo", "up")
+        yield name, here
+
+
+class _Base:
+    """A base that notes what it is told. Mutable: that."""
+
+    limits = BaseLimits(velocity=600.0, turn=90.0, acceleration=800.0, turn_acceleration=240.0)
+    register_bits = None
+
+    def __init__(self, clock: Callable[[], int]) -> None:
+        self._clock = clock
+        self.velocity = 0.0
+        self.changed_ns = 0
+
+    def drive(self, velocity: float, turn: float) -> None:
+        if velocity != self.velocity:
+            self.velocity, self.changed_ns = velocity, self._clock()
+
+    def stop(self) -> None:
+        self.drive(0.0, 0.0)
+
+    def state(self) -> BaseState:
+        return BaseState(
+            t_ns=self._clock(),
+            x=0.0,
+            y=0.0,
+            heading=0.0,
+            front_bumper=False,
+            rear_bumper=False,
+            speed=self.velocity,
+            turn_rate=0.0,
+            wheel_speed=abs(self.velocity),
+        )
+
+
+class _Remote:
+    """The client on the other machine. Mutable: how many times it said what."""
+
+    def __init__(self, namespace: str, endpoint: str, login: Path) -> None:
+        self._process = subprocess.Popen(
+            ["ip", "netns", "exec", namespace, sys.executable, "-c", CLIENT, endpoint, str(login)],
+            env={**os.environ, "PYTHONPATH": str(Path(__file__).parents[4])},
+            stdout=subprocess.PIPE,
+            text=True,
+        )
+
+    def says(self, word: str) -> None:
+        """Read on until it says this."""
+        assert self._process.stdout is not None
+        for line in self._process.stdout:
+            if line.strip() == word:
+                return
+        raise AssertionError(f"it ended before it said {word}")
+
+    def end(self) -> None:
+        self._process.kill()
+        self._process.communicate()
+
+
+@pytest.mark.skipif(not _can_make_networks(), reason="needs root, and to make network namespaces")
+def test_a_robot_stops_when_the_cable_is_pulled_and_goes_on_when_it_is_back(tmp_path: Path) -> None:
+    authority = Authority(tmp_path)
+    security = read_security(authority.table({"ada": ("read", "command")}, HERE))
+    authority.user("ada")
+    login = tmp_path / "login.toml"
+    login.write_text('user="ada"\ncertificate="ada.pem"\nkey="ada.key"\nauthority="authority.pem"\n')
+    with ExitStack() as holds:
+        environment = holds.enter_context(run_directory())
+        namespace, cable = holds.enter_context(_cable())
+        base = _Base(local_time(place(environment)))
+        server = RServer(base)
+        holds.enter_context(hosted(environment, [Clock(servers=("RServer",), keep=100)]))
+        holds.enter_context(hosted(environment, [server]))
+        endpoint = f"tls/{HERE}:{free_port()}"
+        holds.enter_context(running(open_gateway(place(environment), endpoint, security)))
+        remote = _Remote(namespace, endpoint, login)
+        holds.callback(remote.end)
+        for _ in range(2):
+            remote.says("driving")
+            until(lambda: base.velocity == 100.0, "the robot drives")
+            pulled_ns = local_time(place(environment))()
+            _run("ip", "link", "set", cable, "down")
+            until(lambda: base.velocity == 0.0, "the robot stops")
+            assert base.changed_ns - pulled_ns < 2 * SECOND
+            until(lambda: not server._calls.callers, "the client is lost")
+            remote.says("TimedOut")
+            _run("ip", "link", "set", cable, "up")
+            until(lambda: base.velocity == 100.0, "the robot drives again")
+    assert ROBOT == "rome"

@@ -1,0 +1,126 @@
+"""Scenes among the walls of a world: doors that stand open, and those of elevators that slide."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+
+from colony.nav.maps.building import load_building
+from colony.nav.maps.signs import markers_of, plates_of
+from colony.nav.maps.stickrep.model import EdgeKind
+from colony.nav.maps.walls import walls_of
+from colony.sim.cameras.camera import Camera, CameraConfig
+from colony.sim.cameras.fitting import fitted
+from colony.sim.cameras.optics import PINHOLE
+from colony.sim.cameras.scene import scene_of
+from colony.sim.compiled import Bytes2
+from colony.sim.config import IDEAL
+from colony.sim.hazards.hazards import Hazard, Hazards, draw
+from colony.sim.world.elevators import SLIDE_S, Elevators, cabin_of
+from colony.sim.world.world import World
+from tests.buildings import LOOP, MAPS, MSU
+
+NODE = "acs.elev.L"
+CABIN = cabin_of(MSU, NODE)
+[MARKER] = [marker for marker in markers_of(MSU) if marker.node == NODE]
+CALM = draw(Hazards.none(), MSU, 1)
+SHARP = CameraConfig(optics=PINHOLE)
+FOCAL = 120.0 / math.tan(math.radians(30.0))
+
+
+def before_the_doors() -> tuple[World, Elevators, Camera]:
+    building = load_building(MAPS / "msu_engineering_3.stickrep")
+    floors = {floor.name: draw(Hazards.none(), floor, 1) for floor in building.maps}
+    world = World(walls=floors[MSU.name], poses=[(*CABIN.at(0.0, -1500.0), CABIN.heading_deg)], config=IDEAL)
+    elevators = Elevators(world, building, floors, MSU.name)
+    return world, elevators, Camera(scene_of(MSU, floors[MSU.name]), SHARP, robot_radius_mm=400.0)
+
+
+def white(image: Bytes2) -> list[int]:
+    """Where the white stripes of a marker begin and end in the row of its middle, between the jambs."""
+    half = int(CABIN.width_mm / 2 * FOCAL / 1500.0)
+    row = image[60, 120 - half : 120 + half].astype(int)
+    bright = row > 0.85 * row.max()
+    return (np.flatnonzero(np.diff(bright.astype(int))) + 1 + 120 - half).tolist()
+
+
+def test_a_shut_elevator_shows_its_marker_where_projection_says() -> None:
+    world, _, camera = before_the_doors()
+    step = FOCAL / 1500.0 * 88.9
+    edges = white(camera.see(world, 0, 0))
+    assert edges == pytest.approx([120 + step * k for k in (-2.5, -1.5, -0.5, 0.5, 1.5, 2.5)], abs=1.0)
+
+
+def test_each_leaf_takes_along_its_half_of_the_marker() -> None:
+    world, elevators, camera = before_the_doors()
+    elevators.open(NODE)
+    for _ in range(10):
+        world.advance(0.05)
+        elevators.advance(0.05)
+    slid = elevators.opening(NODE) * CABIN.width_mm / 2 * FOCAL / 1500.0
+    assert slid > 10.0
+    step = FOCAL / 1500.0 * 88.9
+    edges = white(camera.see(world, 0, 0))
+    shut = (-2.5, -1.5, -0.5, 0.0, 0.0, 0.5, 1.5, 2.5)
+    sides = [120 + step * k + math.copysign(slid, place - 3.5) for place, k in enumerate(shut)]
+    assert edges == pytest.approx(sides, abs=1.5)
+
+
+def test_open_doors_show_the_cabin_and_no_marker() -> None:
+    world, elevators, camera = before_the_doors()
+    shut = camera.see(world, 0, 0)
+    elevators.open(NODE)
+    for _ in range(round(SLIDE_S / 0.05) + 1):
+        world.advance(0.05)
+        elevators.advance(0.05)
+    inside = camera.see(world, 0, 0)[50:70, 90:150]
+    assert inside.max() - inside.min() < 12  # a plain wall, 1.8 m behind the doors
+    elevators.close(NODE)
+    for _ in range(round(SLIDE_S / 0.05) + 1):
+        world.advance(0.05)
+        elevators.advance(0.05)
+    closed = camera.see(world, 0, 0)
+    assert white(closed) == white(shut)
+
+
+def test_plates_stay_beside_doors_that_stand_open() -> None:
+    every = draw(Hazards(on=frozenset({Hazard.DOORS}), open_door=1.0), MSU, 1)
+    opened = {door.edge for door in every.doors}
+    made = scene_of(MSU, every)
+    hung = [wall for wall in range(made.own) if made.first_hung[wall + 1] > made.first_hung[wall]]
+    assert {plate.edge for plate in plates_of(MSU)} <= set(hung)
+    shut = {edge for edge, kind in enumerate(walls_of(MSU).kinds) if kind is EdgeKind.DOOR} - opened
+    assert {wall for wall in range(made.own) if not made.standing[wall]} == opened
+    assert all(made.standing[edge] for edge in shut)
+    rooms = made.covers[made.own :] == made.rooms
+    assert rooms.sum() >= 3 * len(opened)
+    leaves = np.diff(made.first)[made.own :].sum()
+    assert len(opened) <= leaves <= 2 * len(opened)
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_a_plate_beside_an_open_door_looks_as_beside_a_shut_one(seed: int) -> None:
+    every = draw(Hazards(on=frozenset({Hazard.DOORS}), open_door=1.0), MSU, seed)
+    camera, calm = (Camera(scene_of(MSU, scenery), SHARP, robot_radius_mm=400.0) for scenery in (every, CALM))
+    for plate in plates_of(MSU)[::9]:
+        angle = math.radians(plate.heading_deg)
+        at = np.array([[plate.middle.x + 1000 * math.sin(angle), plate.middle.y - 1000 * math.cos(angle),
+                        plate.heading_deg]])  # fmt: skip
+        one, other = (eye.image(at, 0)[45:75, 84:156] for eye in (camera, calm))
+        assert (one == other).all(), plate.door
+
+
+def test_fitting_again_gives_the_same_and_what_was_shut_comes_back() -> None:
+    every = draw(Hazards(on=frozenset({Hazard.DOORS}), open_door=1.0), LOOP, 1)
+    shut, opened = scene_of(LOOP), scene_of(LOOP, every)
+    again = fitted(opened, every.walls)
+    for name, one, other in zip(opened._fields, opened, again, strict=True):
+        if isinstance(one, np.ndarray):
+            assert np.array_equal(one, other), name
+    back = fitted(opened, shut.walls)
+    assert back.standing.all()
+    assert np.array_equal(back.panels, shut.panels)
+    assert np.array_equal(back.first, shut.first)
+    assert np.array_equal(back.walls, shut.walls)

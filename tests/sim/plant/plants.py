@@ -1,0 +1,90 @@
+"""Plants in processes of their own, for tests."""
+
+from __future__ import annotations
+
+import json
+import subprocess
+import sys
+import time
+from collections.abc import Callable, Mapping
+from pathlib import Path
+from typing import TypeVar
+
+from tests.buildings import MAPS
+
+T = TypeVar("T")
+
+GENEROUS_S = 60.0
+"""For how long to wait for what should come at once, on a machine that may be busy."""
+
+
+def wait_for(what: Callable[[], T | None]) -> T:
+    """What a function gives as soon as it gives something that is true."""
+    end = time.monotonic() + GENEROUS_S
+    while time.monotonic() < end:
+        found = what()
+        if found:
+            return found
+        time.sleep(0.002)
+    raise AssertionError("it never came")
+
+
+class PlantProcess:
+    """A plant in a process of its own. Mutable: it may be killed and started again.
+
+    Args:
+        path: of its socket.
+        robots: by name, where each begins.
+        building: the name of a map.
+        logical_ns: as in `PlantOptions`.
+    """
+
+    def __init__(
+        self,
+        path: Path,
+        robots: Mapping[str, tuple[float, float, float]],
+        *,
+        building: str = "hallway",
+        logical_ns: int | None = None,
+    ) -> None:
+        self.path = path
+        logical = [] if logical_ns is None else [str(logical_ns)]
+        options = [str(path), str(MAPS / f"{building}.stickrep"), json.dumps(robots), *logical]
+        self._command = [sys.executable, "-m", "tests.sim.plant.child", *options]
+        self.process = self._start()
+
+    def _start(self) -> subprocess.Popen[str]:
+        process = subprocess.Popen(
+            self._command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True, cwd=MAPS.parent
+        )
+        assert process.stdout is not None
+        assert process.stdout.readline() == "ready\n"
+        return process
+
+    def kill(self) -> None:
+        """End it as a crash would."""
+        self.process.kill()
+        self._collect()
+
+    def start_again(self) -> None:
+        self.process = self._start()
+
+    def end(self) -> int:
+        """End it as it wants to be ended; gives its exit code."""
+        assert self.process.stdin is not None
+        self.process.stdin.close()
+        return self._collect()
+
+    def _collect(self) -> int:
+        code = self.process.wait(GENEROUS_S)
+        for stream in (self.process.stdin, self.process.stdout):
+            assert stream is not None
+            stream.close()
+        return code
+
+    def __enter__(self) -> PlantProcess:
+        return self
+
+    def __exit__(self, *raised: object) -> None:
+        if self.process.returncode is None:
+            self.kill()

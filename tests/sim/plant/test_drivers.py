@@ -1,0 +1,261 @@
+"""Drivers of a plant in another process: newest readings at once, through crashes of that process."""
+
+from __future__ import annotations
+
+import os
+import socket
+import subprocess
+import sys
+import time
+from collections.abc import Iterator
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from colony.runtime.library.camera import array
+from colony.runtime.servers.drivers import BaseState
+from colony.runtime.servers.images import Image
+from colony.sim.cameras.camera import Camera, CameraConfig
+from colony.sim.cameras.scene import scene_of
+from colony.sim.config import IDEAL
+from colony.sim.plant.control import PlantControl
+from colony.sim.plant.drivers import FRESH_NS, RemoteBase, RemoteCamera, RemoteProximity
+from colony.sim.plant.protocol import Attached, BaseReading, Refusal, pack
+from tests.buildings import HALLWAY
+from tests.sim.plant.plants import GENEROUS_S, PlantProcess, wait_for
+
+START = (3000.0, 1500.0, 270.0)
+OTHER = (6000.0, 1500.0, 90.0)
+S = 1_000_000_000
+FRAME = 50_000_000
+
+
+@pytest.fixture(scope="module")
+def plant(tmp_path_factory: pytest.TempPathFactory) -> Iterator[PlantProcess]:
+    path = tmp_path_factory.mktemp("plant") / "plant"
+    with PlantProcess(path, {"rome": START, "remus": OTHER}) as running:
+        yield running
+
+
+class Robot:
+    """All drivers of one robot, of which the time began when they were made."""
+
+    def __init__(self, path: Path, name: str = "rome") -> None:
+        self.base_ns = time.monotonic_ns()
+        self.base = RemoteBase(path, name, base_ns=self.base_ns, config=IDEAL)
+        self.proximity = RemoteProximity(path, name, base_ns=self.base_ns)
+        self.camera = RemoteCamera(path, name, "ahead", base_ns=self.base_ns)
+
+    def ready(self) -> bool:
+        return None not in (self.base.state(), self.proximity.sonar(), self.camera.grab())
+
+    def mute(self) -> bool:
+        readings = (self.base.state(), self.proximity.sonar(), self.proximity.infrared(), self.camera.grab())
+        return readings == (None, None, None, None)
+
+    def close(self) -> None:
+        for driver in (self.base, self.proximity, self.camera):
+            driver.close()
+
+
+@pytest.fixture
+def robot(plant: PlantProcess) -> Iterator[Robot]:
+    made = Robot(plant.path)
+    wait_for(made.ready)
+    yield made
+    made.close()
+
+
+@pytest.fixture
+def control(plant: PlantProcess) -> Iterator[PlantControl]:
+    with PlantControl(plant.path, timeout_s=GENEROUS_S) as made:
+        yield made
+        made.place("rome", *START)
+        made.place("remus", *OTHER)
+
+
+def test_readings_are_in_the_robot_s_time(robot: Robot) -> None:
+    state, sonar, image = robot.base.state(), robot.proximity.sonar(), robot.camera.grab()
+    assert state is not None
+    assert sonar is not None
+    assert image is not None
+    now = time.monotonic_ns() - robot.base_ns
+    for t_ns in (state.t_ns, sonar.t_ns, image.t_ns):
+        assert now - FRESH_NS - GENEROUS_S * 1e9 < t_ns <= now
+    assert robot.base.problem is None
+
+
+def test_robots_of_one_plant_see_each_other(robot: Robot, control: PlantControl) -> None:
+    def ahead(range_mm: float) -> bool:
+        sonar = robot.proximity.sonar()
+        assert sonar is not None
+        assert isinstance(sonar.value, tuple)
+        return sonar.value[12] == pytest.approx(range_mm)
+
+    wait_for(lambda: ahead(3000.0 - 400.0 - IDEAL.sonar_ring_mm))
+    control.place("remus", START[0] + 1000.0, START[1], 0.0)
+    wait_for(lambda: ahead(1000.0 - 400.0 - IDEAL.sonar_ring_mm))
+    infrared = wait_for(robot.proximity.infrared)
+    assert isinstance(infrared.value, tuple)
+    assert infrared.value[12]
+    assert not infrared.value[0]
+
+
+def test_images_are_those_of_the_camera(robot: Robot, control: PlantControl) -> None:
+    truths = [control.truth(name) for name in ("rome", "remus")]
+    poses = np.array([(t.x, t.y, t.heading) for t in truths])
+    camera = Camera(scene_of(HALLWAY), CameraConfig(), robot_radius_mm=IDEAL.radius_mm)
+
+    def image() -> Image | None:
+        found = robot.camera.grab()
+        return found if found is not None and found.t_ns + robot.base_ns >= truths[0].t_ns else None
+
+    taken = wait_for(image)
+    assert (array(taken) == camera.image(poses, 0, taken.t_ns + robot.base_ns)).all()
+
+
+def test_driving_and_stopping(robot: Robot, control: PlantControl) -> None:
+    before = control.truth("rome")
+
+    def drive() -> bool:
+        robot.base.drive(200.0, 0.0)
+        state = robot.base.state()
+        return state is not None and state.speed == 200.0
+
+    wait_for(drive)
+    robot.base.stop()
+    wait_for(lambda: control.truth("rome").velocity == 0.0)
+    assert not control.truth("rome").driven
+    assert control.truth("rome").x > before.x + 10.0
+
+
+def test_a_base_whose_driver_is_closed_stands(plant: PlantProcess, control: PlantControl) -> None:
+    robot = Robot(plant.path, "remus")
+
+    def drive() -> bool:
+        robot.base.drive(0.0, 30.0)
+        return control.truth("remus").turn > 0.0
+
+    wait_for(drive)
+    robot.close()
+    robot.close()
+    wait_for(lambda: control.truth("remus").turn == 0.0)
+    robot.base.drive(0.0, 30.0)  # of no effect any more, and no error
+    robot.base.stop()
+    assert not control.truth("remus").driven
+
+
+def test_a_plant_that_is_killed_and_comes_back(tmp_path: Path) -> None:
+    path = tmp_path / "plant"
+    robot = Robot(path)
+    assert robot.mute()
+    robot.base.stop()
+    robot.base.drive(100.0, 0.0)
+    assert robot.base.problem is not None
+    with PlantProcess(path, {"rome": START}) as plant:
+        wait_for(robot.ready)
+        plant.kill()
+        wait_for(robot.mute)
+        assert robot.base.problem is not None
+        robot.base.drive(100.0, 0.0)
+        plant.start_again()
+        wait_for(robot.ready)
+        with PlantControl(path, timeout_s=GENEROUS_S) as control:
+            assert control.truth("rome").distance == 0.0  # commands of before are gone
+        assert plant.end() == 0
+    robot.close()
+
+
+def test_a_driver_of_a_plant_that_never_answers_can_be_closed(tmp_path: Path) -> None:
+    path = tmp_path / "plant"
+    with socket.socket(socket.AF_UNIX) as listener:
+        listener.bind(os.fspath(path))
+        listener.listen()
+        base = RemoteBase(path, "rome", base_ns=0)
+        connection, _ = listener.accept()
+        assert base.state() is None
+        assert base.problem == "not connected yet"
+        base.close()
+        connection.close()
+
+
+def test_what_a_plant_says_may_be_nonsense(tmp_path: Path) -> None:
+    path = tmp_path / "plant"
+    with socket.socket(socket.AF_UNIX) as listener:
+        listener.bind(os.fspath(path))
+        listener.listen()
+        base = RemoteBase(path, "rome", base_ns=0)
+        for said in (b"\xff" * 100, pack(Refusal(message="no")), b""):
+            connection, _ = listener.accept()
+            connection.sendall(said)
+            connection.close()
+        connection, _ = listener.accept()  # it comes again and again
+        state = BaseState(
+            t_ns=time.monotonic_ns() + 3600 * 1_000_000_000,
+            x=1.0,
+            y=2.0,
+            heading=3.0,
+            front_bumper=True,
+            rear_bumper=False,
+            speed=4.0,
+            turn_rate=5.0,
+            wheel_speed=6.0,
+        )
+        connection.sendall(pack(Attached(logical=False)) + pack(BaseReading(taken=state)))
+        assert wait_for(base.state) == state
+        base.close()
+        connection.close()
+
+
+def test_readings_age(tmp_path: Path) -> None:
+    with PlantProcess(tmp_path / "plant", {"rome": START}) as plant:
+        now = [0]
+        base = RemoteBase(plant.path, "rome", base_ns=0, clock=lambda: now[0])
+        first = wait_for(lambda: (now.__setitem__(0, time.monotonic_ns()), base.state())[1])
+        now[0] = time.monotonic_ns() + FRESH_NS + 3600 * 1_000_000_000
+        assert base.state() is None
+        now[0] = first.t_ns
+        assert base.state() is not None
+        base.close()
+
+
+def test_in_logical_time_each_command_is_a_frame(tmp_path: Path) -> None:
+    def run() -> tuple[list[tuple[float, float]], list[object]]:
+        with PlantProcess(tmp_path / "plant", {"rome": START}, logical_ns=FRAME) as plant:
+            clock = [7]
+            base = RemoteBase(plant.path, "rome", base_ns=5, clock=lambda: clock[0])
+            rings = RemoteProximity(plant.path, "rome", base_ns=5, clock=lambda: clock[0])
+            wait_for(lambda: base.state() and rings.sonar())
+            places, heard = [], []
+            for k in range(100):
+                if k == 50:
+                    clock[0] = 3600 * S
+                sonar, state = rings.sonar(), base.state()
+                assert state is not None
+                assert sonar is not None
+                start = 2 + k * FRAME if k < 50 else 3600 * S - 5 + (k - 50) * FRAME
+                assert state.t_ns == sonar.t_ns == start  # by frames, and never behind the clock
+                places.append((state.x, state.speed))
+                heard.append(sonar.value)
+                base.drive(200.0, 3.0)
+            with PlantControl(plant.path, timeout_s=GENEROUS_S) as control:
+                before = control.truth("rome").t_ns
+                control.advance(1_000_000)
+                assert control.truth("rome").t_ns == before + 1_000_000
+            base.close()
+            rings.close()
+            return places, heard
+
+    places, heard = run()
+    assert places[0] == (START[0], 0.0)
+    assert places[1][1] == 40.0  # 800 mm/s^2 for 50 ms
+    assert places[99][1] == 200.0
+    assert (places, heard) == run()
+
+
+def test_drivers_load_neither_the_simulator_nor_numpy() -> None:
+    code = "import colony.sim.plant.drivers, sys; print(*sys.modules)"
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    loaded = set(done.stdout.split())
+    assert not loaded & {"numpy", "numba", "colony.sim.world.world", "zenoh", "lark"}

@@ -1,0 +1,307 @@
+"""The plant as a process: real sockets, real time, and what it must survive."""
+
+from __future__ import annotations
+
+import contextlib
+import os
+import random
+import signal
+import socket
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+from colony.sim.plant.control import PlantControl
+from colony.sim.plant.process import PlantInUse, PlantOptions, serve_plant
+from colony.sim.plant.protocol import (
+    LARGEST_FROM_PLANT,
+    LARGEST_TO_PLANT,
+    VERSION,
+    Attach,
+    AttachBase,
+    AttachCamera,
+    AttachControl,
+    Attached,
+    AttachProximity,
+    BaseReading,
+    CameraReading,
+    Drive,
+    FromPlant,
+    ProximityReading,
+    Refusal,
+    Truth,
+    Unpacker,
+    pack,
+    read_from_plant,
+)
+from tests.buildings import HALLWAY
+from tests.sim.plant.plants import GENEROUS_S, PlantProcess, wait_for
+
+START = (3000.0, 1500.0, 270.0)
+OTHER = (12000.0, 1500.0, 270.0)
+
+
+class Line:
+    """A raw connection to the plant."""
+
+    def __init__(self, path: Path, *said: bytes) -> None:
+        self.sock = socket.socket(socket.AF_UNIX, socket.SOCK_STREAM)
+        self.sock.settimeout(GENEROUS_S)
+        self.sock.connect(os.fspath(path))
+        self._unpacker = Unpacker(LARGEST_FROM_PLANT)
+        self._heard: list[FromPlant] = []
+        for data in said:
+            self.sock.sendall(data)
+
+    def hear(self) -> FromPlant | None:
+        """The next message; None at the end."""
+        while not self._heard:
+            try:
+                data = self.sock.recv(65536)
+            except ConnectionResetError:
+                data = b""
+            if not data:
+                return None
+            self._heard += map(read_from_plant, self._unpacker.feed(data))
+        return self._heard.pop(0)
+
+    def close(self) -> None:
+        self.sock.close()
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return tmp_path_factory.mktemp("plant")
+
+
+@pytest.fixture(scope="module")
+def plant(folder: Path) -> Iterator[PlantProcess]:
+    with PlantProcess(folder / "plant", {"rome": START, "remus": OTHER}) as running:
+        yield running
+        assert running.end() == 0
+        assert not running.path.exists()
+
+
+@pytest.fixture
+def control(plant: PlantProcess) -> Iterator[PlantControl]:
+    with PlantControl(plant.path, timeout_s=GENEROUS_S) as made:
+        yield made
+        made.place("rome", *START)
+        made.place("remus", *OTHER)
+
+
+def standing(control: PlantControl, robot: str) -> Truth:
+    """What is true of a robot once it stands and nobody commands it."""
+
+    def truth() -> Truth | None:
+        found = control.truth(robot)
+        return found if found.velocity == 0.0 and not found.driven else None
+
+    return wait_for(truth)
+
+
+@pytest.mark.parametrize(
+    ("attach", "kind"),
+    [
+        (AttachBase(robot="rome"), BaseReading),
+        (AttachProximity(robot="rome"), ProximityReading),
+        (AttachCamera(robot="rome", camera="left"), CameraReading),
+    ],
+)
+def test_devices_report_by_themselves_in_time(
+    plant: PlantProcess, control: PlantControl, attach: Attach, kind: type[BaseReading]
+) -> None:
+    line = Line(plant.path, pack(attach))
+    assert is_attached(line.hear())
+    times = []
+    for _ in range(4):
+        reading = line.hear()
+        assert isinstance(reading, kind)
+        times.append(reading.taken.t_ns)
+    assert times == sorted(set(times))
+    line.close()
+
+
+def test_a_base_that_is_commanded_once_stops_after_the_watchdog_s_time(
+    plant: PlantProcess, control: PlantControl
+) -> None:
+    before = control.truth("rome")
+    line = Line(plant.path, pack(AttachBase(robot="rome")), pack(Drive(velocity=300.0, turn=0.0)))
+    wait_for(lambda: control.truth("rome").velocity > 0.0)
+    way = standing(control, "rome").distance - before.distance
+    assert 0.0 < way < 300.0 * 0.5 + 300.0**2 / (2 * 800.0)  # the time is the plant's own
+    line.close()
+
+
+def test_a_base_whose_connection_ends_stops(plant: PlantProcess, control: PlantControl) -> None:
+    line = Line(plant.path, pack(AttachBase(robot="rome")))
+    drive = pack(Drive(velocity=300.0, turn=0.0))
+
+    def moves() -> bool:
+        line.sock.sendall(drive)
+        return control.truth("rome").velocity > 0.0
+
+    wait_for(moves)
+    line.close()
+    assert not wait_for(lambda: None if control.truth("rome").driven else control.truth("rome")).driven
+    standing(control, "rome")
+
+
+def test_who_does_not_drive_loses_the_base_to_the_next(plant: PlantProcess, control: PlantControl) -> None:
+    first = Line(plant.path, pack(AttachBase(robot="rome")))
+    assert is_attached(first.hear())
+    second = Line(plant.path, pack(AttachBase(robot="rome")))
+    assert is_attached(second.hear())
+    while first.hear() is not None:
+        pass
+    other = Line(plant.path, pack(AttachBase(robot="remus")))
+    assert is_attached(other.hear())
+    assert isinstance(second.hear(), BaseReading)
+    for line in (first, second, other):
+        line.close()
+
+
+def test_who_drives_keeps_the_base(plant: PlantProcess, control: PlantControl) -> None:
+    def refused() -> Refusal | None:
+        """Once the second comes before the watchdog does."""
+        first = Line(plant.path, pack(AttachBase(robot="rome")), pack(Drive(velocity=1.0, turn=0.0)))
+        assert is_attached(first.hear())
+        assert first.hear() is not None
+        second = Line(plant.path, pack(AttachBase(robot="rome")))
+        heard = second.hear()
+        first.close()
+        second.close()
+        return heard if isinstance(heard, Refusal) else None
+
+    assert wait_for(refused).message == "the base has a cable already, by which it is driven"
+
+
+@pytest.mark.parametrize(
+    ("said", "found"),
+    [
+        (b"\xff" * 64, "a message of 4294967295 bytes"),
+        (bytes(4), "a message of 0 bytes"),
+        ((LARGEST_TO_PLANT + 1).to_bytes(4, "big"), "expected 1 to 4096"),
+        (b"\x00\x00\x00\x01\x63", "found version 99"),
+        (b"\x00\x00\x00\x03" + bytes([VERSION]) + b"\xc1\xc1", "malformed"),
+        (pack(Drive(velocity=1.0, turn=0.0)), "Drive does not belong here"),
+        (pack(AttachBase(robot="bob")), "there is no robot `bob` here; there is rome, remus"),
+        (pack(AttachCamera(robot="rome", camera="up")), "no camera `up`; they have ahead, left"),
+        (pack(AttachControl()) + pack(AttachControl()), "AttachControl does not belong here"),
+        (pack(AttachProximity(robot="rome")) + pack(Drive(velocity=1.0, turn=0.0)), "Drive does not belong"),
+        (pack(AttachBase(robot="rome")) + pack(Drive(velocity=float("nan"), turn=0.0)), "expected finite"),
+    ],
+)
+def test_what_makes_no_sense_is_refused(
+    plant: PlantProcess, control: PlantControl, said: bytes, found: str
+) -> None:
+    line = Line(plant.path, said)
+    heard = line.hear()
+    while not isinstance(heard, Refusal):
+        assert heard is not None
+        heard = line.hear()
+    assert found in heard.message.lower() or found in heard.message
+    line.close()
+    assert control.truth("rome").velocity == 0.0
+
+
+def test_noise_from_many_sides_holds_nobody_up(plant: PlantProcess, control: PlantControl) -> None:
+    print("seed 11")
+    rng = random.Random(11)
+    watched = Line(plant.path, pack(AttachProximity(robot="rome")))
+    for _ in range(100):
+        line = Line(plant.path)
+        start = pack(AttachBase(robot="rome")) if rng.random() < 0.3 else b""
+        with contextlib.suppress(BrokenPipeError):  # it may be ended before all was said
+            line.sock.sendall(start + rng.randbytes(rng.randrange(200)))
+        line.close()
+    assert isinstance(watched.hear(), Attached)
+    assert isinstance(watched.hear(), ProximityReading)
+    assert standing(control, "rome").distance >= 0.0
+    watched.close()
+
+
+def test_a_reader_that_does_not_read_holds_nobody_up(plant: PlantProcess, control: PlantControl) -> None:
+    deaf = Line(plant.path, pack(AttachCamera(robot="rome", camera="ahead")))
+    greedy = Line(plant.path, pack(AttachControl()))
+    greedy.sock.setblocking(False)
+    with pytest.raises(BlockingIOError):  # in the end it is not listened to any more
+        greedy.sock.sendall(100_000 * pack(AttachControl()))
+    start = control.truth("rome").t_ns
+    wait_for(lambda: control.truth("rome").t_ns > start + 500_000_000)
+    assert isinstance(deaf.hear(), Attached)
+    assert isinstance(deaf.hear(), CameraReading)
+    deaf.close()
+    greedy.close()
+
+
+def test_control_says_what_is_wrong_and_goes_on(plant: PlantProcess, control: PlantControl) -> None:
+    with pytest.raises(ValueError, match="no robot `bob`"):
+        control.truth("bob")
+    with pytest.raises(ValueError, match=r"robot 1 at .* overlaps robot 0"):
+        control.place("rome", OTHER[0] + 100.0, OTHER[1], 0.0)
+    with pytest.raises(ValueError, match="Advance does not belong here"):
+        control.advance(1)
+    control.place("rome", 6000.0, 1500.0, 90.0)
+    truth = control.truth("rome")
+    assert (truth.x, truth.y, truth.heading) == (6000.0, 1500.0, 90.0)
+
+
+def test_a_plant_that_was_frozen_goes_on_in_the_present(plant: PlantProcess, control: PlantControl) -> None:
+    before = control.truth("rome")
+    plant.process.send_signal(signal.SIGSTOP)
+    wait_for(lambda: is_frozen(plant.process.pid))
+    plant.process.send_signal(signal.SIGCONT)
+    after = wait_for(lambda: t if (t := control.truth("rome")).t_ns > before.t_ns else None)
+    assert (after.x, after.y) == (before.x, before.y)
+
+
+def is_attached(heard: FromPlant | None) -> bool:
+    return isinstance(heard, Attached) and not heard.logical and heard.began_ns > 0
+
+
+def is_frozen(pid: int) -> bool:
+    return Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()[0] == "T"
+
+
+# --- starting and ending -------------------------------------------------------------------------
+
+
+def options(path: Path, **changed: object) -> PlantOptions:
+    given: dict[str, object] = {"path": path, "building": HALLWAY, "robots": {"rome": START}} | changed
+    return PlantOptions(**given)  # type: ignore[arg-type]
+
+
+def test_a_socket_left_behind_is_replaced_and_one_in_use_is_not(folder: Path, plant: PlantProcess) -> None:
+    with pytest.raises(PlantInUse, match="by another process already"):
+        serve_plant(options(plant.path), stop=lambda: True)
+    left = folder / "left"
+    with socket.socket(socket.AF_UNIX) as old:
+        old.bind(os.fspath(left))
+    turns = iter((False, False, True))
+    told: list[bool] = []
+    serve_plant(options(left), stop=lambda: next(turns), ready=lambda: told.append(left.is_socket()))
+    assert told == [True]
+    assert not left.exists()
+
+
+def test_the_folder_is_made_private_and_must_be(folder: Path) -> None:
+    path = folder / "deep" / "plant"
+    serve_plant(options(path), stop=lambda: True)
+    assert path.parent.stat().st_mode & 0o777 == 0o700
+    path.parent.chmod(0o755)
+    with pytest.raises(PermissionError, match="is open to others"):
+        serve_plant(options(path), stop=lambda: True)
+
+
+def test_options_that_make_no_sense(folder: Path) -> None:
+    for changed, found in (
+        ({"robots": {"rome": (0.0, 0.0, 0.0)}}, "from a wall"),
+        ({"robots": {"a": START, "b": OTHER}, "logical_ns": 1}, "logical time with 2 robots; expected 1"),
+        ({"robots": {}}, "expected"),
+        ({"step_ns": 0}, "steps of 0 ns"),
+    ):
+        with pytest.raises(ValueError, match=found):
+            serve_plant(options(folder / "never", **changed), stop=lambda: True)
+    assert not (folder / "never").exists()

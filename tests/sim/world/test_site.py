@@ -1,0 +1,59 @@
+"""The floors of a plan in one run."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+
+from colony.nav.maps.building import load_building
+from colony.nav.plan.route import plan
+from colony.sim.hazards.hazards import Hazards
+from colony.sim.world.site import Site
+from tests.buildings import MAPS
+from tests.nav.floors import two_floors
+
+BUILDING = load_building(MAPS / "msu_engineering_3.stickrep")
+THIRD, SECOND = "msu_engineering_3", "msu_engineering_2"
+
+
+def test_a_floor_is_the_same_wherever_the_plan_begins_and_each_has_luck_of_its_own() -> None:
+    down = Site(BUILDING, plan(BUILDING, "350R", "2:250R"), Hazards(), seed=7)
+    up = Site(BUILDING, plan(BUILDING, "2:250R", "350R"), Hazards(), seed=7)
+    assert (down.floor, up.floor) == (THIRD, SECOND)
+    assert [floor.name for floor in up.building.maps] == [SECOND, THIRD]
+    for name in (THIRD, SECOND):
+        assert np.array_equal(down.sceneries[name].walls, up.sceneries[name].walls)
+    assert down.sceneries[THIRD].seed != down.sceneries[SECOND].seed
+
+
+def test_only_the_floors_of_the_plan_are_there() -> None:
+    site = Site(BUILDING, plan(BUILDING, "350R", "352L"), Hazards.none(), seed=1)
+    assert list(site.maps) == [THIRD]
+    assert site.building.rides == ()
+    first = plan(BUILDING, "350R", "352L").segments[0]
+    x, y, heading = site.world.true_pose(0)
+    assert (x, y, heading) == (first.start.x_mm, first.start.y_mm, first.heading_deg)
+
+
+def test_a_camera_is_that_of_the_floor_on_which_the_robot_is(tmp_path: Path) -> None:
+    building = two_floors(tmp_path)
+    site = Site(building, plan(building, "A", "upper:C"), Hazards.none(), seed=1)
+    made: list[str] = []
+
+    def eye(floor: object, scenery: object) -> str:
+        made.append(site.floor)
+        return site.floor
+
+    here = site.eyes(eye)
+    assert (here(), here()) == ("ground", "ground")
+    cabin = site.elevators.cabin("liftL")
+    site.elevators.open("liftL")
+    site.elevators.advance(5.0)
+    site.world.place(0, (*cabin.at(0.0, 900.0), cabin.heading_deg))
+    site.elevators.close("liftL")
+    site.elevators.advance(5.0)
+    site.elevators.ride("liftL", "upper")
+    assert (here(), here()) == ("upper", "upper")
+    assert made == ["ground", "upper"]
+    assert site.ceiling() is site.ceiling()

@@ -1,0 +1,171 @@
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Any
+
+import pytest
+
+from colony.nav.pose.fixes import fix_of
+from colony.nav.shared import FLOOR, GOAL_DIRECTION, PLATE_FIX, PLATE_SEEN
+from colony.runtime.kit.script_local import ScriptFailed
+from colony.runtime.library import camera as cameras
+from colony.runtime.protocol.calls import Asked, Caller, Nothing, Refused
+from colony.runtime.servers.cserver import PERIOD_NS
+from colony.vision.level_camera import LevelCamera
+from colony.vision.plates.finder import plate_finder
+from colony.vision.plates.sights import PlateSight
+from tests.vision.plates.hall import Hall, Stage, known
+from tests.vision.plates.walls import plate
+
+HALL = Hall(boards=(plate("352", -600.0), plate("354", 700.0)))
+SECONDS = 7.0
+ASKED = Asked(Caller("test", "test", 0, "local"), 1)
+
+
+def run(hall: Hall, *, direction: float | None = 0.0, seconds: float = SECONDS, **options: Any) -> tuple[
+    Stage, list[PlateSight]
+]:  # fmt: skip
+    """What is told of the plates of a hall."""
+    told: list[PlateSight] = []
+    stage = Stage(hall, plates=plate_finder(on_plate=told.append, reader=None, **options))
+    if direction is not None:
+        stage.tell(GOAL_DIRECTION, direction)
+    stage.run(seconds)
+    return stage, told
+
+
+def test_plates_are_told_to_who_listens_and_at_dserver() -> None:
+    stage, told = run(HALL)
+    assert [sight.place for sight in told] == [
+        pytest.approx((-HALL.wall_mm, place), abs=40.0) for place in (-600.0, 700.0)
+    ]
+    t_ns, number, text, x, y = stage.told(PLATE_SEEN)
+    assert (t_ns, number, text, (x, y)) == (told[1].t_ns, 2, "", told[1].place)
+    assert stage.told(PLATE_FIX) is None
+    assert set(stage.asked) == {"period", "set_period", "size", "grab_rows"}
+
+
+def test_an_image_belongs_to_where_it_was_taken() -> None:
+    stage, (sight, _) = run(HALL)
+    assert sight.robot.y_mm == pytest.approx(stage.place(sight.t_ns), abs=1.0)
+
+
+def test_without_a_direction_plates_are_found_all_the_same() -> None:
+    assert len(run(HALL, direction=None)[1]) == 2
+
+
+def test_nothing_is_found_while_the_robot_turns() -> None:
+    stage, told = run(HALL, direction=90.0)
+    assert told == []
+    assert stage.asked.count("grab_rows") == 0
+
+
+def test_with_the_map_plates_are_known_and_tell_where_the_robot_is() -> None:
+    hall = replace(HALL, off_mm=(40.0, -60.0))
+    stage, told = run(hall, floors={"hall": known(hall)})
+    assert [sight.door for sight in told] == ["352", "354"]
+    fix = fix_of(stage.told(PLATE_FIX))
+    assert fix is not None
+    bearing = fix.rows[0]
+    believed = bearing.cx * 40.0 + bearing.cy * (stage.place(fix.t_ns) - 60.0) - bearing.value
+    true = bearing.cy * stage.place(fix.t_ns) - bearing.value
+    assert abs(true) < 25.0 < abs(believed)
+
+
+@pytest.mark.parametrize(
+    ("floor", "doors"),
+    [(None, ["352", "354"]), ("first", ["352", "354"]), ("second", []), ("cellar", []), (7, ["352", "354"])],
+)
+def test_the_map_is_that_of_the_floor(floor: object, doors: list[str]) -> None:
+    told: list[PlateSight] = []
+    floors = {"first": known(HALL), "second": ()}
+    stage = Stage(HALL, plates=plate_finder(floors, on_plate=told.append, reader=None))
+    stage.tell(GOAL_DIRECTION, 0.0)
+    if floor is not None:
+        stage.tell(FLOOR, floor)
+    stage.run(SECONDS)
+    assert [sight.door for sight in told] == doors
+
+
+@pytest.mark.parametrize("thesis", [False, True])
+def test_servers_may_be_away_for_a_while(thesis: bool) -> None:
+    hall = replace(HALL, silent_s=(0.0, 4.4))
+    _, told = run(hall, thesis=thesis)
+    assert [round(sight.place[1], -2) for sight in told] == [700.0]
+
+
+@pytest.mark.parametrize("away_s", [0.0, 1.0])
+def test_a_camera_that_was_started_anew_is_told_its_period_again(away_s: float) -> None:
+    stage, _ = run(HALL, seconds=1.0)
+    present = stage.camera.handlers
+    if away_s:
+        stage.camera.handlers = dict.fromkeys(present, _away)
+    stage.run(away_s)
+    present["set_period"](ASKED, cameras.SetPeriod(period_ns=PERIOD_NS), stage.now_ns)
+    stage.camera.handlers = present
+    stage.run(1.0)
+    assert stage.camera.handlers["period"](ASKED, Nothing(), 0) == 250_000_000
+
+
+def test_a_plate_that_is_found_while_dserver_is_away_is_told_later() -> None:
+    told: list[PlateSight] = []
+    stage = Stage(HALL, plates=plate_finder(on_plate=told.append, reader=None))
+    present = stage.data.handlers
+    stage.data.handlers = dict.fromkeys(present, _away)
+    stage.run(SECONDS)
+    assert len(told) == 2
+    assert stage.told(PLATE_SEEN) is None
+    stage.data.handlers = present
+    stage.run(0.5)
+    assert stage.told(PLATE_SEEN)[1] == 2
+
+
+def test_while_dserver_is_away_the_floor_is_the_last_one_it_told() -> None:
+    told: list[PlateSight] = []
+    floors = {"first": (), "second": known(HALL)}
+    stage = Stage(HALL, plates=plate_finder(floors, on_plate=told.append, reader=None))
+    stage.tell(FLOOR, "second")
+    stage.run(0.5)
+    stage.data.handlers = {**stage.data.handlers, "get": _away}
+    stage.run(SECONDS)
+    assert [sight.door for sight in told] == ["352", "354"]
+
+
+def _away(*_: object) -> object:
+    raise Refused("unset", "it was started anew")
+
+
+def test_a_camera_of_another_size_is_told() -> None:
+    with pytest.raises(ScriptFailed, match="CServerSide gives images of 240 x 120 pixels; expected 640"):
+        run(HALL, geometry=LevelCamera(columns=640, rows=480, yaw_deg=90.0))
+
+
+def test_the_thesis_looks_under_the_lock_and_gives_it_back() -> None:
+    stage, told = run(HALL, thesis=True)
+    assert [sight.looks for sight in told] == [1] * len(told)
+    assert {round(sight.place[1], -2) for sight in told} <= {-600.0, 700.0}
+    calls = [name for name in stage.asked if "period" not in name and name != "size"]
+    assert calls == ["lock", "grab_rows", "unlock"] * (len(calls) // 3)
+    assert len(calls) >= 3 * 10
+
+
+def test_what_is_told_can_be_odd() -> None:
+    stage, told = run(HALL, direction=None, floors={"hall": known(HALL)}, seconds=0.5)
+    for name, value in ((GOAL_DIRECTION, "north"), (FLOOR, ["hall"]), ("Pose", [1, 2])):
+        stage.tell(name, value)
+    stage.run(SECONDS)
+    assert [sight.door for sight in told] == ["352", "354"]
+
+
+@pytest.mark.parametrize("period", [0.0, -1.0, float("nan"), float("inf")])
+def test_a_period_is_a_time(period: float) -> None:
+    with pytest.raises(ValueError, match="expected a finite time above 0"):
+        plate_finder(period_s=period)
+
+
+def test_plates_are_read_unless_told_otherwise() -> None:
+    told: list[PlateSight] = []
+    stage = Stage(Hall(boards=(plate("352", 0.0),)), plates=plate_finder(on_plate=told.append))
+    stage.tell(GOAL_DIRECTION, 0.0)
+    stage.run(SECONDS)
+    assert [(sight.text, sight.confidence > 0.9) for sight in told] == [("352", True)]

@@ -1,0 +1,154 @@
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+
+import pytest
+
+from colony.nav.maps.signs import Plate
+from colony.nav.maps.stickrep.model import Pose
+from colony.vision.gray_images import Gray
+from colony.vision.level_camera import SIDE
+from colony.vision.plates.geometry import WallView
+from colony.vision.plates.search import SETTLED_LOOKS, Known, PlateSearch, ThesisSearch, View
+from colony.vision.plates.sights import PlateSight
+from colony.vision.sightings import PlateBox, Reading
+from tests.vision.plates.hall import Hall, known
+from tests.vision.plates.walls import Board, plate, wall_image
+
+WALL_MM = 1500.0
+
+
+def view(hall: Hall, step: int, tilt: float = 0.0) -> View:
+    """What is seen 125 mm further on each step."""
+    here = hall.start_mm + 125.0 * step
+    boards = [replace(board, place_mm=here - board.place_mm) for board in hall.boards]
+    image = wall_image(boards, WallView(hall.wall_mm, tilt), seed=step)
+    return View(step * 250_000_000, image[27:93], 27, Pose(0.0, here, tilt), tilt, hall.wall_mm)
+
+
+def searched(
+    hall: Hall, search: PlateSearch | ThesisSearch, plates: tuple[Plate, ...] | None = None, steps: int = 29
+) -> list[PlateSight]:
+    told: list[PlateSight] = []
+    for step in range(steps):
+        told += search.look(view(hall, step), None if plates is None else Known(plates, 300.0)).told
+    return told
+
+
+HALL = Hall(boards=(plate("352", -600.0), plate("354", 500.0)))
+POSTER = Board(place_mm=0.0, width_mm=300.0, height_mm=180.0, text=("IEEE", "MEETING"), character_mm=45.0)
+
+
+def test_each_plate_is_told_once_and_where_it_is() -> None:
+    told = searched(HALL, PlateSearch(SIDE))
+    assert [sight.place for sight in told] == [
+        pytest.approx((-WALL_MM, place), abs=40.0) for place in (-600.0, 500.0)
+    ]
+    assert all(sight.looks >= SETTLED_LOOKS for sight in told)
+    assert all((sight.text, sight.door) == ("", None) for sight in told)
+
+
+def test_a_plate_at_the_same_place_on_another_floor_is_another_one() -> None:
+    search = PlateSearch(SIDE)
+    there = [view(HALL, step)._replace(floor="2") for step in range(29)]
+    back = [view(HALL, 28 - step)._replace(floor="3", t_ns=(29 + step) * 250_000_000) for step in range(29)]
+    looks = (*there, *back)
+    told = [sight for look in looks for sight in search.look(look).told]
+    assert len(told) == 4
+
+
+def test_a_poster_is_none() -> None:
+    assert searched(replace(HALL, boards=(POSTER,)), PlateSearch(SIDE)) == []
+
+
+def test_something_of_half_the_size_is_none() -> None:
+    small = Board(place_mm=0.0, width_mm=230.0, height_mm=82.0, text=("352",), character_mm=57.0)
+    assert searched(replace(HALL, boards=(small,)), PlateSearch(SIDE)) == []
+
+
+def test_a_plate_is_told_when_it_is_out_of_view_if_the_looks_were_few() -> None:
+    search = PlateSearch(SIDE)
+    hall = replace(HALL, boards=(plate("352", 0.0),), start_mm=-150.0)
+    told = [sight for step in range(4) for sight in search.look(view(hall, step)).told]
+    assert told == []
+    turned = View(5 * 10**9, None, 0, Pose(0.0, 300.0, 60.0), 60.0, None)
+    (sight,) = search.look(turned).told
+    assert sight.looks == 4
+    assert search.look(turned).told == ()
+
+
+def test_nothing_is_looked_for_at_steep_angles() -> None:
+    steep = view(HALL, 8)._replace(tilt_deg=55.0)
+    assert PlateSearch(SIDE).look(steep) == ThesisSearch(SIDE).look(steep) == ((), ())
+
+
+def test_what_is_read_counts_by_all_looks() -> None:
+    seen: list[tuple[int, ...]] = []
+
+    def reader(image: Gray, box: PlateBox) -> Reading:
+        seen.append(image.shape)
+        # The first look is misread.
+        return Reading("362", 0.6) if len(seen) == 1 else Reading("352", 0.9)
+
+    hall = replace(HALL, boards=(plate("352", 0.0),))
+    (sight,) = searched(hall, PlateSearch(SIDE, reader))
+    assert sight.text == "352"
+    assert sight.confidence > 0.99
+    assert set(seen) == {(66, 240)}
+
+
+def test_with_the_map_plates_have_names_and_tell_the_pose() -> None:
+    search = PlateSearch(SIDE)
+    told, fixes = [], []
+    for step in range(29):
+        found = search.look(view(HALL, step), Known(known(HALL), 300.0))
+        told += [sight.door for sight in found.told]
+        fixes += [(step, fix) for fix in found.fixes]
+    assert told == ["352", "354"]
+    assert len(fixes) > 10
+    for step, fix in fixes:
+        x, y, heading = 0.0, HALL.start_mm + 125.0 * step, 0.0
+        assert fix.t_ns == step * 250_000_000
+        for row in fix.rows:
+            off = row.cx * x + row.cy * y + row.ch * math.radians(heading) - row.value
+            assert abs(off) < row.sigma
+
+
+def test_with_the_map_what_hangs_elsewhere_is_none() -> None:
+    moved = tuple(replace(hung, middle=hung.middle._replace(y=hung.middle.y + 700.0)) for hung in known(HALL))
+    assert searched(HALL, PlateSearch(SIDE), moved) == []
+
+
+def test_the_thesis_tells_at_the_first_look_and_by_the_overlap_once() -> None:
+    hall = replace(HALL, boards=(plate("352", 0.0),))
+    told = searched(hall, ThesisSearch(SIDE))
+    assert [(sight.looks, sight.door) for sight in told] == [(1, None)]
+    assert told[0].place == pytest.approx((-WALL_MM, 0.0), abs=120.0)
+
+
+def test_the_thesis_needs_a_direction_and_a_distance() -> None:
+    look = view(replace(HALL, boards=(plate("352", 0.0),)), 14)
+    assert len(ThesisSearch(SIDE).look(look).told) == 1
+    assert ThesisSearch(SIDE).look(look._replace(tilt_deg=None)).told == ()
+    assert ThesisSearch(SIDE).look(look._replace(distance_mm=None)).told == ()
+
+
+def test_what_reads_now_as_this_and_now_as_that_is_no_plate() -> None:
+    texts = iter("W00 NFD W60 NFOD W00 N0 NFOD I W00 NFD N0 W60 NFOD N W0 W00".split())
+
+    def reader(image: Gray, box: PlateBox) -> Reading:
+        return Reading(next(texts), 0.5)
+
+    hall = replace(HALL, boards=(plate("352", 0.0),))
+    assert searched(hall, PlateSearch(SIDE, reader)) == []
+    assert searched(hall, PlateSearch(SIDE, lambda image, box: Reading("", 0.9))) == []
+    assert len(searched(hall, PlateSearch(SIDE, lambda image, box: Reading("", 0.9)), known(hall))) == 1
+
+
+@pytest.mark.parametrize("distance", [None, math.inf, math.nan, 0.0, -1.0])
+def test_the_thesis_finds_nothing_where_the_wall_is_nowhere(distance: float | None) -> None:
+    search = ThesisSearch(SIDE)
+    hall = replace(HALL, boards=(plate("352", 0.0),))
+    views = [view(hall, step)._replace(distance_mm=distance) for step in range(29)]
+    assert [sight for seen in views for sight in search.look(seen).told] == []
