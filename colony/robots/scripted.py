@@ -156,12 +156,13 @@ class ScriptedRobot(VirtualRobot):
         bindings, store = _bindings(program), MemoryStore()
 
         def servers(deployed: Deployment, keep: int) -> Builders:
-            builders: dict[str, Callable[[], Node]] = {}
+            builders: dict[str, Callable[[], Node]] = {
+                ACTING: lambda: Actor(deployed, keep, self.sent),
+                DSERVER.name: lambda: DServer(deployment=deployed, keep=keep, store=store),
+            }
             for server in SENSING:
                 names = tuple(b.sensor for b in bindings.sensors if b.server == server)
                 builders[server] = partial(SensorServer, server, readings, names, keep)
-            builders[ACTING] = lambda: Actor(deployed, keep, self.sent)
-            builders[DSERVER.name] = lambda: DServer(deployment=deployed, keep=keep, store=store)
             return builders
 
         sinks = (self.log,)

@@ -87,7 +87,10 @@ class VirtualRobot:
         deployed = deployment(program, clients, bindings, run=RUN, seed=seed, announced=who.announced)
         self.deployed = deployed
         built = servers(deployed, keep)
-        builders: dict[str, Callable[[], Node]] = {**built}
+        builders: dict[str, Callable[[], Node]] = {}
+        if ticking:  # the Clock comes first: whoever says that it is ready is to be heard
+            builders[CLOCK] = lambda: Clock(servers=tuple(built), keep=keep, deployment=deployed)
+        builders.update(built)
         for actuator, module in who.clients:
             builders[client_address(actuator, module)] = partial(
                 build_client, program, clients, bindings, actuator, module, RUN
@@ -97,8 +100,6 @@ class VirtualRobot:
                 build_announcer, program, bindings, module, RUN
             )
         self.observer = build_observer(program, bindings, sinks, RUN, requests=requests)
-        if ticking:
-            builders[CLOCK] = lambda: Clock(servers=tuple(built), keep=keep, deployment=deployed)
         self._builders = builders
         self.nodes: dict[str, Node] = {address: build() for address, build in builders.items()}
         self.nodes[self.observer.address] = self.observer
@@ -111,9 +112,9 @@ class VirtualRobot:
         return tuple(self._builders)
 
     def start(self) -> None:
-        """Start all nodes, the Clock first: whoever says that it is ready is to be heard."""
-        for address in sorted(self.nodes, key=lambda address: address != CLOCK):
-            self.transport.add(self.nodes[address])
+        """Start all nodes."""
+        for node in self.nodes.values():
+            self.transport.add(node)
 
     def kill(self, address: str) -> None:
         """Kill a process as SIGKILL would; one that does not live stays dead."""
@@ -220,4 +221,4 @@ class Session(VirtualRobot):
         if self._closed:
             return
         self._closed = True
-        close_all(self.nodes.values())  # RServer is the first
+        close_all(sorted(self.nodes.values(), key=lambda node: node.address != RSERVER.name))
