@@ -221,4 +221,5 @@ class Session(VirtualRobot):
         if self._closed:
             return
         self._closed = True
-        close_all(sorted(self.nodes.values(), key=lambda node: node.address != RSERVER.name))
+        base_first = sorted(self.nodes, key=lambda address: address != RSERVER.name)
+        close_all(self.nodes[address] for address in base_first)
