@@ -58,7 +58,7 @@ def _written(page: str, sections: dict[str, str]) -> str:
     text, _, results = page.partition(MARK)
     _, *kept = results.split("\n### ")
     known = {part.split("\n", 1)[0]: f"### {part.rstrip()}" for part in kept} | sections
-    parts = [f"Measured on {_machine()}.", *(known[name] for name in MODULES if name in known)]
+    parts = [known[name] for name in MODULES if name in known]
     return f"{text}{MARK}\n\n" + "\n\n".join(parts) + "\n"
 
 
@@ -85,7 +85,8 @@ def main() -> None:
         missed += sum(1 for row in rows if row["target"] is not None and not row["ok"])
         table = _table(rows)
         print("\n".join(table), flush=True)
-        told = [f"### {name}", "", (module.__doc__ or "").splitlines()[0], "", *table]
+        about = (module.__doc__ or "").splitlines()[0]
+        told = [f"### {name}", "", about, "", f"Measured on {_machine()}.", "", *table]
         sections[name] = "\n".join(told)
     print(f"\n{missed} targets missed; {_machine()}")
     if arguments.write:

@@ -30,7 +30,7 @@ import zenoh
 from colony.runtime.kit.connection import Session
 from colony.runtime.kit.errors import ConnectionProblem
 from colony.runtime.library import data
-from colony.runtime.transport.live.network import Network
+from colony.runtime.transport.live.network import ZenohSession
 from colony.runtime.transport.live.place import Local, local
 
 Row = dict[str, object]
@@ -126,7 +126,7 @@ def _serve_bare(folder: Path) -> None:
         with query:
             query.reply(query.key_expr, reply)
 
-    with Network.open(_place(folder), listens=("Bare",)) as network:
+    with ZenohSession.open(_place(folder), listens=("Bare",)) as network:
         handler = zenoh.handlers.Callback(answer, indirect=False)
         queryable = network.session.declare_queryable(BARE, handler)
         signal.sigwait({signal.SIGTERM})

@@ -24,10 +24,10 @@ from typing import NamedTuple
 
 from colony.compile.pipeline import compile_program
 from colony.dsl.load import check_file
+from colony.execute.compiled import Compiled
 from colony.ir.program import Program
 from colony.runtime.assembly.nodes import build_observer
 from colony.runtime.assembly.processes.children import Job
-from colony.runtime.assembly.processes.compiled import Compiled
 from colony.runtime.assembly.processes.crew import CLIENTS as CLIENTS_FIRST
 from colony.runtime.assembly.processes.crew import client_jobs, fresh_folder, server_jobs, server_parts
 from colony.runtime.assembly.processes.leader import Standings
@@ -36,6 +36,7 @@ from colony.runtime.assembly.processes.spec import Device
 from colony.runtime.assembly.processes.window import Window
 from colony.runtime.observe.observer import FrameLog, Sink
 from colony.runtime.protocol import topics
+from colony.runtime.protocol.bindings import Bindings, bind
 from colony.runtime.protocol.deployment import Deployment, deployment
 from colony.runtime.protocol.fields import DSERVER, RSERVER
 from colony.runtime.protocol.messages import Effect, Message, Verdict
@@ -115,17 +116,17 @@ def robot_of(clients: int, frames: int, *sinks: Sink, lockstep: bool) -> Iterato
     """A scripted robot and a run of `clients` clients on it, of which none is started yet."""
     with scratch() as folder:
         program = program_of(clients, folder)
-        compiled = Compiled(program, (wired := compile_program(program).clients))
-        bindings = compiled.bindings()
+        compiled = compile_program(program).artifact
+        bindings = bind(compiled.robot)
         place = Local(RunDirectory(folder / "r").robot("bench"))
-        deployed = deployment(program, wired, bindings, run="bench", seed=1, lockstep=lockstep)
+        deployed = deployment(compiled, bindings, run="bench", seed=1, lockstep=lockstep)
         standings = Standings(deployed, file="bench.colony")
         window = Window(frames * deployed.frame_ns, frame_ns=deployed.frame_ns, sinks=(*sinks, standings))
         with LedRun(
             place,
             deployed,
             (CLOCK, RSERVER.name, DSERVER.name),
-            observer=build_observer(program, wired, bindings, (window,), "bench"),
+            observer=build_observer(compiled, bindings, (window,), "bench"),
             window=window,
             standings=standings,
             report=lambda text: None,
@@ -133,7 +134,7 @@ def robot_of(clients: int, frames: int, *sinks: Sink, lockstep: bool) -> Iterato
             told = fresh_folder(place.directory.path / "run")
             parts = server_parts(told, Device(plant=""))
             led.start(server_jobs(place, parts, told, hardware="benchmarks.scripted_servers"))
-            yield Bench(led, place, deployed, compiled, told)
+            yield Bench(led, place, deployed, compiled, bindings, told)
 
 
 class Bench(NamedTuple):
@@ -143,6 +144,7 @@ class Bench(NamedTuple):
     place: Local
     deployed: Deployment
     compiled: Compiled
+    bindings: Bindings
     folder: Path
 
 
@@ -150,7 +152,9 @@ def frames_in_lockstep() -> Times:
     """A process a client, each frame as soon as the one before it is decided."""
     times = Times()
     with robot_of(CLIENTS, WARM_UP + FRAMES, times, lockstep=True) as bench:
-        bench.led.start(client_jobs(bench.place, bench.deployed, bench.compiled, bench.folder))
+        bench.led.start(
+            client_jobs(bench.place, bench.deployed, bench.compiled, bench.bindings, bench.folder)
+        )
         bench.led.follow(lambda: False)
     return times
 

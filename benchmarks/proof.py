@@ -9,10 +9,10 @@ from __future__ import annotations
 
 import gc
 from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 from time import perf_counter
 
-from colony.compile.lower.lower import lower
 from colony.compile.pipeline import compile_program
 from colony.dsl.load import load_file
 from colony.ir.program import Program
@@ -46,10 +46,9 @@ def _compilation(name: str, make: Callable[[int], Program], unit: str) -> list[R
         gc.collect()
         start = perf_counter()
         compiled = compile_program(program)
-        code = lower(program, compiled.clients)
         compiling = perf_counter() - start
         start = perf_counter()
-        result = prove.prove(program, compiled, code=code)
+        result = prove.prove(program, compiled, sent=partial(getattr, compiled, "artifact"))
         seconds = perf_counter() - start
         match result:
             case results.Proved(by_structure=by_structure, by_solver=by_solver):

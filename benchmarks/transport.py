@@ -29,7 +29,7 @@ from colony.runtime.library.ask import Ask
 from colony.runtime.protocol.calls import CallDesk, method
 from colony.runtime.protocol.messages import Effect, Message
 from colony.runtime.transport.live.host import Host
-from colony.runtime.transport.live.network import Network
+from colony.runtime.transport.live.network import ZenohSession
 from colony.runtime.transport.live.place import local
 
 ROUNDS = 5
@@ -166,7 +166,7 @@ def _call_by_kit(calls: int) -> None:
 
 
 def _call_bare(calls: int) -> None:
-    with Network.open(local(ROBOT, os.environ)) as network:
+    with ZenohSession.open(local(ROBOT, os.environ)) as network:
         querier = network.session.declare_querier(BARE, timeout=5.0)
         while not querier.matching_status.matching:  # type: ignore[attr-defined]
             pass

@@ -18,6 +18,9 @@ from typing import BinaryIO
 
 StrPath = str | os.PathLike[str]
 
+COMPILED = b"colonyc"
+"""First bytes of every file that holds a compiled program."""
+
 _CHUNK = 1 << 20
 _SAFELY = os.O_CLOEXEC | os.O_NONBLOCK | os.O_NOCTTY
 

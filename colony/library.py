@@ -12,7 +12,7 @@ from colony.text.diagnostics import Failure, error
 from colony.text.source import NOWHERE
 
 if TYPE_CHECKING:
-    from colony.compile.pipeline import Compiled
+    from colony.compile.pipeline import Compilation
     from colony.execute.executor import ClientListExecutor
     from colony.ir.program import Program
     from colony.runtime.recordings.recorded import RecordedFrame, RecordingReader
@@ -60,17 +60,17 @@ def build(program: Program, *, proof: bool = True, timeout_s: float = PROOF_TIME
     """
     from colony.compile.pipeline import compile_program
 
-    compiled = compile_program(program)
+    compilation = compile_program(program)
     if proof:
-        _expect_proof(program, compiled, round(1000 * timeout_s))
-    return Build(program=program, compiled=compiled)
+        _expect_proof(program, compilation, round(1000 * timeout_s))
+    return Build(program=program, compiled=compilation)
 
 
-def _expect_proof(program: Program, compiled: Compiled, timeout_ms: int) -> None:
+def _expect_proof(program: Program, compilation: Compilation, timeout_ms: int) -> None:
     from colony.verify.equivalence import results
     from colony.verify.equivalence.prove import prove as prove_clients
 
-    match prove_clients(program, compiled, timeout_ms=timeout_ms):
+    match prove_clients(program, compilation, timeout_ms=timeout_ms):
         case results.Proved():
             return
         case results.Undecided() as undecided:
@@ -81,10 +81,10 @@ def _expect_proof(program: Program, compiled: Compiled, timeout_ms: int) -> None
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Build:
-    """A compiled program, in all forms. `compiled` has what each pass of the compiler made of it."""
+    """A compiled program, in all forms. `compiled` has the result of each pass of the compiler."""
 
     program: Program
-    compiled: Compiled
+    compiled: Compilation
 
     def table(self) -> str:
         """Return the clients as a table for people: priorities and guards."""
@@ -96,7 +96,7 @@ class Build:
         """Return the clients in the form `colony-clients/1`."""
         from colony.compile.backends.json import to_json
 
-        return to_json(self.compiled)
+        return to_json(self.compiled.clients)
 
     def to_python(self) -> str:
         """Return a module with a class `Program`, which needs nothing of colony.
@@ -105,7 +105,7 @@ class Build:
         """
         from colony.compile.backends.python.generate import generate
 
-        return generate(self.program, self.compiled.clients)
+        return generate(self.compiled.artifact)
 
     def graph(self) -> str:
         """Return a picture of the network, as SVG."""
@@ -121,7 +121,7 @@ class Build:
         """
         from colony.execute.executor import ClientListExecutor
 
-        return ClientListExecutor(self.program, self.compiled.clients)
+        return ClientListExecutor(self.compiled.artifact)
 
 
 def prove(program: Program, *, seconds: float = 10.0, depth: int = 4) -> tuple[ContractResult, ...]:

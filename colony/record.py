@@ -2,8 +2,8 @@
 
 The typed program and the syntax tree are more than a hundred small classes, and every command imports them.
 `dataclasses.dataclass` compiles six methods for each frozen class, which would be a third of the time of
-`colony check`. A `record` compiles only `__init__` and inherits the rest; it is a dataclass to
-`dataclasses.fields`, `dataclasses.replace`, pattern matching and type checkers.
+`colony check`. A `record` compiles only `__init__`, when the first is made, and inherits the rest; it is a
+dataclass to `dataclasses.fields`, `dataclasses.replace`, pattern matching and type checkers.
 """
 
 from __future__ import annotations
@@ -64,7 +64,12 @@ def record(cls: type[_Class]) -> type[_Class]:
     names = [f.name for f in declared if f.compare]
     if names:
         slotted._compared = staticmethod(attrgetter(*names))
-    slotted.__init__ = _initializer(slotted, declared)
+
+    def first(self: Any, **values: Any) -> None:
+        slotted.__init__ = _initializer(slotted, declared)  # compiled only for what is made at all
+        slotted.__init__(self, **values)
+
+    slotted.__init__ = first
     result: type[_Class] = slotted
     return result
 

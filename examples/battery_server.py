@@ -12,7 +12,7 @@ import time
 import msgspec
 
 from colony.runtime.kit.server import Refused, Server, field, method
-from colony.runtime.protocol.calls import Caller
+from colony.runtime.protocol.connections import Caller
 
 
 class Charge(msgspec.Struct):

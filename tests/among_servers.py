@@ -6,7 +6,7 @@ from collections.abc import Callable, Mapping
 
 from colony.compile.pipeline import compile_program
 from colony.dsl.load import load_text
-from colony.runtime.assembly.virtual import Session
+from colony.runtime.assembly.virtual import VirtualSession
 from colony.runtime.kit.script import Script
 from colony.runtime.kit.script_node import ScriptNode
 from colony.runtime.observe.observer import Sink
@@ -35,14 +35,13 @@ def run_among_servers(
         order: draws the order of messages of one moment.
         cameras: by address, what takes an image of the present.
     """
-    program, clock = load_text(text), VirtualClock()
+    clock = VirtualClock()
     plant = Plant(world, lambda: clock() // FRAME_NS * FRAME_NS)
     eyes = {at: SimulatedCamera(plant, take) for at, take in (cameras or {}).items()}
     servers = ("DServer", "RServer", "PServer", *(cameras or {}))
     nodes = [ScriptNode(name, script, servers, delay_ns=1) for name, script in scripts.items()]
-    session = Session(
-        program,
-        compile_program(program).clients,
+    session = VirtualSession(
+        compile_program(load_text(text)).artifact,
         simulated_drivers(plant, cameras=eyes),
         clock=clock,
         seed=seed,

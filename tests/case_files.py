@@ -29,7 +29,8 @@ class Case(NamedTuple):
         """Compare what was found with what is expected, or (UPDATE_CASES) write it down."""
         found = found.rstrip()
         if _UPDATE and found != self.expected:
-            old, new = (f"== {self.title}\n{self.given}\n--\n{text}\n" for text in (self.expected, found))
+            head = f"== {self.title}\n{self.given}\n--\n"
+            old, new = (head + (f"{text}\n" if text else "") for text in (self.expected, found))
             text = self.path.read_text(encoding="utf-8")
             assert text.count(old) == 1
             self.path.write_text(text.replace(old, new), encoding="utf-8")

@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-from colony.compile.lower.lower import lower
-from colony.compile.pipeline import Compiled, compile_program
+from colony.compile.backends.python.generate import generate
+from colony.compile.pipeline import Compilation, compile_program
 from colony.dsl.load import load_text
 from colony.execute.code import Code
 from colony.execute.executor import ClientExecutor
+from colony.execute.views import whole
 from colony.ir.program import Program
 
 
@@ -20,7 +21,6 @@ robot tester {{
   sensor c : bool from DServer.c
   sensor x : number from DServer.x
   sensor y : number from DServer.y
-  sensor k : number from DServer.k
   sensor angle : deg from DServer.angle
   sensor feel : mood from DServer.feel
   sensor four[4] : number from DServer.four
@@ -31,18 +31,38 @@ robot tester {{
 """
 
 
-def compiled(of: str | Program) -> Compiled:
+def compiled(of: str | Program) -> Compilation:
     """Return what the compiler makes of a whole text."""
     return compile_program(load_text(of) if isinstance(of, str) else of)
 
 
 def lowered(of: str | Program) -> Code:
     """Return the code of all clients of a whole text."""
-    whole = compiled(of)
-    return lower(whole.program, whole.clients)
+    return whole(compiled(of).artifact.code)
+
+
+def generated(of: str | Program) -> str:
+    """Return the Python that is generated for a whole text."""
+    return generate(compiled(of).artifact)
+
+
+def clients(of: str | Program) -> dict[tuple[str, str], ClientExecutor]:
+    """Return all clients of a whole text, by actuator and module, in their initial memory."""
+    artifact = compiled(of).artifact
+    return {
+        (actuator, module): ClientExecutor(artifact, actuator, module)
+        for actuator, module, _ in artifact.clients
+    }
 
 
 def client(of: str | Program, actuator: str, module: str) -> ClientExecutor:
     """Return one client of a whole text, in its initial memory."""
-    whole = compiled(of)
-    return ClientExecutor(whole.program, whole.clients, actuator, module)
+    return ClientExecutor(compiled(of).artifact, actuator, module)
+
+
+MS = 1_000_000
+
+
+def program(text: str) -> Program:
+    """Return the program of a text on the usual robot."""
+    return load_text(robot() + text)

@@ -1,20 +1,14 @@
-"""docs/experiments.md: it has every column, failure and option, and a place for each of its tables."""
+"""docs/experiments.md: it has every column, failure and option."""
 
 from __future__ import annotations
 
 import re
-from dataclasses import replace
 from pathlib import Path
 from typing import get_args
 
-import pytest
-
 from colony.cli.experiment.main import command
-from colony.experiment.conduct import Experiment
-from colony.experiment.lists import PUBLISHED_MAP, published_list
 from colony.experiment.record import Failure
 from colony.experiment.results import RUN_TABLE
-from colony.sim.hazards.hazards import Hazards
 
 ROOT = Path(__file__).parent.parent
 PAGE = (ROOT / "docs" / "experiments.md").read_text(encoding="utf-8")
@@ -41,23 +35,6 @@ def test_every_option_that_is_shown_exists() -> None:
     }
     assert shown
     assert shown <= options
-
-
-@pytest.mark.parametrize("hazards", [Hazards(), Hazards.none()])
-def test_there_is_a_place_for_each_table(hazards: Hazards) -> None:
-    ours = Experiment(
-        name="thesis",
-        map_path=PUBLISHED_MAP,
-        runs=published_list(),
-        seeds=(1,),
-        variant="thesis",
-        hazards=hazards,
-    )
-    labels = [ours.label, *([replace(ours, variant="ours").label] if hazards.on else [])]
-    for label in labels:
-        begin, end = f"<!-- thesis {label} -->", f"<!-- end of thesis {label} -->"
-        assert PAGE.count(begin) == PAGE.count(end) == 1
-        assert PAGE.index(begin) < PAGE.index(end)
 
 
 def test_its_pictures_are_there() -> None:

@@ -19,13 +19,13 @@ ALLOWED: dict[str, set[str]] = {
     "execute": {"ir", "compile"},
     "compile": {"ir", "execute"},
     "verify": {"ir", "execute", "compile", "dsl"},
-    "runtime": {"ir", "execute", "compile"},
+    "runtime": {"ir", "execute"},
     "nav": {"runtime"},
     "vision": {"runtime", "nav"},
     "sim": {"runtime", "nav", "ir"},
     "view": {"ir", "compile", "nav"},
     "experiment": {"ir", "dsl", "execute", "compile", "verify", "runtime", "nav", "vision", "sim", "view"},
-    "robots": {"ir", "dsl", "compile", "verify", "runtime", "nav", "sim", "experiment"},
+    "robots": {"ir", "dsl", "execute", "compile", "verify", "runtime", "nav", "sim", "experiment"},
     "cli": {
         "ir",
         "dsl",
@@ -56,7 +56,7 @@ THIRD_PARTY: dict[str, set[str]] = {
     "click": {"cli"},
     "rich": {"cli", "experiment"},
     "networkx": {"view", "compile", "nav"},
-    "msgspec": {"runtime", "sim", "experiment", "cli"},
+    "msgspec": {"execute", "runtime", "sim", "experiment", "cli"},
     "zenoh": {"runtime"},
     "mcap": {"runtime"},
     "lz4": {"runtime"},
@@ -130,3 +130,73 @@ def _loaded_by(statement: str) -> set[str]:
 )
 def test_loads_no_more_than_it_needs(statement: str, absent: set[str]) -> None:
     assert not _loaded_by(statement) & absent
+
+
+FRONT_END = {"colony.compile", "colony.dsl", "colony.verify", "lark", "z3"}
+
+CLIENT = """
+import json, runpy, sys
+from pathlib import Path
+from colony.runtime.assembly.processes import child
+sys.argv = ["child", sys.argv[1]]
+from contextlib import ExitStack
+from colony.runtime.assembly.processes.parts import nodes_of
+from colony.runtime.assembly.processes.spec import place_of, read_spec
+spec = read_spec(Path(sys.argv[1]))
+with ExitStack() as holds:
+    (node,) = nodes_of(spec.part, place_of(spec.place), None, holds)
+print(node.address, *sys.modules)
+"""
+
+
+def test_a_client_process_loads_neither_the_front_end_nor_the_compiler(tmp_path: Path) -> None:
+    """As far as its node, which is built from the file that the leader writes."""
+    from colony.compile.pipeline import compile_program
+    from colony.runtime.assembly.processes.crew import client_jobs
+    from colony.runtime.protocol.bindings import bind
+    from colony.runtime.protocol.deployment import deployment
+    from colony.runtime.transport.live.place import Local
+    from colony.runtime.transport.live.run_directory import RobotDirectory
+    from tests.runtime.programs import roam
+
+    compiled = compile_program(roam()).artifact
+    bindings = bind(compiled.robot)
+    place = Local(RobotDirectory(tmp_path, "rome"))
+    job = client_jobs(place, deployment(compiled, bindings, run="r", seed=1), compiled, bindings, tmp_path)[0]
+    done = subprocess.run(
+        [sys.executable, "-c", CLIENT, *job.arguments], capture_output=True, text=True, check=True
+    )
+    address, *loaded = done.stdout.split()
+    assert address == job.name
+    assert not {name for name in loaded if any(f"{name}.".startswith(f"{part}.") for part in FRONT_END)}
+    assert {"colony.execute.executor", "msgspec"} <= set(loaded)
+
+
+# --- circles -------------------------------------------------------------------------------------
+
+
+def _imported_at_the_top(path: Path, modules: set[str]) -> set[str]:
+    """The modules of colony that a file imports outside of functions, for type checking alone too."""
+    found: set[str] = set()
+    work: list[ast.stmt] = list(ast.parse(path.read_text()).body)
+    while work:
+        match work.pop():
+            case ast.If(body=body, orelse=orelse):
+                work += [*body, *orelse]
+            case ast.Import(names=names):
+                found |= {alias.name for alias in names}
+            case ast.ImportFrom(module=str() as module, names=names):
+                inner = {f"{module}.{alias.name}" for alias in names} & modules
+                found |= inner if len(inner) == len(names) else {module, *inner}
+            case _:
+                pass
+    return found & modules
+
+
+def test_no_modules_import_each_other_in_a_circle() -> None:
+    names = {".".join(p.relative_to(ROOT.parent).with_suffix("").parts): p for p in SOURCES}
+    names = {name.removesuffix(".__init__"): path for name, path in names.items()}
+    imports = {name: _imported_at_the_top(path, set(names)) for name, path in names.items()}
+    while leaves := {name for name, imported in imports.items() if not imported & imports.keys()}:
+        imports = {name: imported for name, imported in imports.items() if name not in leaves}
+    assert not imports, f"in circles, or importing what is: {sorted(imports)}"

@@ -28,8 +28,3 @@ def test_the_behavior_checks_and_compiles_to_what_is_shown() -> None:
 
 def test_the_first_commands_are_make_run_and_make_test() -> None:
     assert _fenced("sh").split("\n")[:2] == ["make run", "make test"]
-
-
-def test_links_lead_somewhere() -> None:
-    for target in re.findall(r"\]\(([^)#]+)\)", README):
-        assert (ROOT / target).exists(), target

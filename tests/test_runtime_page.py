@@ -173,16 +173,6 @@ def test_numbers_are_those_of_the_code(said: str, is_so: bool) -> None:
     assert is_so
 
 
-def test_links_lead_somewhere() -> None:
-    anchors = {
-        h.lower().replace(" ", "-").replace(",", "") for h in re.findall(r"^#+ (.*)$", TEXT, re.MULTILINE)
-    }
-    for target in re.findall(r"\]\(([^)]+)\)", TEXT):
-        file, _, anchor = target.partition("#")
-        assert (PAGE.parent / file).exists(), target
-        assert not anchor or file or anchor in anchors, target
-
-
 # --- what is run -----------------------------------------------------------------------------------
 
 

@@ -9,13 +9,14 @@ import click
 
 from colony.cli.exit_codes import EXIT_ERRORS, EXIT_MISUSE
 from colony.cli.outputs import check_output, write_whole
-from colony.cli.reporting import load_program, report, say
+from colony.cli.reporting import report, say
 from colony.cli.verify.prover_options import ProverSeconds
 from colony.files import read_file, reason
 from colony.verify.interruption import interruptions
 
 if TYPE_CHECKING:
-    from colony.compile.pipeline import Compiled
+    from colony.compile.pipeline import Compilation
+    from colony.execute.compiled import Compiled
     from colony.ir.program import Program
     from colony.verify.equivalence.results import Result
 
@@ -71,7 +72,11 @@ def command(
       colony compile behaviors/wander.colony
       colony compile --explain behaviors/figure_4_14.colony
       colony compile --format python behaviors/wander.colony -o wander.py
+      colony compile behaviors/wander.colony -o wander.colonyc
       colony compile --prove wander.py behaviors/wander.colony
+
+    With -o NAME.colonyc what is written is the compiled program itself, with its sources: `colony run` takes
+    it in place of FILE.
     """
     if explain and format_ != "table":
         raise click.UsageError("--explain goes with --format table", click.get_current_context())
@@ -80,59 +85,64 @@ def command(
         raise click.UsageError(message, click.get_current_context())
     if output is not None:
         check_output(output, [file])
-    program = load_program(file)
-    from colony.compile.pipeline import compile_program
+    from colony.cli.programs import compile_file
+    from colony.execute.artifact import SUFFIX, encode
 
-    compiled = compile_program(program)
+    compiled = compile_file(file)
+    program = compiled.program
     timeout_ms = round(1000 * proof_timeout)
     if existing is not None:
         with interruptions():
             result = _proof_of(existing, program, compiled, timeout_ms)
         _settle(result, program, of=existing)
         return
-    text = _text(program, compiled, format_, explain)
+    text = _text(compiled, format_, explain)
     if not no_proof:
         with interruptions():
-            result = _proof(program, compiled, format_, text, timeout_ms)
+            result = _proof(compiled, format_, text, timeout_ms)
         _settle(result, program, of=None)
     if not text.endswith("\n"):
         text += "\n"
     if output is None:
         click.echo(text, nl=False)
     else:
-        write_whole(output, text)
+        write_whole(output, encode(compiled.artifact) if output.suffix == SUFFIX else text)
 
 
-def _text(program: Program, compiled: Compiled, format_: str, explain: bool) -> str:
-    """The text of a format."""
+def _text(compiled: Compilation, format_: str, explain: bool) -> str:
+    """Return the text of a format."""
     if format_ == "python":
         from colony.compile.backends.python.generate import generate
 
-        return generate(program, compiled.clients)
+        return generate(compiled.artifact)
     if format_ == "json":
         from colony.compile.backends.json import to_json
 
-        return to_json(compiled)
+        return to_json(compiled.clients)
     from colony.compile.backends.explain import explain as explanation
     from colony.compile.backends.table import client_table
 
     return explanation(compiled) if explain else client_table(compiled)
 
 
-def _proof(program: Program, compiled: Compiled, format_: str, text: str, timeout_ms: int) -> Result:
-    """The proof of the clients, and of the form that `text` shows them in; a table shows what is executed."""
+def _proof(compiled: Compilation, format_: str, text: str, timeout_ms: int) -> Result:
+    """Prove the clients, and the form that `text` shows them in; a table shows what is executed and sent."""
     from colony.verify.equivalence.prove import prove
 
+    program = compiled.program
     if format_ == "python":
         return prove(program, compiled, python=text, timeout_ms=timeout_ms)
     if format_ == "json":
         return prove(program, compiled, json=text, timeout_ms=timeout_ms)
-    from colony.compile.lower.lower import lower
+    from colony.execute.artifact import decode, encode
 
-    return prove(program, compiled, code=lower(program, compiled.clients), timeout_ms=timeout_ms)
+    def sent() -> Compiled:
+        return decode(encode(compiled.artifact), program.robot.name)
+
+    return prove(program, compiled, sent=sent, timeout_ms=timeout_ms)
 
 
-def _proof_of(existing: Path, program: Program, compiled: Compiled, timeout_ms: int) -> Result:
+def _proof_of(existing: Path, program: Program, compiled: Compilation, timeout_ms: int) -> Result:
     """The proof of clients that are there already."""
     from colony.verify.equivalence import prove
     from colony.verify.equivalence.results import Malformed, Proved

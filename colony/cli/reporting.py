@@ -99,7 +99,11 @@ def load_program(path: str, code: int = EXIT_ERRORS) -> Program:
 
     Exits with 2 where the file cannot be read, with `code` where there are errors in it.
     """
-    checked = check_to_run(path)
+    return expect_program(check_to_run(path), code)
+
+
+def expect_program(checked: Checked, code: int = EXIT_ERRORS) -> Program:
+    """Return the program of a file that was checked; exits as `load_program`."""
     if checked.program is not None:
         return checked.program
     if is_unreadable(checked.diagnostics):

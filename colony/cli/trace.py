@@ -94,7 +94,7 @@ class _Recorded(NamedTuple):
 
     frame: Frame
     restart: bool
-    astray: bool
+    memory_unknown: bool
     keyframe: Keyframe | None
     damaged: bool
 
@@ -108,7 +108,8 @@ def _read(frames: BinaryIO, name: str, program: Program, decider: _Decider) -> I
 
         reader = read_recording(frames, name)
         for whole in reader.frames(program):
-            yield _Recorded(whole.frame, whole.restart, whole.astray, whole.keyframe, whole.damaged)
+            unknown = whole.memory_unknown
+            yield _Recorded(whole.frame, whole.restart, unknown, whole.keyframe, whole.damaged)
         decider.ends(damaged=reader.damaged, cut=reader.cut)
         return
     from colony.runtime.recordings.keyframes import read_keyframe
@@ -116,8 +117,8 @@ def _read(frames: BinaryIO, name: str, program: Program, decider: _Decider) -> I
 
     rows = Rows(bounded_lines(frames, LINE_BYTES), name, program)
     for row in rows:
-        restart, astray = row.values.get("@restart") is True, row.values.get("@skipped") is not None
-        yield _Recorded(row.frame, restart, astray, read_keyframe(row.values.get("@keyframe")), row.damaged)
+        restart, skipped = row.values.get("@restart") is True, row.values.get("@skipped") is not None
+        yield _Recorded(row.frame, restart, skipped, read_keyframe(row.values.get("@keyframe")), row.damaged)
     decider.ends(damaged=rows.damaged, cut=BREAKS_OFF if rows.broken_off else None)
 
 
@@ -145,7 +146,7 @@ class _Decider:
         self._last_ns = recorded.frame.t_ns
         if recorded.restart:
             self._executor = _executor(self._program, self._backend)
-        elif recorded.astray:
+        elif recorded.memory_unknown:
             self._executor = None
         elif self._executor is None and recorded.keyframe is not None:
             self._executor = self._resumed(recorded.keyframe)
@@ -198,11 +199,11 @@ def _executor(program: Program, backend: str) -> Executor:
         return Interpreter(program)
     from colony.compile.pipeline import compile_program
 
-    clients = compile_program(program).clients
+    compiled = compile_program(program).artifact
     if backend == "clients":
         from colony.execute.executor import ClientListExecutor
 
-        return ClientListExecutor(program, clients)
+        return ClientListExecutor(compiled)
     from colony.compile.backends.python.generate import generate, load
 
-    return load(generate(program, clients))
+    return load(generate(compiled))

@@ -17,13 +17,14 @@ class Client:
 
     `guard` and `exclusive` refer to the table of the client list; both include the module's own activity.
     `guard` is the thesis's (priority does the rest); `exclusive` holds only where the network lets the
-    module through.
+    module through. A module whose command has several ways to the actuator has the exclusive guard for both.
     """
 
     module: str
     priority: int
     guard: int
     exclusive: int
+    several_ways: bool = field(default=False, compare=False)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -14,7 +14,7 @@ from colony.record import Record, record
 
 
 @record
-class Node(Record):
+class SyntaxNode(Record):
     """A piece of text."""
 
     start: int = field(default=0, compare=False, repr=False)
@@ -22,17 +22,24 @@ class Node(Record):
 
 
 @record
-class Name(Node):
+class Name(SyntaxNode):
     """One identifier where it is declared or named."""
 
     text: str
+
+
+@record
+class Named(SyntaxNode):
+    """What has a name: its first identifier, or the one behind its keyword."""
+
+    name: Name
 
 
 # --- expressions ---------------------------------------------------------------------------------
 
 
 @record
-class ExpressionNode(Node):
+class ExpressionNode(SyntaxNode):
     """Any expression; a leaf nests 1 deep."""
 
     depth: int = field(default=1, compare=False, repr=False)
@@ -173,25 +180,29 @@ Expression = (
 
 
 @record
-class Argument(Node):
-    """`name = value`."""
+class NamedValue(Named):
+    """What gives a name a value."""
 
-    name: Name
     value: Expression
+
+
+@record
+class Argument(NamedValue):
+    """`name = value`."""
 
 
 # --- robot ---------------------------------------------------------------------------------------
 
 
 @record
-class TypeName(Node):
+class TypeName(SyntaxNode):
     """A unit as written, `bool`, `number`, or the path of an enum."""
 
     path: tuple[str, ...]
 
 
 @record
-class Range(Node):
+class Range(SyntaxNode):
     """`range low .. high`."""
 
     low: Expression
@@ -199,17 +210,16 @@ class Range(Node):
 
 
 @record
-class FrameDecl(Node):
+class FrameDecl(SyntaxNode):
     """`frame period`."""
 
     period: Expression
 
 
 @record
-class SensorDecl(Node):
+class SensorDecl(Named):
     """`sensor name[size] : type ... from server.field ...`."""
 
-    name: Name
     size: Expression | None
     type: TypeName
     range: Range | None
@@ -220,27 +230,24 @@ class SensorDecl(Node):
 
 
 @record
-class FieldDecl(Node):
+class FieldDecl(Named):
     """`name : type range ...`, in an actuator."""
 
-    name: Name
     type: TypeName
     range: Range | None
 
 
 @record
-class IdleDecl(Node):
+class IdleDecl(Named):
     """`idle hold` has no arguments; `idle drive()` has an empty tuple of them."""
 
-    name: Name
     arguments: tuple[Argument, ...] | None
 
 
 @record
-class ActuatorDecl(Node):
+class ActuatorDecl(Named):
     """`actuator name { fields } to server.command idle ... on_loss ...`."""
 
-    name: Name
     fields: tuple[FieldDecl, ...]
     server: Name
     command: Name
@@ -252,23 +259,21 @@ RobotItem = FrameDecl | SensorDecl | ActuatorDecl
 
 
 @record
-class RobotDecl(Node):
+class RobotDecl(Named):
     """`robot name { ... }`."""
 
-    name: Name
     items: tuple[RobotItem, ...]
 
 
 @record
-class EnumDecl(Node):
+class EnumDecl(Named):
     """`enum name { member = number, ... }`."""
 
-    name: Name
     members: tuple[Argument, ...]
 
 
 @record
-class ImportDecl(Node):
+class ImportDecl(SyntaxNode):
     """`import "path" as alias`."""
 
     path: str
@@ -279,40 +284,30 @@ class ImportDecl(Node):
 
 
 @record
-class ParamDecl(Node):
+class ParamDecl(NamedValue):
     """`param name = value`."""
 
-    name: Name
-    value: Expression
-
 
 @record
-class LetDecl(Node):
+class LetDecl(NamedValue):
     """`let name = value`."""
 
-    name: Name
-    value: Expression
-
 
 @record
-class StateDecl(Node):
+class StateDecl(Named):
     """`state name : type = initial`."""
 
-    name: Name
     type: TypeName | None
     initial: Expression
 
 
 @record
-class NextDecl(Node):
+class NextDecl(NamedValue):
     """`next name = value`."""
-
-    name: Name
-    value: Expression
 
 
 @record
-class TransitionDecl(Node):
+class TransitionDecl(SyntaxNode):
     """`source` is None for `any`."""
 
     source: Name | None
@@ -321,10 +316,9 @@ class TransitionDecl(Node):
 
 
 @record
-class MachineDecl(Node):
+class MachineDecl(Named):
     """`machine name { start initial ... }`."""
 
-    name: Name
     initial: Name
     transitions: tuple[TransitionDecl, ...]
 
@@ -333,7 +327,7 @@ Clause = ParamDecl | LetDecl | StateDecl | NextDecl
 
 
 @record
-class DoDecl(Node):
+class DoDecl(SyntaxNode):
     """`do actuator(field = value, ...)`."""
 
     actuator: Name
@@ -341,40 +335,38 @@ class DoDecl(Node):
 
 
 @record
-class ModuleDecl(Node):
+class ModuleDecl(Named):
     """`module name { ... when ... do ... }`."""
 
-    name: Name
     clauses: tuple[Clause, ...]
     when: Expression
     do: DoDecl | None
 
 
 @record
-class DerivedModuleDecl(Node):
+class DerivedModuleDecl(Named):
     """`module name = base(param = constant, ...)`."""
 
-    name: Name
     base: Reference
     arguments: tuple[Argument, ...]
 
 
 @record
-class ReadsDecl(Node):
+class ReadsDecl(SyntaxNode):
     """`reads name, ...`."""
 
     names: tuple[Reference, ...]
 
 
 @record
-class CommandsDecl(Node):
+class CommandsDecl(SyntaxNode):
     """`commands actuator`."""
 
     actuator: Name
 
 
 @record
-class RateDecl(Node):
+class RateDecl(SyntaxNode):
     """`rate period`."""
 
     period: Expression
@@ -384,7 +376,7 @@ PythonClause = ParamDecl | ReadsDecl | CommandsDecl | RateDecl
 
 
 @record
-class PythonModuleDecl(Node):
+class PythonModuleDecl(SyntaxNode):
     """`module name from python "path" { ... }`."""
 
     name: Name
@@ -396,7 +388,7 @@ class PythonModuleDecl(Node):
 
 
 @record
-class Link(Node):
+class Link(SyntaxNode):
     """The relation between an operand of a chain and what follows it, with its time constant."""
 
     relation: Literal["suppresses", "inhibits"]
@@ -404,7 +396,7 @@ class Link(Node):
 
 
 @record
-class Chain(Node):
+class Chain(SyntaxNode):
     """`operands[0] links[0] operands[1] links[1] ...`, as written; kept flat however long it is."""
 
     operands: tuple[Wiring, ...]
@@ -415,15 +407,14 @@ Wiring = Reference | Chain
 
 
 @record
-class WireDecl(Node):
+class WireDecl(Named):
     """`name = wiring`."""
 
-    name: Name
     wiring: Wiring
 
 
 @record
-class NetworkDecl(Node):
+class NetworkDecl(SyntaxNode):
     """`network { ... }`."""
 
     wires: tuple[WireDecl, ...]
@@ -433,7 +424,7 @@ class NetworkDecl(Node):
 
 
 @record
-class LimitDecl(Node):
+class LimitDecl(SyntaxNode):
     """`limit actuator.field <= bound when condition`."""
 
     actuator: Name
@@ -444,27 +435,26 @@ class LimitDecl(Node):
 
 
 @record
-class ContractDecl(Node):
+class ContractDecl(Named):
     """`contract name: expression`."""
 
-    name: Name
     expression: Expression
 
 
 @record
-class Missing(Node):
+class Missing(SyntaxNode):
     """`missing`, as a given value."""
 
 
 @record
-class Elements(Node):
+class Elements(SyntaxNode):
     """`[v, v, ...]`, as a given value."""
 
     values: tuple[Expression, ...]
 
 
 @record
-class GivenDecl(Node):
+class GivenDecl(SyntaxNode):
     """`sensor[index] = value`, after `given`."""
 
     sensor: Name
@@ -473,7 +463,7 @@ class GivenDecl(Node):
 
 
 @record
-class StepDecl(Node):
+class StepDecl(SyntaxNode):
     """`at first`, or `from first to last every period`."""
 
     first: Expression
@@ -484,7 +474,7 @@ class StepDecl(Node):
 
 
 @record
-class TestDecl(Node):
+class TestDecl(SyntaxNode):
     """`test "title" { ... }`."""
 
     __test__ = False  # not a test of pytest's
@@ -513,7 +503,7 @@ Declaration = (
 
 
 @record
-class File(Node):
+class File(SyntaxNode):
     """All declarations of a file, in order."""
 
     declarations: tuple[Declaration, ...]

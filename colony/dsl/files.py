@@ -9,7 +9,7 @@ from pathlib import Path
 
 from colony.dsl import ast
 from colony.dsl.parse import parse
-from colony.files import read_file, reason, size_text
+from colony.files import COMPILED, read_file, reason, size_text
 from colony.record import Record, record
 from colony.text.diagnostics import Diagnostic, error
 from colony.text.source import Source, Span
@@ -82,6 +82,9 @@ def read_source(path: Path, name: str) -> Source:
             hint = "name a file that ends in .colony"
             raise Unreadable("E001", f"cannot read `{name}`: it is a directory", hint) from problem
         raise Unreadable("E001", f"cannot read `{name}`: {reason(problem)}") from problem
+    if data.startswith(COMPILED):
+        hint = "name the file that it was compiled from; `colony run` takes both"
+        raise Unreadable("E001", f"cannot read `{name}`: it is compiled, and here its source is needed", hint)
     return decode(data, name)
 
 

@@ -6,26 +6,31 @@ from pathlib import Path
 from typing import NamedTuple
 
 from colony.dsl.check.program import check_program
-from colony.dsl.files import load_tree
+from colony.dsl.files import SourceTree, load_tree
 from colony.ir.program import Program
 from colony.text.diagnostics import Diagnostic, Failure
 
 
 class Checked(NamedTuple):
-    """What checking gives: the program where there are no errors, and everything that was found."""
+    """What checking gives: the program if there are no errors, everything that was found, and the files."""
 
     program: Program | None
     diagnostics: tuple[Diagnostic, ...]
+    tree: SourceTree
+
+
+def _checked(tree: SourceTree) -> Checked:
+    return Checked(*check_program(tree), tree)
 
 
 def check_file(path: str | Path) -> Checked:
     """Check the file at `path` with all that it imports; never raises for what is in it."""
-    return Checked(*check_program(load_tree(Path(path), str(path))))
+    return _checked(load_tree(Path(path), str(path)))
 
 
 def check_text(text: str, name: str = "<text>", directory: str | Path = ".") -> Checked:
     """Check a text; imports are relative to `directory`."""
-    return Checked(*check_program(load_tree(Path(directory) / "<text>", name, text)))
+    return _checked(load_tree(Path(directory) / "<text>", name, text))
 
 
 def load_file(path: str | Path) -> Program:

@@ -232,9 +232,15 @@ class LimitCode:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ClientCode:
-    """A client: both guards include `present`, that nothing which the module reads is missing.
+    """A client. All guards include `present`, that nothing which the module reads is missing, and `active`,
+    the module's own activity.
 
-    `active` is the module's own activity, which both guards include too.
+    Attributes:
+        guard, exclusive: its guards (see `colony.compile.clients`), simplified.
+        heard_guard, heard_exclusive: the same as its own process evaluates them: under `on_loss degrade`
+            modules whose clients are `Lost` are not active.
+        traversed: its guard before simplification.
+        several_ways: whether its command has several ways to the actuator.
     """
 
     module: str
@@ -243,8 +249,20 @@ class ClientCode:
     active: int
     guard: int
     exclusive: int
+    heard_guard: int
+    heard_exclusive: int
+    traversed: int
+    several_ways: bool
     fields: tuple[int, ...]
     span: Span
+
+    @property
+    def conditions(self) -> dict[str, int]:
+        """Its conditions by their names."""
+        return {name: getattr(self, name) for name in _CONDITIONS}
+
+
+_CONDITIONS = ("present", "active", "guard", "exclusive", "heard_guard", "heard_exclusive", "traversed")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -258,11 +276,15 @@ class ActuatorCode:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ContractCode:
-    """Broken in a frame in which `present` is true and `value` is not."""
+    """Broken in a frame in which `present` is true and `value` is not.
+
+    `traversed` is the value by the guards before simplification.
+    """
 
     name: str
     present: int
     value: int
+    traversed: int
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -298,11 +320,11 @@ def roots(code: Code, *, exclusive: bool = True) -> list[int]:
         for client in actuator.clients:
             found.extend((client.present, client.guard, *client.fields))
             if exclusive:
-                found.extend((client.exclusive, client.active))
+                found.extend(client.conditions.values())
         for limit in actuator.limits:
             found.extend((limit.applies, limit.bound))
     for contract in code.contracts:
-        found.extend((contract.present, contract.value))
+        found.extend((contract.present, contract.value, contract.traversed))
     return found
 
 

@@ -1,4 +1,4 @@
-"""Executes `Code` op by op: all clients of a program, or one client in the runtime.
+"""Executes a compiled program op by op: all of its clients, or one client in the runtime.
 
 Plain and unhurried; what is generated from the same Code (`colony.compile.backends`) is fast.
 """
@@ -8,16 +8,13 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any, Literal, NamedTuple
 
-from colony.compile.clients import ClientList
-from colony.compile.lower.lower import lower, lower_client
-from colony.compile.passes.elaborate import elaborate
-from colony.compile.passes.ways import by_several_ways
 from colony.execute.code import ActuatorCode, ClientCode, Kind, OutsideActive
+from colony.execute.compiled import Compiled
 from colony.execute.decisions import decide
 from colony.execute.machine import Machine
+from colony.execute.views import of_activity, of_client, unsimplified, whole
 from colony.ir.frame import Decision, Frame, Outcome, Record
 from colony.ir.memory import ProgramMemory
-from colony.ir.program import Program
 from colony.ir.types import ScalarValue
 
 
@@ -30,13 +27,19 @@ class ClientListExecutor:
 
     The winner is the first client whose guard holds or, if `exclusive`, the one whose exclusive guard holds.
 
+    Args:
+        compiled: the program.
+        exclusive: whether the exclusive guards decide.
+        simplified: whether simplified guards decide. By the others time constants have places in `memory`,
+            and nothing is owed to the last pass.
+
     Raises:
         Failure: a Python module's class cannot be imported or built.
         NotExclusive: in `step`, if `exclusive`, and more than one holds.
     """
 
-    def __init__(self, program: Program, clients: ClientList, *, exclusive: bool = False) -> None:
-        self.code = lower(program, clients)
+    def __init__(self, compiled: Compiled, *, exclusive: bool = False, simplified: bool = True) -> None:
+        self.code = whole(compiled.code) if simplified else unsimplified(compiled.code)
         self._machine = Machine(self.code)
         self._exclusive = exclusive
 
@@ -62,8 +65,7 @@ class ClientListExecutor:
 
     @property
     def memory(self) -> ProgramMemory | None:
-        """The memory, of a client list in which time constants have places (`pipeline.traverse`); None with
-        modules in Python, which have memory of their own."""
+        """The memory, by guards that are not simplified; None with modules in Python: they have theirs."""
         machine = self._machine
         if self.code.python:
             return None
@@ -145,13 +147,11 @@ class ClientExecutor:
         Failure: the client's own Python module cannot be imported or built.
     """
 
-    def __init__(self, program: Program, clients: ClientList, actuator: str, module: str) -> None:
-        self.code = lower_client(program, clients, actuator, module)
+    def __init__(self, compiled: Compiled, actuator: str, module: str) -> None:
+        self.code = of_client(compiled.code, actuator, module)
         self._machine = Machine(self.code)
         (self._actuator,) = self.code.actuators
         (self._client,) = self._actuator.clients
-        same = self._client.guard == self._client.exclusive
-        self._several_ways = same and by_several_ways(elaborate(program), actuator, module)
 
     @property
     def sensors(self) -> tuple[str, ...]:
@@ -200,7 +200,7 @@ class ClientExecutor:
             return "command"
         if not values[client.active]:
             return "silent"
-        return "suppressed" if values[client.guard] or self._several_ways else "inhibited"
+        return "suppressed" if values[client.guard] or client.several_ways else "inhibited"
 
     @property
     def memory(self) -> ClientMemory:
@@ -225,6 +225,31 @@ class ClientExecutor:
         machine.first_ns, machine.cells = memory.first_ns, restored
         for step in machine.python.values():
             step.due, step.pending, step.standing = memory.answers or (0, None, None)
+
+
+class ActivityExecutor:
+    """Executes the slice that tells whether a module in Python is active. Mutable: the module's memory.
+
+    Raises:
+        KeyError: there is no such module.
+        Failure: the module cannot be imported or built; so may `restart`.
+    """
+
+    def __init__(self, compiled: Compiled, module: str) -> None:
+        self._code = of_activity(compiled.code, module)
+        self.restart()
+
+    def step(self, frame: Frame) -> bool:
+        """Return whether it has a command in this frame."""
+        machine, (active,) = self._machine, self._code.contracts
+        machine.begin(frame)
+        machine.run(0, len(self._code.ops))
+        machine.commit()
+        return bool(machine.values[active.value])
+
+    def restart(self) -> None:
+        """Go on from the initial memory, with the module built anew."""
+        self._machine = Machine(self._code)
 
 
 def _restored(name: str, kind: Kind, value: object) -> float | bool | int:

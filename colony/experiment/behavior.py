@@ -1,12 +1,34 @@
-"""Behaviors by their files, compiled once a process."""
+"""Behaviors ready to be run by the thousand: compiled once a process."""
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from functools import lru_cache
 from pathlib import Path
 
+from colony.compile.backends.python.executor import PythonExecutor
+from colony.compile.backends.python.generate import generate, load
+from colony.compile.pipeline import compile_program
 from colony.dsl.load import load_file
-from colony.runtime.assembly.behavior import Behavior, behavior_from
+from colony.execute.compiled import Compiled
+from colony.ir.program import Program
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Behavior:
+    """A program, what was compiled of it, and its generated Python: `source`, and loaded.
+
+    `first` is never stepped: `executor` makes another one like it, in the initial memory.
+    """
+
+    program: Program
+    compiled: Compiled
+    source: str
+    first: PythonExecutor
+
+    def executor(self) -> PythonExecutor:
+        """Return one in the initial memory."""
+        return PythonExecutor(type(self.first.program)())
 
 
 @lru_cache(maxsize=8)
@@ -14,6 +36,17 @@ def behavior_of(path: Path) -> Behavior:
     """Load and compile a behavior.
 
     Raises:
-        Failure: it has errors, or is bound to what no server has.
+        Failure: it has errors, or a module in Python cannot be built.
     """
     return behavior_from(load_file(path))
+
+
+def behavior_from(program: Program) -> Behavior:
+    """Compile a program.
+
+    Raises:
+        Failure: a module in Python cannot be built.
+    """
+    compiled = compile_program(program).artifact
+    source = generate(compiled)
+    return Behavior(program=program, compiled=compiled, source=source, first=load(source))

@@ -123,8 +123,10 @@ class Run:
         begun: list[int] = []
         clock = VirtualClock()
         plant = Plant(self.world, clock, [self.site.elevators.advance])
+        behavior = behavior_of(self.variant.behavior)
         self.loop = Loop(
-            behavior_of(self.variant.behavior),
+            behavior.compiled,
+            behavior.executor(),
             simulated_drivers(plant, cameras=run_cameras(plant, self.site, spec.cameras, seed=seed)),
             {
                 **self.variant.scripts(

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from bisect import bisect_right
 
-from colony.sim.world.world import Pose
+from colony.nav.maps.stickrep.model import Pose
 
 
 class TruePath:

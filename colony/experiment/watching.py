@@ -7,10 +7,11 @@ from collections.abc import Sequence
 
 from colony.experiment.expected import PATIENCE
 from colony.experiment.record import MODES, Contacts, Failure, LightCount, Mode, ModeCount
+from colony.nav.maps.stickrep.model import Pose
 from colony.nav.plan.plan import Plan, Segment
 from colony.nav.shared import CEILING_LIGHT, GoalKind
 from colony.runtime.assembly.loop import Loop
-from colony.sim.world.world import Pose, World
+from colony.sim.world.world import World
 
 STUCK_NS = 60_000_000_000
 """For how long a robot may stay in one place on one goal: people stand before it for a quarter of that."""

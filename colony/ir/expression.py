@@ -17,7 +17,7 @@ from colony.text.source import NOWHERE, Span
 
 
 @record
-class Node(Record):
+class TypedNode(Record):
     """What every typed expression has."""
 
     type: Type
@@ -102,54 +102,54 @@ class Memory(Enum):
 
 
 @record
-class Constant(Node):
+class Constant(TypedNode):
     """A literal, a param or a folded constant, in base units."""
 
     value: Value
 
 
 @record
-class SensorValue(Node):
+class SensorValue(TypedNode):
     """A sensor's value in this frame (its default where it is missing and has one)."""
 
     name: str
 
 
 @record
-class DerivedValue(Node):
+class DerivedValue(TypedNode):
     """A file-level `let`, evaluated once a frame."""
 
     name: str
 
 
 @record
-class LocalValue(Node):
+class LocalValue(TypedNode):
     """A `let` of a module, by its full name `module.let`; missing where the module is silent."""
 
     name: str
 
 
 @record
-class StateValue(Node):
+class StateValue(TypedNode):
     """The old value of a state or machine: file-level `name`, or `module.name`. Never missing."""
 
     name: str
 
 
 @record
-class LoopIndex(Node):
+class LoopIndex(TypedNode):
     """The variable of an enclosing `Reduce`, as a number."""
 
     name: str
 
 
 @record
-class Now(Node):
+class Now(TypedNode):
     """Time since the first frame: nanoseconds / 1e9."""
 
 
 @record
-class Fresh(Node):
+class Fresh(TypedNode):
     """Whether a sensor is there itself (not by default), or a file-level `let` is not missing."""
 
     name: str
@@ -157,7 +157,7 @@ class Fresh(Node):
 
 
 @record
-class ValueOr(Node):
+class ValueOr(TypedNode):
     """`expression`, or `other` where `expression` reads something missing (its memory then stays)."""
 
     expression: Expression
@@ -165,7 +165,7 @@ class ValueOr(Node):
 
 
 @record
-class UnaryOperation(Node):
+class UnaryOperation(TypedNode):
     """`-x` or `not b`."""
 
     operator: Unary
@@ -173,7 +173,7 @@ class UnaryOperation(Node):
 
 
 @record
-class BinaryOperation(Node):
+class BinaryOperation(TypedNode):
     """`left operator right`; both operands are evaluated, whatever the operator."""
 
     operator: Binary
@@ -182,7 +182,7 @@ class BinaryOperation(Node):
 
 
 @record
-class Conditional(Node):
+class Conditional(TypedNode):
     """`if condition then yes else no`; the condition is a scalar, the branches may be arrays."""
 
     condition: Expression
@@ -191,7 +191,7 @@ class Conditional(Node):
 
 
 @record
-class Within(Node):
+class Within(TypedNode):
     """`operand in low .. high`, both ends in."""
 
     operand: Expression
@@ -200,7 +200,7 @@ class Within(Node):
 
 
 @record
-class Element(Node):
+class Element(TypedNode):
     """`array[index]`: the index rounded (halves to even), taken modulo the size.
 
     An index that is not finite gives NaN, or false of an array of bools.
@@ -211,7 +211,7 @@ class Element(Node):
 
 
 @record
-class Slice(Node):
+class Slice(TypedNode):
     """`array[first..last]`, both in; `indices` are the elements taken, in order, wrapped already."""
 
     array: Expression
@@ -219,7 +219,7 @@ class Slice(Node):
 
 
 @record
-class Window(Node):
+class Window(TypedNode):
     """`window(array, center, n)`: the elements round(center) - n .. round(center) + n, wrapping.
 
     A center that is not finite gives elements as in `Element`.
@@ -231,7 +231,7 @@ class Window(Node):
 
 
 @record
-class Call(Node):
+class Call(TypedNode):
     """A pure function. Of a `Slice` or `Window`, the index functions give the index in the whole array."""
 
     function: Function
@@ -239,7 +239,7 @@ class Call(Node):
 
 
 @record
-class Reduce(Node):
+class Reduce(TypedNode):
     """`function(body for variable in low .. high [if condition])`, both ends in; nothing if low > high.
 
     `function` is one of REDUCTIONS. Memory inside body and condition is separate for each value of the
@@ -255,7 +255,7 @@ class Reduce(Node):
 
 
 @record
-class MemoryCall(Node):
+class MemoryCall(TypedNode):
     """A memory function; `cell` is unique to this call in the program.
 
     Arguments by function: PREVIOUS (e, initial), CHANGED (e), RISING FALLING ELAPSED (b), HELD (b),
@@ -273,7 +273,7 @@ class MemoryCall(Node):
 
 
 @record
-class SentField(Node):
+class SentField(TypedNode):
     """The value sent in a field of an actuator, after limits and clamping, in base units.
 
     Missing in a frame in which nothing was sent (`idle hold`, not commanded).
@@ -284,7 +284,7 @@ class SentField(Node):
 
 
 @record
-class WonBy(Node):
+class WonBy(TypedNode):
     """Whether `module` is the actuator's winner in this frame."""
 
     actuator: str
@@ -292,21 +292,21 @@ class WonBy(Node):
 
 
 @record
-class IsCommanded(Node):
+class IsCommanded(TypedNode):
     """Whether a module's command was sent (a winner whose command is not finite sends the idle one)."""
 
     actuator: str
 
 
 @record
-class IsIdle(Node):
+class IsIdle(TypedNode):
     """Not commanded."""
 
     actuator: str
 
 
 @record
-class IsActive(Node):
+class IsActive(TypedNode):
     """Whether a module or wire puts a command on its output in this frame."""
 
     name: str

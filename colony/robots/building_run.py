@@ -7,17 +7,15 @@ from collections.abc import Callable
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
-from colony.compile.pipeline import compile_program
+from colony.execute.compiled import Compiled
 from colony.experiment.expected import longest_ns
 from colony.experiment.variants import OURS
-from colony.ir.program import Program
 from colony.nav.maps.stickrep.model import Map
 from colony.nav.maps.stickrep.reader import load_map
 from colony.nav.maps.walls import walls_of
 from colony.robots.recording import RunRecording, is_mcap, recording_into
 from colony.robots.request import Attendant, Driven, Misuse, RunRequest
-from colony.runtime.assembly.nodes import places_of
-from colony.runtime.assembly.virtual import Session
+from colony.runtime.assembly.virtual import VirtualSession
 from colony.runtime.observe.observer import FrameLog
 from colony.runtime.observe.summary import Tally, Travel
 from colony.runtime.transport.virtual import VirtualClock
@@ -28,7 +26,7 @@ if TYPE_CHECKING:
     from colony.robots.mission import Mission
 
 
-def run_in_building(program: Program, request: RunRequest, attendant: Attendant) -> Driven:
+def run_in_building(compiled: Compiled, request: RunRequest, attendant: Attendant) -> Driven:
     """Run a program to the end, or until it is interrupted; what came of it, and of the way, if any.
 
     Raises:
@@ -41,13 +39,11 @@ def run_in_building(program: Program, request: RunRequest, attendant: Attendant)
         from colony.robots.way import way_of
 
         mission = Mission(way_of(request), request)
-    clients = compile_program(program).clients
     clock = VirtualClock()
     floors, plant, path = _building(request, mission, clock)
-    tally = Tally(program, places_of(program, clients))
-    session = Session(
-        program,
-        clients,
+    tally = Tally(compiled)
+    session = VirtualSession(
+        compiled,
         simulated_drivers(plant, cameras=None if mission is None else mission.cameras(plant)),
         clock=clock,
         seed=request.seed,
@@ -58,9 +54,7 @@ def run_in_building(program: Program, request: RunRequest, attendant: Attendant)
     )
     recording = None
     if request.record is not None:
-        recording = recording_into(
-            request.record, request.file, program, clients, seed=request.seed, report=attendant.report
-        )
+        recording = recording_into(request.record, compiled, seed=request.seed)
         session.add(recording)
     interrupted = _run(session, request, attendant, mission, recording)
     summary = tally.summary(
@@ -94,7 +88,7 @@ def _building(
 
 
 def _run(
-    session: Session,
+    session: VirtualSession,
     request: RunRequest,
     attendant: Attendant,
     mission: Mission | None,

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from colony.compile.pipeline import Compiled
+from colony.compile.pipeline import Compilation
 from colony.ir.frame import Decision, Frame, Outcome
 from colony.robots.scripted import ScriptedRobot
 from colony.runtime.assembly.virtual import RUN
@@ -31,17 +31,16 @@ class VirtualExecutor:
         Undecided: in `step`, where the runtime does not decide a frame, or its monitor finds something wrong.
     """
 
-    def __init__(self, compiled: Compiled, *, seed: int = 0) -> None:
-        self._compiled, self._seed = compiled, seed
-        self._actuators = tuple(a.name for a in compiled.program.robot.actuators)
+    def __init__(self, compilation: Compilation, *, seed: int = 0) -> None:
+        self._compiled, self._seed = compilation.artifact, seed
+        self._actuators = tuple(a.name for a in self._compiled.robot.actuators)
         self._begin()
 
     def _begin(self) -> None:
         self._frame = Frame(0, {})
         self._clock = VirtualClock()
         self._robot = ScriptedRobot(
-            self._compiled.program,
-            self._compiled.clients,
+            self._compiled,
             lambda tick: self._frame.readings,
             clock=self._clock,
             seed=self._seed,

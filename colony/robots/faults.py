@@ -14,7 +14,8 @@ from dataclasses import dataclass, field, replace
 from functools import partial
 from random import Random
 
-from colony.compile.pipeline import Compiled
+from colony.compile.pipeline import Compilation
+from colony.execute.compiled import Compiled
 from colony.ir.frame import Decision, Frame, Outcome, Reading
 from colony.ir.program import Actuator, Program
 from colony.ir.types import ScalarValue
@@ -33,23 +34,21 @@ FRAMES = 24
 QUIET = 4
 
 
-def with_faults(compiled: Compiled, trace: Sequence[Frame], seed: int) -> Disagreement | None:
+def with_faults(compilation: Compilation, trace: Sequence[Frame], seed: int) -> Disagreement | None:
     """Run a program over the readings of `trace`, again and again, with faults from `seed`.
 
     Frames are longer than the program says, so that losses show within a few of them.
     """
     random = Random(seed)
     frame_ns = random.choice((250, 250, 100)) * MS
-    program = compiled.program
-    program = replace(program, robot=replace(program.robot, frame_ns=frame_ns))
-    stage = _Stage(replace(compiled, program=program), trace, seed, random)
+    stage = _Stage(replace(compilation.artifact, frame_ns=frame_ns), trace, seed, random)
     try:
         stage.run()
     except Exception as raised:  # whatever a process raises is what it is tested for
         frame = Frame(stage.now_ns, {})
         found = f"a process raised {type(raised).__name__}: {raised}"
         return Disagreement(executor="", trace=(frame,), expected=Outcome(()), found=found)
-    return _judged(program, stage)
+    return _judged(compilation.program, stage)
 
 
 # --- the run ---------------------------------------------------------------------------------------
@@ -78,14 +77,13 @@ class _Stage:
     """One run. Mutable: the processes that live, and what was seen of them."""
 
     def __init__(self, compiled: Compiled, trace: Sequence[Frame], seed: int, random: Random) -> None:
-        self._frame_ns = compiled.program.robot.frame_ns
+        self._frame_ns = compiled.frame_ns
         self._faulty_ns = (FRAMES - QUIET) * self._frame_ns
         self.seen = _Seen()
         self._clock = VirtualClock()
         self._faults = self._link(seed, random)
         self.robot = ScriptedRobot(
-            compiled.program,
-            compiled.clients,
+            compiled,
             lambda tick: trace[tick.k % len(trace)].readings,
             clock=self._clock,
             seed=seed,

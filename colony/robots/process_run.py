@@ -13,20 +13,20 @@ from pathlib import Path
 from tempfile import mkdtemp
 from typing import TYPE_CHECKING
 
-from colony.compile.pipeline import compile_program
-from colony.ir.program import Program
+from colony.execute.compiled import Compiled
+from colony.ir.program import Robot
 from colony.os_errors import naming
 from colony.robots.finding import running_robots, session_with
 from colony.robots.recording import RunRecording, recording_into
 from colony.robots.request import Arrival, Attendant, BrokenOff, Driven, Misuse, RunRequest
-from colony.runtime.assembly.nodes import build_observer, members, places_of
+from colony.runtime.assembly.nodes import build_observer
 from colony.runtime.assembly.processes.children import Job
-from colony.runtime.assembly.processes.compiled import Compiled
 from colony.runtime.assembly.processes.crew import client_jobs, expect_room, fresh_folder, keep_logs
 from colony.runtime.assembly.processes.leader import Standings
 from colony.runtime.assembly.processes.run import LedRun, RunFailed
 from colony.runtime.assembly.processes.window import Window
 from colony.runtime.observe.summary import RunSummary, Tally, Travel
+from colony.runtime.protocol.bindings import bind
 from colony.runtime.protocol.deployment import deployment
 from colony.runtime.protocol.fields import DSERVER, SERVERS, ServerSpec
 from colony.runtime.protocol.topics import CLOCK
@@ -41,7 +41,7 @@ PLANT_S = 120.0
 """For how long the simulator may take to start: once, where nothing is kept of it, it is compiled."""
 
 
-def run_here(program: Program, place: Local, request: RunRequest, attendant: Attendant) -> Driven:
+def run_here(compiled: Compiled, place: Local, request: RunRequest, attendant: Attendant) -> Driven:
     """Run a program on a simulated robot: servers, clients and the plant are started, and end with the run.
 
     Raises:
@@ -55,7 +55,7 @@ def run_here(program: Program, place: Local, request: RunRequest, attendant: Att
 
     assert request.map_path is not None
     way = _way_here(request) if request.goal is not None else None
-    run = _Run(program, place, request, attendant, way)
+    run = _Run(compiled, place, request, attendant, way)
     looking = dict(request.cameras)
     if way is not None:
         from colony.experiment.variants import CEILING_CAMERA
@@ -86,7 +86,7 @@ def run_here(program: Program, place: Local, request: RunRequest, attendant: Att
     return Driven(run.summary(interrupted, travel), arrival, (building,), {building.name: truth.places})
 
 
-def run_there(program: Program, place: Place, request: RunRequest, attendant: Attendant) -> Driven:
+def run_there(compiled: Compiled, place: Place, request: RunRequest, attendant: Attendant) -> Driven:
     """Run a program on a robot whose servers run already, here or behind a gateway.
 
     Raises:
@@ -104,7 +104,7 @@ def run_there(program: Program, place: Place, request: RunRequest, attendant: At
         from colony.robots.way import way_of
 
         way = way_of(request)
-    run = _Run(program, place, request, attendant, way)
+    run = _Run(compiled, place, request, attendant, way)
     with run.led() as led:
         with _in_folder(place, run.folder):
             jobs = run.client_jobs()
@@ -133,29 +133,27 @@ class _Run:
     """What both ways have in common. Mutable: what was seen of the run."""
 
     def __init__(
-        self, program: Program, place: Place, request: RunRequest, attendant: Attendant, way: Way | None
+        self, compiled: Compiled, place: Place, request: RunRequest, attendant: Attendant, way: Way | None
     ) -> None:
         self._place = place
         self._request = request
         self._attendant = attendant
         self._way = way
         self._mission: LiveMission | None = None
-        self._compiled = Compiled(program, compile_program(program).clients, _more_servers(program, place))
-        self._bindings = self._compiled.bindings()
-        self._both = (program, self._compiled.clients)
+        self._compiled, more = compiled, _more_servers(compiled.robot, place)
+        self._bindings = bind(compiled.robot, (*SERVERS, *more))
         self._deployed = deployment(
-            *self._both,
+            compiled,
             self._bindings,
             run=f"{time.strftime('%Y%m%d-%H%M%S')}-{os.getpid()}",
             seed=request.seed,
-            announced=members(*self._both).announced,
-            servers=tuple(server.name for server in self._compiled.servers),
+            servers=tuple(server.name for server in more),
         )
-        self._tally = Tally(program, places_of(*self._both))
+        self._tally = Tally(compiled)
         self._standings = Standings(self._deployed, file=os.path.abspath(request.file))
         self._window = Window(
             request.length_ns,
-            frame_ns=program.robot.frame_ns,
+            frame_ns=compiled.frame_ns,
             sinks=(self._tally, self._standings, attendant.progress(request.length_ns)),
         )
         self._folder: Path | None = None
@@ -196,7 +194,7 @@ class _Run:
     def client_jobs(self) -> tuple[Job, ...]:
         """How its clients are started; modules in Python are looked for where this process looks for them."""
         search = (str(Path(self._request.file).resolve().parent), os.getcwd())
-        return client_jobs(self._place, self._deployed, self._compiled, self.folder, search)
+        return client_jobs(self._place, self._deployed, self._compiled, self._bindings, self.folder, search)
 
     def follow(self, led: LedRun, *, meanwhile: Callable[[], object] = lambda: None) -> bool:
         """Lead it to its end, or to that of its way; whether it was interrupted before."""
@@ -244,10 +242,9 @@ class _Run:
         return replace(found, broke_off=self._broke_off)
 
     def _lead(self) -> LedRun:
-        program, _ = self._both
         recorded = self._request.record is not None
         observer = build_observer(
-            program, self._bindings, (self._window,), self._deployed.run, requests=recorded
+            self._compiled, self._bindings, (self._window,), self._deployed.run, requests=recorded
         )
         servers = dict.fromkeys([CLOCK, DSERVER.name, *(b.server for b in self._bindings.actuators)])
         return LedRun(
@@ -279,15 +276,7 @@ class _Run:
 
     def _begin_recording(self, path: str) -> RunRecording:
         run, started = self._deployed.run, time.strftime("%Y-%m-%dT%H:%M:%S%z")
-        return recording_into(
-            path,
-            self._request.file,
-            *self._both,
-            seed=self._request.seed,
-            report=self._attendant.report,
-            run=run,
-            started=started,
-        )
+        return recording_into(path, self._compiled, seed=self._request.seed, run=run, started=started)
 
 
 def _in_folder(place: Place, folder: Path) -> AbstractContextManager[None]:
@@ -295,11 +284,11 @@ def _in_folder(place: Place, folder: Path) -> AbstractContextManager[None]:
     return in_run_directory(folder) if isinstance(place, Local) else naming(folder)
 
 
-def _more_servers(program: Program, place: Place) -> tuple[ServerSpec, ...]:
+def _more_servers(robot: Robot, place: Place) -> tuple[ServerSpec, ...]:
     """Those that sensors of the program read besides what every robot has, as they describe themselves; what
     does not run, or does not, is left out."""
     known = {server.name for server in SERVERS}
-    wanted = dict.fromkeys(s.server for s in program.robot.sensors if s.server not in known)
+    wanted = dict.fromkeys(s.server for s in robot.sensors if s.server not in known)
     if not wanted:
         return ()
     from colony.runtime.kit.description import describe, server_spec

@@ -1,4 +1,4 @@
-"""The files of modules in Python that a program uses, with those that they import, for a recording.
+"""The files of modules in Python that a program uses, with those that they import.
 
 What is installed (the standard library, packages) is left out. Nothing is imported to find them.
 """
@@ -11,8 +11,8 @@ from collections.abc import Callable, Iterable, Iterator
 from importlib.machinery import ModuleSpec, PathFinder
 from pathlib import Path
 
+from colony.execute.compiled import SourceFile
 from colony.files import read_file, reason
-from colony.runtime.recordings.recorded import SourceFile
 
 SOURCE_BYTES = 4 * 1024 * 1024
 """Largest file of a module in Python that goes into a recording."""

@@ -8,48 +8,32 @@ from pathlib import Path
 
 from colony.dsl.check.program import check_program
 from colony.dsl.files import SourceTree, load_tree
+from colony.execute.compiled import SourceFile
 from colony.ir.program import Program, PythonModule
 from colony.os_errors import naming
 from colony.robots.python_sources import python_sources
-from colony.runtime.recordings.recorded import RunInfo, SourceFile
+from colony.runtime.recordings.recorded import RunInfo
 from colony.text.diagnostics import Diagnostic, Failure, error, has_errors, headline
 from colony.text.source import Source, Span
 
 
 def program_sources(
-    path: str, program: Program, report: Callable[[str], None] = lambda text: None
+    path: str, program: Program, tree: SourceTree, report: Callable[[str], None] = lambda text: None
 ) -> tuple[str, tuple[SourceFile, ...]]:
-    """Return the place of the file that was run, and all files that `program` was made of.
+    """Return the place of the file at `path`, and all files that `program` was made of.
 
-    Places are relative to the folder that has all of them. Texts are those that were checked, whatever has
-    become of the files since. `report` is told of modules in Python that cannot be read, which are left out.
+    Places are relative to the folder that has all of them. `report` is told of modules in Python that cannot
+    be read, which are left out.
     """
-    texts = _texts(program)
-    tree = load_tree(Path(path), path, texts.get(path))
     places = _places(path, tree)
     base = os.path.commonpath([os.path.dirname(place) for place in places.values()]) if places else "."
     root, sources = "", []
     for file in tree.files:
         place = Path(os.path.relpath(places[file.key], base)).as_posix()
         root = place if file.is_root else root
-        text = texts.get(file.source.name, file.source.text)
-        sources.append(SourceFile(kind="behavior", place=place, data=text.encode()))
+        sources.append(SourceFile(kind="behavior", place=place, data=file.source.text.encode()))
     modules = (m.module_path for m in program.modules if isinstance(m, PythonModule))
     return root, (*sources, *python_sources(modules, report))
-
-
-def _texts(program: Program) -> dict[str, str]:
-    """The texts that the parts of a program are from, by the name of the file."""
-    parts = (
-        program.robot,
-        *program.derived,
-        *program.modules,
-        *program.wires,
-        *program.limits,
-        *program.contracts,
-        *program.tests,
-    )
-    return {part.span.source.name: part.span.source.text for part in parts}
 
 
 def _places(path: str, tree: SourceTree) -> dict[str, str]:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -12,8 +11,7 @@ from colony.os_errors import limit_advice
 from colony.robots.request import Misuse
 
 if TYPE_CHECKING:
-    from colony.compile.clients import ClientList
-    from colony.ir.program import Program
+    from colony.execute.compiled import Compiled
     from colony.runtime.observe.observer import FrameLog
     from colony.runtime.recordings.lines import Recording
     from colony.runtime.recordings.mcap_writer import McapRecording
@@ -89,18 +87,15 @@ def _cannot_write(path: str, why: str) -> Misuse:
 
 def recording_into(
     path: str,
-    file: str,
-    program: Program,
-    clients: ClientList,
+    compiled: Compiled,
     *,
     seed: int,
-    report: Callable[[str], None],
     run: str = "",
     started: str = "",
 ) -> RunRecording:
-    """Return a sink that records a run of the behavior `file` into `path`.
+    """Return a sink that records a run into `path`.
 
-    `run` names a run on a real robot, `started` when it was; `report` is told of sources that are left out.
+    `run` names a run on a real robot, `started` when it was.
 
     Raises:
         Misuse: the file cannot be written, or another run is recording into it.
@@ -110,24 +105,22 @@ def recording_into(
         if not is_mcap(path):
             from colony.runtime.recordings.lines import Recording
 
-            return RunRecording(Recording(program, opened), path)
-        from colony.robots.recorded_program import program_sources
+            return RunRecording(Recording(compiled, opened), path)
         from colony.runtime.recordings.mcap_writer import McapRecording
-        from colony.runtime.recordings.recorded import RunInfo, places
+        from colony.runtime.recordings.recorded import RunInfo
 
-        root, sources = program_sources(file, program, report)
         info = RunInfo(
-            robot=program.robot.name,
-            frame_ns=program.robot.frame_ns,
+            robot=compiled.name,
+            frame_ns=compiled.frame_ns,
             seed=seed,
             version=__version__,
-            clients=places(clients),
-            program=root,
-            sources=sources,
+            clients=compiled.clients,
+            program=compiled.root,
+            sources=compiled.sources,
             run=run,
             started=started,
         )
-        return RunRecording(McapRecording(program, info, opened), path)
+        return RunRecording(McapRecording(compiled, info, opened), path)
     except BlockingIOError:
         raise _cannot_write(path, "another run is recording into it") from None
     except OSError as problem:

@@ -11,9 +11,9 @@ from collections.abc import Callable, Iterator, Mapping
 from functools import partial
 from typing import NamedTuple
 
-from colony.compile.clients import ClientList
+from colony.execute.compiled import Compiled
 from colony.ir.frame import Reading
-from colony.ir.program import Program
+from colony.ir.program import Robot
 from colony.ir.types import ScalarValue
 from colony.runtime.arbitration.arbiter import Dispatch, declared_units, timing
 from colony.runtime.assembly.virtual import Builders, VirtualRobot
@@ -142,8 +142,7 @@ class ScriptedRobot(VirtualRobot):
 
     def __init__(
         self,
-        program: Program,
-        clients: ClientList,
+        compiled: Compiled,
         readings: Readings,
         *,
         clock: VirtualClock,
@@ -153,7 +152,7 @@ class ScriptedRobot(VirtualRobot):
     ) -> None:
         self.sent: list[Sent] = []
         self.log = Log()
-        bindings, store = _bindings(program), MemoryStore()
+        bindings, store = _bindings(compiled.robot), MemoryStore()
 
         def servers(deployed: Deployment, keep: int) -> Builders:
             builders: dict[str, Callable[[], Node]] = {
@@ -167,8 +166,7 @@ class ScriptedRobot(VirtualRobot):
 
         sinks = (self.log,)
         super().__init__(
-            program,
-            clients,
+            compiled,
             bindings,
             servers,
             clock=clock,
@@ -179,9 +177,8 @@ class ScriptedRobot(VirtualRobot):
         )
 
 
-def _bindings(program: Program) -> Bindings:
+def _bindings(robot: Robot) -> Bindings:
     """Sensors go by turns to the servers that have them, in their declared units."""
-    robot = program.robot
     return Bindings(
         sensors=tuple(
             SensorBinding(

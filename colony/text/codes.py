@@ -2,8 +2,9 @@
 
 Codes are stable: a code keeps its meaning, and one that is given up is not used again. `docs/errors.md`
 tells of each when it occurs and how to mend it. M is about maps, F about the frames of a trace, R about
-binding a program to a robot, P about modules written in Python, T about what tests found, A about recordings
-to be audited, V about what proofs found. The front end's own are in `colony.dsl.errors`.
+binding a program to a robot, P about modules written in Python, T about what tests found, C about compiled
+programs, A about recordings to be audited, V about what proofs found. The front end's own are in
+`colony.dsl.errors`.
 """
 
 from __future__ import annotations
@@ -60,6 +61,7 @@ CODES: dict[str, str] = {
     "T002": "an expectation says nothing",
     "T003": "a contract is broken in a test",
     "T004": "an element is set of an array that is missing",
+    "C001": "a compiled program cannot be run",
     "A001": "the recording cannot be read",
     "A002": "the file is no recording of a run",
     "A003": "there is nothing to audit in a recording",

@@ -13,7 +13,7 @@ from pathlib import Path
 import zenoh
 
 from colony.runtime.kit.connection import Session
-from colony.runtime.transport.live.network import Network
+from colony.runtime.transport.live.network import ZenohSession
 from colony.runtime.transport.live.place import Credentials, local
 from colony.runtime.transport.live.security import Permission
 from tests.cli.machine import MAP, ROBOT, Machine, children_of, until
@@ -89,7 +89,7 @@ class Witness:
 
     def __init__(self, machine: Machine) -> None:
         self.got: list[tuple[str, str]] = []
-        self._network = Network.open(local(ROBOT, machine.environment))
+        self._network = ZenohSession.open(local(ROBOT, machine.environment))
         session = self._network.session
         session.declare_subscriber("**", zenoh.handlers.Callback(self._put, indirect=False))
         session.declare_queryable("**", zenoh.handlers.Callback(self._query, indirect=False))

@@ -10,7 +10,7 @@ from contextlib import contextmanager
 import pytest
 
 from colony.runtime.library import robot
-from colony.runtime.transport.live.network import Network
+from colony.runtime.transport.live.network import ZenohSession
 from colony.runtime.transport.live.place import Remote
 from tests.attack.flood import KINDS, Kind, flood
 from tests.attack.lab import Lab
@@ -25,7 +25,7 @@ STOPS = 5
 def _losses(lab: Lab) -> Iterator[list[str]]:
     """The servers that the gateway lost until the end of the block."""
     remote = Remote(robot=ROBOT, endpoint=lab.endpoint, credentials=lab.authority.user("reader"))
-    with Network.open(remote) as network:
+    with ZenohSession.open(remote) as network:
         until(lambda: "RServer" in network.alive(), "the gateway has found the server")
         lost: list[str] = []
         network.watch(lambda address, present: None if present else lost.append(address))

@@ -13,6 +13,7 @@ from typing import Any
 import pytest
 
 from colony.cli.main import main
+from colony.compile.lower.lower import lower
 from colony.compile.pipeline import compile_program
 from colony.dsl.load import check_file, load_file
 from colony.execute.executor import ClientListExecutor
@@ -59,7 +60,7 @@ def test_checks_without_a_word(file: Path) -> None:
 
 @every_file
 def test_asks_for_nothing_that_no_server_has(file: Path) -> None:
-    bind(load_file(file))
+    bind(load_file(file).robot)
 
 
 @every_file
@@ -98,7 +99,10 @@ def test_contracts_hold_and_the_clients_agree_on_random_frames(file: Path) -> No
     program = load_file(file)
     clients = compile_program(program).clients
     reference = Interpreter(program)
-    compiled = ClientListExecutor(program, clients), ClientListExecutor(program, clients, exclusive=True)
+    compiled = (
+        ClientListExecutor(lower(program, clients)),
+        ClientListExecutor(lower(program, clients), exclusive=True),
+    )
     for frame in random_frames(program, seed=414, count=250):
         outcome = reference.step(frame)
         assert outcome.breaches == (), f"at {frame.t_ns} ns"

@@ -4,13 +4,15 @@ from __future__ import annotations
 
 import io
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import closing
 from pathlib import Path
 from typing import NamedTuple
 
 import pytest
 
 from colony.cli.main import main
+from tests.cli.machine import Machine
 
 
 class Ran(NamedTuple):
@@ -40,6 +42,15 @@ def colony(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], 
         return Ran(stopped.value.code, captured.out, captured.err)
 
     return run
+
+
+@pytest.fixture
+def machine(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Machine]:
+    """A machine whose environment is that of this process, too."""
+    with closing(Machine(tmp_path)) as made:
+        for name in ("COLONY_RUN_DIR", "XDG_STATE_HOME"):
+            monkeypatch.setenv(name, made.environment[name])
+        yield made
 
 
 @pytest.fixture

@@ -273,12 +273,13 @@ def test_the_same_seed_gives_the_same_recording(recorded: Callable[..., Ran]) ->
 
 def test_texts_are_those_that_were_run(colony: Colony, behavior: Path) -> None:
     """A file that is saved after it was checked, and before the recording begins, is not recorded."""
-    from colony.dsl.load import load_file
+    from colony.dsl.load import check_file
     from colony.robots.recorded_program import program_sources
 
-    text, program = behavior.read_text(), load_file(behavior)
+    text, checked = behavior.read_text(), check_file(behavior)
     behavior.write_text("# gone")
-    root, (source,) = program_sources(str(behavior), program)
+    assert checked.program is not None
+    root, (source,) = program_sources(str(behavior), checked.program, checked.tree)
     assert (root, source.place, source.data.decode()) == ("b.colony", "b.colony", text)
 
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
@@ -16,13 +15,6 @@ from tests.paths import ROOT
 DRIVING = [f for f in sorted((ROOT / "behaviors").glob("*.colony")) if load_file(f).wires]
 SETTINGS = {"teleop": ("--set", "TeleopVelocity=200")}
 SEED = 1
-
-
-@pytest.fixture
-def machine(tmp_path: Path) -> Iterator[Machine]:
-    made = Machine(tmp_path)
-    yield made
-    made.close()
 
 
 def test_most_of_them_drive() -> None:

@@ -2,9 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from pathlib import Path
-
 import pytest
 
 from colony.cli.run.options import BadOption, cameras
@@ -45,15 +42,6 @@ def test_hazards_are_of_the_building(colony: Colony) -> None:
     refused = colony("serve", "PServer", "--robot", "r", "--hazards", "1")
     assert refused.code == 2
     assert "--hazards goes with Simulator or all, not with PServer" in refused.err
-
-
-@pytest.fixture
-def machine(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Machine]:
-    made = Machine(tmp_path)
-    for name in ("COLONY_RUN_DIR", "XDG_STATE_HOME"):
-        monkeypatch.setenv(name, made.environment[name])
-    yield made
-    made.close()
 
 
 def test_a_server_shows_the_ceiling_above_the_robot(machine: Machine) -> None:

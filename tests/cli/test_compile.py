@@ -9,6 +9,7 @@ from typing import Any
 
 import pytest
 
+from tests.buildings import BEHAVIORS, MAPS
 from tests.cli.conftest import Colony
 from tests.verify.testing.seeded_bugs import BUGS
 
@@ -152,3 +153,28 @@ def test_a_proof_timeout_that_is_no_time_is_refused(colony: Colony, behavior: Pa
 def test_a_proof_goes_with_no_format(colony: Colony, behavior: Path) -> None:
     assert colony("compile", "--prove", behavior, "--format", "json", behavior).code == 2
     assert colony("compile", "--prove", "none.json", behavior).code == 2
+
+
+# --- compiled programs -------------------------------------------------------------------------------
+
+
+def test_a_compiled_program_runs_as_its_behavior_does_and_its_recording_is_audited(colony: Colony) -> None:
+    wander = BEHAVIORS / "wander.colony"
+    assert colony("compile", wander, "-o", "wander.colonyc").code == 0
+    options = ("--map", MAPS / "loop.stickrep", "--duration", "1", "--no-picture", "--record")
+    ran = colony("run", "wander.colonyc", *options, "sent.mcap")
+    assert ran.code == 0, ran.err
+    assert colony("audit", "sent.mcap").code == 0
+    assert colony("run", wander, *options, "here.mcap").out == ran.out.replace("sent.mcap", "here.mcap")
+    assert Path("sent.mcap").read_bytes() == Path("here.mcap").read_bytes()
+
+
+@pytest.mark.parametrize("command", ["check", "verify", "test", "graph", "compile"])
+def test_commands_that_need_the_source_say_so(colony: Colony, behavior: Path, command: str) -> None:
+    assert colony("compile", behavior, "-o", "b.colonyc", "--no-proof").code == 0
+    code, _, err = colony(command, "b.colonyc")
+    assert code == 2
+    (line,) = err.splitlines()
+    assert "b.colonyc" in line
+    assert "error[E001]" in line
+    assert "its source is needed" in line

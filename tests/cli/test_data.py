@@ -4,24 +4,12 @@ from __future__ import annotations
 
 import json
 import signal
-from collections.abc import Iterator
-from pathlib import Path
 
 import pytest
 
 from colony.runtime.library import data
 from tests.cli.conftest import Colony
 from tests.cli.machine import ROBOT, Machine, Started, until
-
-
-@pytest.fixture
-def machine(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Machine]:
-    """A machine whose environment is that of this process, too."""
-    made = Machine(tmp_path)
-    for name in ("COLONY_RUN_DIR", "XDG_STATE_HOME"):
-        monkeypatch.setenv(name, made.environment[name])
-    yield made
-    made.close()
 
 
 @pytest.fixture

@@ -8,7 +8,7 @@ import shutil
 import signal
 from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor
-from contextlib import ExitStack
+from contextlib import ExitStack, closing
 from pathlib import Path
 
 import pytest
@@ -35,9 +35,8 @@ def disk(tmp_path: Path) -> Iterator[SmallDisk]:
 @pytest.fixture
 def machine(tmp_path: Path, disk: SmallDisk) -> Iterator[Machine]:
     """A machine whose programs have the disk."""
-    made = Machine(tmp_path, disk.inside)
-    yield made
-    made.close()
+    with closing(Machine(tmp_path, disk.inside)) as made:
+        yield made
 
 
 # --- the run directory ---------------------------------------------------------------------------
@@ -46,9 +45,8 @@ def machine(tmp_path: Path, disk: SmallDisk) -> Iterator[Machine]:
 @pytest.fixture
 def cramped(tmp_path: Path, disk: SmallDisk) -> Iterator[Machine]:
     """A machine that has its run directory on the disk."""
-    made = Machine(tmp_path, disk.inside, COLONY_RUN_DIR=str(disk.path / "r"))
-    yield made
-    made.close()
+    with closing(Machine(tmp_path, disk.inside, COLONY_RUN_DIR=str(disk.path / "r"))) as made:
+        yield made
 
 
 def directory(disk: SmallDisk) -> RobotDirectory:

@@ -4,8 +4,6 @@ from __future__ import annotations
 
 import json
 import signal
-from collections.abc import Iterator
-from pathlib import Path
 
 import pytest
 
@@ -15,16 +13,6 @@ from tests.cli.conftest import Colony
 from tests.cli.machine import MAP, ROBOT, WANDER, Machine, Started, children_of, lives, status, until
 
 SERVERS = {"Clock", "RServer", "PServer", "DServer", "Runtime"}
-
-
-@pytest.fixture
-def machine(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Machine]:
-    """A machine whose environment is that of this process, too."""
-    made = Machine(tmp_path)
-    for name in ("COLONY_RUN_DIR", "XDG_STATE_HOME"):
-        monkeypatch.setenv(name, made.environment[name])
-    yield made
-    made.close()
 
 
 @pytest.fixture

@@ -7,8 +7,7 @@ and reads well. After a change on purpose: `python -m tests.compile.test_whole_c
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from dataclasses import fields
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -20,39 +19,20 @@ from colony.compile.backends.json import to_json
 from colony.compile.backends.python.generate import generate
 from colony.compile.backends.table import client_table
 from colony.compile.clients import ClientList
-from colony.compile.lower.lower import lower, lower_client
+from colony.compile.lower.lower import lower
 from colony.compile.pipeline import compile_program
 from colony.dsl.load import load_text
 from colony.execute.code import Code
+from colony.execute.views import of_client, whole
 from colony.ir.program import Program
 from colony.verify.testing.agreement import client_disagreement, disagreement
 from colony.verify.testing.strategies import traces
+from tests.compile.listing import listing
 
 LONGEST = 1000
 """Programs with more ops are not listed op by op."""
 
 CASES = sorted((Path(__file__).parent / "cases" / "code").glob("*.colony"))
-
-
-def listing(code: Code) -> Iterator[str]:
-    """A line for every op, and for all else that a Code has."""
-    for at, (op, kind) in enumerate(zip(code.ops, code.kinds, strict=True)):
-        yield f"{at:4} {kind.value:6} {op!r}{'  # ' + code.names[at] if at in code.names else ''}"
-    for field in fields(code):
-        value = getattr(code, field.name)
-        if field.name in ("python", "actuators", "contracts", "cells"):
-            for one in value:
-                yield f"{field.name}: " + ", ".join(
-                    f"{f.name}={getattr(one, f.name)!r}"
-                    for f in fields(one)
-                    if f.name not in ("span", "actuator", "clients")
-                )
-                for client in getattr(one, "clients", ()):
-                    parts = (f.name for f in fields(client) if f.name != "span")
-                    yield "  " + ", ".join(f"{name}={getattr(client, name)!r}" for name in parts)
-        elif field.name not in ("ops", "kinds", "names", "sensors"):
-            yield f"{field.name}: {value!r}"
-    yield f"sensors: {[sensor.name for sensor in code.sensors]}"
 
 
 def made_of(path: Path) -> dict[str, str]:
@@ -61,22 +41,22 @@ def made_of(path: Path) -> dict[str, str]:
     compiled = compile_program(program)
     clients = compiled.clients
     texts = {
-        ".explained.txt": f"{explain(compiled)}\n\n{client_table(compiled)}\n\n{to_json(compiled)}",
-        ".generated.txt": generate(program, clients),
+        ".explained.txt": f"{explain(compiled)}\n\n{client_table(compiled)}\n\n{to_json(clients)}",
+        ".generated.txt": generate(lower(program, clients)),
     }
-    whole = lower(program, clients)
-    if len(whole.ops) < LONGEST:
-        texts[".code.txt"] = _listed(program, clients, whole)
+    code = whole(lower(program, clients).code)
+    if len(code.ops) < LONGEST:
+        texts[".code.txt"] = _listed(program, clients, code)
     return texts
 
 
 def _listed(program: Program, clients: ClientList, whole: Code) -> str:
-    lines = [*listing(whole)]
+    parts = [listing(whole)]
     for one in clients.actuators:
         for client in one.clients:
-            lines += ["", f"--- {client.module} for {one.actuator}"]
-            lines += listing(lower_client(program, clients, one.actuator, client.module))
-    return "\n".join(lines) + "\n"
+            alone = of_client(lower(program, clients).code, one.actuator, client.module)
+            parts.append(f"--- {client.module} for {one.actuator}\n{listing(alone)}")
+    return "\n".join(parts)
 
 
 @pytest.mark.parametrize("path", CASES, ids=lambda path: path.stem)
@@ -99,9 +79,10 @@ def test_without_contracts_nothing_of_them_is_left() -> None:
     (path,) = (path for path in CASES if path.stem == "memory")
     program = load_text(path.read_text(), path.name)
     clients = compile_program(program).clients
-    assert "breaches +=" in generate(program, clients)
-    assert "breaches +=" not in generate(program, clients, contracts=False)
-    assert lower(program, clients, contracts=False).contracts == ()
+    without = replace(program, contracts=())
+    assert "breaches +=" in generate(lower(program, clients))
+    assert "breaches +=" not in generate(lower(without, clients))
+    assert lower(without, clients).contracts == ()
 
 
 if __name__ == "__main__":

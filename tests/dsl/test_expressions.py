@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import pytest
 
 from colony.ir import expression as e
 from colony.ir.types import Array, Bool, Quantity
 from colony.text.units import LENGTH
+from tests.case_files import table
 from tests.dsl.texts import expression, findings, type_of
 
 BEFORE = """
@@ -18,111 +21,7 @@ let far = sonar > 1 m
 """
 
 
-@pytest.mark.parametrize(
-    ("text", "type_"),
-    [
-        ("sonar", "mm[24]"),
-        ("sonar[3]", "mm"),
-        ("sonar[docked_at]", "mm"),
-        ("sonar[7..11]", "mm[5]"),
-        ("sonar[22..1]", "mm[4]"),
-        ("sonar[5..5]", "mm[1]"),
-        ("sonar[7..11][2]", "mm"),
-        ("(sonar + sonar)[3]", "mm"),
-        ("infrared[0]", "bool"),
-        # arithmetic and dimensions
-        ("ahead + 1 mm", "mm"),
-        ("ahead * ahead", "mm^2"),
-        ("ahead / 2 s", "mm/s"),
-        ("1 / ahead", "mm^-1"),
-        ("ahead / ahead", "number"),
-        ("-ahead", "mm"),
-        ("heading * 2", "deg"),
-        ("heading / 1 s * 2 s", "deg"),
-        # a literal 0 fits any dimension
-        ("ahead + 0", "mm"),
-        ("0 - heading", "deg"),
-        ("0 + 0", "number"),
-        ("if bumper then 0 else ahead", "mm"),
-        ("max(0, ahead)", "mm"),
-        ("clamp(ahead, 0, 1 m)", "mm"),
-        ("mod(ahead, 0)", "mm"),
-        ("previous(ahead, 0)", "mm"),
-        ("value_or(ahead, 0)", "mm"),
-        ("sin(0)", "number"),
-        ("angle_difference(0, heading)", "deg"),
-        ("atan2(0, ahead)", "deg"),
-        ("ahead > -0", "bool"),
-        ("0 in 0 .. 1 m", "bool"),
-        ("0 * ahead", "mm"),
-        # arrays element by element
-        ("sonar < 1 m", "bool[24]"),
-        ("1 m < sonar", "bool[24]"),
-        ("sonar + sonar", "mm[24]"),
-        ("sonar[0..3] - sonar[20..23]", "mm[4]"),
-        ("not infrared", "bool[24]"),
-        ("infrared and bumper", "bool[24]"),
-        ("sonar in 1 m .. 2 m", "bool[24]"),
-        ("sonar / 1 m == 1", "bool[24]"),
-        ("if bumper then sonar else 0", "mm[24]"),
-        ("if bumper then sonar else sonar * 2", "mm[24]"),
-        ("abs(sonar)", "mm[24]"),
-        ("clamp(sonar, 0, sonar)", "mm[24]"),
-        ("held(infrared, 1 s)", "bool[24]"),
-        ("previous(sonar, 0)", "mm[24]"),
-        ("captured(sonar, bumper)", "mm[24]"),
-        ("elapsed(far)", "s[24]"),
-        ("value_or(sonar, 0)", "mm[24]"),
-        # reductions and functions
-        ("min(sonar)", "mm"),
-        ("min(ahead, 1 m, sonar[3])", "mm"),
-        ("min(ahead)", "mm"),
-        ("sum(sonar * sonar)", "mm^2"),
-        ("mean(sonar[1..3])", "mm"),
-        ("count(far)", "number"),
-        ("count(bumper, true)", "number"),
-        ("any(far)", "bool"),
-        ("all(bumper, far[0])", "bool"),
-        ("index_of_min(sonar)", "number"),
-        ("index_of_max(window(sonar, 3, 2))", "number"),
-        ("window(sonar, docked_at, 11)", "mm[23]"),
-        ("window(infrared, 0, 0)", "bool[1]"),
-        ("sign(heading)", "number"),
-        ("sqrt(ahead * ahead)", "mm"),
-        ("sqrt(2)", "number"),
-        ("floor(ahead)", "mm"),
-        ("ceil(heading) + round(heading)", "deg"),
-        ("mod(heading, 360 deg)", "deg"),
-        ("cos(heading)", "number"),
-        ("atan2(ahead, sonar[0])", "deg"),
-        ("atan2(1, 2)", "deg"),
-        ("now()", "s"),
-        ("now", "s"),
-        ("fresh(sonar)", "bool"),
-        ("fresh(ahead)", "bool"),
-        ("sum(sonar[k] for k in 0 .. 23)", "mm"),
-        ("count(infrared[k] for k in 0 .. 23 if k > 3)", "number"),
-        ("max(sonar[k] - sonar[k + 1] for k in 0 .. 22 if sonar[k] > 1 m)", "mm"),
-        ("sum(sum(j * k for j in 0 .. 3) for k in 0 .. 3)", "number"),
-        ("any(held(infrared[k], 1 s) for k in 3 .. 2)", "bool"),
-        ("sum(1 for k in 1 .. 4096)", "number"),
-        # comparisons
-        ("goal.light == goal.none", "bool"),
-        ("mode != mode.two", "bool"),
-        ("bumper == true", "bool"),
-        ("bumper implies not bumper or bumper and true", "bool"),
-        ("goal.light", "goal"),
-        ("if bumper then goal.light else goal.none", "goal"),
-        ("previous(mode, mode.one)", "mode"),
-        ("changed(mode)", "bool"),
-        ("captured(laps, mode)", "number"),
-        ("rising(bumper) or falling(bumper)", "bool"),
-        ("latch(bumper, not bumper)", "bool"),
-        ("every(1 s)", "bool"),
-        ("elapsed(bumper) > 2 s", "bool"),
-        ("elapsed(mode == mode.two)", "s"),
-    ],
-)
+@pytest.mark.parametrize(("text", "type_"), table(Path(__file__).parent / "cases" / "types.table"))
 def test_types(text: str, type_: str) -> None:
     assert type_of(text, BEFORE) == type_
 

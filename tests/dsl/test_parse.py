@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import pytest
 
 from colony.dsl import ast
 from colony.dsl.parse import parse
 from colony.text.source import Source
+from tests.case_files import table
 
 
 def tree(text: str) -> ast.File:
@@ -27,40 +30,7 @@ def wiring(text: str) -> ast.Wiring:
     return network.wires[0].wiring
 
 
-@pytest.mark.parametrize(
-    ("text", "same"),
-    [
-        ("a implies b implies c", "a implies (b implies c)"),
-        ("a or b implies c", "(a or b) implies c"),
-        ("a or b and c", "a or (b and c)"),
-        ("a and b or c and d", "(a and b) or (c and d)"),
-        ("not a and b", "(not a) and b"),
-        ("not a == b", "not (a == b)"),
-        ("not not a", "not (not a)"),
-        ("a < b and c", "(a < b) and c"),
-        ("a + b < c", "(a + b) < c"),
-        ("a - b - c", "(a - b) - c"),
-        ("a - b + c", "(a - b) + c"),
-        ("a + b * c", "a + (b * c)"),
-        ("a / b / c", "(a / b) / c"),
-        ("a / b * c", "(a / b) * c"),
-        ("-a * b", "(-a) * b"),
-        ("a * -b", "a * (-b)"),
-        ("-a[1]", "-(a[1])"),
-        ("a - -b", "a - (-b)"),
-        ("a in b .. c + d and e", "(a in b .. (c + d)) and e"),
-        ("a + b in c .. d", "(a + b) in c .. d"),
-        ("if a then b else c + d", "if a then b else (c + d)"),
-        ("if a then b else if c then d else f", "if a then b else (if c then d else f)"),
-        ("if a then if b then c else d else f", "if a then (if b then c else d) else f"),
-        ("if a implies b then c else d", "if (a implies b) then c else d"),
-        ("a by b and c is idle", "(a by b) and (c is idle)"),
-        ("not a is idle", "not (a is idle)"),
-        ("a.b[1][2]", "((a.b)[1])[2]"),
-        ("f(a, b,)", "f(a, b)"),
-        ("f(a for k in 1 .. 2 if b)", "f((a) for k in (1) .. (2) if (b))"),
-    ],
-)
+@pytest.mark.parametrize(("text", "same"), table(Path(__file__).parent / "cases" / "precedence.table"))
 def test_precedence(text: str, same: str) -> None:
     assert expression(text) == expression(same)
 
@@ -125,7 +95,7 @@ def test_places() -> None:
     [let] = tree(text).declarations
     assert isinstance(let, ast.LetDecl)
 
-    def shown(node: ast.Node) -> str:
+    def shown(node: ast.SyntaxNode) -> str:
         return text[node.start : node.end]
 
     assert shown(let) == "let abc = 12 mm + min(a.b, -c)"

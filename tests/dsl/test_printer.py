@@ -10,6 +10,7 @@ from colony.dsl.parse import parse
 from colony.dsl.printer import print_expression, print_file
 from colony.text.source import Source
 from colony.verify.testing.strategies import texts
+from tests.case_files import table
 from tests.paths import BEHAVIORS
 
 
@@ -39,51 +40,8 @@ def expression(text: str) -> ast.Expression:
     return let.value
 
 
-@pytest.mark.parametrize(
-    "text",
-    [
-        "a or b and not c",
-        "(a or b) and c",
-        "not (a and b)",
-        "a implies b implies c",
-        "(a implies b) implies c",
-        "a - b - c",
-        "a - (b - c)",
-        "a / (b * c)",
-        "-(a + b) * -c",
-        "--a",
-        "(-a)[3]",
-        "-a[3]",
-        "if a then if b then c else d else e",
-        "1 + (if a then b else c)",
-        "(if a then b else c) + 1",
-        "a + b in c - 1 .. d * 2",
-        "not a < b",
-        "(a < b) == (c < d)",
-        "count(s[k] < 1 m for k in 0 .. 5 if k > 2)",
-        "f(if a then b else c, d)",
-        "s[if a then 1 else 2]",
-        "(a + b)[1..2]",
-        "600 mm/s / s",
-        "drive by m.n",
-        "drive by m implies not w is active",
-        "1.5e-3 m/s^2",
-    ],
-)
-def test_only_the_parentheses_that_are_needed(text: str) -> None:
-    assert print_expression(expression(text)) == text
-
-
-@pytest.mark.parametrize(
-    ("text", "printed"),
-    [
-        ("((a))", "a"),
-        ("(a * b) + c", "a * b + c"),
-        ("a or (b or c)", "a or (b or c)"),
-        ("((a or b)) or c", "a or b or c"),
-    ],
-)
-def test_others_go(text: str, printed: str) -> None:
+@pytest.mark.parametrize(("text", "printed"), table(Path(__file__).parent / "cases" / "printed.table"))
+def test_only_the_parentheses_that_are_needed(text: str, printed: str) -> None:
     assert print_expression(expression(text)) == printed
 
 

@@ -8,13 +8,11 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from colony.compile.pipeline import compile_program
-from colony.dsl.load import load_text
 from colony.execute.executor import ClientExecutor, ClientMemory
 from colony.ir.frame import Frame
-from colony.ir.program import Program
 from colony.verify.reference.interpreter import Interpreter
 from colony.verify.testing.strategies import networks, programs, traces
+from tests.programs import client, clients
 
 TEXT = """
 robot r {
@@ -36,8 +34,7 @@ contract c: previous(z, 0) < 10
 
 
 def _client(module: str, on_loss: str = "stop", actuator: str = "out") -> ClientExecutor:
-    program = load_text(TEXT % on_loss)
-    return ClientExecutor(program, compile_program(program).clients, actuator, module)
+    return client(TEXT % on_loss, actuator, module)
 
 
 def test_a_client_reads_only_what_it_needs() -> None:
@@ -116,20 +113,13 @@ def test_memory_of_another_client_is_refused() -> None:
         high.memory = ClientMemory(0, cells | {name: "x"})
 
 
-def _without_python(program: Program) -> list[tuple[str, str]]:
-    clients = compile_program(program).clients
-    return [(a.actuator, c.module) for a in clients.actuators for c in a.clients]
-
-
 @given(data=st.data())
 def test_a_client_that_was_started_anew_goes_on_as_the_other(data: st.DataObject) -> None:
     program = data.draw(programs(python=False))
     trace = data.draw(traces(program))
-    clients = compile_program(program).clients
-    for actuator, module in _without_python(program):
-        one = ClientExecutor(program, clients, actuator, module)
+    for (actuator, module), one in clients(program).items():
         for frame in trace:
-            other = ClientExecutor(program, clients, actuator, module)
+            other = client(program, actuator, module)
             other.memory = one.memory
             assert repr(other.step(frame)) == repr(one.step(frame))
             assert repr(other.memory) == repr(one.memory)
@@ -153,13 +143,9 @@ network { out = %s }
 
 def _bids(wiring: str, module: str, *frames: str) -> list[str]:
     """Bids of a module in frames in which the sensors named are true, a tenth of a second apart."""
-    program = load_text(WHY % wiring)
-    client = ClientExecutor(program, compile_program(program).clients, "out", module)
-    bids: list[str] = []
-    for k, true in enumerate(frames):
-        frame = Frame(k * 10**8, {name: name in true for name in "abc"})
-        bids.append(client.step(frame).bid)
-    return bids
+    one = client(WHY % wiring, "out", module)
+    trace = [Frame(k * 10**8, {name: name in true for name in "abc"}) for k, true in enumerate(frames)]
+    return [one.step(frame).bid for frame in trace]
 
 
 def test_why_a_client_is_not_active() -> None:
@@ -177,8 +163,7 @@ def test_why_a_client_is_not_active() -> None:
 
 
 def test_a_missing_sensor_is_silence() -> None:
-    program = load_text(WHY % "top suppresses low")
-    low = ClientExecutor(program, compile_program(program).clients, "out", "low")
+    low = client(WHY % "top suppresses low", "out", "low")
     assert low.step(Frame(0, {"a": True, "b": False})).bid == "silent"
     assert low.step(Frame(1, {"c": True})).bid == "command"
 
@@ -199,17 +184,11 @@ def test_a_gate_that_never_opens_inhibits() -> None:
 @given(st.data())
 def test_bids_are_what_the_network_says(data: st.DataObject) -> None:
     program = data.draw(networks())
-    clients = compile_program(program).clients
-    interpreter = Interpreter(program)
-    alone = {
-        (a.actuator, c.module): ClientExecutor(program, clients, a.actuator, c.module)
-        for a in clients.actuators
-        for c in a.clients
-    }
+    interpreter, alone = Interpreter(program), clients(program)
     for frame in data.draw(traces(program)):
         winners = {d.actuator: d.by for d in interpreter.step(frame).decisions}
-        for (actuator, module), client in alone.items():
-            bid = client.step(frame).bid
+        for (actuator, module), one in alone.items():
+            bid = one.step(frame).bid
             assert (bid == "command") == (winners[actuator] == module)
             assert (bid == "silent") == (not interpreter.is_active(module))
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from dataclasses import replace
 
 import pytest
@@ -10,10 +9,11 @@ import pytest
 from colony.compile.lower.lower import lower
 from colony.compile.pipeline import compile_program
 from colony.dsl.load import load_text
-from colony.execute.executor import ClientExecutor, ClientListExecutor, ClientMemory, NotExclusive
+from colony.execute.executor import ClientListExecutor, ClientMemory, NotExclusive
 from colony.execute.machine import build
 from colony.ir.frame import Frame
 from colony.text.diagnostics import Failure
+from tests.programs import client, lowered
 from tests.runtime.programs import roam
 
 MS = 1_000_000
@@ -38,11 +38,6 @@ module m from python "colony.verify.testing.python_modules:Moody" {{
 module n {{ when b do out(v = 1) }}
 network {{ out = n  go = m }}
 """.replace("actuator out", f"{GO}\n  actuator out")
-
-
-def client(text: str, actuator: str, module: str) -> ClientExecutor:
-    program = load_text(text)
-    return ClientExecutor(program, compile_program(program).clients, actuator, module)
 
 
 # --- memory ------------------------------------------------------------------------------------------
@@ -92,7 +87,7 @@ def test_without_answers_a_module_in_python_begins_anew() -> None:
 
 def test_a_class_that_cannot_be_built_is_named_with_what_to_do() -> None:
     program = load_text(MOODY)
-    (call,) = lower(program, compile_program(program).clients).python
+    (call,) = lowered(program).python
     cases = (
         ({"module_path": "colony.nowhere"}, "colony.nowhere:Moody", "ModuleNotFoundError"),
         ({"class_name": "Nobody"}, "colony.verify.testing.python_modules:Nobody", "AttributeError"),
@@ -123,27 +118,7 @@ def test_two_exclusive_guards_at_once_are_told_by_name() -> None:
     clients = compile_program(program).clients
     (drive,) = clients.actuators
     wrong = tuple(replace(c, exclusive=c.guard) for c in drive.clients)
-    executor = ClientListExecutor(
-        program, replace(clients, actuators=(replace(drive, clients=wrong),)), exclusive=True
-    )
+    broken = replace(clients, actuators=(replace(drive, clients=wrong),))
+    executor = ClientListExecutor(lower(program, broken), exclusive=True)
     with pytest.raises(NotExclusive, match=r"^drive: avoid, cruise$"):
         executor.step(Frame(0, {"sonar": (100.0,) * 24, "bumper": False, "chance": 0.5}))
-
-
-def test_contracts_on_a_field_that_is_not_sent_say_nothing() -> None:
-    text = f"""{ROBOT}
-module m {{ when b do out(v = x) }}
-network {{ out = m }}
-contract high: out.v > 5
-contract sent: out is commanded implies out.v > 5
-"""
-    program = load_text(text)
-    executor = ClientListExecutor(program, compile_program(program).clients)
-    for b, x, broken in (
-        (False, 9.0, ()),
-        (True, 9.0, ()),
-        (True, 1.0, ("high", "sent")),
-        (True, math.inf, ()),
-    ):
-        outcome = executor.step(Frame(0, {"b": b, "x": x}))
-        assert outcome.breaches == broken, (b, x)

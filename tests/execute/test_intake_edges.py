@@ -9,14 +9,13 @@ from itertools import product
 
 import pytest
 
-from colony.compile.backends.python.generate import generate
 from colony.compile.backends.python.intake import _if
-from colony.compile.pipeline import compile_program
 from colony.dsl.load import load_text
 from colony.execute.sensors import members, stand_in
 from colony.ir.frame import Frame
 from colony.ir.program import Program
 from colony.verify.testing.agreement import client_disagreement, disagreement
+from tests.programs import generated
 
 TEXT = """
 enum goal {{ none = 0, corner = 67, light = -3 }}
@@ -105,7 +104,7 @@ def test_bools_members_and_defaults(kind: str, default: str, size: int | None) -
 )
 def test_the_quick_test_of_a_scalar(kind: str, low: float | None, high: float | None, expected: str) -> None:
     of = bounded(program(kind, None), low, high)
-    assert f"        {expected}\n" in generate(of, compile_program(of).clients)
+    assert f"        {expected}\n" in generated(of)
 
 
 def test_conditions_of_the_longest_length() -> None:

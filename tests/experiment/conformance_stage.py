@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 
 from colony.dsl.load import load_text
+from colony.experiment.behavior import behavior_from
 from colony.ir.frame import Decision, Frame
-from colony.runtime.assembly.behavior import behavior_from
 from colony.runtime.kit.script import Script
 from colony.runtime.observe.observer import FrameLog
 from colony.runtime.servers.images import Image

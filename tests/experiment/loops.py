@@ -4,21 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 
+from colony.experiment.behavior import Behavior
 from colony.ir.types import Value
-from colony.runtime.assembly.behavior import Behavior
 from colony.runtime.assembly.loop import Loop, Watch
 from colony.runtime.kit.script import Script
 from colony.runtime.servers.images import Shot
 from colony.runtime.transport.virtual import VirtualClock
 from colony.sim.drivers import Plant, SimulatedCamera, simulated_drivers
 from colony.sim.world.world import World
-
-
-class Shutter:
-    """A camera driver that gives what `take` gives."""
-
-    def __init__(self, take: Callable[[], Shot]) -> None:
-        self.grab = take
 
 
 def loop_of(
@@ -37,7 +30,8 @@ def loop_of(
     plant = Plant(world, clock, moving)
     eyes = {address: SimulatedCamera(plant, take) for address, take in (cameras or {}).items()}
     return Loop(
-        behavior,
+        behavior.compiled,
+        behavior.executor(),
         simulated_drivers(plant, cameras=eyes),
         scripts,
         clock=clock,

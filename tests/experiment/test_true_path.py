@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 from colony.experiment.true_path import TruePath
-from colony.sim.world.world import Pose
+from colony.nav.maps.stickrep.model import Pose
 
 
 def test_the_newest_frame_that_is_not_after_a_time() -> None:

@@ -4,11 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from functools import cache
 from pathlib import Path
 
 import pytest
 
+from colony.compile.pipeline import compile_program
 from colony.dsl.load import load_file
+from colony.execute.compiled import Compiled
 from colony.nav.maps.building import Building
 from colony.robots.building_run import run_in_building
 from colony.robots.request import Attendant, Misuse, RunRequest
@@ -51,6 +54,11 @@ def _nobody(building: Building) -> Script:
     raise AssertionError("the loop has no elevators")
 
 
+@cache
+def wander() -> Compiled:
+    return compile_program(load_file(WANDER)).artifact
+
+
 def request(record: Path | None = None) -> RunRequest:
     return RunRequest(
         file=str(WANDER),
@@ -65,7 +73,7 @@ def request(record: Path | None = None) -> RunRequest:
 
 def test_a_run_tells_what_came_of_it() -> None:
     watcher = Watcher(10_000)
-    driven = run_in_building(load_file(WANDER), request(), watcher.attendant)
+    driven = run_in_building(wander(), request(), watcher.attendant)
     assert watcher.length_ns == 2_000_000_000
     assert driven.summary.frames == watcher.frames > 10
     assert not driven.summary.interrupted
@@ -76,11 +84,11 @@ def test_a_run_tells_what_came_of_it() -> None:
 
 def test_whoever_attends_a_run_may_end_it() -> None:
     watcher = Watcher(5)
-    driven = run_in_building(load_file(WANDER), request(), watcher.attendant)
+    driven = run_in_building(wander(), request(), watcher.attendant)
     assert driven.summary.interrupted
     assert driven.summary.frames == watcher.frames == 5
 
 
 def test_a_recording_that_cannot_be_written_is_misuse(tmp_path: Path) -> None:
     with pytest.raises(Misuse, match=r"gone/run\.jsonl: error: cannot write: No such file or directory"):
-        run_in_building(load_file(WANDER), request(tmp_path / "gone" / "run.jsonl"), Watcher(5).attendant)
+        run_in_building(wander(), request(tmp_path / "gone" / "run.jsonl"), Watcher(5).attendant)

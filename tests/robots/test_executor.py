@@ -11,7 +11,7 @@ from random import Random
 
 import pytest
 
-from colony.compile.pipeline import Compiled, compile_program
+from colony.compile.pipeline import Compilation, compile_program
 from colony.dsl.load import load_file
 from colony.ir.frame import Frame
 from colony.robots.executor import VirtualExecutor
@@ -24,13 +24,13 @@ from colony.verify.testing.drawing import Choices
 from colony.verify.testing.frames import draw_trace
 from colony.verify.testing.strategies import run_of_seed
 from tests.paths import ROOT
-from tests.verify.stepping import program
+from tests.programs import program
 
 RUNTIME = {"runtime": VirtualExecutor}
 
 
 @cache
-def compiled(name: str) -> Compiled:
+def compiled(name: str) -> Compilation:
     return compile_program(load_file(ROOT / "behaviors" / f"{name}.colony"))
 
 
@@ -85,7 +85,7 @@ network { base = sum  out = also }
 """What it commands shows every frame that was missed, invented, or seen twice."""
 
 
-def broken(of: Compiled, seeds: int) -> str | None:
+def broken(of: Compilation, seeds: int) -> str | None:
     """What is said of the first run with faults that goes wrong."""
     for seed in range(seeds):
         trace = tuple(

@@ -14,7 +14,7 @@ from colony.runtime.transport.live.place import Local
 from colony.runtime.transport.live.run_directory import RobotDirectory
 from colony.sim.plant.child import plant_socket
 from colony.sim.plant.control import PlantControl
-from colony.sim.plant.protocol import AttachBase, Attached, BaseReading, Drive, pack
+from colony.sim.plant.protocol import AttachBase, Attached, BaseReading, DriveBase, pack
 from tests.sim.plant.plants import PlantProcess, wait_for
 from tests.sim.plant.test_process import START, Line, is_frozen
 
@@ -37,11 +37,11 @@ def plant(place: Local) -> Iterator[PlantProcess]:
 
 
 def drive(plant: PlantProcess, frames: int) -> Travel:
-    """Drive for so many frames; gives what is true then."""
+    """DriveBase for so many frames; gives what is true then."""
     line = Line(plant.path, pack(AttachBase(robot="rome")))
     assert isinstance(line.hear(), Attached)
     for number in range(1, frames + 1):
-        line.sock.sendall(pack(Drive(velocity=500.0, turn=0.0, number=number)))
+        line.sock.sendall(pack(DriveBase(velocity=500.0, turn=0.0, number=number)))
         assert isinstance(line.hear(), BaseReading)
     line.close()
     with PlantControl(plant.path) as control:
@@ -54,7 +54,7 @@ def seen(log: TruthLog, travel: Travel) -> None:
     wait_for(lambda: log.look() and log.travel == travel)
 
 
-def test_the_way_of_a_plant_that_wasis_frozen_is_counted_once(place: Local, plant: PlantProcess) -> None:
+def test_the_way_of_a_plant_that_was_frozen_is_counted_once(place: Local, plant: PlantProcess) -> None:
     log = TruthLog(place)
     seen(log, drive(plant, 40))
     first = log.travel

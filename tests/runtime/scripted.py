@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 
 from colony.compile.pipeline import compile_program
 from colony.ir.program import Program
-from colony.runtime.assembly.virtual import Session
+from colony.runtime.assembly.virtual import VirtualSession
 from colony.runtime.observe.observer import FrameLog
 from colony.runtime.protocol.messages import Sample
 from colony.runtime.servers.drivers import BaseLimits, BaseState, Drivers
@@ -76,8 +76,8 @@ class Log:
         return [log.verdicts[actuator].by for log in self.frames]
 
 
-def session(program: Program, script: Script, *sinks: object, **options: object) -> Session:
+def session(program: Program, script: Script, *sinks: object, **options: object) -> VirtualSession:
     """A session of a program over a script, with seed 1 unless told otherwise."""
     settings: dict[str, object] = {"seed": 1} | options
-    clients = compile_program(program).clients
-    return Session(program, clients, script.drivers, clock=script.clock, sinks=sinks, **settings)  # type: ignore[arg-type]
+    compiled = compile_program(program).artifact
+    return VirtualSession(compiled, script.drivers, clock=script.clock, sinks=sinks, **settings)  # type: ignore[arg-type]

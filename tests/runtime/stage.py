@@ -9,7 +9,7 @@ from colony.ir.frame import Decision, Frame
 from colony.ir.program import Program
 from colony.ir.types import ScalarValue
 from colony.runtime.arbitration.arbiter import Timing
-from colony.runtime.assembly.nodes import build_announcer, build_client, build_observer, members
+from colony.runtime.assembly.nodes import build_announcer, build_client, build_observer
 from colony.runtime.protocol import topics
 from colony.runtime.protocol.bindings import ActuatorBinding, Bindings, SensorBinding
 from colony.runtime.protocol.deployment import commanded_by, deployment
@@ -128,7 +128,7 @@ class Played:
 
 def play(program: Program, trace: Sequence[Frame], *, order_seed: int = 0, link: Link = perfect) -> Played:
     """Run a program's clients over a trace in virtual time."""
-    clients = compile_program(program).clients
+    compiled = compile_program(program).artifact
     bindings = Bindings(
         sensors=tuple(
             SensorBinding(sensor=s.name, server=SERVER, field=s.name, within_ns=None, factor=1.0)
@@ -139,15 +139,15 @@ def play(program: Program, trace: Sequence[Frame], *, order_seed: int = 0, link:
             for a in program.robot.actuators
         ),
     )
-    log, who = Log(), members(program, clients)
-    deployed = deployment(program, clients, bindings, run="", seed=0, announced=who.announced)
-    server = TraceServer(trace, commanded_by(deployed, SERVER), who.announced)
-    observer = build_observer(program, bindings, (log,), "")
+    log = Log()
+    deployed = deployment(compiled, bindings, run="", seed=0)
+    server = TraceServer(trace, commanded_by(deployed, SERVER), compiled.announced)
+    observer = build_observer(compiled, bindings, (log,), "")
     transport = VirtualTransport(VirtualClock(trace[0].t_ns), seed=order_seed, link=link)
     nodes: tuple[Node, ...] = (
         server,
-        *(build_client(program, clients, bindings, actuator, module, "") for actuator, module in who.clients),
-        *(build_announcer(program, bindings, module, "") for module in who.announced),
+        *(build_client(compiled, bindings, actuator, module, "") for actuator, module, _ in compiled.clients),
+        *(build_announcer(compiled, bindings, module, "") for module in compiled.announced),
         observer,
         TraceClock(trace),
     )

@@ -106,10 +106,10 @@ def answers(seconds: float, ask: Callable[[z3.Solver], object]) -> bool:
     """Ask z3 until Ctrl-C comes; return False if that went on for a minute."""
     ctrl_c = threading.Timer(seconds, signal.raise_signal, [signal.SIGINT])
     end = time.monotonic() + 60
-    ctrl_c.start()
     with suppress(KeyboardInterrupt), interruptions():
         solver = z3.Solver()
         solver.push()
+        ctrl_c.start()
         while time.monotonic() < end:
             ask(solver)
     ctrl_c.join()

@@ -13,12 +13,12 @@ import click
 
 from colony.cli.exit_codes import EXIT_ERRORS, EXIT_INTERRUPTED, EXIT_MISUSE
 from colony.cli.places import connect_option, place_of, problems_told, security_option
-from colony.cli.reporting import load_program, refuse, report, say
+from colony.cli.reporting import refuse, report, say
 from colony.cli.run.options import DURATION, BadOption, Options, objection, request_of
 from colony.robots.request import BrokenOff, Misuse
 
 if TYPE_CHECKING:
-    from colony.ir.program import Program
+    from colony.execute.compiled import Compiled
     from colony.robots.request import Driven, RunRequest
 
 PICTURE = "run.png"
@@ -72,6 +72,8 @@ PICTURE = "run.png"
 def command(**given: Any) -> None:
     """Run a behavior on a robot that is simulated in the building of a map, or on a real one.
 
+    FILE is a behavior, or what `colony compile` made of one (`-o NAME.colonyc`).
+
     With --map alone everything is one process, in virtual time: the same seed gives the same run. With
     --processes each server and each client is a process of its own, as on a robot; who dies is started
     again, and other programs can take part (`colony ps`, `colony stop`). With --connect only the clients
@@ -107,20 +109,22 @@ def command(**given: Any) -> None:
     wrong = objection(options)
     if wrong is not None:
         raise click.UsageError(wrong, click.get_current_context())
-    program = load_program(options.file)
+    from colony.cli.programs import load_compiled
+
+    compiled = load_compiled(options.file)
     picture = None if options.no_picture or options.connect is not None else options.picture or PICTURE
     with _failures_told(), redirect_stdout(sys.stderr):  # for what modules in Python print
         from colony.cli.run.outputs import check_outputs, drawn
 
-        request = request_of(program, options)
+        request = request_of(compiled.robot, options)
         check_outputs(options.record, picture, [p for p in (options.file, options.map_path) if p is not None])
-        driven = _driven(program, request, options)
+        driven = _driven(compiled, request, options)
         if picture is not None:
-            driven = drawn(driven, program.robot.name, picture)
+            driven = drawn(driven, compiled.name, picture)
     _tell(driven, options.record, picture, options.format_)
 
 
-def _driven(program: Program, request: RunRequest, options: Options) -> Driven:
+def _driven(compiled: Compiled, request: RunRequest, options: Options) -> Driven:
     from colony.cli.run.attending import ATTENDANT
 
     if not options.processes and options.connect is None:
@@ -128,16 +132,16 @@ def _driven(program: Program, request: RunRequest, options: Options) -> Driven:
 
         with told_if_slow("compiling the simulator: some seconds, once where the result can be kept"):
             from colony.robots.building_run import run_in_building
-        return run_in_building(program, request, ATTENDANT)
+        return run_in_building(compiled, request, ATTENDANT)
     with problems_told():
         from colony.robots.process_run import run_here, run_there
         from colony.runtime.transport.live.place import Local
 
-        name = program.robot.name if options.robot is None else options.robot
+        name = compiled.name if options.robot is None else options.robot
         place = place_of(name, options.connect, options.security)
         if options.connect is None and isinstance(place, Local):
-            return run_here(program, place, request, ATTENDANT)
-        return run_there(program, place, request, ATTENDANT)
+            return run_here(compiled, place, request, ATTENDANT)
+        return run_there(compiled, place, request, ATTENDANT)
 
 
 @contextmanager

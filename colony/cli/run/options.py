@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Literal
 
-from colony.ir.program import Program, Sensor
+from colony.ir.program import Robot, Sensor
 from colony.ir.types import Array, Bool, Enum, Quantity, Scalar, ScalarValue, Value
 from colony.robots.request import RunRequest
 from colony.runtime.protocol.bindings import nearest
@@ -53,7 +53,7 @@ class Options:
     format_: Literal["text", "json"]
 
 
-def request_of(program: Program, options: Options) -> RunRequest:
+def request_of(robot: Robot, options: Options) -> RunRequest:
     """Return the run that the options ask for.
 
     Raises:
@@ -66,7 +66,7 @@ def request_of(program: Program, options: Options) -> RunRequest:
         map_path=options.map_path,
         seed=options.seed,
         length_ns=None if duration is None else duration_ns(duration),
-        held=variables(program, options.settings),
+        held=variables(robot, options.settings),
         realtime=options.realtime,
         record=options.record,
         cameras=cameras(options.cameras),
@@ -153,7 +153,7 @@ def _look(text: str) -> Look | None:
     return yaw if yaw is not None and abs(yaw) <= 360.0 else None
 
 
-def variables(program: Program, settings: tuple[str, ...]) -> dict[str, Value]:
+def variables(robot: Robot, settings: tuple[str, ...]) -> dict[str, Value]:
     """DServer's variables from texts `NAME=VALUE`, in the units of the sensors that read them.
 
     A value is a number, with or without a unit, true or false, an enumerator, or a list `[1, 2]` of those.
@@ -161,7 +161,7 @@ def variables(program: Program, settings: tuple[str, ...]) -> dict[str, Value]:
     Raises:
         BadOption: a text is not of this form, no sensor reads the variable, or the value has another type.
     """
-    readers = {s.field: s for s in program.robot.sensors if s.server == "DServer"}
+    readers = {s.field: s for s in robot.sensors if s.server == "DServer"}
     out: dict[str, Value] = {}
     for setting in settings:
         name, equals, text = setting.partition("=")

@@ -13,7 +13,7 @@ from colony.compile.backends.table import definitions, legend, rows, wrapped
 from colony.compile.clients import ActuatorClients
 from colony.compile.guards import Always, ModuleActive
 from colony.compile.network import ModuleLeaf
-from colony.compile.pipeline import Compiled
+from colony.compile.pipeline import Compilation
 from colony.compile.suppression import GatedSuppressor, Link, SuppressionNetwork
 from colony.ir.program import Program, Use, Wiring
 from colony.text.wording import duration_text
@@ -28,7 +28,7 @@ _WIDTH = 100
 _INDENT = "  "
 
 
-def explain(compiled: Compiled) -> str:
+def explain(compiled: Compilation) -> str:
     """What the compiler does with this program, step by step, for `colony compile --explain`.
 
     Plain text without a line break at its end.
@@ -100,7 +100,7 @@ def _hanging(head: str, text: str) -> list[str]:
 # --- inhibition elimination ----------------------------------------------------------------------
 
 
-def _without_inhibitors(compiled: Compiled, guards: GuardText) -> list[str]:
+def _without_inhibitors(compiled: Compilation, guards: GuardText) -> list[str]:
     """Each module that can command, with the guard that the gates on its way leave it."""
     clients = [client for one in compiled.clients.actuators for client in one.clients]
     width = max((len(client.module) for client in clients[:MOST_LINES]), default=0)

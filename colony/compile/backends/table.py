@@ -7,7 +7,7 @@ from textwrap import wrap
 
 from colony.compile.backends.guard_text import OWN, GuardText
 from colony.compile.clients import ActuatorClients
-from colony.compile.pipeline import Compiled
+from colony.compile.pipeline import Compilation
 
 GUARD_WIDTH = 48
 """Guards that are longer go on in the next line."""
@@ -16,7 +16,7 @@ _HEADER = ("priority", "module", "guard", "exclusive guard")
 _GAP = "  "
 
 
-def client_table(compiled: Compiled) -> str:
+def client_table(compiled: Compilation) -> str:
     """For each actuator its clients, highest priority first, with both guards; then the parts with names.
 
     Plain text without a line break at its end. Its size is linear in the clients and their guards.

@@ -1,51 +1,15 @@
-"""Builds `Code`: gives equal ops one number, folds constants, and leaves out what nothing needs."""
+"""Builds `Code`: gives equal ops one number, and folds constants."""
 
 from __future__ import annotations
 
 from collections.abc import Hashable, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from struct import pack
 
-from colony.execute.code import (
-    ActuatorCode,
-    Apply,
-    Cell,
-    ClientCode,
-    Code,
-    ContractCode,
-    Kind,
-    LimitCode,
-    Literal,
-    OldCell,
-    Op,
-    PythonCall,
-    PythonRead,
-    SensorElement,
-    SensorFresh,
-    Table,
-    live,
-    remapped,
-    roots,
-)
+from colony.execute.code import Apply, Cell, Kind, Literal, OldCell, Op, Table
 from colony.execute.operators import FUNCTIONS, Operator
-from colony.ir.program import Sensor
+from colony.execute.signatures import RESULTS
 from colony.ir.types import ScalarValue
-
-_BOOLS = frozenset(
-    {
-        Operator.LESS,
-        Operator.LESS_EQUAL,
-        Operator.EQUAL,
-        Operator.NOT_EQUAL,
-        Operator.FINITE,
-        Operator.NOT,
-        Operator.AND,
-        Operator.OR,
-        Operator.PICK_BOOL,
-        Operator.TIME_LESS,
-    }
-)
-_TIMES = frozenset({Operator.TIME_ADD, Operator.TIME_SUBTRACT})
 
 
 @dataclass(slots=True)
@@ -59,7 +23,7 @@ class _OpenCell:
 
 @dataclass(slots=True)
 class Builder:
-    """A growing list of ops and cells. Mutable; `trimmed` makes the finished Code smaller."""
+    """A growing list of ops and cells. Mutable; `views.trimmed` makes the finished Code smaller."""
 
     ops: list[Op] = field(default_factory=list)
     kinds: list[Kind] = field(default_factory=list)
@@ -104,7 +68,7 @@ class Builder:
                 break
         else:
             return self._folded(operator, arguments)
-        return self.add(Apply(operator, arguments), self._kind(operator))
+        return self.add(Apply(operator, arguments), RESULTS[operator])
 
     def _folded(self, operator: Operator, arguments: tuple[int, ...]) -> int:
         values = []
@@ -113,10 +77,7 @@ class Builder:
             assert isinstance(op, Literal)
             values.append(op.value)
         value = FUNCTIONS[operator](*values)
-        return self.time(value) if operator in _TIMES else self.literal(value)
-
-    def _kind(self, operator: Operator) -> Kind:
-        return Kind.BOOL if operator in _BOOLS else Kind.TIME if operator in _TIMES else Kind.NUMBER
+        return self.time(value) if RESULTS[operator] is Kind.TIME else self.literal(value)
 
     def _select(self, condition: int, yes: int, no: int) -> int:
         op = self.ops[condition]
@@ -183,70 +144,3 @@ class Builder:
             Cell(name=c.name, kind=c.kind, initial=c.initial, condition=c.condition, value=c.value)
             for c in self._cells
         )
-
-
-def trimmed(code: Code, *, every_sensor: bool) -> Code:
-    """`code` without the ops, cells and (unless `every_sensor`) sensors that no result depends on."""
-    flags, used_cells = live(code.ops, code.cells, roots(code))
-    kept = [i for i, flag in enumerate(flags) if flag]
-    number = {old: new for new, old in enumerate(kept)}
-    cell_number = {old: new for new, old in enumerate(sorted(used_cells))}
-    cells = tuple(
-        replace(c, condition=number[c.condition], value=number[c.value])
-        for c in (code.cells[i] for i in cell_number)
-    )
-    ops = tuple(remapped(code.ops[i], number, cell_number) for i in kept)
-    read = {op.sensor for op in ops if isinstance(op, SensorFresh | SensorElement)}
-    return Code(
-        ops=ops,
-        kinds=tuple(code.kinds[i] for i in kept),
-        decided=sum(1 for i in kept if i < code.decided),
-        sensors=code.sensors if every_sensor else _only(code.sensors, read),
-        cells=cells,
-        python=tuple(_python(call, number) for call in code.python),
-        actuators=tuple(_actuator(actuator, number) for actuator in code.actuators),
-        contracts=tuple(
-            ContractCode(name=c.name, present=number[c.present], value=number[c.value])
-            for c in code.contracts
-        ),
-        names={number[i]: name for i, name in code.names.items() if i in number},
-        places={name: cell_number[i] for name, i in code.places.items() if i in cell_number},
-    )
-
-
-def _only(sensors: tuple[Sensor, ...], names: set[str]) -> tuple[Sensor, ...]:
-    return tuple(s for s in sensors if s.name in names)
-
-
-def _python(call: PythonCall, number: dict[int, int]) -> PythonCall:
-    reads = tuple(
-        PythonRead(name=r.name, elements=tuple(number[i] for i in r.elements), array=r.array)
-        for r in call.reads
-    )
-    return replace(call, present=number[call.present], reads=reads)
-
-
-def _actuator(actuator: ActuatorCode, number: dict[int, int]) -> ActuatorCode:
-    clients = tuple(
-        ClientCode(
-            module=c.module,
-            priority=c.priority,
-            present=number[c.present],
-            active=number[c.active],
-            guard=number[c.guard],
-            exclusive=number[c.exclusive],
-            fields=tuple([number[i] for i in c.fields]),
-            span=c.span,
-        )
-        for c in actuator.clients
-    )
-    limits = tuple(
-        LimitCode(
-            field_index=limit.field_index,
-            relation=limit.relation,
-            applies=number[limit.applies],
-            bound=number[limit.bound],
-        )
-        for limit in actuator.limits
-    )
-    return ActuatorCode(actuator=actuator.actuator, clients=clients, limits=limits)

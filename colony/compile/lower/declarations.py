@@ -13,7 +13,7 @@ from colony.compile.clients import ClientList
 from colony.compile.lower.builder import Builder
 from colony.compile.lower.expressions import ExpressionLowering, Scope, Values, kind_of
 from colony.compile.lower.guards import GuardLowering
-from colony.execute.code import Kind, Lost, OutsideActive, PythonActive, SensorFresh
+from colony.execute.code import Kind, Lost, PythonActive, SensorFresh
 from colony.execute.operators import Operator
 from colony.ir import expression as e
 from colony.ir import program as ir
@@ -39,19 +39,14 @@ class Declarations:
     for all; under `degrade` modules whose clients are lost count as not active.
     """
 
-    def __init__(
-        self, program: ir.Program, clients: ClientList, client: str | None = None, degrade: bool = False
-    ) -> None:
+    def __init__(self, program: ir.Program, clients: ClientList) -> None:
         self.program = program
-        self.client = client
-        self.degrade = degrade
         self.builder = Builder()
         self.expressions = ExpressionLowering(self.builder, self)
         self._sensors = {s.name: s for s in program.robot.sensors}
         self.actuators = {a.name: a for a in program.robot.actuators}
         self.modules = {m.name: m for m in program.modules}
-        self._observed = dict(clients.observed)
-        self._guards = GuardLowering(self.builder, clients, self._heard)
+        self.guards = GuardLowering(self.builder, clients, self.module_active)
         self._all_lets = dict(self._lets_of(program))
         self._all_states = dict(self._states_of(program))
         self._lets: dict[str, Values] = {}
@@ -135,7 +130,7 @@ class Declarations:
         """Whether a module, or a wire that a contract names, is active."""
         if name in self.modules:
             return self.module_active(name)
-        return self._guards.guard(self._observed[name])
+        return self.guards.guard(self.guards.observed[name])
 
     # --- derived values --------------------------------------------------------------------------
 
@@ -236,20 +231,24 @@ class Declarations:
                     self.prepare(module.when)
                     applicable = self.expressions.scalar(module.when, scope)
                     active = self.builder.both(scope.ready, applicable)
-                case ir.PythonModule() if self.client in (None, name):
-                    active = self.builder.add(PythonActive(name), Kind.BOOL)
                 case ir.PythonModule():
-                    active = self.builder.add(OutsideActive(name), Kind.BOOL)
+                    active = self.builder.add(PythonActive(name), Kind.BOOL)
                 case _:
                     assert_never(module)
             self.builder.names.setdefault(active, f"{name} active")
             self._active[name] = active
         return self._active[name]
 
-    def _heard(self, module: str) -> int:
-        """The module's activity as guards see it: a lost client's, under `on_loss degrade`, is none."""
+    def observes(self, expression: e.Expression) -> bool:
+        """Return whether an expression asks for the activity of a wire."""
+        return any(
+            isinstance(node, e.IsActive) and node.name not in self.modules for node in _walk(expression)
+        )
+
+    def heard_active(self, module: str) -> int:
+        """The module's activity under `on_loss degrade`: that of a lost client is none."""
         active = self.module_active(module)
-        if not self.degrade or self.modules[module].actuator is None:
+        if self.modules[module].actuator is None:
             return active
         return self.builder.both(active, self.builder.negation(self.builder.add(Lost(module), Kind.BOOL)))
 

@@ -13,11 +13,17 @@ from colony.compile.lower.memory import Place, until
 
 
 class GuardLowering:
-    """Lowers those guards of a client list that are asked for. `active` gives the value of a module's
-    activity."""
+    """Lowers those guards of a client list that are asked for.
 
-    def __init__(self, builder: Builder, clients: ClientList, active: Callable[[str], int]) -> None:
+    `name` begins the names of their cells; `active` gives the value of a module's activity.
+    """
+
+    def __init__(
+        self, builder: Builder, clients: ClientList, active: Callable[[str], int], name: str = "guard"
+    ) -> None:
         self.builder = builder
+        self.observed = dict(clients.observed)
+        self._name = name
         self._table = clients.guards
         self._active = active
         self._windows: defaultdict[int, tuple[str, ...]] = defaultdict(tuple)
@@ -54,7 +60,7 @@ class GuardLowering:
             case g.Or(operands=operands):
                 return builder.either(*[values[i] for i in operands])
             case g.Recently(operand=operand, window_ns=window_ns):
-                place = Place(name=f"guard {at}", cells=self._windows[at], ready=builder.literal(True))
+                place = Place(name=f"{self._name} {at}", cells=self._windows[at], ready=builder.literal(True))
                 return until(builder, values[operand], window_ns, place)
             case _:
                 assert_never(node)

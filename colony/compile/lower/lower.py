@@ -1,4 +1,4 @@
-"""From the typed program and its clients to `Code`.
+"""From the typed program and its clients to the compiled program, with all of its code.
 
 Everything is lowered when it is first asked for, beginning with what is decided; so the code of one client
 holds only what that client needs. Nothing recurses over chains of lets, wires or guards.
@@ -6,31 +6,40 @@ holds only what that client needs. Nothing recurses over chains of lets, wires o
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import assert_never
 
 from colony.compile.clients import Client, ClientList
-from colony.compile.lower.builder import trimmed
 from colony.compile.lower.declarations import Declarations
 from colony.compile.lower.expressions import Scope, kind_of
+from colony.compile.lower.guards import GuardLowering
 from colony.execute.code import (
     ActuatorCode,
     ClientCode,
     Code,
     ContractCode,
     LimitCode,
+    OutsideActive,
     PythonCall,
     PythonField,
     PythonRead,
 )
+from colony.execute.compiled import Compiled
 from colony.execute.operators import Operator
+from colony.execute.views import of_client, trimmed
 from colony.ir import program as ir
 from colony.ir.types import Array
 
 
-def lower(program: ir.Program, clients: ClientList, *, contracts: bool = True) -> Code:
-    """All of a program: every actuator with all of its clients, every Python module, the contracts.
+def lower(program: ir.Program, clients: ClientList, traversal: ClientList | None = None) -> Compiled:
+    """Lower all of a program: every actuator with all of its clients, every Python module, the contracts.
 
-    `clients` are those of `program`. Near-linear in the size of both.
+    Near-linear in the size of the program and its clients.
+
+    Args:
+        program: the program.
+        clients: its clients.
+        traversal: its clients before simplification; None where there are no others.
     """
     lowering = _Lowering(program, clients)
     lowering.python_modules()
@@ -39,38 +48,28 @@ def lower(program: ir.Program, clients: ClientList, *, contracts: bool = True) -
         lowering.actuator(actuator, by_actuator.get(actuator.name, ()))
     lowering.states()
     lowering.decided = len(lowering.builder.ops)
-    if contracts:
-        lowering.contracts()
-        lowering.states()
-    return trimmed(lowering.code(), every_sensor=True)
-
-
-def lower_client(program: ir.Program, clients: ClientList, actuator: str, module: str) -> Code:
-    """What one client has to compute: its guards, its command, and the limits of its actuator.
-
-    Python modules that its guard mentions run elsewhere: their activity is an `OutsideActive`. Under
-    `on_loss degrade` the other modules count as not active where their clients are `Lost`.
-
-    Raises:
-        KeyError: there is no such actuator, or `module` is not among its clients.
-    """
-    found = {a.name: a for a in program.robot.actuators}[actuator]
-    own = {c.module: c for a in clients.actuators if a.actuator == actuator for c in a.clients}[module]
-    lowering = _Lowering(program, clients, client=module, degrade=found.on_loss == "degrade")
-    lowering.python_modules()
-    lowering.actuator(found, (own,))
+    lowering.contracts()
     lowering.states()
-    lowering.decided = len(lowering.builder.ops)
-    return trimmed(lowering.code(), every_sensor=False)
+    lowering.variants(clients, traversal or clients)
+    lowering.states()
+    code, robot = trimmed(lowering.code(), every_sensor=True), program.robot
+    return Compiled(name=robot.name, frame_ns=robot.frame_ns, code=code, announced=_announced(code))
+
+
+def _announced(code: Code) -> tuple[str, ...]:
+    """The modules in Python whose activity the client of another module needs, in the order written."""
+    if not code.python:
+        return ()
+    views = (of_client(code, a.actuator.name, c.module) for a in code.actuators for c in a.clients)
+    outside = {op.module for view in views for op in view.ops if isinstance(op, OutsideActive)}
+    return tuple(call.module for call in code.python if call.module in outside)
 
 
 class _Lowering(Declarations):
     """A program being lowered to one Code. Mutable."""
 
-    def __init__(
-        self, program: ir.Program, clients: ClientList, client: str | None = None, degrade: bool = False
-    ) -> None:
-        super().__init__(program, clients, client, degrade)
+    def __init__(self, program: ir.Program, clients: ClientList) -> None:
+        super().__init__(program, clients)
         self.decided = 0
         self._python: list[PythonCall] = []
         self._actuator_codes: list[ActuatorCode] = []
@@ -95,7 +94,7 @@ class _Lowering(Declarations):
     def python_modules(self) -> None:
         """Every Python module that this code has to call, as declared."""
         for module in self.program.modules:
-            if isinstance(module, ir.PythonModule) and self.client in (None, module.name):
+            if isinstance(module, ir.PythonModule):
                 reads = [r.expression for r in module.reads]
                 self.prepare(*reads)
                 fields = self.actuators[module.actuator].fields if module.actuator else ()
@@ -123,7 +122,7 @@ class _Lowering(Declarations):
         self._actuator_codes.append(
             ActuatorCode(
                 actuator=actuator,
-                clients=tuple(self._client(c) for c in clients),
+                clients=tuple(self._client(client) for client in clients),
                 limits=tuple(
                     self._limit(i, limit)
                     for i, limit in enumerate(self.program.limits)
@@ -150,7 +149,7 @@ class _Lowering(Declarations):
                 assert_never(module)
 
     def _client(self, client: Client) -> ClientCode:
-        guard, exclusive = self._guards.guard(client.guard), self._guards.guard(client.exclusive)
+        guard, exclusive = self.guards.guard(client.guard), self.guards.guard(client.exclusive)
         module = self.modules[client.module]
         match module:
             case ir.Module():
@@ -167,6 +166,10 @@ class _Lowering(Declarations):
             guard=guard,
             exclusive=exclusive,
             fields=self._command(client.module),
+            heard_guard=guard,
+            heard_exclusive=exclusive,
+            traversed=guard,
+            several_ways=client.several_ways,
             span=module.span,
         )
 
@@ -196,4 +199,47 @@ class _Lowering(Declarations):
             self.prepare(contract.expression)
             scope = self.file_scope(f"contract {contract.name}", (contract.expression,))
             value = self.expressions.scalar(contract.expression, scope)
-            self._contracts.append(ContractCode(name=contract.name, present=scope.ready, value=value))
+            self._contracts.append(
+                ContractCode(name=contract.name, present=scope.ready, value=value, traversed=value)
+            )
+
+    # --- variants of guards ----------------------------------------------------------------------
+
+    def variants(self, clients: ClientList, traversal: ClientList) -> None:
+        """Lower the guards as clients hear them, and all that depends on guards before simplification.
+
+        It comes last, so that nothing else depends on whether there are any.
+        """
+        guards = {(a.actuator, c.module): c for a in clients.actuators for c in a.clients}
+        heard = GuardLowering(self.builder, clients, self.heard_active, "heard guard")
+        for i, one in enumerate(self._actuator_codes):
+            if one.actuator.on_loss == "degrade":
+                self._actuator_codes[i] = replace(
+                    one,
+                    clients=tuple(_heard(c, guards[one.actuator.name, c.module], heard) for c in one.clients),
+                )
+        if traversal is clients:
+            return
+        before = {(a.actuator, c.module): c.guard for a in traversal.actuators for c in a.clients}
+        self.guards = traversed = GuardLowering(
+            self.builder, traversal, self.module_active, "traversed guard"
+        )
+        for i, one in enumerate(self._actuator_codes):
+            self._actuator_codes[i] = replace(
+                one,
+                clients=tuple(
+                    replace(c, traversed=traversed.guard(before[one.actuator.name, c.module]))
+                    for c in one.clients
+                ),
+            )
+        for i, (contract, code) in enumerate(zip(self.program.contracts, self._contracts, strict=True)):
+            if self.observes(contract.expression):
+                scope = self.file_scope(f"traversed contract {code.name}", (contract.expression,))
+                value = self.expressions.scalar(contract.expression, scope)
+                self._contracts[i] = replace(code, traversed=value)
+
+
+def _heard(code: ClientCode, client: Client, guards: GuardLowering) -> ClientCode:
+    return replace(
+        code, heard_guard=guards.guard(client.guard), heard_exclusive=guards.guard(client.exclusive)
+    )

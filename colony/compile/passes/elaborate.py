@@ -6,7 +6,7 @@ from collections.abc import Iterator
 from typing import assert_never
 
 from colony.compile.network import Inhibitor, ModuleLeaf, Network, NetworkNode, Suppressor
-from colony.ir.expression import Expression, IsActive, children
+from colony.ir.expression import Expression, IsActive, subexpressions
 from colony.ir.memory import window_cell
 from colony.ir.program import Chain, Program, Use, Wiring
 
@@ -86,7 +86,10 @@ class _Elaboration:
 def _observed_names(program: Program) -> list[str]:
     """What contracts and examples name by `is active`, each once, in order."""
     names = dict.fromkeys(
-        node.name for root in _conditions(program) for node in _walk(root) if isinstance(node, IsActive)
+        node.name
+        for root in _conditions(program)
+        for node in subexpressions(root)
+        if isinstance(node, IsActive)
     )
     return list(names)
 
@@ -97,12 +100,3 @@ def _conditions(program: Program) -> Iterator[Expression]:
     for example in program.tests:
         for step in example.steps:
             yield from step.expectations
-
-
-def _walk(root: Expression) -> Iterator[Expression]:
-    """All of an expression, in the order written."""
-    stack = [root]
-    while stack:
-        node = stack.pop()
-        yield node
-        stack.extend(reversed(children(node)))

@@ -59,7 +59,14 @@ def _clients(nodes: tuple[SuppressionNode, ...], root: Link, table: GuardTable) 
         exclusive = table.conjunction((active, reach.through(at, table)))
         gates = reach.gates[at]
         guard = exclusive if gates is None else table.conjunction((active, gates))
-        clients.append(Client(module=leaf.module, priority=priority, guard=guard, exclusive=exclusive))
+        client = Client(
+            module=leaf.module,
+            priority=priority,
+            guard=guard,
+            exclusive=exclusive,
+            several_ways=gates is None,
+        )
+        clients.append(client)
     return tuple(clients)
 
 

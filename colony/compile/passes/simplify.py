@@ -4,9 +4,10 @@ from __future__ import annotations
 
 from array import array
 from collections.abc import Sequence
+from dataclasses import replace
 from typing import assert_never
 
-from colony.compile.clients import ActuatorClients, Client, ClientList
+from colony.compile.clients import ActuatorClients, ClientList
 from colony.compile.guards import (
     Always,
     And,
@@ -56,10 +57,7 @@ def _moved(clients: ClientList, guards: tuple[Guard, ...], to: dict[int, int]) -
     """The client list over another table, `to` giving the new reference of each old one."""
     actuators = []
     for one in clients.actuators:
-        moved = [
-            Client(module=c.module, priority=c.priority, guard=to[c.guard], exclusive=to[c.exclusive])
-            for c in one.clients
-        ]
+        moved = [replace(c, guard=to[c.guard], exclusive=to[c.exclusive]) for c in one.clients]
         actuators.append(ActuatorClients(actuator=one.actuator, clients=tuple(moved)))
     observed = tuple((name, to[ref]) for name, ref in clients.observed)
     return ClientList(guards=guards, actuators=tuple(actuators), observed=observed)

@@ -4,17 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import replace
-from typing import TYPE_CHECKING
 
 from colony.dsl import ast
+from colony.dsl.check.checker import Checker
 from colony.dsl.check.compatibility import article, articles, unify
 from colony.dsl.check.scope import Broken, LetSymbol, SensorSymbol
 from colony.ir import expression as ir
 from colony.ir.types import BOOL, DEGREES, DURATION, PLAIN, Array, Bool, Quantity, Scalar, element_type
 from colony.text.units import ANGLE, NUMBER, Dimension
-
-if TYPE_CHECKING:
-    from colony.dsl.check.expressions import Checker
 
 MAX_ITERATIONS = 4096
 
@@ -174,7 +171,7 @@ def _reduction(checker: Checker, node: ast.Call, function: ir.Function) -> ir.Ex
 
 
 def reduction_result(
-    checker: Checker, node: ast.Node, name: ast.Name, function: ir.Function, elements: list[Scalar]
+    checker: Checker, node: ast.SyntaxNode, name: ast.Name, function: ir.Function, elements: list[Scalar]
 ) -> Scalar | None:
     """The type that a reduction of these elements has."""
     if function in _BOOL_REDUCTIONS:

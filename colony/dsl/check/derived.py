@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Iterable
 
 from colony.dsl import ast
+from colony.dsl.check.checker import Checker
 from colony.dsl.check.compatibility import settled
-from colony.dsl.check.expressions import Checker
 from colony.dsl.check.robot import check_type
 from colony.dsl.check.scope import (
     Broken,

@@ -1,22 +1,16 @@
-"""Expressions: names to what they stand for, units to factors, each node with its type.
-
-A check gives the typed expression, or None after it has reported why there is none; whoever gets None goes
-on with the rest, so that all that is wrong is said at once.
-"""
+"""Expressions: names to what they stand for, units to factors, each node with its type."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import dataclass, field, replace
-from fractions import Fraction
+from dataclasses import dataclass
 from math import isfinite
 
 from colony.dsl import ast
 from colony.dsl.check import calls
-from colony.dsl.check.compatibility import article, articles, fits, unify
-from colony.dsl.check.constants import constant_value, literal, unit_of
+from colony.dsl.check.checker import Checker
+from colony.dsl.check.compatibility import article, articles, unify
+from colony.dsl.check.constants import constant_value, unit_of
 from colony.dsl.check.references import resolve_reference, resolve_status, resolve_winner
-from colony.dsl.check.scope import Report, Scope, ValueSymbol, span_of
 from colony.ir import expression as ir
 from colony.ir.types import (
     BOOL,
@@ -27,132 +21,14 @@ from colony.ir.types import (
     Enum,
     Quantity,
     Scalar,
-    ScalarValue,
     Type,
     element_type,
 )
-from colony.text.source import Span
-from colony.text.units import TIME, BadUnit, nanoseconds
-
-MAX_DURATION_NS = 10**18
-"""So that sums of times fit 64 bits in every executor."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Checker:
-    """What an expression may name, and where findings go.
-
-    `local` hides the file's names; `promise` allows what only contracts and expectations may say;
-    `memory` allows memory functions; `constants` says that only constants can stand here; `later` are the
-    names that the module declares, perhaps further down; `loops` are the variables of enclosing reductions.
-    """
-
-    scope: Scope
-    report: Report
-    local: Mapping[str, ValueSymbol] = field(default_factory=dict)
-    promise: bool = False
-    memory: bool = True
-    constants: bool = False
-    later: frozenset[str] = frozenset()
-    loops: Mapping[str, str] = field(default_factory=dict)
-    iterations: int = 1
-
-    # --- entries
-
-    def check(self, node: ast.Expression) -> ir.Expression | None:
-        """The typed expression, whatever its type."""
-        if node.depth > ir.NESTING_LIMIT:
-            message = f"the expression nests {node.depth} deep; at most {ir.NESTING_LIMIT} are allowed"
-            self.error("E004", node, message, "name parts of it with `let`")
-            return None
-        return self.visit(node)
-
-    def expect(self, node: ast.Expression, wanted: Type, what: str) -> ir.Expression | None:
-        """The typed expression if its type is `wanted`; `what` names its place in the message."""
-        found = self.check(node)
-        if found is None:
-            return None
-        if fits(found.type, wanted):
-            return found
-        hint = _type_hint(node, found.type, wanted)
-        self.error("E202", node, f"{what} must be {article(wanted)}, found {article(found.type)}", hint)
-        return None
-
-    def constant(self, node: ast.Expression, wanted: Scalar | None, what: str) -> ir.Constant | None:
-        """A constant, finite, of type `wanted` (of any scalar type for None)."""
-        constants = replace(self, memory=False, constants=True)
-        found = constants.check(node) if wanted is None else constants.expect(node, wanted, what)
-        if found is None:
-            return None
-        value = constant_value(found)
-        if value is None or isinstance(found.type, Array):
-            self.error(
-                "E204", node, f"{what} must be constant", "use literals, params and arithmetic on them"
-            )
-            return None
-        if not abs(value) < float("inf"):
-            self.error("E212", node, f"{what} is not a finite number")
-            return None
-        type_ = found.type if wanted is None or not isinstance(found.type, Quantity) else wanted
-        return ir.Constant(type=type_, value=value, span=found.span)
-
-    def constant_in(self, node: ast.Expression, type_: Scalar, unit: str, what: str) -> ScalarValue | None:
-        """A constant of `type_` where a plain number is taken to be in the declared unit."""
-        sign, bare = 1.0, node
-        while isinstance(bare, ast.Prefix) and bare.operator == "-":
-            sign, bare = -sign, bare.operand
-        if isinstance(type_, Quantity) and isinstance(bare, ast.Number) and bare.unit is None:
-            value = self._literal(bare, unit)
-            return None if value is None else sign * value
-        if isinstance(type_, Quantity) and not type_.wild:
-            found = self.constant(node, None, what)
-            if found is None:
-                return None
-            if isinstance(found.type, Quantity) and found.type.dimension == PLAIN.dimension:
-                return float(found.value) * float(unit_of(unit).factor) if unit else found.value  # type: ignore[arg-type,return-value]
-            if fits(found.type, type_):
-                return found.value  # type: ignore[return-value]
-            self.error("E202", node, f"{what} must be {article(type_)}, found {article(found.type)}")
-            return None
-        found = self.constant(node, type_, what)
-        return None if found is None else found.value  # type: ignore[return-value]
-
-    def duration_ns(self, node: ast.Expression, what: str) -> int | None:
-        """A constant time as whole nanoseconds, not negative."""
-        found = self.constant(node, Quantity(TIME), what)
-        if found is None:
-            return None
-        ns = nanoseconds(found.value)  # type: ignore[arg-type]
-        if ns < 0:
-            self.error("E213", node, f"{what} is negative", "durations count forward")
-            return None
-        if ns > MAX_DURATION_NS:
-            years = MAX_DURATION_NS // (365 * 86_400 * 10**9)
-            self.error("E213", node, f"{what} is longer than {years} years")
-            return None
-        return ns
-
-    def whole(self, node: ast.Expression, what: str, low: int, high: int) -> int | None:
-        """A constant whole number from `low` to `high`."""
-        found = self.constant(node, PLAIN, what)
-        if found is None:
-            return None
-        value = found.value
-        if not isinstance(value, float) or value != int(value) or not low <= value <= high:
-            shown = f"{value:g}" if isinstance(value, float) else str(value).lower()
-            self.error("E214", node, f"{what} must be a whole number from {low} to {high}, found {shown}")
-            return None
-        return int(value)
-
-    # --- shared
-
-    def error(self, code: str, node: ast.Node, message: str, hint: str | None = None) -> None:
-        self.report.error(self.scope, code, node, message, hint)
-
-    def span(self, node: ast.Node) -> Span:
-        return span_of(self.scope, node)
-
-    # --- nodes
+class ExpressionChecker(Checker):
+    """Checks every kind of expression."""
 
     def visit(self, node: ast.Expression) -> ir.Expression | None:
         """By kind of node; depth was checked by `check`."""
@@ -184,19 +60,8 @@ class Checker:
             case ast.Is():
                 return resolve_status(self, node)
 
-    def _literal(self, node: ast.Number, unit: str | None) -> float | None:
-        try:
-            factor = unit_of(unit).factor if unit else Fraction(1)
-        except BadUnit as problem:
-            self.error("E011", node, str(problem))
-            return None
-        value = literal(node.digits, factor)
-        if value is None:
-            self.error("E010", node, "the number is too large for a 64-bit float")
-        return value
-
     def _number(self, node: ast.Number) -> ir.Expression | None:
-        value = self._literal(node, node.unit)
+        value = self.literal(node, node.unit)
         if value is None:
             return None
         type_ = Quantity(unit_of(node.unit).dimension) if node.unit else (PLAIN if value != 0 else ZERO)
@@ -236,15 +101,6 @@ class Checker:
             return None
         return ir.BinaryOperation(type=type_, operator=operator, left=left, right=right, span=self.span(node))
 
-    def broadcast(self, node: ast.Node, element: Scalar, *types: Type) -> Type | None:
-        """`element`, or an array of it: scalars fit any array, arrays must agree in length."""
-        sizes = sorted({t.size for t in types if isinstance(t, Array)})
-        if len(sizes) > 1:
-            shown = " and ".join(str(s) for s in sizes)
-            self.error("E206", node, f"the arrays differ in length: {shown} elements")
-            return None
-        return Array(element, sizes[0]) if sizes else element
-
     def _if(self, node: ast.If) -> ir.Expression | None:
         condition = self.visit(node.condition)
         yes, no = self.visit(node.yes), self.visit(node.no)
@@ -279,14 +135,6 @@ class Checker:
         if type_ is None:
             return None
         return ir.Within(type=type_, operand=operand, low=low, high=high, span=self.span(node))
-
-    def array(self, node: ast.Expression) -> ir.Expression | None:
-        """An expression that must be an array."""
-        found = self.visit(node)
-        if found is not None and not isinstance(found.type, Array):
-            self.error("E207", node, f"expected an array, found {article(found.type)}")
-            return None
-        return found
 
     def _index(self, node: ast.Index) -> ir.Expression | None:
         array, index = self.array(node.array), self.visit(node.index)
@@ -365,17 +213,3 @@ def _infix_hint(node: ast.Infix, operator: ir.Binary, left: Type, right: Type) -
     if isinstance(a, Bool) and isinstance(b, Bool) and operator not in _BOOLEAN:
         return "turn a bool into a number with `if b then 1 else 0`, or count bools with `count`"
     return None
-
-
-def _type_hint(node: ast.Expression, found: Type, wanted: Type) -> str | None:
-    if isinstance(found, Array) and not isinstance(wanted, Array):
-        if isinstance(wanted, Bool):
-            return "reduce the array with `any(...)` or `all(...)`"
-        return "take an element, or reduce the array with `min`, `max`, `mean` or `sum`"
-    if not isinstance(found, Quantity) or not isinstance(wanted, Quantity):
-        return None
-    if isinstance(node, ast.Number) and node.unit is None:
-        return f"write its unit, for example `{node.digits[:20]} {wanted}`"
-    if found == PLAIN:
-        return f"give it a unit: times `1 {wanted}`"
-    return f"divide by a unit for a plain number: `x / 1 {found}`" if wanted == PLAIN else None

@@ -8,9 +8,10 @@ from dataclasses import replace
 from typing import TypeVar
 
 from colony.dsl import ast
+from colony.dsl.check.checker import Checker
 from colony.dsl.check.compatibility import article, fits
 from colony.dsl.check.derived import check_let, check_nexts, check_param, check_state, let_symbol
-from colony.dsl.check.expressions import Checker
+from colony.dsl.check.expressions import ExpressionChecker
 from colony.dsl.check.references import actuator_named, resolve_part, resolve_reference
 from colony.dsl.check.robot import command_arguments
 from colony.dsl.check.scope import (
@@ -128,17 +129,17 @@ def _base(
     if quiet:
         return None
     if symbol is None or isinstance(symbol, ModuleSymbol):
-        resolve_part(Checker(scope=one.scope, report=report), one.node.base)
+        resolve_part(ExpressionChecker(scope=one.scope, report=report), one.node.base)
     elif not isinstance(symbol, Broken):
         report.error(one.scope, "E404", one.node.base, f"`{one.node.base.text}` is not a module")
     return None
 
 
 def _derive(report: Report, one: Pending, node: ast.DerivedModuleDecl, base: Template) -> Template:
-    checker = Checker(scope=one.scope, report=report)
+    checker = ExpressionChecker(scope=one.scope, report=report)
     known = [c.name.text for c in base.node.clauses if isinstance(c, ast.ParamDecl)]
     declared: dict[str, ValueSymbol] = {}
-    quiet = Checker(scope=base.scope, report=Report(), local=declared)
+    quiet = ExpressionChecker(scope=base.scope, report=Report(), local=declared)
     _params(quiet, _clauses(base.node, ast.ParamDecl), base.params, declared)
     params = dict(base.params)
     given: set[str] = set()
@@ -175,7 +176,7 @@ def _instance(
     local: dict[str, ValueSymbol] = {}
     # What a derived module repeats of its base was reported there already.
     sink = Report(cells=report.cells) if derived else report
-    checker = Checker(scope=template.scope, report=sink, local=local)
+    checker = ExpressionChecker(scope=template.scope, report=sink, local=local)
     module: ir.AnyModule | None
     if isinstance(template.node, ast.PythonModuleDecl):
         module = _python_module(checker, one, template.node, template.params, local)

@@ -10,6 +10,7 @@ from collections.abc import Iterator
 from typing import TypeVar
 
 from colony.dsl import ast
+from colony.dsl.check.checker import Checker
 from colony.dsl.check.declare import MODULE_DECLARATIONS, declare_names
 from colony.dsl.check.derived import (
     check_let,
@@ -20,7 +21,7 @@ from colony.dsl.check.derived import (
     let_symbol,
     machine_type,
 )
-from colony.dsl.check.expressions import Checker
+from colony.dsl.check.expressions import ExpressionChecker
 from colony.dsl.check.modules import Pending, check_modules
 from colony.dsl.check.promises import check_contract, check_limit, check_test
 from colony.dsl.check.robot import check_enum, check_robot
@@ -40,7 +41,7 @@ from colony.ir import program as ir
 from colony.ir.types import ScalarValue
 from colony.text.diagnostics import Diagnostic, has_errors, in_order, warning
 
-_Node = TypeVar("_Node", bound=ast.Node)
+_Node = TypeVar("_Node", bound=ast.SyntaxNode)
 
 
 def check_program(tree: SourceTree) -> tuple[ir.Program | None, tuple[Diagnostic, ...]]:
@@ -69,7 +70,7 @@ class _Check:
         wires = self._wires(modules)
         limits = [check_limit(c, n) for c, n in self._each(ast.LimitDecl)]
         contracts = self._contracts()
-        own = Checker(scope=self.root, report=self.report)
+        own = ExpressionChecker(scope=self.root, report=self.report)
         tests = [check_test(own, n) for c, n in self._each(ast.TestDecl) if c.scope is self.root]
         if robot is None:
             return None
@@ -87,7 +88,7 @@ class _Check:
     def _each(self, kind: type[_Node]) -> Iterator[tuple[Checker, _Node]]:
         """Every declaration of a kind in all files, with a checker in the scope of its file."""
         for scope in self.scopes:
-            checker = Checker(scope=scope, report=self.report)
+            checker = ExpressionChecker(scope=scope, report=self.report)
             for node in scope.file.tree.declarations:
                 if isinstance(node, kind):
                     yield checker, node
@@ -95,7 +96,7 @@ class _Check:
     def _constants(self) -> None:
         """Enums and params, each of which may use those above it."""
         for scope in self.scopes:
-            checker = Checker(scope=scope, report=self.report)
+            checker = ExpressionChecker(scope=scope, report=self.report)
             for node in scope.file.tree.declarations:
                 if isinstance(node, ast.EnumDecl):
                     type_ = check_enum(checker, node)
@@ -144,7 +145,7 @@ class _Check:
     def _states(self, initial: dict[str, ScalarValue]) -> list[ir.Derived]:
         states: list[ir.Derived] = []
         for scope in self.scopes:
-            checker = Checker(scope=scope, report=self.report)
+            checker = ExpressionChecker(scope=scope, report=self.report)
             own = {n: s for n, s in scope.values.items() if isinstance(s, StateSymbol)}
             nodes = [d for d in scope.file.tree.declarations if isinstance(d, ast.NextDecl)]
             names = {d.name.text for d in scope.file.tree.declarations if isinstance(d, ast.StateDecl)}

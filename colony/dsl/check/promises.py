@@ -5,8 +5,8 @@ from __future__ import annotations
 from dataclasses import replace
 
 from colony.dsl import ast
+from colony.dsl.check.checker import Checker
 from colony.dsl.check.compatibility import article
-from colony.dsl.check.expressions import Checker
 from colony.dsl.check.references import actuator_named
 from colony.dsl.check.scope import Broken, SensorSymbol
 from colony.ir import program as ir

@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 from itertools import islice
-from typing import TYPE_CHECKING
 
 from colony.dsl import ast
 from colony.dsl.check.calls import FUNCTION_NAMES
+from colony.dsl.check.checker import Checker
 from colony.dsl.check.scope import (
     ActuatorSymbol,
     Broken,
@@ -25,9 +25,6 @@ from colony.dsl.check.scope import (
 from colony.ir import expression as ir
 from colony.ir import program as program_ir
 from colony.ir.types import BOOL, DURATION, PLAIN, Enum
-
-if TYPE_CHECKING:
-    from colony.dsl.check.expressions import Checker
 
 
 def resolve_reference(checker: Checker, node: ast.Reference) -> ir.Expression | None:
@@ -255,7 +252,7 @@ def resolve_status(checker: Checker, node: ast.Is) -> ir.Expression | None:
     return ir.IsActive(type=BOOL, name=part.name, span=span)
 
 
-def _in_promise(checker: Checker, node: ast.Node) -> bool:
+def _in_promise(checker: Checker, node: ast.SyntaxNode) -> bool:
     if not checker.promise:
         checker.error("E210", node, "`by` and `is` stand only in contracts and tests")
     return checker.promise

@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 from colony.dsl import ast
+from colony.dsl.check.checker import Checker
 from colony.dsl.check.compatibility import article
 from colony.dsl.check.constants import unit_of
-from colony.dsl.check.expressions import Checker
 from colony.dsl.check.scope import ActuatorSymbol, Broken, EnumSymbol, SensorSymbol
 from colony.ir import program as ir
 from colony.ir.types import BOOL, PLAIN, Array, Enum, Quantity, Scalar, ScalarValue
@@ -232,7 +232,7 @@ def _idle(
 
 def command_arguments(
     checker: Checker,
-    node: ast.Node,
+    node: ast.SyntaxNode,
     arguments: tuple[ast.Argument, ...],
     fields: list[str],
     actuator: str,

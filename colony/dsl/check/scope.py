@@ -178,7 +178,9 @@ class Report:
     cells: int = 0
     suggestions: int = 100
 
-    def error(self, scope: Scope, code: str, node: ast.Node, message: str, hint: str | None = None) -> None:
+    def error(
+        self, scope: Scope, code: str, node: ast.SyntaxNode, message: str, hint: str | None = None
+    ) -> None:
         self.diagnostics.append(error(code, span_of(scope, node), _clipped(message), hint))
 
     def suggest(self, name: str, known: Iterable[str]) -> str | None:
@@ -194,7 +196,7 @@ class Report:
         return self.cells
 
 
-def span_of(scope: Scope, node: ast.Node) -> Span:
+def span_of(scope: Scope, node: ast.SyntaxNode) -> Span:
     return Span(scope.file.source, node.start, node.end)
 
 

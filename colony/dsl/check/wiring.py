@@ -5,7 +5,8 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 
 from colony.dsl import ast
-from colony.dsl.check.expressions import Checker
+from colony.dsl.check.checker import Checker
+from colony.dsl.check.expressions import ExpressionChecker
 from colony.dsl.check.references import resolve_part
 from colony.dsl.check.scope import ActuatorSymbol, Broken, Report, Scope
 from colony.ir import program as ir
@@ -27,7 +28,7 @@ def check_wires(report: Report, pending: list[PendingWire]) -> list[ir.Wire]:
     wires: dict[str, ir.Wire] = {}
     places: dict[str, PendingWire] = {}
     for one in pending:
-        checker = Checker(scope=one.scope, report=report)
+        checker = ExpressionChecker(scope=one.scope, report=report)
         wiring = _wiring(checker, one.node.wiring)
         if wiring is not None:
             span = checker.span(one.node.name)

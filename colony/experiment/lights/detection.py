@@ -12,13 +12,13 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import NamedTuple
 
 from colony.nav.maps.stickrep.geometry import direction
+from colony.nav.maps.stickrep.model import Pose
 from colony.sim.cameras.ceiling import LIGHT_ACROSS_MM
 from colony.sim.hazards.scenery import CeilingLight
-from colony.sim.world.world import Pose
 from colony.vision.lights.looks import Look
 from colony.vision.lights.scan_lines import STEEPEST_DEG
 
@@ -53,7 +53,7 @@ class _Relative(NamedTuple):
     turned_deg: float
 
 
-@dataclass(slots=True, kw_only=True)
+@dataclass(slots=True)
 class LightWatch:
     """Counts over a run. Mutable: the counts.
 
@@ -62,15 +62,10 @@ class LightWatch:
     """
 
     lights: Sequence[CeilingLight]
-    _ahead: dict[int, float]
-    _told: set[int]
-    _passed: set[int]
-    _looks: list[int]
-
-    @classmethod
-    def over(cls, lights: Sequence[CeilingLight]) -> LightWatch:
-        """A watch that has seen nothing yet."""
-        return cls(lights=tuple(lights), _ahead={}, _told=set(), _passed=set(), _looks=[0, 0, 0, 0])
+    _ahead: dict[int, float] = field(default_factory=dict)
+    _told: set[int] = field(default_factory=set)
+    _passed: set[int] = field(default_factory=set)
+    _looks: list[int] = field(default_factory=lambda: [0, 0, 0, 0])
 
     def moved(self, pose: Pose) -> None:
         """The robot is there, and tracks lights."""

@@ -44,7 +44,7 @@ def run_with_witness(spec: RunSpec) -> LightResult:
     """Drive a run to its end, and count what is seen of the lights on its legs of lights."""
     looks: list[Look] = []
     driven = Run(spec, more={"witness": light_witness(looks.append)})
-    watch, path = LightWatch.over(driven.scenery.lights), TruePath()
+    watch, path = LightWatch(driven.scenery.lights), TruePath()
     try:
         going = True
         while going:

@@ -15,7 +15,7 @@ from colony.experiment.plates.passed import Pass
 from colony.experiment.plates.record import Kind, Outcome
 from colony.nav.maps.signs import Plate
 from colony.nav.maps.stickrep.geometry import Point
-from colony.sim.world.world import Pose
+from colony.nav.maps.stickrep.model import Pose
 
 NEAR_MM = 500.0
 """Between a sighting and its plate, at most; plates hang at least 1.7 m apart."""

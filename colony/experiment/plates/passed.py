@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 
 from colony.nav.maps.signs import PLATE_WIDTH_MM, Plate
 from colony.nav.maps.stickrep.geometry import direction
-from colony.sim.world.world import Pose
+from colony.nav.maps.stickrep.model import Pose
 from colony.vision.level_camera import SIDE, LevelCamera
 
 FARTHEST_MM = 2500.0

@@ -18,9 +18,9 @@ from colony.experiment.true_path import TruePath
 from colony.experiment.variants import SIDE_CAMERA
 from colony.nav.maps.signs import plates_of
 from colony.nav.maps.stickrep.geometry import Point
+from colony.nav.maps.stickrep.model import Pose
 from colony.nav.pose.tracker import Source
 from colony.runtime.kit.script import Script
-from colony.sim.world.world import Pose
 from colony.vision.plates.finder import plate_finder
 from colony.vision.plates.sights import PlateSight
 

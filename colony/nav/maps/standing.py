@@ -6,16 +6,13 @@ import math
 
 from colony.nav.maps.signs import door_name, plates_of
 from colony.nav.maps.stickrep.geometry import Point, direction
-from colony.nav.maps.stickrep.model import EdgeKind, Map
+from colony.nav.maps.stickrep.model import EdgeKind, Map, Pose
 from colony.nav.maps.walls import facing_deg, free_distance, point_on, walls_of
 from colony.text.suggestions import did_you_mean
 
 _FARTHEST_MM = 1900.0  # before a sign in a wide corridor or a hall
 _LEAST_ROOM_MM = 500.0
 _FROM_CORNER_MM = 500.0  # of a wall that begins at a node
-
-Pose = tuple[float, float, float]
-"""x and y in mm, heading in degrees counterclockwise from north."""
 
 
 class NoPlace(ValueError):
@@ -38,7 +35,7 @@ def standing_at(floor: Map, place: str) -> Pose:
         raise NoPlace(
             f"{found}; expected x from {low_x:.0f} to {high_x:.0f}, y from {low_y:.0f} to {high_y:.0f}"
         )
-    return x, y, heading % 360.0
+    return Pose(x, y, heading % 360.0)
 
 
 def standing_before(floor: Map, name: str) -> Pose:
@@ -79,4 +76,4 @@ def _before(floor: Map, name: str, middle: Point, into_deg: float, *, to_left: b
         raise NoPlace(f"before `{name}` of `{floor.name}` there are {free:.0f} mm; expected a corridor")
     back = min(free / 2, _FARTHEST_MM)
     heading = into_deg - 90.0 if to_left else into_deg
-    return middle.x + back * away.x, middle.y + back * away.y, heading % 360.0
+    return Pose(middle.x + back * away.x, middle.y + back * away.y, heading % 360.0)

@@ -10,7 +10,8 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
-from colony.runtime.protocol.calls import Asked, Caller, Refused
+from colony.runtime.protocol.calls import Asked, Refused
+from colony.runtime.protocol.connections import Caller
 
 
 class _Waiting(NamedTuple):

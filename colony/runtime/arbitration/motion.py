@@ -24,7 +24,7 @@ import math
 from dataclasses import dataclass, replace
 from typing import Literal, NamedTuple, assert_never
 
-from colony.runtime.servers.virtual_position import Pose
+from colony.runtime.servers.virtual_position import OdometerPose
 
 Mode = Literal[
     "joystick",
@@ -70,13 +70,13 @@ class Seen(NamedTuple):
     """What a law goes by: the track of the base (None: it gives nothing), the speeds that were sent last, and
     the time since then."""
 
-    track: Pose | None
+    track: OdometerPose | None
     sent: Speeds
     dt_s: float
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Drive:
+class ConstantSpeeds:
     """These speeds, whatever comes of them."""
 
     speeds: Speeds
@@ -115,7 +115,7 @@ class Halt:
 class Progress(NamedTuple):
     """Of a motion with an end: where it began, the most that was done of it, and for how long no more."""
 
-    origin: Pose
+    origin: OdometerPose
     done: float = 0.0
     idle_s: float = 0.0
 
@@ -153,7 +153,7 @@ class Arc:
     progress: Progress | None = None
 
 
-Motion = Drive | Go | Jog | Halt | Move | Turn | Arc
+Motion = ConstantSpeeds | Go | Jog | Halt | Move | Turn | Arc
 Ending = Move | Turn | Arc
 """Those that are done some time."""
 
@@ -171,7 +171,7 @@ class Step(NamedTuple):
 def step(motion: Motion, seen: Seen) -> Step:
     """One frame of a motion."""
     match motion:
-        case Drive():
+        case ConstantSpeeds():
             return Step(motion.speeds, motion)
         case Go():
             return _go(motion, seen)
@@ -192,7 +192,7 @@ def mode(motion: Motion) -> Mode:
     match motion:
         case Go():
             return "go" if motion.integrating else "proportional go"
-        case Jog() | Drive():
+        case Jog() | ConstantSpeeds():
             return "jog"
         case Halt():
             return "go"
@@ -216,7 +216,7 @@ def interrupted(motion: Motion) -> Motion:
     return motion
 
 
-def covered(motion: Ending, track: Pose | None) -> float:
+def covered(motion: Ending, track: OdometerPose | None) -> float:
     """How much of it was done, in mm or degrees in the direction asked for."""
     if motion.progress is None or track is None:
         return 0.0
@@ -293,7 +293,7 @@ def _degrees(motion: Turn | Arc) -> tuple[float, float]:
     return abs(motion.degrees), NEAR_DEG
 
 
-def _speeds(motion: Ending, left: float, track: Pose, seen: Seen) -> Speeds:
+def _speeds(motion: Ending, left: float, track: OdometerPose, seen: Seen) -> Speeds:
     sent, dt_s = seen.sent, seen.dt_s
     match motion:
         case Move():

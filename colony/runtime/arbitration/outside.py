@@ -12,7 +12,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 from colony.runtime.arbitration.motion import Motion
-from colony.runtime.protocol.calls import Asked, Caller, Refused
+from colony.runtime.protocol.calls import Asked, Refused
+from colony.runtime.protocol.connections import Caller
 
 LONGEST_LEASE_S = 60.0
 

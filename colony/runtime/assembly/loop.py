@@ -14,14 +14,14 @@ from typing import Any, NamedTuple
 
 import msgspec
 
-from colony.ir.frame import Frame, Outcome, Reading
+from colony.execute.compiled import Compiled
+from colony.ir.frame import Executor, Frame, Outcome, Reading
 from colony.ir.types import ScalarValue, Value
 from colony.runtime.arbitration.motion import Speeds
-from colony.runtime.assembly.behavior import Behavior
 from colony.runtime.kit.script import Script
 from colony.runtime.kit.script_local import LocalScripts, LocalServer
 from colony.runtime.library.ask import Ask
-from colony.runtime.protocol.bindings import ActuatorBinding
+from colony.runtime.protocol.bindings import ActuatorBinding, bind
 from colony.runtime.protocol.calls import Asked
 from colony.runtime.protocol.deployment import variables_read
 from colony.runtime.protocol.fields import DSERVER, PSERVER, RSERVER, RUNTIME
@@ -37,9 +37,6 @@ from colony.runtime.servers.semaphores import Semaphores
 from colony.runtime.servers.variables import Variables
 from colony.runtime.store.store import Journal, MemoryStore
 from colony.runtime.transport.virtual import VirtualClock
-
-_Decided = tuple[tuple[str, str | None, tuple[ScalarValue, ...] | None, str | None], ...]
-"""A `Decision` an actuator, as generated code gives it."""
 
 Watch = Callable[[Frame, Outcome], None]
 """Is shown every frame, after the network has decided and before anything moves."""
@@ -114,7 +111,8 @@ class Loop:
     """Mutable: the servers and scripts, the network's memory, the time.
 
     Args:
-        behavior: what decides.
+        compiled: the program that is run.
+        executor: decides its frames.
         drivers: the devices; they tell time by `clock`.
         scripts: by name, in the order in which they run in a moment.
         clock: the time, which the loop moves on.
@@ -122,11 +120,15 @@ class Loop:
         seed: of `Runtime.random`.
         variables: of DServer, held as fresh as each frame, in declared units.
         watch: is shown every frame.
+
+    Raises:
+        Failure: a sensor or an actuator is bound to what no server has.
     """
 
     def __init__(
         self,
-        behavior: Behavior,
+        compiled: Compiled,
+        executor: Executor,
         drivers: Drivers,
         scripts: Mapping[str, Script],
         *,
@@ -137,16 +139,17 @@ class Loop:
         watch: Watch | None = None,
     ) -> None:
         self._clock, self._advance = clock, advance
+        robot, bindings = compiled.robot, bind(compiled.robot)
         self.base, proximity = Base(drivers.base), PServer(drivers.proximity, keep=1)
-        self.data = LocalData(variables_read(behavior.bindings))
+        self.data = LocalData(variables_read(bindings))
         self.data.variables.hold(variables or {})
         self._cameras = tuple(LocalCamera(name, driver) for name, driver in drivers.cameras.items())
         sensing = (LocalServer(RSERVER.name, self.base.methods), LocalServer(PSERVER.name, proximity.methods))
         self.scripts = LocalScripts(scripts, (self.data, *sensing, *self._cameras))
         self._watch = watch
-        self._executor = behavior.executor()
-        self._frame_ns = behavior.program.robot.frame_ns
-        sensors = behavior.bindings.sensors
+        self._executor = executor
+        self._frame_ns = robot.frame_ns
+        sensors = bindings.sensors
         self._sensors = tuple((b.sensor, b.server, b.field, b.within_ns, b.factor) for b in sensors)
         self._rings = {
             b.field: {"sonar": proximity.sonar, "infrared": proximity.infrared}[b.field]
@@ -163,7 +166,7 @@ class Loop:
         acts = [
             _Act(binding, number, tuple(field.factor for field in actuator.fields))
             for number, (actuator, binding) in enumerate(
-                zip(behavior.program.robot.actuators, behavior.bindings.actuators, strict=True)
+                zip(robot.actuators, bindings.actuators, strict=True)
             )
         ]
         self._drives = tuple(act for act in acts if act.binding.server == RSERVER.name)
@@ -182,13 +185,16 @@ class Loop:
             ScriptFailed: a script raised.
         """
         now_ns = self._clock.now_ns
-        outcome = self._decide(Frame(now_ns, self._readings(now_ns)))
+        frame = Frame(now_ns, self._readings(now_ns))
+        outcome = self._executor.step(frame)
+        if self._watch is not None:
+            self._watch(frame, outcome)
         for act in self._sets:
-            values = outcome[act.number][2]
+            values = outcome.decisions[act.number].values
             if values is not None:
                 command(self.data.variables, act.binding.command, values, now_ns)
         for act in self._drives:
-            values = outcome[act.number][2]
+            values = outcome.decisions[act.number].values
             if values is not None:
                 self._drive(act.speeds(values))
         self.data.expire(now_ns)
@@ -203,14 +209,6 @@ class Loop:
         """Stop the robot and end all scripts."""
         self.base.stop()
         self.scripts.close()
-
-    def _decide(self, frame: Frame) -> _Decided:
-        if self._watch is not None:
-            outcome = self._executor.step(frame)
-            self._watch(frame, outcome)
-            return outcome.decisions
-        decisions: _Decided = self._executor.program.step(frame.t_ns, frame.readings)[0]
-        return decisions
 
     def _drive(self, speeds: Speeds) -> None:
         """Send a command, but not one that goes into a bumper that is pressed."""

@@ -1,7 +1,7 @@
 """A whole robot in one process: clock, servers, clients and observer, joined by a transport in virtual time.
 
     clock = VirtualClock()
-    session = Session(program, compiled.clients, drivers, clock=clock, seed=1)
+    session = VirtualSession(compiled, drivers, clock=clock, seed=1)
     session.run(60_000_000_000)
 
 Whatever ends a run, be it an exception, the robot is stopped and the sinks are closed.
@@ -12,10 +12,9 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from functools import partial
 
-from colony.compile.clients import ClientList
-from colony.ir.program import Program
+from colony.execute.compiled import Compiled
 from colony.ir.types import Value
-from colony.runtime.assembly.nodes import build_announcer, build_client, build_observer, members
+from colony.runtime.assembly.nodes import build_announcer, build_client, build_observer
 from colony.runtime.frames.assembly import frames_kept
 from colony.runtime.frames.clock import Clock
 from colony.runtime.observe.closing import close_all
@@ -51,7 +50,7 @@ class VirtualRobot:
     `transport.at` does it at a time. What a store keeps survives, as it would on a disk.
 
     Args:
-        program, clients: what is run, and its compiled form.
+        compiled: what is run.
         bindings: where its sensors and actuators are.
         servers: all servers but the Clock.
         clock: the time, which the transport moves on.
@@ -69,8 +68,7 @@ class VirtualRobot:
 
     def __init__(
         self,
-        program: Program,
-        clients: ClientList,
+        compiled: Compiled,
         bindings: Bindings,
         servers: Servers,
         *,
@@ -83,23 +81,22 @@ class VirtualRobot:
         requests: bool = False,
         nodes: tuple[Node, ...] = (),
     ) -> None:
-        who, keep = members(program, clients), frames_kept(program.robot.frame_ns)
-        deployed = deployment(program, clients, bindings, run=RUN, seed=seed, announced=who.announced)
-        self.deployed = deployed
+        keep = frames_kept(compiled.frame_ns)
+        self.deployed = deployed = deployment(compiled, bindings, run=RUN, seed=seed)
         built = servers(deployed, keep)
         builders: dict[str, Callable[[], Node]] = {}
         if ticking:  # the Clock comes first: whoever says that it is ready is to be heard
             builders[CLOCK] = lambda: Clock(servers=tuple(built), keep=keep, deployment=deployed)
         builders.update(built)
-        for actuator, module in who.clients:
+        for actuator, module, _ in compiled.clients:
             builders[client_address(actuator, module)] = partial(
-                build_client, program, clients, bindings, actuator, module, RUN
+                build_client, compiled, bindings, actuator, module, RUN
             )
-        for module in who.announced:
+        for module in compiled.announced:
             builders[activity(DSERVER.name, module)] = partial(
-                build_announcer, program, bindings, module, RUN
+                build_announcer, compiled, bindings, module, RUN
             )
-        self.observer = build_observer(program, bindings, sinks, RUN, requests=requests)
+        self.observer = build_observer(compiled, bindings, sinks, RUN, requests=requests)
         self._builders = builders
         self.nodes: dict[str, Node] = {address: build() for address, build in builders.items()}
         self.nodes[self.observer.address] = self.observer
@@ -140,7 +137,7 @@ class VirtualRobot:
         self.transport.add(node)
 
 
-class Session(VirtualRobot):
+class VirtualSession(VirtualRobot):
     """One robot with the servers that every robot has, and one run of it.
 
     Args:
@@ -155,8 +152,7 @@ class Session(VirtualRobot):
 
     def __init__(
         self,
-        program: Program,
-        clients: ClientList,
+        compiled: Compiled,
         drivers: Drivers,
         *,
         clock: VirtualClock,
@@ -178,12 +174,11 @@ class Session(VirtualRobot):
                 RUNTIME.name: lambda: RuntimeServer(seed, keep=keep),
             }
 
-        keep = frames_kept(program.robot.frame_ns)
+        keep = frames_kept(compiled.frame_ns)
         cameras = (CServer(driver, keep=keep, address=name) for name, driver in drivers.cameras.items())
         super().__init__(
-            program,
-            clients,
-            bind(program),
+            compiled,
+            bind(compiled.robot),
             servers,
             clock=clock,
             seed=seed,

@@ -2,15 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
-from colony.compile.clients import ClientList
-from colony.compile.pipeline import traverse
-from colony.execute.executor import ClientExecutor, ClientListExecutor
-from colony.ir.expression import IsActive
-from colony.ir.frame import Frame
-from colony.ir.program import Contract, Program, PythonModule
-from colony.ir.types import BOOL
+from colony.execute.compiled import Compiled
+from colony.execute.executor import ClientExecutor
 from colony.runtime.clients.memory import BadMemory, decode_memory, encode_memory
 from colony.runtime.frames.assembly import Assembled
 from colony.runtime.protocol import topics
@@ -25,8 +18,8 @@ class ClientSlice:
         Failure: its module in Python cannot be imported or built; `step` may, too, where an epoch begins.
     """
 
-    def __init__(self, program: Program, clients: ClientList, actuator: str, module: str) -> None:
-        self._executor = ClientExecutor(program, clients, actuator, module)
+    def __init__(self, compiled: Compiled, actuator: str, module: str) -> None:
+        self._executor = ClientExecutor(compiled, actuator, module)
         self._actuator = actuator
         self._module = module
         self._fresh = True
@@ -75,34 +68,3 @@ class ClientSlice:
             values=took.values,
             fault=took.fault,
         )
-
-
-def whole_executor(program: Program) -> ClientListExecutor:
-    """All clients, and the contracts, of a program. Its guards are not simplified, so that what it remembers
-    has places in the text; and so it is independent of the last pass.
-
-    Raises:
-        Failure: a module in Python cannot be imported or built; so may its `restart`.
-    """
-    return ClientListExecutor(program, traverse(program))
-
-
-class ActivityExecutor:
-    """Whether a module in Python is active, and nothing else. Mutable: the module's memory.
-
-    Raises:
-        Failure: the module cannot be imported or built; so may `restart`.
-    """
-
-    def __init__(self, program: Program, module: PythonModule) -> None:
-        active = Contract(name=module.name, expression=IsActive(type=BOOL, name=module.name))
-        alone = replace(program, modules=(module,), wires=(), limits=(), contracts=(active,), tests=())
-        self._executor = ClientListExecutor(alone, ClientList(guards=(), actuators=()))
-
-    def step(self, frame: Frame) -> bool:
-        """Whether it has a command in this frame."""
-        return not self._executor.step(frame).breaches
-
-    def restart(self) -> None:
-        """Go on from the initial memory, with the module built anew."""
-        self._executor.restart()

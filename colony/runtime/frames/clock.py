@@ -27,7 +27,8 @@ from colony.runtime.frames.liveness import Answers, Liveness, lease
 from colony.runtime.frames.registry import Roll
 from colony.runtime.library.clock import ServerWho, Who
 from colony.runtime.protocol import topics
-from colony.runtime.protocol.calls import Asked, CallDesk, Caller, Nothing, Refused, method
+from colony.runtime.protocol.calls import Asked, CallDesk, Nothing, Refused, method
+from colony.runtime.protocol.connections import Caller
 from colony.runtime.protocol.deployment import DEPLOYMENT_BYTES, Deployment, client_addresses
 from colony.runtime.protocol.fields import DSERVER
 from colony.runtime.protocol.messages import (

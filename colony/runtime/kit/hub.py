@@ -26,7 +26,7 @@ from colony.runtime.transport.live import keys
 from colony.runtime.transport.live.endpoint import parse_endpoint
 from colony.runtime.transport.live.errors import NotReached
 from colony.runtime.transport.live.gateway import GATEWAY, Admitted, whoami
-from colony.runtime.transport.live.network import Network
+from colony.runtime.transport.live.network import ZenohSession
 from colony.runtime.transport.live.place import Credentials, Local, Place, Remote, local
 from colony.runtime.transport.live.run_directory import RobotDirectory, RunDirectory
 from colony.runtime.transport.live.security import check_credentials, rights
@@ -45,7 +45,7 @@ TEND_S = 0.1
 class Hub:
     """Mutable: the connections. Threads may share it."""
 
-    def __init__(self, network: Network, *, rights: tuple[Right, ...] = keys.RIGHTS) -> None:
+    def __init__(self, network: ZenohSession, *, rights: tuple[Right, ...] = keys.RIGHTS) -> None:
         """For a network that is open already and stays so. `rights` are what is asked for: others than those
         that the user has are of no avail. See `on` and `open`."""
         self.network = network
@@ -67,7 +67,7 @@ class Hub:
         self._holds.callback(self._deferred.put, None)
 
     @classmethod
-    def on(cls, network: Network) -> Hub:
+    def on(cls, network: ZenohSession) -> Hub:
         """On a network that is open already and stays so, with the rights that the user has.
 
         Raises:
@@ -102,7 +102,7 @@ class Hub:
             check_credentials(credentials)
             place = Remote(robot=robot, endpoint=gateway, credentials=credentials)
         with ExitStack() as holds:
-            network = holds.enter_context(Network.open(place))
+            network = holds.enter_context(ZenohSession.open(place))
             hub = cls.on(network)
             hub._holds = _nested(hub._holds, holds.pop_all())
             return hub
@@ -213,7 +213,7 @@ class Hub:
             return tuple(self._wires)
 
 
-def _rights(network: Network) -> tuple[Right, ...]:
+def _rights(network: ZenohSession) -> tuple[Right, ...]:
     """What this user may: of this machine everything, elsewhere what the gateway says.
 
     Whatever the user may, asking the gateway who one is goes under each right; so all are tried.

@@ -19,7 +19,8 @@ import msgspec
 from colony.runtime.kit.errors import CallRefused, ServerNotFound
 from colony.runtime.kit.script import Do, Script, Sleep
 from colony.runtime.library.ask import Ask
-from colony.runtime.protocol.calls import LATER, Asked, Caller, Handler, Method, Refused
+from colony.runtime.protocol.calls import LATER, Asked, Handler, Method, Refused
+from colony.runtime.protocol.connections import Caller
 
 STEPS_IN_A_MOMENT = 20_000
 """A script that does more than this without any time passing does not end by itself."""

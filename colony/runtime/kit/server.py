@@ -24,7 +24,7 @@ from types import TracebackType
 from colony.runtime.kit.service import Field, Report, Service, field, method
 from colony.runtime.protocol.calls import Method, Refused
 from colony.runtime.transport.live.host import Host
-from colony.runtime.transport.live.network import Network, local_time
+from colony.runtime.transport.live.network import ZenohSession, local_time
 from colony.runtime.transport.live.place import Local, local
 
 __all__ = ["Field", "Method", "Refused", "Server", "field", "method"]
@@ -37,7 +37,7 @@ def _to_stderr(problem: str) -> None:
 class Server:
     """A server under a name, on the robot's own machine. Mutable: whether its loop runs, is to end."""
 
-    def __init__(self, name: str, network: Network, place: Local, report: Report) -> None:
+    def __init__(self, name: str, network: ZenohSession, place: Local, report: Report) -> None:
         """See `open`."""
         self.name = name
         self._network = network
@@ -62,7 +62,7 @@ class Server:
             RunDirectoryError: the robot's folder cannot be used.
         """
         place = local(robot, environment)
-        network = Network.open(place, listens=(name,))
+        network = ZenohSession.open(place, listens=(name,))
         try:
             return cls(name, network, place, report)
         except BaseException:

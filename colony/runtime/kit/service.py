@@ -11,7 +11,8 @@ import msgspec
 from colony.ir.types import Value
 from colony.runtime.kit.description import Description, FieldDescription, MethodDescription, field_type
 from colony.runtime.protocol import calls, topics
-from colony.runtime.protocol.calls import Asked, CallDesk, Caller, Method, Nothing, Refused
+from colony.runtime.protocol.calls import Asked, CallDesk, Method, Nothing, Refused
+from colony.runtime.protocol.connections import Caller
 from colony.runtime.protocol.messages import Effect, Fetch, Message, Right, Sample, Send, ServerFrame, Tick
 from colony.runtime.servers.publishing import Fields, Publisher
 

@@ -30,7 +30,7 @@ from colony.runtime.library.ask import Ask
 from colony.runtime.protocol import codec, topics
 from colony.runtime.protocol.messages import Alive, Call, Notice, Reply, Right
 from colony.runtime.transport.live import keys
-from colony.runtime.transport.live.network import Network
+from colony.runtime.transport.live.network import ZenohSession
 from colony.runtime.transport.live.outbox import haste_of, publish
 
 monotonic = time.monotonic_ns
@@ -61,7 +61,7 @@ class Wire:
 
     def __init__(
         self,
-        network: Network,
+        network: ZenohSession,
         server: str,
         *,
         name: str,

@@ -52,27 +52,27 @@ class Monitor:
         self._executor = executor
         self._degrading = frozenset(degrading)
         self._degraded: set[str] = set()
-        self._fresh, self._astray = True, False
+        self._fresh, self._memory_unknown = True, False
 
     def restart(self) -> None:
         """All memory begins anew with the next frame."""
         if not self._fresh:
             self._executor.restart()
         self._degraded.clear()
-        self._fresh, self._astray = True, False
+        self._fresh, self._memory_unknown = True, False
 
-    def lose(self) -> None:
-        """A frame was missed: what should come of the next ones is not known until memory begins anew."""
-        self._astray = True
+    def lose_memory(self) -> None:
+        """Stop expecting anything until memory begins anew: a frame was missed."""
+        self._memory_unknown = True
 
     def keyframe(self) -> Keyframe:
         """Return the memory before the next frame."""
-        return Keyframe(None if self._astray else self._executor.memory, bool(self._degraded))
+        return Keyframe(None if self._memory_unknown else self._executor.memory, bool(self._degraded))
 
     def check(self, frame: Frame, verdicts: Mapping[str, Verdict], lost: Collection[str] = ()) -> Checked:
         """Step, and compare, in a frame in which these clients are lost; an actuator without a verdict is not
         compared."""
-        if self._astray:
+        if self._memory_unknown:
             return Checked(Outcome(()), ())
         self._fresh = False
         if lost:

@@ -64,7 +64,7 @@ class FrameLog:
         return False
 
     @property
-    def astray(self) -> bool:
+    def memory_unknown(self) -> bool:
         """Whether memory is not known, and so nothing is expected."""
         return not self.expected.decisions
 
@@ -80,12 +80,12 @@ class Sink(Protocol):
 
 
 class _Waiting(NamedTuple):
-    """A frame that came at `came_ns`, after `skipped` that did not; `astray`: memory was lost before it."""
+    """A frame that came at `came_ns`, after `skipped` that did not, which may make memory unknown."""
 
     assembled: Assembled
     came_ns: int
     skipped: int
-    astray: bool
+    memory_unknown: bool
 
 
 KEYFRAME_NS = 400_000_000
@@ -129,7 +129,7 @@ class Observer:
         self._first = True
         self._keyframe_ns: int | None = None
         self._frame_ns = frame_ns
-        self._skipped, self._astray = 0, True
+        self._skipped, self._memory_unknown = 0, True
         self._contradicted: int | None = None
         self.listens = (*assembler.listens, topics.VERDICTS, *(topics.requests(s) for s in heeded))
 
@@ -177,12 +177,12 @@ class Observer:
         if not left_out:
             self._contradicted = self._assembler.start
         self._skipped += left_out
-        self._astray = True
+        self._memory_unknown = True
 
     def _collect(self, now_ns: int) -> None:
         for assembled in self._assembler.complete():
-            self._waiting.append(_Waiting(assembled, now_ns, self._skipped, self._astray))
-            self._skipped, self._astray = 0, False
+            self._waiting.append(_Waiting(assembled, now_ns, self._skipped, self._memory_unknown))
+            self._skipped, self._memory_unknown = 0, False
 
     def _ready(self, first: _Waiting, now_ns: int) -> bool:
         k = first.assembled.tick.k
@@ -200,14 +200,14 @@ class Observer:
         )
 
     def _release(self) -> None:
-        assembled, _, skipped, astray = self._waiting.popleft()
+        assembled, _, skipped, memory_unknown = self._waiting.popleft()
         tick, frame = assembled.tick, assembled.frame
         verdicts, requests = _taken(self._verdicts, tick.k), _taken(self._requests, tick.k)
         if assembled.restart:
             self._monitor.restart()
-        elif astray:
-            self._monitor.lose()
-        keyframe = self._keyframe(tick.t_ns, assembled.restart or astray)
+        elif memory_unknown:
+            self._monitor.lose_memory()
+        keyframe = self._keyframe(tick.t_ns, assembled.restart or memory_unknown)
         expected, disagreements = self._monitor.check(frame, verdicts, tick.lost)
         log = FrameLog(
             tick=tick,

@@ -6,8 +6,8 @@ from collections import Counter
 from dataclasses import asdict, dataclass
 from typing import assert_never
 
+from colony.execute.compiled import Compiled
 from colony.ir.frame import RecordKind
-from colony.ir.program import Program
 from colony.runtime.observe.observer import FrameLog
 from colony.runtime.protocol.messages import Fate, Hold
 from colony.text.wording import counted
@@ -126,10 +126,10 @@ _MOST_DISAGREEMENTS = 10
 class Tally:
     """Counts frames as they come. A sink; mutable: the counts."""
 
-    def __init__(self, program: Program, places: dict[str, tuple[str, ...]]) -> None:
-        self._program = program
-        self._places = places
-        self._drove: dict[str, Counter[str | None]] = {a: Counter() for a in places}
+    def __init__(self, compiled: Compiled) -> None:
+        self._compiled = compiled
+        self._places = compiled.places
+        self._drove: dict[str, Counter[str | None]] = {a: Counter() for a in self._places}
         self._records: Counter[tuple[RecordKind, str]] = Counter()
         self._troubles: Counter[tuple[str, Fate]] = Counter()
         self._interventions: Counter[tuple[str, str | None, Hold | None]] = Counter()
@@ -171,7 +171,7 @@ class Tally:
     ) -> RunSummary:
         """All counts so far."""
         return RunSummary(
-            robot=self._program.robot.name,
+            robot=self._compiled.name,
             seed=seed,
             frames=self.frames,
             duration_s=duration_s,
@@ -179,8 +179,8 @@ class Tally:
             bumps=None if travel is None else travel.bumps,
             distance_mm=None if travel is None else travel.distance_mm,
             mean_speed_mm_s=None if travel is None else _per(travel.distance_mm, duration_s),
-            actuators=tuple(self._actuator(a.name) for a in self._program.robot.actuators),
-            contracts=len(self._program.contracts),
+            actuators=tuple(self._actuator(a) for a in self._places),
+            contracts=len(self._compiled.contracts),
             breaches=tuple(self._breaches.values()),
             records=tuple(
                 RecordSummary(kind=kind, subject=subject, frames=n)
@@ -201,7 +201,7 @@ class Tally:
 
     def _actuator(self, name: str) -> ActuatorSummary:
         counts = self._drove[name]
-        period_s = self._program.robot.frame_ns / 1e9
+        period_s = self._compiled.frame_ns / 1e9
         rows: list[str | None] = [*self._places[name], None]
         return ActuatorSummary(
             actuator=name,

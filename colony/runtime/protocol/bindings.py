@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Iterable
 from dataclasses import dataclass
 
-from colony.ir.program import Actuator, Program, Sensor
+from colony.ir.program import Actuator, Robot, Sensor
 from colony.ir.types import Array, Bool, Enum, Quantity, Scalar, Type
 from colony.runtime.protocol.fields import SERVERS, CommandSpec, FieldSpec, ServerSpec
 from colony.text.diagnostics import Diagnostic, Failure, error
@@ -50,14 +50,13 @@ class Bindings:
     actuators: tuple[ActuatorBinding, ...]
 
 
-def bind(program: Program, servers: tuple[ServerSpec, ...] = SERVERS) -> Bindings:
+def bind(robot: Robot, servers: tuple[ServerSpec, ...] = SERVERS) -> Bindings:
     """Find each sensor's field and each actuator's command among `servers`.
 
     Raises:
         Failure: something does not fit; all that does not is reported, at its declaration.
     """
     found: list[Diagnostic] = []
-    robot = program.robot
     sensors = [_bind_sensor(s, servers, found) for s in robot.sensors]
     actuators = [_bind_actuator(a, servers, found) for a in robot.actuators]
     found.extend(_shared_commands(robot.actuators))

@@ -17,12 +17,12 @@ from __future__ import annotations
 
 from collections import OrderedDict
 from collections.abc import Callable, Iterable, Iterator
-from dataclasses import dataclass, field
 from typing import Any, Final, NamedTuple
 
 import msgspec
 
 from colony.runtime.protocol import topics
+from colony.runtime.protocol.connections import Caller, Connection
 from colony.runtime.protocol.messages import (
     Alive,
     Call,
@@ -40,15 +40,6 @@ from colony.runtime.protocol.messages import (
 
 LEASE_NS = 750_000_000
 """After this time without a sign of life a connection is lost. Clients give one every quarter of a second."""
-
-ANSWERS_KEPT = 64
-"""Replies that are kept for each connection, for calls that arrive again."""
-
-ANSWER_BYTES_KEPT = 1024 * 1024
-"""Bytes of the replies kept for each connection; the newest is kept whatever its size."""
-
-ANSWER_OVERHEAD = 300
-"""Bytes of memory that a kept reply takes besides its result."""
 
 ANSWER_BYTES = 8 * 1024 * 1024
 """Bytes of the replies kept for all connections together."""
@@ -90,15 +81,6 @@ class Refused(Exception):
     def __init__(self, code: str, message: str) -> None:
         super().__init__(message)
         self.problem = Problem(code=code, message=message[:LONGEST_TEXT])
-
-
-class Caller(NamedTuple):
-    """Who calls: a connection (`user/id`), the name that it goes by, its priority, its user."""
-
-    connection: str
-    name: str
-    priority: int
-    user: str
 
 
 class Asked(NamedTuple):
@@ -187,39 +169,6 @@ class Status(msgspec.Struct, frozen=True, kw_only=True):
     full: tuple[str, ...] = ()
 
 
-@dataclass(frozen=False, slots=True, kw_only=True)
-class _Connection:
-    caller: Caller
-    since_ns: int
-    heard_ns: int
-    calls: int = 0
-    problems: int = 0
-    last_problem: str | None = None
-    pending: set[int] = field(default_factory=set)
-    answers: OrderedDict[int, Reply] = field(default_factory=OrderedDict)
-    answer_bytes: int = 0
-    forgotten: int = 0
-
-    def keep(self, reply: Reply) -> int:
-        """Keep an answer, forget the oldest ones beyond the limits, and return the growth in bytes."""
-        before = self.answer_bytes
-        self.answers[reply.number] = reply
-        self.answer_bytes += _size(reply)
-        while len(self.answers) > ANSWERS_KEPT or (
-            len(self.answers) > 1 and self.answer_bytes > ANSWER_BYTES_KEPT
-        ):
-            self.forget_oldest()
-        return self.answer_bytes - before
-
-    def forget_oldest(self) -> int:
-        """Forget the oldest answer, and return its bytes."""
-        number, old = self.answers.popitem(last=False)
-        size = _size(old)
-        self.answer_bytes -= size
-        self.forgotten = max(self.forgotten, number)
-        return size
-
-
 _RIGHTS: dict[Right, tuple[Right, ...]] = {
     "read": ("read", "command", "stop"),
     "command": ("command",),
@@ -265,7 +214,7 @@ class CallDesk:
         self._admit = admit
         self._lost = lost
         self._lease_ns = lease_ns
-        self._connections: dict[str, _Connection] = {}
+        self._connections: dict[str, Connection] = {}
         self._stops: OrderedDict[tuple[str, int], Effect] = OrderedDict()
         self._answer_bytes = 0
         self._reached: dict[str, None] = {}
@@ -380,7 +329,7 @@ class CallDesk:
             else:
                 yield from self._do(connection, call, now_ns)
 
-    def _do(self, connection: _Connection, call: Call, now_ns: int) -> Iterator[Effect]:
+    def _do(self, connection: Connection, call: Call, now_ns: int) -> Iterator[Effect]:
         asked = Asked(connection.caller, call.number)
         known = self._methods.get(call.method)
         # what was only read is read again for a call that arrives again: answers may be large
@@ -416,7 +365,7 @@ class CallDesk:
             raise Refused("arguments", f"{where}: {problem}") from None
         return called.handler(asked, arguments, now_ns)
 
-    def _open(self, call: Call, now_ns: int) -> tuple[_Connection | None, Problem]:
+    def _open(self, call: Call, now_ns: int) -> tuple[Connection | None, Problem]:
         try:
             opening = msgspec.msgpack.decode(call.arguments, type=Open)
         except (msgspec.DecodeError, UnicodeDecodeError, RecursionError) as problem:
@@ -431,7 +380,7 @@ class CallDesk:
             self._admit(caller)
         except Refused as refused:
             return None, refused.problem
-        connection = _Connection(caller=caller, since_ns=now_ns, heard_ns=now_ns)
+        connection = Connection(caller=caller, since_ns=now_ns, heard_ns=now_ns)
         self._connections[call.connection] = connection
         return connection, _CLOSED
 
@@ -516,12 +465,6 @@ class CallDesk:
 
 
 _CLOSED = Problem(code="closed", message="the connection is not open, or was lost")
-
-
-def _size(reply: Reply) -> int:
-    """Return about how many bytes of memory an answer takes."""
-    text = 0 if reply.problem is None else len(reply.problem.message)
-    return len(memoryview(reply.result)) + text + ANSWER_OVERHEAD
 
 
 def _result(asked: Asked, result: object) -> Reply:

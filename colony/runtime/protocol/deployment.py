@@ -13,8 +13,8 @@ from typing import Literal
 
 import msgspec
 
-from colony.compile.clients import ClientList
-from colony.ir.program import Actuator, ActuatorField, Program
+from colony.execute.compiled import Compiled
+from colony.ir.program import Actuator, ActuatorField
 from colony.ir.types import BOOL, PLAIN, Bool, ScalarValue
 from colony.runtime.protocol import topics
 from colony.runtime.protocol.bindings import ActuatorBinding, Bindings
@@ -89,28 +89,25 @@ class Deployment(msgspec.Struct, frozen=True, kw_only=True):
 
 
 def deployment(
-    program: Program,
-    clients: ClientList,
+    compiled: Compiled,
     bindings: Bindings,
     *,
     run: str,
     seed: int,
-    announced: tuple[str, ...] = (),
     lockstep: bool = False,
     servers: tuple[str, ...] = (),
 ) -> Deployment:
-    """What servers have to know of a compiled program."""
-    wired = {a.actuator: tuple((c.module, c.priority) for c in a.clients) for a in clients.actuators}
+    """Return what servers have to know of a compiled program."""
     return Deployment(
         run=run,
-        program=program.robot.name,
-        frame_ns=program.robot.frame_ns,
+        program=compiled.name,
+        frame_ns=compiled.frame_ns,
         seed=seed,
         actuators=tuple(
-            _table(actuator, binding, wired.get(actuator.name, ()))
-            for actuator, binding in zip(program.robot.actuators, bindings.actuators, strict=True)
+            _table(one.actuator, binding, tuple((c.module, c.priority) for c in one.clients))
+            for one, binding in zip(compiled.code.actuators, bindings.actuators, strict=True)
         ),
-        announced=announced,
+        announced=compiled.announced,
         lockstep=lockstep,
         servers=servers,
         reads=variables_read(bindings),

@@ -20,7 +20,8 @@ import zlib
 from collections.abc import Callable
 from typing import Protocol
 
-from colony.ir.program import Actuator, Program
+from colony.execute.compiled import Compiled
+from colony.ir.program import Actuator
 from colony.runtime.observe.observer import FrameLog
 from colony.runtime.protocol.messages import Verdict
 from colony.runtime.recordings.json_text import seconds_text, sensor_members
@@ -50,8 +51,8 @@ class Recording:
     """Writes each frame as it comes, a whole line in one write, so that a run that is killed at any moment
     leaves whole lines. A sink."""
 
-    def __init__(self, program: Program, file: ByteFile) -> None:
-        self._encode = encoder(program)
+    def __init__(self, compiled: Compiled, file: ByteFile) -> None:
+        self._encode = encoder(compiled)
         self._file = file
         self.written_ns: int | None = None
         """Time of the last frame that is in the file."""
@@ -64,16 +65,16 @@ class Recording:
         self._file.close()
 
 
-def encoder(program: Program) -> Callable[[FrameLog], str]:
-    """How frames of `program` are written: sensors, then actuators, in the order declared."""
-    sensors = program.robot.sensors
-    actuators = program.robot.actuators
+def encoder(compiled: Compiled) -> Callable[[FrameLog], str]:
+    """How frames of a program are written: sensors, then actuators, in the order declared."""
+    sensors = compiled.robot.sensors
+    actuators = compiled.robot.actuators
 
     def encode(log: FrameLog) -> str:
         parts = [f'"t": {seconds_text(log.frame.t_ns)}', f'"@tick": {log.tick.k}']
         if log.restart:
             parts.append('"@restart": true')
-        if log.astray:
+        if log.memory_unknown:
             parts.append(f'"@skipped": {log.skipped}')
         if log.keyframe is not None:
             parts.append(f'"@keyframe": {{{", ".join(keyframe_members(log.keyframe))}}}')

@@ -15,6 +15,7 @@ from typing import Any, BinaryIO, Literal, NoReturn
 import msgspec
 from mcap.records import Attachment, Channel, Metadata
 
+from colony.execute.compiled import SourceFile
 from colony.files import size_text
 from colony.ir.frame import Frame
 from colony.ir.program import Actuator, Program
@@ -38,7 +39,7 @@ from colony.runtime.recordings.mcap_writer import (
     VerdictMessage,
 )
 from colony.runtime.recordings.reader import BREAKS_OFF, command
-from colony.runtime.recordings.recorded import RecordedFrame, RunInfo, SourceFile
+from colony.runtime.recordings.recorded import RecordedFrame, RunInfo
 from colony.runtime.recordings.schemas import CONTRACTS, FRAMES, KEYFRAMES, VERDICTS
 from colony.text.diagnostics import Failure, error
 from colony.text.source import Source, Span
@@ -274,7 +275,7 @@ class _Frames:
             verdicts={verdict.actuator: verdict for verdict in decided},
             restart=found.restart,
             skipped=found.skipped or 0,
-            astray=found.skipped is not None,
+            memory_unknown=found.skipped is not None,
             breaches=broken,
             keyframe=keyframe,
             damaged=damaged,

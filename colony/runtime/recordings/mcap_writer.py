@@ -28,7 +28,8 @@ from mcap.records import Channel, Chunk, Schema
 from mcap.well_known import MessageEncoding, SchemaEncoding
 from mcap.writer import CompressionType, IndexType, Writer
 
-from colony.ir.program import Actuator, Program
+from colony.execute.compiled import Compiled
+from colony.ir.program import Actuator
 from colony.ir.types import ScalarValue
 from colony.runtime.arbitration.arbiter import declared_units
 from colony.runtime.observe.observer import KEYFRAME_NS, FrameLog
@@ -110,8 +111,8 @@ class McapRecording:
         OSError: the file cannot be written; what was written until then can be read.
     """
 
-    def __init__(self, program: Program, run: RunInfo, file: ByteFile) -> None:
-        self._program = program
+    def __init__(self, compiled: Compiled, run: RunInfo, file: ByteFile) -> None:
+        self._compiled = compiled
         self._file = file
         self._buffer = _Buffer()
         self._chunk = _Chunk()
@@ -142,7 +143,7 @@ class McapRecording:
             members = ", ".join([f'"k": {k}', f'"n": {self._keyframes}', *keyframe_members(log.keyframe)])
             self._keyframes += 1
             self._add(KEYFRAMES, k, t_ns, f"{{{members}}}".encode())
-        for actuator in self._program.robot.actuators:
+        for actuator in self._compiled.robot.actuators:
             verdict = log.verdicts.get(actuator.name)
             if verdict is not None:
                 self._add(VERDICTS + actuator.name, k, t_ns, self._encode(_verdict(actuator, verdict)))
@@ -153,7 +154,7 @@ class McapRecording:
             self._add(CONTRACTS, k, t_ns, self._encode(ContractsMessage(k=k, broken=log.breaches)))
         self._add(FRAMES, k, t_ns, self._frame(log))
         self._taken_ns = log.frame.t_ns
-        next_end_ns = t_ns + 2 * self._program.robot.frame_ns
+        next_end_ns = t_ns + 2 * self._compiled.robot.frame_ns
         if next_end_ns - self._chunk.first_ns > KEYFRAME_NS or self._chunk.size > CHUNK_BYTES:
             self._flush()
 
@@ -172,7 +173,7 @@ class McapRecording:
         writer.start(library=f"colony {run.version}")
         self._metadata(METADATA, _metadata(run))
         clients: dict[str, tuple[str, ...]] = {}
-        for actuator in self._program.robot.actuators:
+        for actuator in self._compiled.robot.actuators:
             found = {module: str(priority) for name, module, priority in run.clients if name == actuator.name}
             self._metadata(CLIENTS + actuator.name, found)
             clients[actuator.name] = tuple(found)
@@ -182,7 +183,7 @@ class McapRecording:
                 create_time=0, log_time=0, name=name, media_type=media_type, data=source.data
             )
         self._channels: dict[str, int] = {}
-        for topic, name, schema in channel_schemas(self._program, clients):
+        for topic, name, schema in channel_schemas(self._compiled, clients):
             text = json.dumps(schema).encode()
             at: int = writer.register_schema(name, SchemaEncoding.JSONSchema, text)
             self._channels[topic] = writer.register_channel(topic, MessageEncoding.JSON, at)
@@ -213,12 +214,12 @@ class McapRecording:
         ]
         if log.restart:
             parts.append('"restart": true')
-        if log.astray:
+        if log.memory_unknown:
             parts.append(f'"skipped": {log.skipped}')
         for name, texts in (("down", tick.down), ("lost", tick.lost), ("disagreements", log.disagreements)):
             if texts:
                 parts.append(f'"{name}": {json.dumps(texts)}')
-        readings = ", ".join(sensor_members(log.frame, self._program.robot.sensors))
+        readings = ", ".join(sensor_members(log.frame, self._compiled.robot.sensors))
         return f'{{{", ".join(parts)}, "sensors": {{{readings}}}}}'.encode()
 
     def _flush(self) -> None:

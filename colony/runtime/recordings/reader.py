@@ -115,7 +115,7 @@ def _recorded(tick: Tick, row: Row, actuators: tuple[Actuator, ...], told: _Row)
         verdicts=verdicts,
         restart=told.restart,
         skipped=told.skipped or 0,
-        astray=told.skipped is not None,
+        memory_unknown=told.skipped is not None,
         keyframe=read_keyframe(told.keyframe),
         damaged=row.damaged,
     )

@@ -4,25 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
-from typing import Literal, Protocol
+from typing import Protocol
 
-from colony.compile.clients import ClientList
+from colony.execute.compiled import SourceFile
 from colony.ir.frame import Frame
 from colony.ir.program import Program
 from colony.runtime.observe.monitor import Keyframe
 from colony.runtime.protocol.messages import Tick, Verdict
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class SourceFile:
-    """A file that the program was made of, by its place: a relative path with `/` between its parts.
-
-    Files of behaviors import each other by these places; modules in Python are found by them.
-    """
-
-    kind: Literal["behavior", "python"]
-    place: str
-    data: bytes
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -44,11 +32,6 @@ class RunInfo:
     started: str = ""
 
 
-def places(clients: ClientList) -> tuple[tuple[str, str, int], ...]:
-    """The clients of a compiled program, as `RunInfo` has them."""
-    return tuple((a.actuator, c.module, c.priority) for a in clients.actuators for c in a.clients)
-
-
 @dataclass(frozen=True, slots=True, kw_only=True)
 class RecordedFrame:
     """One frame as it was recorded (see `FrameLog`); `breaches` is None where the format leaves them out.
@@ -63,7 +46,7 @@ class RecordedFrame:
     verdicts: Mapping[str, Verdict]
     restart: bool = False
     skipped: int = 0
-    astray: bool = False
+    memory_unknown: bool = False
     breaches: tuple[str, ...] | None = None
     keyframe: Keyframe | None = None
     damaged: bool = False

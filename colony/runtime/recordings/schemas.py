@@ -8,7 +8,8 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
-from colony.ir.program import Actuator, ActuatorField, Program, Sensor
+from colony.execute.compiled import Compiled
+from colony.ir.program import Actuator, ActuatorField, Sensor
 from colony.ir.types import Array, Bool, Scalar
 
 FRAMES = "/frames"
@@ -29,13 +30,13 @@ class ChannelSchema(NamedTuple):
     schema: Schema
 
 
-def channel_schemas(program: Program, clients: dict[str, tuple[str, ...]]) -> tuple[ChannelSchema, ...]:
+def channel_schemas(compiled: Compiled, clients: dict[str, tuple[str, ...]]) -> tuple[ChannelSchema, ...]:
     """Every channel of a recording; `clients` are the modules of each actuator, highest place first."""
     out = [
-        ChannelSchema(FRAMES, "colony.Frame", _frame(program)),
+        ChannelSchema(FRAMES, "colony.Frame", _frame(compiled)),
         ChannelSchema(KEYFRAMES, "colony.Keyframe", _keyframe()),
     ]
-    for actuator in program.robot.actuators:
+    for actuator in compiled.robot.actuators:
         modules = clients.get(actuator.name, ())
         out += [
             ChannelSchema(
@@ -45,7 +46,7 @@ def channel_schemas(program: Program, clients: dict[str, tuple[str, ...]]) -> tu
                 REQUESTS + actuator.name, f"colony.Requests.{actuator.name}", _requests(actuator, modules)
             ),
         ]
-    return (*out, ChannelSchema(CONTRACTS, "colony.Contracts", _contracts(program)))
+    return (*out, ChannelSchema(CONTRACTS, "colony.Contracts", _contracts(compiled)))
 
 
 def _object(description: str, required: tuple[str, ...] = (), /, **properties: Schema) -> Schema:
@@ -64,7 +65,7 @@ def _texts(description: str) -> Schema:
 _K = _of("integer", "number of the frame")
 
 
-def _frame(program: Program) -> Schema:
+def _frame(compiled: Compiled) -> Schema:
     return _object(
         "what was sensed in a frame",
         ("k", "t", "t_ns", "sensors"),
@@ -78,7 +79,7 @@ def _frame(program: Program) -> Schema:
         lost=_texts("clients that do not live"),
         sensors=_object(
             "readings in declared units; absent where missing",
-            **{s.name: _sensor(s) for s in program.robot.sensors},
+            **{s.name: _sensor(s) for s in compiled.robot.sensors},
         ),
         disagreements=_texts("how verdicts differ from the client list, with nobody late or lost"),
     )
@@ -129,8 +130,8 @@ def _requests(actuator: Actuator, modules: tuple[str, ...]) -> Schema:
     return _object(f"what the clients of {actuator.name} wanted", ("k",), k=_K, clients=clients)
 
 
-def _contracts(program: Program) -> Schema:
-    names = ", ".join(c.name for c in program.contracts) or "there are none"
+def _contracts(compiled: Compiled) -> Schema:
+    names = ", ".join(c.name for c in compiled.contracts) or "there are none"
     broken = _texts(f"those that were broken, of: {names}")
     return _object("frames in which contracts were broken", ("k", "broken"), k=_K, broken=broken)
 

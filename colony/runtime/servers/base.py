@@ -12,7 +12,7 @@ from colony.runtime.protocol.messages import Sample
 from colony.runtime.servers.drivers import BaseDriver, BaseLimits, BaseState
 from colony.runtime.servers.piloting import Bumper
 from colony.runtime.servers.publishing import Fields
-from colony.runtime.servers.virtual_position import Odometer, Pose
+from colony.runtime.servers.virtual_position import Odometer, OdometerPose
 
 FARTHEST_MM = 1e7
 """Largest x and y of a position that a call may set: 10 km. With much larger numbers a step of dead reckoning
@@ -28,7 +28,7 @@ class Base:
     def __init__(self, driver: BaseDriver) -> None:
         self._driver = driver
         self._odometer = Odometer(driver.register_bits)
-        self._pose = Pose(0.0, 0.0, 0.0)
+        self._pose = OdometerPose(0.0, 0.0, 0.0)
         self._state: BaseState | None = None
         self._guarded = True
         self._setting = STILL
@@ -52,7 +52,7 @@ class Base:
         )
 
     @property
-    def pose(self) -> Pose:
+    def pose(self) -> OdometerPose:
         """The virtual position at the last `look`."""
         return self._pose
 
@@ -138,19 +138,19 @@ class Base:
 
     def _adjust_position(self, asked: Asked, arguments: robot.PoseArguments, now_ns: int) -> None:
         delta = _pose(arguments)
-        _check_pose(Pose(self._pose.x + delta.x, self._pose.y + delta.y, delta.heading))
+        _check_pose(OdometerPose(self._pose.x + delta.x, self._pose.y + delta.y, delta.heading))
         state = self._present()
         self._odometer.adjust(state, delta)
         self._pose = self._odometer.observe(state)
 
 
-def _pose(arguments: robot.PoseArguments) -> Pose:
-    pose = Pose(arguments.x, arguments.y, arguments.heading)
+def _pose(arguments: robot.PoseArguments) -> OdometerPose:
+    pose = OdometerPose(arguments.x, arguments.y, arguments.heading)
     _check_pose(pose)
     return pose
 
 
-def _check_pose(pose: Pose) -> None:
+def _check_pose(pose: OdometerPose) -> None:
     if not all(map(math.isfinite, pose)):
         raise Refused("arguments", f"the pose is {tuple(pose)}; expected finite numbers")
     if max(abs(pose.x), abs(pose.y)) > FARTHEST_MM or abs(pose.heading) > MOST_TURNED_DEG:

@@ -17,7 +17,6 @@ from colony.runtime.protocol.calls import (
     LATER,
     Asked,
     CallDesk,
-    Caller,
     Later,
     Method,
     Nothing,
@@ -25,6 +24,7 @@ from colony.runtime.protocol.calls import (
     method,
 )
 from colony.runtime.protocol.codec import LARGEST
+from colony.runtime.protocol.connections import Caller
 from colony.runtime.protocol.messages import (
     Alive,
     Call,

@@ -15,7 +15,8 @@ from colony.runtime.library.data import (
     Publish,
     Watch,
 )
-from colony.runtime.protocol.calls import Asked, CallDesk, Caller, Handler, Later, Method, Refused, method
+from colony.runtime.protocol.calls import Asked, CallDesk, Handler, Later, Method, Refused, method
+from colony.runtime.protocol.connections import Caller
 from colony.runtime.protocol.fields import DSERVER
 from colony.runtime.protocol.messages import Effect, Message, Wake, WakeAt
 from colony.runtime.servers.data_methods import NAMES_BYTES, DataMethods, few

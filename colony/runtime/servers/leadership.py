@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from colony.runtime.protocol.calls import Caller, Refused
+from colony.runtime.protocol.calls import Refused
+from colony.runtime.protocol.connections import Caller
 from colony.runtime.protocol.deployment import Deployment, problems
 
 

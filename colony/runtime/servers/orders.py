@@ -64,7 +64,7 @@ def drive(asked: robot.Drive, allowed: Range) -> Motion:
     """Both speeds as they are given."""
     velocity = _checked("velocity", asked.velocity, allowed.velocity, "mm/s")
     turn = _checked("turn", asked.turn, allowed.turn, "deg/s")
-    return motion.Drive(speeds=Speeds(velocity, turn))
+    return motion.ConstantSpeeds(speeds=Speeds(velocity, turn))
 
 
 def go(
@@ -92,7 +92,7 @@ def jog(asked: robot.Jog, settings: Settings, allowed: Range, before: Motion | N
     match before:
         case motion.Go(velocity=velocity) | motion.Jog(velocity=velocity):
             pass
-        case motion.Drive(speeds=speeds):
+        case motion.ConstantSpeeds(speeds=speeds):
             velocity = speeds.velocity
         case _:
             velocity = 0.0

@@ -17,7 +17,8 @@ from colony.runtime.arbitration.motion import Ending, Mode, Motion, Seen, Speeds
 from colony.runtime.arbitration.outside import Commander, Outsiders, lease_end
 from colony.runtime.arbitration.stop_latch import StopFollower
 from colony.runtime.library import robot
-from colony.runtime.protocol.calls import LATER, Asked, Caller, Later, Method, Nothing, Refused, method
+from colony.runtime.protocol.calls import LATER, Asked, Later, Method, Nothing, Refused, method
+from colony.runtime.protocol.connections import Caller
 from colony.runtime.servers import orders
 from colony.runtime.servers.drivers import BaseLimits
 

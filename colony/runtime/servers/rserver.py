@@ -20,7 +20,8 @@ from colony.runtime.arbitration.motion import Seen, Speeds
 from colony.runtime.arbitration.stop_latch import StopFollower
 from colony.runtime.library import robot
 from colony.runtime.protocol import topics
-from colony.runtime.protocol.calls import Asked, CallDesk, Caller, Method, Nothing, Refused, method
+from colony.runtime.protocol.calls import Asked, CallDesk, Method, Nothing, Refused, method
+from colony.runtime.protocol.connections import Caller
 from colony.runtime.protocol.deployment import DEPLOYMENT_BYTES, Deployment
 from colony.runtime.protocol.fields import RSERVER
 from colony.runtime.protocol.messages import (

@@ -5,7 +5,8 @@ from __future__ import annotations
 from collections.abc import Iterable
 from hashlib import blake2b
 
-from colony.runtime.protocol.calls import Asked, CallDesk, Caller, method
+from colony.runtime.protocol.calls import Asked, CallDesk, method
+from colony.runtime.protocol.connections import Caller
 from colony.runtime.protocol.deployment import DEPLOYMENT_BYTES, Deployment
 from colony.runtime.protocol.fields import RUNTIME
 from colony.runtime.protocol.messages import (

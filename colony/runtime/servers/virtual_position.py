@@ -41,7 +41,7 @@ class VirtualAxis:
         self._last, self._rounds = None, 0
 
 
-class Pose(NamedTuple):
+class OdometerPose(NamedTuple):
     """x and y in mm, heading in degrees counterclockwise from north."""
 
     x: float
@@ -58,43 +58,43 @@ class Odometer:
 
     def __init__(self, register_bits: int | None) -> None:
         self._axes = (VirtualAxis(register_bits), VirtualAxis(register_bits))
-        self._seen: Pose | None = None
-        self._anchor = (Pose(0.0, 0.0, 0.0), Pose(0.0, 0.0, 0.0))
-        self.track: Pose | None = None
+        self._seen: OdometerPose | None = None
+        self._anchor = (OdometerPose(0.0, 0.0, 0.0), OdometerPose(0.0, 0.0, 0.0))
+        self.track: OdometerPose | None = None
 
-    def observe(self, state: BaseState) -> Pose:
+    def observe(self, state: BaseState) -> OdometerPose:
         """Take a snapshot of the base in; gives the pose as users know it, with its heading in [0, 360)."""
         x, y = self._axes[0].extend(state.x), self._axes[1].extend(state.y)
-        before, self._seen = self._seen, Pose(x, y, state.heading)
+        before, self._seen = self._seen, OdometerPose(x, y, state.heading)
         if self.track is None or before is None:
             self.track = self._seen
         else:
             turned = math.remainder(state.heading - before.heading, 360.0)
             track = self.track
-            self.track = Pose(track.x + x - before.x, track.y + y - before.y, track.heading + turned)
+            self.track = OdometerPose(track.x + x - before.x, track.y + y - before.y, track.heading + turned)
         return self._as_set(self._seen)
 
-    def set(self, state: BaseState, pose: Pose) -> None:
+    def set(self, state: BaseState, pose: OdometerPose) -> None:
         """The base, in this state, is at `pose`; from there on it is reckoned along its new heading."""
         self.observe(state)
         for axis in self._axes:
             axis.reset()
-        here = Pose(self._axes[0].extend(state.x), self._axes[1].extend(state.y), state.heading)
+        here = OdometerPose(self._axes[0].extend(state.x), self._axes[1].extend(state.y), state.heading)
         self._seen = here
         self._anchor = (here, pose)
 
-    def adjust(self, state: BaseState, by: Pose) -> None:
+    def adjust(self, state: BaseState, by: OdometerPose) -> None:
         """The base, in this state, is off by so much in x, y and heading."""
         at = self.observe(state)
-        self.set(state, Pose(at.x + by.x, at.y + by.y, at.heading + by.heading))
+        self.set(state, OdometerPose(at.x + by.x, at.y + by.y, at.heading + by.heading))
 
-    def _as_set(self, seen: Pose) -> Pose:
+    def _as_set(self, seen: OdometerPose) -> OdometerPose:
         here, there = self._anchor
         turned = there.heading - here.heading
         angle = math.radians(turned)
         dx, dy = seen.x - here.x, seen.y - here.y
         cos, sin = (1.0, 0.0) if turned == 0.0 else (math.cos(angle), math.sin(angle))
-        return Pose(
+        return OdometerPose(
             there.x + cos * dx - sin * dy,
             there.y + sin * dx + cos * dy,
             (seen.heading + turned) % 360.0,

@@ -27,6 +27,12 @@ def _grid(width_mm: float, height_mm: float) -> tuple[Floats2, Floats2]:
     return made_across, made_up
 
 
+def _pattern(shades: Floats2, height_mm: float, darkest: float = 0.0) -> Picture:
+    """Return the picture of a stretch of wall that repeats sideward."""
+    shades = np.clip(shades, darkest, 1.0)
+    return Picture(shades=shades, width_mm=shades.shape[1] * TEXEL_MM, height_mm=height_mm, wraps=True)
+
+
 def _cloud(shape: tuple[int, int], cells: tuple[int, int], rng: np.random.Generator) -> Floats2:
     """Smooth noise of standard deviation 1 that repeats to the sides, with so many lumps down and across."""
     spectrum = np.fft.rfft2(rng.standard_normal(shape))
@@ -64,7 +70,7 @@ def _masonry(
     shades += 0.012 * _cloud(shades.shape, (12, 16), rng)
     in_joint = np.clip((joint_mm / 2 + 1.5 - np.minimum(aside, above)) / 3.0, 0.0, 1.0)
     shades += in_joint * (joint - shades)
-    return Picture(shades=np.clip(shades, 0.0, 1.0), width_mm=width_mm, height_mm=height_mm, wraps=True)
+    return _pattern(shades, height_mm)
 
 
 @lru_cache(maxsize=_HEIGHTS)
@@ -104,9 +110,7 @@ def glass_brick(height_mm: float) -> Picture:
     shades += 0.03 * _cloud(shades.shape, (40, 60), rng)
     in_joint = np.clip((7.0 - np.minimum(aside, above)) / 3.0, 0.0, 1.0)
     shades += in_joint * (0.16 - shades)
-    return Picture(
-        shades=np.clip(shades, 0.03, 1.0), width_mm=size * columns, height_mm=height_mm, wraps=True
-    )
+    return _pattern(shades, height_mm, 0.03)
 
 
 @lru_cache(maxsize=_HEIGHTS)
@@ -115,7 +119,7 @@ def plaster(height_mm: float) -> Picture:
     rng = np.random.default_rng(14)
     shape = (round(height_mm / TEXEL_MM), 640)
     shades = _PLASTER + 0.010 * _cloud(shape, (10, 12), rng) + 0.008 * _cloud(shape, (120, 140), rng)
-    return Picture(shades=shades, width_mm=shape[1] * TEXEL_MM, height_mm=height_mm, wraps=True)
+    return _pattern(shades, height_mm)
 
 
 @lru_cache(maxsize=_HEIGHTS)
@@ -135,7 +139,7 @@ def steel(height_mm: float) -> Picture:
     streaks = _cloud((1, shape[1]), (1, 90), rng) * 0.012
     slope = np.linspace(0.04, -0.04, shape[0])[:, None]
     shades = 0.62 + slope + streaks + 0.02 * _cloud(shape, (3, 4), rng)
-    return Picture(shades=shades, width_mm=shape[1] * TEXEL_MM, height_mm=height_mm, wraps=True)
+    return _pattern(shades, height_mm)
 
 
 @lru_cache(maxsize=_HEIGHTS)
@@ -149,10 +153,7 @@ def window(height_mm: float) -> Picture:
     frame = np.minimum(aside, 900.0 - aside) < 30.0
     frame |= (np.abs(up - 900.0) < 30.0) | (np.abs(up - 2400.0) < 30.0)
     shades = np.where(pane, outside, _PLASTER)
-    return Picture(
-        shades=np.clip(np.where(frame & (up > 870.0) & (up < 2430.0), 0.25, shades), 0.0, 1.0),
-        width_mm=3600.0, height_mm=height_mm, wraps=True,
-    )  # fmt: skip
+    return _pattern(np.where(frame & (up > 870.0) & (up < 2430.0), 0.25, shades), height_mm)
 
 
 @lru_cache(maxsize=_HEIGHTS)
@@ -164,10 +165,7 @@ def glass(height_mm: float) -> Picture:
     frame = (np.minimum(aside, 900.0 - aside) < 35.0) | (np.abs(up - 1000.0) < 40.0)
     frame |= (up < 120.0) | (up > 2040.0)
     seen = 0.36 + 0.10 * _cloud(across.shape, (5, 7), rng)
-    return Picture(
-        shades=np.clip(np.where(frame, 0.55, seen), 0.05, 1.0),
-        width_mm=3600.0, height_mm=height_mm, wraps=True,
-    )  # fmt: skip
+    return _pattern(np.where(frame, 0.55, seen), height_mm, 0.05)
 
 
 @lru_cache(maxsize=_HEIGHTS)
@@ -185,7 +183,4 @@ def shelves(height_mm: float) -> Picture:
     shades = np.where(on_shelf, 0.10, shades)
     shades = np.where(is_book, books[shelf, spine], shades)
     board = on_shelf & ((up % 320.0 <= 25.0) | (across % 800.0 < 25.0))
-    return Picture(
-        shades=np.clip(np.where(board, 0.40, shades), 0.0, 1.0),
-        width_mm=3200.0, height_mm=height_mm, wraps=True,
-    )  # fmt: skip
+    return _pattern(np.where(board, 0.40, shades), height_mm)

@@ -37,7 +37,7 @@ from colony.sim.plant.protocol import (
     BadBytes,
     BaseReading,
     CameraReading,
-    Drive,
+    DriveBase,
     FromPlant,
     Halt,
     ProximityReading,
@@ -256,9 +256,9 @@ class RemoteBase(_Remote[BaseReading]):
 
     def drive(self, velocity: float, turn: float) -> None:
         if self._cable.logical:
-            self._cable.ask(lambda number: Drive(velocity=velocity, turn=turn, number=number))
+            self._cable.ask(lambda number: DriveBase(velocity=velocity, turn=turn, number=number))
         else:
-            self._cable.tell(Drive(velocity=velocity, turn=turn))
+            self._cable.tell(DriveBase(velocity=velocity, turn=turn))
 
     def stop(self) -> None:
         self._cable.tell(Halt())

@@ -18,7 +18,7 @@ from colony.sim.plant.protocol import (
     CameraReading,
     Device,
     Done,
-    Drive,
+    DriveBase,
     FromPlant,
     Halt,
     Place,
@@ -82,7 +82,7 @@ def answer(port: Attach, message: ToPlant, devices: Devices, logical_ns: int | N
     match message:
         case Halt():
             devices.halt(robot)
-        case Drive():
+        case DriveBase():
             devices.drive(robot, message.velocity, message.turn)
             if logical_ns is not None:
                 devices.pass_time(logical_ns)

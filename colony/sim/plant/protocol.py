@@ -6,12 +6,12 @@ commands go the other way. A control connection asks and is answered instead.
 
     driver   -> plant    AttachBase, AttachProximity, AttachCamera
     plant    -> driver   Attached, then BaseReading, ProximityReading, CameraReading again and again
-    driver   -> plant    Drive, Halt; Sense, in logical time
+    driver   -> plant    DriveBase, Halt; Sense, in logical time
     anyone   -> plant    AttachControl, then AskTruth, Place, Advance, each answered by Truth, Done or Refusal
 
 Times are those of the machine's monotonic clock in nanoseconds. In logical time, which stands still but for
-commands, nothing comes by itself: `Drive` lets a frame pass, and `Drive` and `Sense` are answered by a
-reading with the same `number`.
+commands, nothing comes by itself: `DriveBase` lets a frame pass, and `DriveBase` and `Sense` are answered by
+a reading with the same `number`.
 """
 
 from __future__ import annotations
@@ -67,7 +67,7 @@ class AttachControl(_Message, frozen=True, kw_only=True):
     """This connection stands outside the robots."""
 
 
-class Drive(_Message, frozen=True, kw_only=True):
+class DriveBase(_Message, frozen=True, kw_only=True):
     """Go at `velocity` mm/s, turning `turn` deg/s; it holds for as long as the watchdog waits."""
 
     velocity: float
@@ -177,7 +177,7 @@ class Truth(_Message, frozen=True, kw_only=True):
 
 Device = AttachBase | AttachProximity | AttachCamera
 Attach = Device | AttachControl
-ToPlant = Attach | Drive | Halt | Sense | AskTruth | Place | Advance
+ToPlant = Attach | DriveBase | Halt | Sense | AskTruth | Place | Advance
 Reading = BaseReading | ProximityReading | CameraReading
 FromPlant = Attached | Refusal | Done | Reading | Truth
 

@@ -84,7 +84,7 @@ class Near(NamedTuple):
     people: int
 
 
-class Drive(NamedTuple):
+class Drivetrain(NamedTuple):
     """How a base drives, as in `RobotConfig`; `slip` is a deviation per square root of a millimeter."""
 
     radius: float
@@ -227,7 +227,7 @@ def _feel(robot: int, bases: Bases, walls: Floats2, crowd: Crowd, near: Near, ra
 def _count(
     robot: int,
     bases: Bases,
-    drive: Drive,
+    drive: Drivetrain,
     distance: float,
     turn: float,
     left_noise: float,
@@ -264,7 +264,7 @@ def _free(robot: int, bases: Bases, radius: float, walls: Floats2, crowd: Crowd,
 
 @inlined
 def _slice(
-    robot: int, bases: Bases, drive: Drive, walls: Floats2, crowd: Crowd, near: Near, dt: float,
+    robot: int, bases: Bases, drive: Drivetrain, walls: Floats2, crowd: Crowd, near: Near, dt: float,
     left_noise: float, right_noise: float,
 ) -> None:  # fmt: skip
     """Move one robot for `dt` seconds."""
@@ -289,7 +289,7 @@ def _slice(
 
 @compiled
 def move(
-    bases: Bases, drive: Drive, walls: Floats2, crowd: Crowd, noise: Floats2, at: int, slices: int,
+    bases: Bases, drive: Drivetrain, walls: Floats2, crowd: Crowd, noise: Floats2, at: int, slices: int,
     time_s: float,
 ) -> None:  # fmt: skip
     """Move all robots for `time_s` seconds, one after the other, in slices of equal length.

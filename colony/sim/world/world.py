@@ -15,13 +15,14 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from colony.nav.maps.stickrep.model import Pose
 from colony.sim.chance import SEEDS
 from colony.sim.config import CHANNELS, RobotConfig
 from colony.sim.hazards.scenery import Scenery, bare
 from colony.sim.noise import Noise
 from colony.sim.sensors.compass import disturbance_deg
 from colony.sim.sensors.sonar import Talk, corner_reflectors, ears_of, fan_of, sense, wall_table
-from colony.sim.world.base import SLICE_S, Drive, bases_at, move
+from colony.sim.world.base import SLICE_S, Drivetrain, bases_at, move
 from colony.sim.world.floor import floor_of, slip
 from colony.sim.world.people import X, Y, crowd_of, make_way, walk
 from colony.sim.world.placing import check_room, checked_poses, checked_walls
@@ -29,14 +30,6 @@ from colony.sim.world.placing import check_room, checked_poses, checked_walls
 MAX_STEP_S = 10.0
 TURN_S = 0.05
 """Where people walk or wheels slip, this happens at least so often."""
-
-
-class Pose(NamedTuple):
-    """x east and y north in mm, heading in degrees counterclockwise from north, in [0, 360)."""
-
-    x_mm: float
-    y_mm: float
-    heading_deg: float
 
 
 class Speed(NamedTuple):
@@ -101,7 +94,7 @@ class World:
         check_room(places, self._walls, self.config.radius_mm)
         self._furnish(scenery)
         self._steps = 0
-        self._drive = Drive(
+        self._drive = Drivetrain(
             radius=self.config.radius_mm,
             wheel_base=self.config.wheel_base_mm,
             acceleration=self.config.acceleration_mm_s2,

@@ -60,9 +60,9 @@ class Remembered(Protocol):
 class Recorded(Protocol):
     """One frame of a run, from a recording or from a run that is observed.
 
-    `skipped` frames before it could not be observed; `astray`: nobody knows what memory was. `breaches` are
-    the contracts that were found broken, None where that was not recorded. `damaged`: what was recorded
-    between the frame before it and this one is damaged.
+    `skipped` frames before it could not be observed, so that memory may be unknown. `breaches` are the
+    contracts that were found broken, None where that was not recorded. `damaged`: what was recorded between
+    the frame before it and this one is damaged.
     """
 
     @property
@@ -81,7 +81,7 @@ class Recorded(Protocol):
     def skipped(self) -> int: ...
 
     @property
-    def astray(self) -> bool: ...
+    def memory_unknown(self) -> bool: ...
 
     @property
     def breaches(self) -> tuple[str, ...] | None: ...
@@ -134,6 +134,13 @@ def audit(program: Program, frames: Iterable[Recorded]) -> AuditReport:
 # --- how -------------------------------------------------------------------------------------------
 
 
+_COUNTED = (
+    *("frames", "compared", "idled", "unheard", "late", "lost", "refused", "violations", "outside", "holds"),
+    *("restarts", "unknown", "differing", "forgotten", "resumed", "undecided"),
+)
+"""What `AuditReport` counts."""
+
+
 class Auditor:
     """Takes the frames of a run one after another. Mutable: interpreters, and what was counted.
 
@@ -155,14 +162,13 @@ class Auditor:
         self._first: Difference | None = None
         self._damaged: list[DamagedSpan] = []
         self._resuming = Resuming(program)
-        self._remembers = True
 
     def _begin(self) -> None:
         """All memory at its initial values."""
         self._interpreter = Interpreter(self._program)
         degrades = any(a.on_loss == "degrade" for a in self._program.robot.actuators)
         self._degraded = Interpreter(self._program) if degrades else None
-        self._remembers = True
+        self._memory_unknown = False
 
     def _resume(self, keyframe: Remembered) -> None:
         """Go on from the memory that was recorded, if it is known and of this program."""
@@ -186,17 +192,17 @@ class Auditor:
         if recorded.damaged:
             after_ns = None if before is None else before.frame.t_ns
             self._damaged.append(DamagedSpan(after_ns=after_ns, before_ns=recorded.frame.t_ns))
-            self._remembers = False
+            self._memory_unknown = True
         if before is None:
             self._first_ns = recorded.frame.t_ns
         if begins and (before is not None or recorded.damaged):
             self._begin()
-        elif not self._remembers and recorded.keyframe is not None:
+        elif self._memory_unknown and recorded.keyframe is not None:
             self._resume(recorded.keyframe)
         differences = [*self._sequence(recorded, begins)]
-        if recorded.astray:
+        if recorded.memory_unknown:
             self._counts["unknown"] += 1
-        elif not self._remembers:
+        elif self._memory_unknown:
             self._counts["forgotten"] += 1
         else:
             differences += self._decisions(recorded)
@@ -218,38 +224,22 @@ class Auditor:
 
     def report(self) -> AuditReport:
         """What came of the frames so far."""
-        counts = self._counts
         return AuditReport(
-            frames=counts["frames"],
+            **{name: self._counts[name] for name in _COUNTED},
             first_ns=self._first_ns,
             last_ns=self._previous.frame.t_ns if self._previous else 0,
-            compared=counts["compared"],
-            idled=counts["idled"],
-            unheard=counts["unheard"],
-            late=counts["late"],
-            lost=counts["lost"],
-            refused=counts["refused"],
-            violations=counts["violations"],
-            outside=counts["outside"],
-            holds=counts["holds"],
-            restarts=counts["restarts"],
-            unknown=counts["unknown"],
-            differing=counts["differing"],
             first=self._first,
             contracts=tuple(
                 self._contracts[c.name] for c in self._program.contracts if c.name in self._contracts
             ),
             damaged=tuple(self._damaged),
-            forgotten=counts["forgotten"],
-            resumed=counts["resumed"],
-            undecided=counts["undecided"],
         )
 
     def _sequence(self, recorded: Recorded, begins: bool) -> Iterator[Difference]:
         """What is wrong with the place of a frame: memory must have seen every frame since its start."""
         tick, before = recorded.tick, self._previous
         if before is None:
-            if not begins and not recorded.astray and not recorded.damaged:
+            if not begins and not recorded.memory_unknown and not recorded.damaged:
                 message = f"the recording begins with frame {tick.k}, but memory with frame {tick.start}"
                 yield self._difference(recorded, message)
             return
@@ -258,7 +248,7 @@ class Auditor:
             missing = f": {gap} between them are not in the recording" if gap > 0 else ""
             message = f"frame {tick.k} follows frame {before.tick.k}{missing}"
             yield self._difference(recorded, message)
-        if tick.start != before.tick.start and not (begins or recorded.astray or recorded.damaged):
+        if tick.start != before.tick.start and not (begins or recorded.memory_unknown or recorded.damaged):
             yield self._difference(recorded, f"memory began anew with frame {tick.start}, which is missing")
         if recorded.frame.t_ns <= before.frame.t_ns:
             message = f"time must rise: {recorded.frame.t_ns} ns follow {before.frame.t_ns} ns"

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from colony.compile.pipeline import traverse
+from colony.compile.pipeline import compile_program
 from colony.execute.executor import ClientListExecutor
 from colony.ir.memory import ProgramMemory
 from colony.ir.program import Program
@@ -23,7 +23,9 @@ class Resuming:
             ValueError: it is not the memory of the program, or modules in Python have memory of their own.
             Failure: a module in Python cannot be imported or built.
         """
-        self._clients = self._clients or ClientListExecutor(self._program, traverse(self._program))
+        self._clients = self._clients or ClientListExecutor(
+            compile_program(self._program).artifact, simplified=False
+        )
         self._clients.resume(memory)
         interpreter = Interpreter(self._program)
         interpreter.resume(memory)

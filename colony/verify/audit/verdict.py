@@ -9,6 +9,7 @@ from typing import Protocol
 from colony.ir.frame import Decision
 from colony.ir.program import Actuator
 from colony.ir.types import ScalarValue
+from colony.verify.reference.boundary import declared_command
 
 
 class RecordedVerdict(Protocol):
@@ -86,10 +87,7 @@ def is_excused(verdict: RecordedVerdict) -> bool:
 
 def is_idle(actuator: Actuator, verdict: RecordedVerdict) -> bool:
     """Whether nobody won and the idle command was sent (nothing, for `idle hold`)."""
-    idle = actuator.idle
-    if idle is not None:
-        fields = zip(idle, actuator.fields, strict=True)
-        idle = tuple(x if isinstance(x, bool) else x / f.factor for x, f in fields)
+    idle = None if actuator.idle is None else declared_command(actuator, actuator.idle)
     return verdict.by is None and verdict.fault is None and same_values(verdict.values, idle)
 
 

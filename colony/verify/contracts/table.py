@@ -8,9 +8,10 @@ from collections.abc import Iterator, Sequence
 from colony.ir import expression as ir
 from colony.ir.frame import Decision
 from colony.ir.program import Actuator, Contract, Program, Sensor
-from colony.ir.types import Bool, Enum, ScalarValue, Value, element_type
+from colony.ir.types import Bool, Enum, Scalar, ScalarValue, Value, element_type
 from colony.verify.contracts.decimals import seconds, write
 from colony.verify.contracts.results import Trace
+from colony.verify.reference.boundary import declared_command
 
 _MOST_EXCEPTIONS = 6
 
@@ -67,13 +68,16 @@ def reading(sensor: Sensor, value: Value | None) -> str:
 
 
 def _scalar(sensor: Sensor, value: ScalarValue) -> str:
-    of = element_type(sensor.type)
-    if isinstance(of, Bool) or isinstance(value, bool):
-        return "true" if value else "false"
-    if isinstance(of, Enum):
-        return next((f"{of.name}.{name}" for name, n in of.members if n == value), f"{value:g}")
     written = write(value, sensor)
-    return f"{value:g}" if written is None else str(written)
+    return _shown(value, element_type(sensor.type), f"{value:g}" if written is None else str(written))
+
+
+def _shown(value: ScalarValue, of: Scalar, number: str) -> str:
+    """Return a bool or an enumerator by its name, and otherwise `number`."""
+    if isinstance(value, bool) or isinstance(of, Bool):
+        return "true" if value else "false"
+    members = of.members if isinstance(of, Enum) else ()
+    return next((f"{of}.{name}" for name, n in members if n == value), number)
 
 
 def sent(actuator: Actuator, decision: Decision) -> str:
@@ -87,16 +91,11 @@ def sent(actuator: Actuator, decision: Decision) -> str:
 
 def _fields(actuator: Actuator, values: Sequence[ScalarValue]) -> str:
     """Values in declared units."""
-    shown = []
-    for field, value in zip(actuator.fields, values, strict=True):
-        if isinstance(value, bool):
-            text = "true" if value else "false"
-        elif isinstance(field.type, Enum):
-            text = next((f"{field.type.name}.{m}" for m, n in field.type.members if n == value), f"{value:g}")
-        else:
-            text = f"{value:.9g}{f' {field.unit}' if field.unit else ''}"
-        shown.append(f"{field.name} = {text}")
-    return ", ".join(shown)
+    units = (f" {f.unit}" if f.unit else "" for f in actuator.fields)
+    return ", ".join(
+        f"{f.name} = {_shown(value, f.type, f'{value:.9g}{unit}')}"
+        for f, value, unit in zip(actuator.fields, values, units, strict=True)
+    )
 
 
 def _answer(program: Program, module: str, answer: tuple[ScalarValue, ...] | None) -> str:
@@ -106,10 +105,7 @@ def _answer(program: Program, module: str, answer: tuple[ScalarValue, ...] | Non
     actuator = next((a for a in program.robot.actuators if a.name == name), None)
     if actuator is None:
         return "yes"
-    values = [
-        x if isinstance(x, bool) else x / f.factor for x, f in zip(answer, actuator.fields, strict=True)
-    ]
-    return _fields(actuator, values)
+    return _fields(actuator, declared_command(actuator, answer))
 
 
 def aligned(rows: Sequence[Sequence[str]]) -> Iterator[str]:

@@ -8,13 +8,13 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import replace
-from functools import reduce
 
 from colony.ir import expression as ir
 from colony.ir.expression import Binary
 from colony.ir.frame import Outcome
 from colony.ir.program import Actuator, Contract, Program
 from colony.ir.types import BOOL, any_value
+from colony.verify.claims import TRUE, all_of, any_of, binary, constant, won
 from colony.verify.contracts.prove import Prover
 from colony.verify.contracts.refute import Refuter
 from colony.verify.contracts.replay import Replay
@@ -97,24 +97,23 @@ def _only_wired_otherwise(compared: Sequence[Pair], both: Product) -> bool:
 
 
 def _claim(compared: Sequence[Pair], leave_out: Ignored, both: Product) -> ir.Expression:
-    same = reduce(_and, (part for pair in compared for part in _equal(pair)))
-    excused = list(_excused(compared, leave_out, both))
-    return _binary(Binary.OR, reduce(_or, excused), same) if excused else same
+    same = all_of(part for pair in compared for part in _equal(pair))
+    return any_of((*_excused(compared, leave_out, both), same))
 
 
 def _equal(pair: Pair) -> Iterator[ir.Expression]:
     a, b = pair.a.name, pair.b.name + OF_B
     if pair.a.idle is None or pair.b.idle is None:
-        yield _binary(Binary.EQUAL, _sends(pair.a, a), _sends(pair.b, b))
+        yield binary(Binary.EQUAL, _sends(pair.a, a), _sends(pair.b, b))
     for i in pair.compared:
-        yield _binary(Binary.EQUAL, _sent(pair.a, i, a), _sent(pair.b, i, b))
+        yield binary(Binary.EQUAL, _sent(pair.a, i, a), _sent(pair.b, i, b))
 
 
 def _sends(actuator: Actuator, name: str) -> ir.Expression:
     """Whether anything is sent."""
     if actuator.idle is None:
         return ir.IsCommanded(type=BOOL, actuator=name)
-    return ir.Constant(type=BOOL, value=True)
+    return TRUE
 
 
 def _sent(actuator: Actuator, i: int, name: str) -> ir.Expression:
@@ -123,7 +122,7 @@ def _sent(actuator: Actuator, i: int, name: str) -> ir.Expression:
     sent = ir.SentField(type=kind, actuator=name, field_index=i)
     if actuator.idle is not None:
         return sent
-    return ir.ValueOr(type=kind, expression=sent, other=ir.Constant(type=kind, value=any_value(kind)))
+    return ir.ValueOr(type=kind, expression=sent, other=constant(any_value(kind), kind))
 
 
 def _excused(compared: Sequence[Pair], leave_out: Ignored, both: Product) -> Iterator[ir.Expression]:
@@ -138,19 +137,7 @@ def _excused(compared: Sequence[Pair], leave_out: Ignored, both: Product) -> Ite
         for name in names:
             for pair in compared:
                 for actuator in (pair.a.name, pair.b.name + OF_B):
-                    yield ir.WonBy(type=BOOL, actuator=actuator, module=name)
-
-
-def _binary(operator: Binary, left: ir.Expression, right: ir.Expression) -> ir.Expression:
-    return ir.BinaryOperation(type=BOOL, operator=operator, left=left, right=right)
-
-
-def _and(left: ir.Expression, right: ir.Expression) -> ir.Expression:
-    return _binary(Binary.AND, left, right)
-
-
-def _or(left: ir.Expression, right: ir.Expression) -> ir.Expression:
-    return _binary(Binary.OR, left, right)
+                    yield won(actuator, name)
 
 
 # --- what was found --------------------------------------------------------------------------------

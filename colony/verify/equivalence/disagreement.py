@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from itertools import pairwise
 
 from colony.verify.equivalence.circuit import Activity, Circuit, History
-from colony.verify.equivalence.results import Frame, Recent
-from colony.verify.equivalence.solver import Clause
+from colony.verify.equivalence.results import Activation, Counterexample, Recent, Undecided
+from colony.verify.equivalence.solver import Clause, Refuted, Satisfied, Solver
 from colony.verify.equivalence.source import Source
 
 Values = Callable[[int], bool]
@@ -39,6 +39,23 @@ def least(circuit: Circuit, inputs: frozenset[int], wanted: Callable[[Values], b
     return frozenset(kept)
 
 
+def decided(
+    solver: Solver,
+    clauses: Sequence[Clause],
+    undecided: Undecided,
+    shown: Callable[[frozenset[int]], Counterexample],
+) -> Counterexample | Undecided | None:
+    """Return what is `shown` by as few inputs as make all clauses true; None where nothing does."""
+    answer = solver.decide(clauses)
+    match answer:
+        case Refuted():
+            return None
+        case Satisfied(inputs=inputs):
+            return shown(least(solver.circuit, inputs, lambda values: holds(clauses, values)))
+        case _:
+            return undecided
+
+
 def nested_histories(circuit: Circuit) -> Iterator[Clause]:
     """What was active within a time was so within any longer one: for frames that can be."""
     by_operand: dict[int, list[tuple[int, int]]] = {}
@@ -51,12 +68,12 @@ def nested_histories(circuit: Circuit) -> Iterator[Clause]:
             yield (shorter ^ 1, longer)
 
 
-def holds(clauses: list[Clause], values: Values) -> bool:
+def holds(clauses: Sequence[Clause], values: Values) -> bool:
     """Whether all clauses are true."""
     return all(any(values(literal) for literal in clause) for clause in clauses)
 
 
-def frame_of(circuit: Circuit, inputs: frozenset[int], source: Source) -> Frame:
+def frame_of(circuit: Circuit, inputs: frozenset[int], source: Source) -> Activation:
     """The inputs that are true, by the names of the program."""
     active = [
         of.module
@@ -74,7 +91,7 @@ def frame_of(circuit: Circuit, inputs: frozenset[int], source: Source) -> Frame:
         Recent(name=names.of(operand), least_ns=max(ended.get(operand, [0])), less_ns=min(windows))
         for operand, windows in running.items()
     ]
-    return Frame(active=tuple(active), recent=tuple(recent))
+    return Activation(active=tuple(active), recent=tuple(recent))
 
 
 class _Names:

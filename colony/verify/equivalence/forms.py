@@ -16,21 +16,20 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 from colony.compile.clients import ClientList
-from colony.ir.expression import IsActive
 from colony.ir.program import Contract, Program
-from colony.ir.types import BOOL
+from colony.verify.claims import active
 from colony.verify.equivalence.circuit import FALSE, Circuit
-from colony.verify.equivalence.disagreement import Values, evaluated, holds, least
+from colony.verify.equivalence.disagreement import Values, decided, evaluated
 from colony.verify.equivalence.matching import Matching
 from colony.verify.equivalence.results import (
+    Activation,
     Counterexample,
-    Frame,
     Proved,
     Recent,
     Undecided,
     WrongWinner,
 )
-from colony.verify.equivalence.solver import NEAR, Clause, Refuted, Satisfied, Solver, differ
+from colony.verify.equivalence.solver import NEAR, Clause, Solver, differ
 from colony.verify.equivalence.table import ClientFormulas, encode_list
 
 _ACTIVE = "active: "
@@ -76,8 +75,7 @@ Alike = Mapping[str, str | None]
 def with_activities(program: Program) -> Program:
     """The program with a contract a module, behind its own, that is true where the module is active."""
     more = tuple(
-        Contract(name=f"{_ACTIVE}{module.name}", expression=IsActive(type=BOOL, name=module.name))
-        for module in program.modules
+        Contract(name=f"{_ACTIVE}{module.name}", expression=active(module.name)) for module in program.modules
     )
     return replace(program, contracts=(*program.contracts, *more))
 
@@ -221,16 +219,13 @@ def _judged(
     form, solver = settled.form, settled.solver
     circuit = form.circuit
     clauses: list[Clause] = [tuple(circuit.same(c.expected, c.found) ^ 1 for c in wrong)]
-    answer = solver.decide(clauses)
-    match answer:
-        case Refuted():
-            return None
-        case Satisfied(inputs=inputs):
-            few = least(circuit, inputs, lambda values: holds(clauses, values))
-            listed = dict(encode_list(clients, circuit, settled.matching(()), form.activity).actuators)
-            return _shown(form, actuator, listed.get(actuator, ()), few)
-        case _:
-            return Undecided(form=form.name, subject=actuator, timeout_ms=solver.timeout_ms)
+
+    def shown(inputs: frozenset[int]) -> WrongWinner:
+        listed = dict(encode_list(clients, circuit, settled.matching(()), form.activity).actuators)
+        return _shown(form, actuator, listed.get(actuator, ()), inputs)
+
+    undecided = Undecided(form=form.name, subject=actuator, timeout_ms=solver.timeout_ms)
+    return decided(solver, clauses, undecided, shown)
 
 
 def _shown(
@@ -249,11 +244,11 @@ def _shown(
     )
 
 
-def _frame(form: Form, values: Values) -> Frame:
+def _frame(form: Form, values: Values) -> Activation:
     """The modules that are active, and those whose being so lately still counts."""
     by_activity = {active: module for module, active in form.activity.items()}
     running = {timer.history: timer for timer in form.timers if values(timer.history)}
-    return Frame(
+    return Activation(
         active=tuple(module for module, active in form.activity.items() if values(active)),
         recent=tuple(
             Recent(

@@ -1,4 +1,4 @@
-"""Reads `colony-clients/1`, apart from the compiler's own reader."""
+"""Reads `colony-clients/1`."""
 
 from __future__ import annotations
 
@@ -6,6 +6,7 @@ import json
 from collections.abc import Mapping
 from typing import Any
 
+from colony.compile.backends.json import FORMAT
 from colony.compile.clients import ActuatorClients, Client, ClientList
 from colony.compile.guards import Always, And, Guard, ModuleActive, Never, Not, Or, Recently
 
@@ -27,6 +28,8 @@ def read_json(text: str) -> ClientList:
     """
     try:
         whole = json.loads(text)
+        if whole["format"] != FORMAT:
+            raise ValueError(f"another format than {FORMAT}")
         nodes = tuple(_guard(node, at) for at, node in enumerate(whole["nodes"]))
         actuators = tuple(_clients(name, one, len(nodes)) for name, one in whole["actuators"].items())
         observed = tuple((name, _reference(at, len(nodes))) for name, at in whole["observed"].items())
@@ -40,12 +43,12 @@ def read_json(text: str) -> ClientList:
 def _clients(actuator: str, one: Mapping[str, Any], nodes: int) -> ActuatorClients:
     clients = tuple(
         Client(
-            module=str(client["module"]),
-            priority=client["priority"],
+            module=_text(client["module"]),
+            priority=_number(client["priority"]),
             guard=_reference(client["guard"], nodes),
             exclusive=_reference(client["exclusive"], nodes),
         )
-        for client in one["clients"]
+        for client in _list(one["clients"])
     )
     return ActuatorClients(actuator=actuator, clients=clients)
 
@@ -57,20 +60,46 @@ def _guard(node: Mapping[str, Any], at: int) -> Guard:
         case "never":
             return Never()
         case "active":
-            return ModuleActive(str(node["module"]))
+            return ModuleActive(_text(node["module"]))
         case "not":
             return Not(_reference(node["of"], at))
         case "and":
-            return And(tuple(_reference(of, at) for of in node["of"]))
+            return And(_references(node["of"], at))
         case "or":
-            return Or(tuple(_reference(of, at) for of in node["of"]))
+            return Or(_references(node["of"], at))
         case "recently":
-            return Recently(_reference(node["of"], at), int(node["window_ns"]))
+            return Recently(_reference(node["of"], at), _number(node["window_ns"]))
         case other:
             raise ValueError(f"no node is `{other}`")
 
 
+def _references(several: object, below: int) -> tuple[int, ...]:
+    references = tuple(_reference(at, below) for at in _list(several))
+    if len(references) < 2:
+        raise ValueError(f"{several!r} are not two nodes or more")
+    return references
+
+
 def _reference(at: object, below: int) -> int:
-    if isinstance(at, bool) or not isinstance(at, int) or not 0 <= at < below:
-        raise ValueError(f"{at!r} is no node before {below}")
-    return at
+    number = _number(at)
+    if number >= below:
+        raise ValueError(f"{number} is no node before {below}")
+    return number
+
+
+def _number(value: object) -> int:
+    if not isinstance(value, int) or isinstance(value, bool) or value < 0:
+        raise ValueError(f"{value!r} is no whole number from 0")
+    return value
+
+
+def _list(value: object) -> list[Any]:
+    if not isinstance(value, list):
+        raise ValueError(f"{value!r} is no list")
+    return value
+
+
+def _text(value: object) -> str:
+    if not isinstance(value, str):
+        raise ValueError(f"{value!r} is no text")
+    return value

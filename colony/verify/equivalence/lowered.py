@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 
 from colony.compile.clients import ClientList
 from colony.compile.lower.lower import lower
-from colony.execute.code import ActuatorCode, Apply, Code, FrameTime, Literal, OldCell, Table
+from colony.execute.code import ActuatorCode, Apply, Code, FrameTime, Literal, Lost, OldCell, Table
+from colony.execute.compiled import Compiled
 from colony.execute.operators import Operator
+from colony.execute.views import heard, unsimplified, whole
 from colony.ir.program import Program
 from colony.verify.equivalence.circuit import FALSE, TRUE, Circuit, Opaque
 from colony.verify.equivalence.forms import Alike, Form, Timer, Winner, module_of, with_activities
@@ -15,12 +17,22 @@ from colony.verify.equivalence.forms import Alike, Form, Timer, Winner, module_o
 LOWERED = "lowered code"
 
 
+def views(sent: Compiled) -> Iterator[Code]:
+    """Yield what all clients together execute; where they differ, what each does alone, and the monitor."""
+    yield whole(sent.code)
+    clients = [client for one in sent.code.actuators for client in one.clients]
+    if any((c.heard_guard, c.heard_exclusive) != (c.guard, c.exclusive) for c in clients):
+        yield heard(sent.code)
+    if any(c.traversed != c.guard for c in clients):
+        yield unsimplified(sent.code)
+
+
 def read_lowered(program: Program, clients: ClientList, code: Code, alike: Alike) -> Form:
-    """The winners by code, which is that of all clients of the program."""
+    """Read the winners by code, which is that of all clients of the program."""
     circuit = Circuit()
     values = _Values(circuit, {})
     literals = values.literals(code, alike)
-    asked = lower(with_activities(program), clients)
+    asked = whole(lower(with_activities(program), clients).code)
     answers = values.literals(asked, alike)
     activity = {
         module: circuit.either(answers[contract.present] ^ 1, answers[contract.value])
@@ -105,6 +117,8 @@ class _Values:
         match op:
             case Literal(value=bool() as value):
                 return TRUE if value else FALSE
+            case Lost():
+                return FALSE
             case Apply(operator=Operator.NOT, arguments=(one,)):
                 return literals[one] ^ 1
             case Apply(operator=Operator.AND, arguments=several):

@@ -16,21 +16,20 @@ from functools import partial
 
 from colony.collector import collector_at_rest
 from colony.compile.clients import ClientList
-from colony.compile.pipeline import Compiled
-from colony.execute.code import Code
+from colony.compile.pipeline import Compilation
+from colony.execute.compiled import Compiled
 from colony.ir.program import Program
 from colony.verify.equivalence.circuit import FALSE, Activity, Circuit
 from colony.verify.equivalence.disagreement import (
     Values,
+    decided,
     evaluated,
     frame_of,
-    holds,
-    least,
     nested_histories,
 )
 from colony.verify.equivalence.forms import prove_form
 from colony.verify.equivalence.json_text import Unreadable, read_json
-from colony.verify.equivalence.lowered import read_lowered
+from colony.verify.equivalence.lowered import read_lowered, views
 from colony.verify.equivalence.matching import Matching
 from colony.verify.equivalence.priorities import Induction, first_by_structure, gates_of
 from colony.verify.equivalence.python_text import PYTHON, read_python
@@ -43,7 +42,7 @@ from colony.verify.equivalence.results import (
     WrongActivity,
     WrongWinner,
 )
-from colony.verify.equivalence.solver import Clause, Refuted, Satisfied, Solver, differ
+from colony.verify.equivalence.solver import Clause, Solver, differ
 from colony.verify.equivalence.source import NEVER, Joint, Root, Source, encode_source
 from colony.verify.equivalence.table import ClientFormulas, encode_list
 
@@ -56,25 +55,24 @@ JSON = "JSON"
 
 def prove(
     program: Program,
-    compiled: Compiled,
+    compiled: Compilation,
     *,
     json: str | None = None,
-    code: Code | None = None,
+    sent: Callable[[], Compiled] | None = None,
     python: str | None = None,
     timeout_ms: int = TIMEOUT_MS,
 ) -> Result:
     """Prove that the compiled clients are the program's network, or find a frame in which they are not.
 
-    And that what was made of them is, too: `json` and `python` are the texts that are emitted, `code` is what
-    the executor of all clients runs. z3 may think `timeout_ms` about one question; with 0 it is not asked.
+    And that what was made of them is, too: `json` and `python` are the texts that are emitted, `sent` gives
+    what is executed, saved and sent. z3 may think `timeout_ms` about one question; with 0 it is not asked.
     """
     clients = compiled.clients
     results: list[Callable[[], Result]] = [lambda: prove_clients(program, clients, timeout_ms=timeout_ms)]
     if json is not None:
         results.append(lambda: _prove_json(clients, json))
-    if code is not None:
-        reading = partial(read_lowered, program, clients, code)
-        results.append(lambda: prove_form(reading, clients, timeout_ms))
+    if sent is not None:
+        results.append(lambda: _prove_sent(program, clients, sent(), timeout_ms))
     if python is not None:
         results.append(lambda: prove_python(program, clients, python, timeout_ms=timeout_ms))
     return _all_of(results)
@@ -99,6 +97,12 @@ def prove_json(program: Program, json: str, *, form: str = JSON, timeout_ms: int
     except Unreadable as problem:
         return Malformed(form=form, subject="text", found=problem.found, expected=problem.expected)
     return prove_clients(program, clients, form=form, timeout_ms=timeout_ms)
+
+
+def _prove_sent(program: Program, clients: ClientList, sent: Compiled, timeout_ms: int) -> Result:
+    """Prove that what is sent has the winners of the clients, whoever executes it."""
+    readings = [partial(read_lowered, program, clients, code) for code in views(sent)]
+    return _all_of(partial(prove_form, reading, clients, timeout_ms) for reading in readings)
 
 
 def _prove_json(clients: ClientList, json: str) -> Result:
@@ -293,19 +297,17 @@ class _Proof:
         clauses = [*differ(active, literal), *nested_histories(self.circuit)]
         if active == literal or self.solver.refutes(clauses[:2]):
             return None
-        answer = self.solver.decide(clauses)
-        match answer:
-            case Refuted():
-                return None
-            case Satisfied(inputs=inputs):
-                few = least(self.circuit, inputs, lambda values: holds(clauses, values))
-                network = evaluated(self.circuit, few)(active)
-                frame = frame_of(self.circuit, few, self.source)
-                return WrongActivity(
-                    form=self.form, name=name, frame=frame, network=network, found=not network
-                )
-            case _:
-                return Undecided(form=self.form, subject=name, timeout_ms=self.solver.timeout_ms)
+
+        def shown(inputs: frozenset[int]) -> WrongActivity:
+            network = evaluated(self.circuit, inputs)(active)
+            frame = frame_of(self.circuit, inputs, self.source)
+            return WrongActivity(form=self.form, name=name, frame=frame, network=network, found=not network)
+
+        return decided(self.solver, clauses, self.undecided(name), shown)
+
+    def undecided(self, subject: str) -> Undecided:
+        """Return what is said where z3 gives up."""
+        return Undecided(form=self.form, subject=subject, timeout_ms=self.solver.timeout_ms)
 
 
 def _settled(client: ClientFormulas, win: int) -> ClientFormulas:
@@ -334,15 +336,7 @@ class _Judge:
         if proof.solver.refutes(clauses):
             return None
         clauses += nested_histories(proof.circuit)
-        answer = proof.solver.decide(clauses)
-        match answer:
-            case Refuted():
-                return None
-            case Satisfied(inputs=inputs):
-                few = least(proof.circuit, inputs, lambda values: holds(clauses, values))
-                return self._shown(few)
-            case _:
-                return Undecided(form=proof.form, subject=self.actuator, timeout_ms=proof.solver.timeout_ms)
+        return decided(proof.solver, clauses, proof.undecided(self.actuator), self._shown)
 
     def disorder(self, clients: tuple[ClientFormulas, ...]) -> list[int]:
         """For each client: it is the first whose guard holds and does not win, or the other way round."""

@@ -27,7 +27,7 @@ class Proved:
     def and_of(self, other: Proved) -> Proved:
         """Both proofs as one."""
         return Proved(
-            forms=self.forms + other.forms,
+            forms=tuple(dict.fromkeys(self.forms + other.forms)),
             by_structure=self.by_structure + other.by_structure,
             by_solver=self.by_solver + other.by_solver,
             questions=self.questions + other.questions,
@@ -35,8 +35,8 @@ class Proved:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Frame:
-    """A frame: the modules that are active now, and what was so recently that a time constant tells.
+class Activation:
+    """A frame, by the modules that are active now, and what was so recently that a time constant tells.
 
     All else is not active, and was not.
     """
@@ -64,7 +64,7 @@ class WrongWinner:
 
     form: str
     actuator: str
-    frame: Frame
+    frame: Activation
     network: str | None
     by_priority: str | None
     by_exclusive: tuple[str, ...] | None
@@ -76,7 +76,7 @@ class WrongActivity:
 
     form: str
     name: str
-    frame: Frame
+    frame: Activation
     network: bool
     found: bool
 
@@ -109,7 +109,7 @@ Result = Proved | Counterexample | Undecided
 # --- in words ------------------------------------------------------------------------------------
 
 
-def frame_text(frame: Frame) -> str:
+def frame_text(frame: Activation) -> str:
     """A frame in words, as what follows "with"."""
     active = f"{listed(frame.active)} active" if frame.active else "no module active"
     recent = [f"{_ago(one)}" for one in frame.recent]

@@ -8,8 +8,8 @@ from colony.ir import expression as ir
 from colony.ir.expression import Expression
 from colony.ir.program import Contract
 from colony.text.diagnostics import Diagnostic, warning
+from colony.verify.claims import FALSE, all_of, negation
 from colony.verify.lints.case import Case
-from colony.verify.lints.claims import FALSE, all_of, negation
 from colony.verify.written import written
 
 

@@ -16,8 +16,7 @@ from colony.ir.types import Quantity
 from colony.text.diagnostics import Diagnostic, warning
 from colony.text.units import LENGTH, TIME
 from colony.text.wording import quoted
-from colony.verify.lints.case import Case, command_of
-from colony.verify.lints.claims import (
+from colony.verify.claims import (
     active,
     all_of,
     any_of,
@@ -28,8 +27,10 @@ from colony.verify.lints.claims import (
     negation,
     won,
 )
+from colony.verify.lints.case import Case, command_of
 from colony.verify.lints.evidence import replayed
 from colony.verify.lints.proof import Prover
+from colony.verify.reference.boundary import declared_command
 from colony.verify.snapshot import Snapshot
 
 _MOVES = "RServer"
@@ -132,10 +133,7 @@ def _moved(
     decision = next(d for d in outcome.decisions if d.actuator == actuator.name)
     if decision.by != module.name or decision.fault or decision.values is None or actuator.idle is None:
         return set()
-    idle = (
-        x if isinstance(x, bool) else x / f.factor
-        for x, f in zip(actuator.idle, actuator.fields, strict=True)
-    )
+    idle = declared_command(actuator, actuator.idle)
     return {i for i, (x, y) in enumerate(zip(decision.values, idle, strict=True)) if x != y}
 
 

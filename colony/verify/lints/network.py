@@ -10,7 +10,7 @@ from colony.ir.program import Program, Use, Wire, Wiring
 from colony.ir.wiring import Joint, joints_of
 from colony.text.source import Span
 from colony.text.wording import duration_text
-from colony.verify.lints.claims import FALSE, active, all_of, any_of, negation
+from colony.verify.claims import FALSE, active, all_of, any_of, negation
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -6,8 +6,8 @@ from collections.abc import Iterator, Set
 
 from colony.ir.expression import Expression
 from colony.text.diagnostics import Diagnostic, warning
+from colony.verify.claims import active, all_of, fresh, implies, negation
 from colony.verify.lints.case import Case
-from colony.verify.lints.claims import active, all_of, fresh, implies, negation
 from colony.verify.written import written
 
 

@@ -10,8 +10,8 @@ from colony.ir.frame import Record
 from colony.ir.program import ActuatorField, Module
 from colony.ir.types import ScalarValue
 from colony.text.diagnostics import Diagnostic, warning
+from colony.verify.claims import any_of, binary, constant, implies, negation, won
 from colony.verify.lints.case import Case, command_of
-from colony.verify.lints.claims import any_of, binary, constant, implies, negation, won
 from colony.verify.lints.proof import Prover
 from colony.verify.reference.boundary import clamp
 from colony.verify.reference.interpreter import Interpreter

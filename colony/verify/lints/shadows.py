@@ -7,8 +7,8 @@ from collections.abc import Iterator, Mapping, Sequence, Set
 from colony.ir.expression import Expression
 from colony.text.diagnostics import Diagnostic, warning
 from colony.text.wording import quoted
+from colony.verify.claims import active, all_of, any_of, implies, negation, won
 from colony.verify.lints.case import Case
-from colony.verify.lints.claims import active, all_of, any_of, implies, negation, won
 from colony.verify.lints.predicates import never
 
 

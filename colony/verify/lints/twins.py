@@ -8,8 +8,8 @@ from itertools import combinations
 from colony.ir.expression import Binary, Expression
 from colony.ir.program import Module
 from colony.text.diagnostics import Diagnostic, warning
+from colony.verify.claims import active, binary
 from colony.verify.lints.case import Case
-from colony.verify.lints.claims import active, binary
 from colony.verify.lints.predicates import always, never
 from colony.verify.lints.shadows import shadowed
 

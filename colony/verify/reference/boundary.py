@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from importlib import import_module
 
 from colony.ir.frame import Frame, Reading, RecordKind
@@ -104,6 +104,16 @@ def default_of(sensor: Sensor) -> Value | None:
     ):
         return (sensor.default,) * sensor.type.size
     return sensor.default
+
+
+# --- commands ------------------------------------------------------------------------------------
+
+
+def declared_command(actuator: Actuator, command: Sequence[ScalarValue]) -> tuple[ScalarValue, ...]:
+    """Return a command in declared units; a bool has none."""
+    return tuple(
+        x if isinstance(x, bool) else x / f.factor for x, f in zip(command, actuator.fields, strict=True)
+    )
 
 
 # --- modules written in Python -------------------------------------------------------------------

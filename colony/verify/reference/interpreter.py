@@ -15,7 +15,15 @@ from colony.ir.expression import Expression
 from colony.ir.frame import Decision, Frame, Outcome, Reading, Record
 from colony.ir.memory import ProgramMemory
 from colony.ir.types import ScalarValue, Value
-from colony.verify.reference.boundary import ModuleFrame, PythonRunner, aged, clamp, default_of, sense
+from colony.verify.reference.boundary import (
+    ModuleFrame,
+    PythonRunner,
+    aged,
+    clamp,
+    declared_command,
+    default_of,
+    sense,
+)
 from colony.verify.reference.expressions import Memory, Moment, evaluate, missing, scalar
 from colony.verify.reference.memory import recalled
 
@@ -272,7 +280,7 @@ class Interpreter:
             self._bounded(actuator, i, x, [(m, b) for m, b in limits if m.actuator == actuator.name], found)
             for i, x in enumerate(command)
         )
-        leaving = _declared(actuator, sent)
+        leaving = declared_command(actuator, sent)
         if not all(math.isfinite(x) for x in command + leaving):
             records.append(Record("not finite", winner))
             return self._idle(actuator, winner, "not finite", moment)
@@ -307,14 +315,7 @@ class Interpreter:
         if actuator.idle is None:
             return Decision(actuator.name, winner, None, fault)
         moment.sent.update({(actuator.name, i): x for i, x in enumerate(actuator.idle)})
-        return Decision(actuator.name, winner, _declared(actuator, actuator.idle), fault)
-
-
-def _declared(actuator: ir.Actuator, command: tuple[ScalarValue, ...]) -> tuple[ScalarValue, ...]:
-    """A command in declared units; a bool has none."""
-    return tuple(
-        x if isinstance(x, bool) else x / f.factor for x, f in zip(command, actuator.fields, strict=True)
-    )
+        return Decision(actuator.name, winner, declared_command(actuator, actuator.idle), fault)
 
 
 def _memory_cells(program: ir.Program) -> list[tuple[ir.State | ir.Machine, ScalarValue]]:

@@ -10,26 +10,27 @@ from dataclasses import dataclass
 from types import MappingProxyType
 
 from colony.compile.backends.python.generate import generate, load
-from colony.compile.pipeline import Compiled, compile_program
+from colony.compile.pipeline import Compilation, compile_program
 from colony.execute.executor import ClientExecutor, ClientListExecutor, ClientStep
 from colony.ir.frame import Decision, Executor, Frame, Outcome
 from colony.ir.program import Program
+from colony.verify.reference.boundary import declared_command
 from colony.verify.reference.interpreter import Interpreter
 
-Factory = Callable[[Compiled], Executor]
+Factory = Callable[[Compilation], Executor]
 """Makes an executor of a compiled program, in its initial memory."""
 
 
-def _clients(compiled: Compiled) -> Executor:
-    return ClientListExecutor(compiled.program, compiled.clients)
+def _clients(compilation: Compilation) -> Executor:
+    return ClientListExecutor(compilation.artifact)
 
 
-def _exclusive_clients(compiled: Compiled) -> Executor:
-    return ClientListExecutor(compiled.program, compiled.clients, exclusive=True)
+def _exclusive_clients(compilation: Compilation) -> Executor:
+    return ClientListExecutor(compilation.artifact, exclusive=True)
 
 
-def _generated_python(compiled: Compiled) -> Executor:
-    return load(generate(compiled.program, compiled.clients))
+def _generated_python(compilation: Compilation) -> Executor:
+    return load(generate(compilation.artifact))
 
 
 EXECUTORS: Mapping[str, Factory] = MappingProxyType(
@@ -77,18 +78,18 @@ def disagreement(
     trace: Sequence[Frame],
     executors: Mapping[str, Factory] = EXECUTORS,
     expected: Sequence[Outcome] | None = None,
-    compiled: Compiled | None = None,
+    compilation: Compilation | None = None,
 ) -> Disagreement | None:
     """The first executor that differs from the reference over `trace`, at its first frame; None if none does.
 
     Each executor starts from its initial memory. What an executor raises is a disagreement too; what
-    compiling raises is raised. `expected` is what `reference` gave and `compiled` the compiled program, where
-    they are known already.
+    compiling raises is raised. `expected` is what `reference` gave and `compilation` what compiling gives,
+    where they are known already.
     """
     outcomes = reference(program, trace) if expected is None else expected
-    compiled = compile_program(program) if compiled is None else compiled
+    compilation = compile_program(program) if compilation is None else compilation
     for name, make in executors.items():
-        found = _first_difference(make, compiled, trace, outcomes)
+        found = _first_difference(make, compilation, trace, outcomes)
         if found is not None:
             at, outcome = found
             return Disagreement(
@@ -98,11 +99,11 @@ def disagreement(
 
 
 def _first_difference(
-    make: Factory, compiled: Compiled, trace: Sequence[Frame], expected: Sequence[Outcome]
+    make: Factory, compilation: Compilation, trace: Sequence[Frame], expected: Sequence[Outcome]
 ) -> tuple[int, Outcome | str] | None:
     at = 0
     try:
-        executor = make(compiled)
+        executor = make(compilation)
         for at, frame in enumerate(trace):
             outcome = executor.step(frame)
             if repr(outcome) != repr(expected[at]):
@@ -127,13 +128,12 @@ class ClientsAlone:
         Failure: a Python module's class cannot be imported or built.
     """
 
-    def __init__(self, compiled: Compiled) -> None:
-        self._program = compiled.program
-        self._interpreter = Interpreter(compiled.program)
+    def __init__(self, compilation: Compilation) -> None:
+        self._program = compilation.program
+        self._interpreter = Interpreter(compilation.program)
         self._clients = {
-            (a.actuator, c.module): ClientExecutor(compiled.program, compiled.clients, a.actuator, c.module)
-            for a in compiled.clients.actuators
-            for c in a.clients
+            (actuator, module): ClientExecutor(compilation.artifact, actuator, module)
+            for actuator, module, _ in compilation.artifact.clients
         }
 
     def step(self, frame: Frame) -> Outcome:
@@ -170,8 +170,5 @@ def _decided(program: Program, like: Decision, steps: Mapping[tuple[str, str], C
     winner = " and ".join(m for m, _ in active) or None
     values = active[0][1].values if len(active) == 1 else None
     sent = actuator.idle if values is None else values
-    if sent is not None:
-        sent = tuple(
-            x if isinstance(x, bool) else x / f.factor for x, f in zip(sent, actuator.fields, strict=True)
-        )
-    return Decision(actuator.name, winner, sent, active[0][1].fault if active else None)
+    leaving = None if sent is None else declared_command(actuator, sent)
+    return Decision(actuator.name, winner, leaving, active[0][1].fault if active else None)

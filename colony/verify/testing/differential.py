@@ -24,7 +24,7 @@ from random import Random
 from types import MappingProxyType
 from typing import NamedTuple, Protocol, runtime_checkable
 
-from colony.compile.pipeline import Compiled, compile_program
+from colony.compile.pipeline import Compilation, compile_program
 from colony.ir.expression import StateValue
 from colony.ir.frame import Executor, Frame, Outcome
 from colony.ir.program import Contract, Machine, Program, PythonModule
@@ -38,7 +38,7 @@ from colony.verify.testing.shrinking import shrunk
 FRAMES = 12
 """The most frames of a trace."""
 
-Trial = Callable[[Compiled, Sequence[Frame], int], Disagreement | None]
+Trial = Callable[[Compilation, Sequence[Frame], int], Disagreement | None]
 """Holds a program to something over a trace, given a seed for what it draws itself, such as faults."""
 
 
@@ -151,7 +151,7 @@ class _Examination:
         max_frames: int,
     ) -> None:
         self._program, self._executors, self._trials = program, executors, trials
-        self._compiled = compile_program(program)
+        self._compilation = compile_program(program)
         self._made: dict[str, Executor] = {}
         self._guide = Guide(program, max_frames)
         self._machines = [
@@ -289,7 +289,7 @@ class _Examination:
         """Whether one of the executors differs from the reference."""
         for name, make in self._executors.items():
             found = disagreement(
-                self._program, trace, {name: partial(self._used_again, name)}, expected, self._compiled
+                self._program, trace, {name: partial(self._used_again, name)}, expected, self._compilation
             )
             if not isinstance(self._made.get(name), _Restartable):
                 self._made.pop(name, None)
@@ -298,13 +298,13 @@ class _Examination:
                 return True
         return False
 
-    def _used_again(self, name: str, compiled: Compiled) -> Executor:
+    def _used_again(self, name: str, compilation: Compilation) -> Executor:
         """An executor in its initial memory: the one that had the last trace, or a new one."""
         used = self._made.get(name)
         if isinstance(used, _Restartable):
             used.restart()
             return used
-        made = self._made[name] = self._executors[name](compiled)
+        made = self._made[name] = self._executors[name](compilation)
         return made
 
     def _try(self, trace: tuple[Frame, ...], number: int) -> None:
@@ -314,7 +314,7 @@ class _Examination:
             def attempt(
                 frames: Sequence[Frame], trial: Trial = trial, name: str = name, seed: int = seed
             ) -> Disagreement | None:
-                found = trial(self._compiled, frames, seed)
+                found = trial(self._compilation, frames, seed)
                 return None if found is None else replace(found, executor=name)
 
             found = attempt(trace)

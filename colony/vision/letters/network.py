@@ -66,7 +66,7 @@ class Look(NamedTuple):
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Network:
+class LetterNet:
     """The network.
 
     Attributes:
@@ -98,7 +98,7 @@ class Network:
 
 
 @cache
-def network() -> Network:
+def network() -> LetterNet:
     """The network with the weights of the package; they are read once.
 
     Raises:
@@ -112,7 +112,7 @@ def network() -> Network:
     return unpacked(arrays)
 
 
-def packed(net: Network) -> dict[str, npt.NDArray[np.generic]]:
+def packed(net: LetterNet) -> dict[str, npt.NDArray[np.generic]]:
     """The arrays of a file of weights."""
     arrays: dict[str, npt.NDArray[np.generic]] = {
         "sharpness": np.array(net.sharpness),
@@ -127,7 +127,7 @@ def packed(net: Network) -> dict[str, npt.NDArray[np.generic]]:
     return arrays
 
 
-def unpacked(arrays: dict[str, npt.NDArray[np.generic]]) -> Network:
+def unpacked(arrays: dict[str, npt.NDArray[np.generic]]) -> LetterNet:
     """The network whose weights are in these arrays.
 
     Raises:
@@ -146,7 +146,7 @@ def unpacked(arrays: dict[str, npt.NDArray[np.generic]]) -> Network:
     *trunk, hidden, last = layers
     _check(trunk, [1, *(layer.kernel.shape[2] for layer in trunk[1:]), CLASSES])
     _check([hidden, last], [trunk[HEAD_AFTER].kernel.shape[2], last.kernel.shape[2], 1])
-    return Network(
+    return LetterNet(
         layers=tuple(trunk),
         head=(hidden, last),
         sharpness=float(arrays["sharpness"][()]),

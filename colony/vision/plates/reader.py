@@ -18,7 +18,7 @@ import numpy.typing as npt
 
 from colony.nav.maps.signs import CHARACTERS
 from colony.vision.letters.decoding import likely_texts, log_probabilities_of
-from colony.vision.letters.network import Look, Network, network
+from colony.vision.letters.network import LetterNet, Look, network
 from colony.vision.letters.prior import LONGEST, log_prior
 from colony.vision.plates.strip import plate_strip
 from colony.vision.sightings import PlateBox, Reading
@@ -68,7 +68,7 @@ def read_plate(
     return reading_of(net.look(strip), net, texts)
 
 
-def reading_of(look: Look, net: Network, lexicon: Collection[str] = ()) -> Reading:
+def reading_of(look: Look, net: LetterNet, lexicon: Collection[str] = ()) -> Reading:
     """The reading of a strip, from what the network tells of it."""
     return weighed(texts_of(look, lexicon), look.plate, net, lexicon)
 
@@ -83,7 +83,7 @@ def texts_of(look: Look, lexicon: Collection[str] = ()) -> dict[str, float]:
     return seen
 
 
-def weighed(seen: dict[str, float], plate: float, net: Network, lexicon: Collection[str] = ()) -> Reading:
+def weighed(seen: dict[str, float], plate: float, net: LetterNet, lexicon: Collection[str] = ()) -> Reading:
     """The reading that follows from what is seen and from what is usual.
 
     Args:

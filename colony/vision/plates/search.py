@@ -18,7 +18,7 @@ from colony.vision.level_camera import LevelCamera
 from colony.vision.plates.detector import find_plates
 from colony.vision.plates.geometry import WallView, is_too_steep, starting_column
 from colony.vision.plates.map import known_plate
-from colony.vision.plates.sights import PlateSight, fix_of_plate, seen_of
+from colony.vision.plates.sights import PlateSight, Seen, fix_of_plate, seen_of
 from colony.vision.plates.thesis import thesis_plates
 from colony.vision.plates.tracks import PlateTracks, Track
 from colony.vision.sightings import PlateBox, Reading
@@ -121,14 +121,8 @@ class PlateSearch:
         if view.band is None or (view.tilt_deg is not None and is_too_steep(view.tilt_deg)):
             self._tracks.go(view.t_ns, view.robot)
             return ()
-        seen = []
-        for box in find_plates(view.band, self._camera, first_row=view.first_row, tilt_deg=view.tilt_deg):
-            reading = UNREAD if self._reader is None else self._reader(view.band, box)
-            seen.append(
-                seen_of(
-                    box, self._camera, view.robot, t_ns=view.t_ns, reading=reading, first_row=view.first_row
-                )
-            )
+        boxes = find_plates(view.band, self._camera, first_row=view.first_row, tilt_deg=view.tilt_deg)
+        seen = [_seen(view.band, box, view, self._camera, self._reader) for box in boxes]
         return self._tracks.see(view.t_ns, view.robot, seen)
 
     def _identified(self, track: Track, known: Known) -> Plate | None:
@@ -208,7 +202,7 @@ class ThesisSearch:
         boxes = thesis_plates(view.band, self._camera, first_row=view.first_row, starting_column=start)
         if boxes:
             self._last = wall, view.robot
-        return Found(tuple(self._told(view, box) for box in boxes))
+        return Found(tuple(self._told(view, view.band, box) for box in boxes))
 
     def _start(self, wall: WallView, here: Pose) -> int:
         """From which column on there is wall that was not in the last image with a plate."""
@@ -218,16 +212,18 @@ class ThesisSearch:
         moved = math.hypot(here.x_mm - there.x_mm, here.y_mm - there.y_mm)
         return starting_column(before, wall, moved, self._camera)
 
-    def _told(self, view: View, box: PlateBox) -> PlateSight:
-        assert view.band is not None
-        reading = UNREAD if self._reader is None else self._reader(view.band, box)
-        seen = seen_of(
-            box, self._camera, view.robot, t_ns=view.t_ns, reading=reading, first_row=view.first_row
-        )
+    def _told(self, view: View, band: Gray, box: PlateBox) -> PlateSight:
+        seen = _seen(band, box, view, self._camera, self._reader)
         return PlateSight(
-            t_ns=view.t_ns, door=None, text=reading.text, confidence=reading.confidence,
+            t_ns=view.t_ns, door=None, text=seen.reading.text, confidence=seen.reading.confidence,
             place=seen.place, robot=view.robot, looks=1,
         )  # fmt: skip
+
+
+def _seen(band: Gray, box: PlateBox, view: View, camera: LevelCamera, reader: Reader | None) -> Seen:
+    """Read a plate, and return where it is as seen from the robot."""
+    reading = UNREAD if reader is None else reader(band, box)
+    return seen_of(box, camera, view.robot, t_ns=view.t_ns, reading=reading, first_row=view.first_row)
 
 
 Search = PlateSearch | ThesisSearch

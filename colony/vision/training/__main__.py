@@ -13,7 +13,7 @@ from typing import Any
 
 import numpy as np
 
-from colony.vision.letters.network import WEIGHTS_FILE, Network, packed, unpacked
+from colony.vision.letters.network import WEIGHTS_FILE, LetterNet, packed, unpacked
 from colony.vision.training.fonts import learned_fonts, unseen_fonts
 from colony.vision.training.learning import BATCH, Learner, learning
 from colony.vision.training.trial import Score, calibrated, junk_score, plate_score
@@ -50,7 +50,7 @@ def main() -> None:
     print(f"wrote {told.out}, {told.out.stat().st_size} bytes")
 
 
-def trained(seed: int, steps: int) -> Network:
+def trained(seed: int, steps: int) -> LetterNet:
     """The network after so many steps, with weights as they are stored, and calibrated."""
     random = np.random.default_rng(seed)
     fonts = learned_fonts()
@@ -64,7 +64,7 @@ def trained(seed: int, steps: int) -> Network:
     return calibrated(stored, fonts, _CALIBRATION_LOOKS, np.random.default_rng((seed, 1)))
 
 
-def tried(net: Network, looks: int, random: np.random.Generator) -> list[str]:
+def tried(net: LetterNet, looks: int, random: np.random.Generator) -> list[str]:
     """A table of the share of single looks that are read right, by font and height of the characters."""
     lines = [
         "right of single looks, by the characters' height: " + ", ".join(f"{h:g} px" for h in HEIGHTS_PX)

@@ -10,7 +10,16 @@ from typing import NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from colony.vision.letters.network import CLASSES, FRAMES, HEAD_AFTER, HEAD_POOL, PADS, POOLS, Layer, Network
+from colony.vision.letters.network import (
+    CLASSES,
+    FRAMES,
+    HEAD_AFTER,
+    HEAD_POOL,
+    PADS,
+    POOLS,
+    Layer,
+    LetterNet,
+)
 from colony.vision.training.ctc import ctc_loss
 from colony.vision.training.layers import Convolution, Normalization, Parameter, Pooling, Trained
 from colony.vision.training.samples import Batch, batch
@@ -94,11 +103,11 @@ class Learner:
         self._descend(rate)
         return loss
 
-    def network(self) -> Network:
+    def network(self) -> LetterNet:
         """What was learned up to now, not yet calibrated."""
         trunk = (*(stage.folded() for stage in self._stages), _linear(self._last))
         head = (self._head.folded(), _linear(self._head_last))
-        return Network(layers=trunk, head=head, sharpness=1.0, trust=1.0, facts="")
+        return LetterNet(layers=trunk, head=head, sharpness=1.0, trust=1.0, facts="")
 
     def _descend(self, rate: float) -> None:
         """Adam (Kingma and Ba, ICLR 2015), with the gradient's length bounded."""

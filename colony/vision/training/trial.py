@@ -11,7 +11,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from colony.vision.letters.network import Network
+from colony.vision.letters.network import LetterNet
 from colony.vision.plates.reader import reading_of, texts_of, weighed
 from colony.vision.plates.strip import plate_strip
 from colony.vision.sightings import Reading
@@ -43,7 +43,7 @@ class JunkScore(NamedTuple):
     sure: int
 
 
-def calibrated(net: Network, fonts: Sequence[Path], count: int, random: np.random.Generator) -> Network:
+def calibrated(net: LetterNet, fonts: Sequence[Path], count: int, random: np.random.Generator) -> LetterNet:
     """The network with the sharpness and the trust in its prior that make the right readings of so many looks
     most probable."""
     seen: list[tuple[dict[str, float], float, str]] = []
@@ -64,20 +64,22 @@ def calibrated(net: Network, fonts: Sequence[Path], count: int, random: np.rando
     )
 
 
-def plate_score(net: Network, font: Path, height_px: float, count: int, random: np.random.Generator) -> Score:
+def plate_score(
+    net: LetterNet, font: Path, height_px: float, count: int, random: np.random.Generator
+) -> Score:
     """Single looks at plates with texts as on doors, in a font, with characters of a height in pixels."""
     looks = (plate_look(door_text(random), font, height_px, random) for _ in range(count))
     return Score(count, sum(read(net, look).text == look.text for look in looks))
 
 
-def junk_score(net: Network, fonts: Sequence[Path], count: int, random: np.random.Generator) -> JunkScore:
+def junk_score(net: LetterNet, fonts: Sequence[Path], count: int, random: np.random.Generator) -> JunkScore:
     """Single looks at what is no plate."""
     looks = [junk_look(fonts[i % len(fonts)], random) for i in range(count)]
     found = [reading for reading in (read(net, look) for look in looks) if reading.text]
     return JunkScore(count, len(found), sum(reading.confidence >= 0.9 for reading in found))
 
 
-def read(net: Network, look: Look) -> Reading:
+def read(net: LetterNet, look: Look) -> Reading:
     """What the network reads there."""
     strip = plate_strip(look.image, look.corners)
     return Reading("", 1.0) if strip is None else reading_of(net.look(strip), net)

@@ -4,10 +4,7 @@ terminal is asked to press the buttons of elevators."""
 from __future__ import annotations
 
 import signal
-from collections.abc import Iterator
 from pathlib import Path
-
-import pytest
 
 from colony.nav.shared import FLOOR, FLOOR_REACHED, GOAL_TYPE, GoalKind
 from colony.runtime.library import data
@@ -16,13 +13,6 @@ from tests.nav.floors import two_floors
 from tests.paths import ROOT
 
 NAVIGATOR = str(ROOT / "behaviors" / "navigator.colony")
-
-
-@pytest.fixture
-def machine(tmp_path: Path) -> Iterator[Machine]:
-    made = Machine(tmp_path)
-    yield made
-    made.close()
 
 
 def served(machine: Machine, ground: str, *options: str) -> Started:

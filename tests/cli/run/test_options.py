@@ -73,7 +73,7 @@ GOOD = [
 
 @pytest.mark.parametrize(("setting", "value"), GOOD)
 def test_settings(setting: str, value: object) -> None:
-    (found,) = variables(PROGRAM, (setting,)).values()
+    (found,) = variables(PROGRAM.robot, (setting,)).values()
     assert found == value
     assert type(found) is type(value)
 
@@ -99,9 +99,9 @@ BAD = [
 @pytest.mark.parametrize(("setting", "text"), BAD)
 def test_bad_settings(setting: str, text: str) -> None:
     with pytest.raises(BadOption, match=r"^--set") as bad:
-        variables(PROGRAM, (setting,))
+        variables(PROGRAM.robot, (setting,))
     assert text in str(bad.value)
 
 
 def test_the_last_setting_of_a_variable_counts() -> None:
-    assert variables(PROGRAM, ("Count=1", "Docked=true", "Count=2")) == {"Count": 2.0, "Docked": True}
+    assert variables(PROGRAM.robot, ("Count=1", "Docked=true", "Count=2")) == {"Count": 2.0, "Docked": True}

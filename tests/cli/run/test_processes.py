@@ -6,7 +6,6 @@ import json
 import os
 import re
 import signal
-from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
@@ -17,13 +16,6 @@ from tests.cli.machine import MAP, ROBOT, WANDER, Machine, Started, children_of,
 
 SERVERS = ("Clock", "RServer", "PServer", "DServer", "Simulator")
 CLIENTS = 4
-
-
-@pytest.fixture
-def machine(tmp_path: Path) -> Iterator[Machine]:
-    made = Machine(tmp_path)
-    yield made
-    made.close()
 
 
 def start(machine: Machine, *options: str, duration: str = "1000", seed: str = "1") -> Started:

@@ -1,4 +1,4 @@
-"""Case files hold wiring, a line `---`, and what the compiler says of it."""
+"""What the compiler says of wirings."""
 
 from __future__ import annotations
 
@@ -9,24 +9,23 @@ import pytest
 from colony.compile.backends.explain import DEEPEST, MOST_LINES, explain, wiring_text
 from colony.compile.pipeline import compile_program
 from colony.ir.program import Chain, Use
+from tests.case_files import Case, cases
 from tests.networks import chain, ladder, random_program
 from tests.wiring import program
 
-CASES = sorted((Path(__file__).parent / "cases" / "explain").glob("*.txt"))
+CASES = cases(Path(__file__).parent / "cases" / "explain.txt")
 
 
-@pytest.mark.parametrize("path", CASES, ids=lambda path: path.stem)
-def test_case(path: Path) -> None:
-    wiring, _, expected = path.read_text().partition("\n---\n")
-    assert explain(compile_program(program(wiring))) + "\n" == expected
+@pytest.mark.parametrize("case", CASES)
+def test_case(case: Case) -> None:
+    case.check(explain(compile_program(program(case.given))))
 
 
 def test_both_networks_of_figure_4_14_are_visited_alike() -> None:
-    texts = [path.read_text() for path in CASES if path.stem.startswith("figure_4_14")]
-    assert len(texts) == 2
-    clients = [text[text.index("The forward traversal") :] for text in texts]
-    assert "D-C-B-A" in clients[0]
-    assert clients[0] == clients[1]
+    texts = [case.expected for (case,) in (one.values for one in CASES) if "figure 4 14" in case.title]
+    one, other = (text[text.index("The forward traversal") :] for text in texts)
+    assert "D-C-B-A" in one
+    assert one == other
 
 
 @pytest.mark.parametrize("large", [chain(5_000), ladder(5_000), random_program(5_000, seed=1)])

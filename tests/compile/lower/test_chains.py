@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import pytest
 
-from colony.compile.lower.lower import lower, lower_client
+from colony.compile.lower.lower import lower
 from colony.compile.pipeline import compile_program
 from colony.dsl.load import load_text
+from colony.execute.views import of_client, whole
 
 LENGTH = 1500
 
@@ -40,7 +41,7 @@ def test_a_long_chain_read_first_in(place: str) -> None:
     text = f"{ROBOT}{lets}{PLACES[place].replace('END', f'g{LENGTH - 1}')}\nnetwork {{ out = {network} }}\n"
     program = load_text(text)
     clients = compile_program(program).clients
-    whole = lower(program, clients)
-    assert len(whole.ops) > LENGTH
+    code = whole(lower(program, clients).code)
+    assert len(code.ops) > LENGTH
     if place not in ("contract", "Python"):
-        assert len(lower_client(program, clients, "out", "m").ops) > LENGTH
+        assert len(of_client(lower(program, clients).code, "out", "m").ops) > LENGTH

@@ -6,12 +6,13 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from colony.compile.lower.lower import lower, lower_client
+from colony.compile.lower.lower import lower
 from colony.compile.pipeline import compile_program
 from colony.dsl.load import load_text
 from colony.execute.code import Apply, Code, Kind, Literal, OldCell, PythonActive, SensorFresh, operands
 from colony.execute.executor import ClientListExecutor
 from colony.execute.operators import Operator
+from colony.execute.views import of_client
 from colony.ir.expression import (
     NESTING_LIMIT,
     Binary,
@@ -27,11 +28,7 @@ from colony.ir.program import Actuator, ActuatorField, Command, Let, Module, Pro
 from colony.ir.types import BOOL, PLAIN
 from colony.verify.testing.strategies import programs
 from tests.networks import chain, random_program
-
-
-def _lowered(text: str) -> Code:
-    program = load_text(text)
-    return lower(program, compile_program(program).clients)
+from tests.programs import lowered
 
 
 def _count(code: Code, operator: Operator) -> int:
@@ -51,8 +48,7 @@ robot r {
 @given(data=st.data())
 def test_code_is_in_order(data: st.DataObject) -> None:
     """Operands stand before what uses them; nothing before `decided` depends on a decision."""
-    program = data.draw(programs())
-    code = lower(program, compile_program(program).clients)
+    code = lowered(data.draw(programs()))
     assert len(code.ops) == len(code.kinds)
     assert len({cell.name for cell in code.cells}) == len(code.cells)
     depends = set()
@@ -70,7 +66,7 @@ def test_code_is_in_order(data: st.DataObject) -> None:
 
 
 def test_equal_things_stand_once() -> None:
-    code = _lowered(
+    code = lowered(
         ROBOT
         + """
 let sum_ = x + y
@@ -85,7 +81,7 @@ network { out = one suppresses two }
 
 
 def test_zeros_of_either_sign_are_two() -> None:
-    code = _lowered(
+    code = lowered(
         ROBOT + "module m { when x > 0  do out(v = if y > 0 then 0 * 1 else -0 * 1) }\nnetwork { out = m }"
     )
     zeros = [
@@ -95,12 +91,12 @@ def test_zeros_of_either_sign_are_two() -> None:
 
 
 def test_constants_are_folded() -> None:
-    code = _lowered(ROBOT + "module m { when true  do out(v = x + min(3, 1 + 1)) }\nnetwork { out = m }")
+    code = lowered(ROBOT + "module m { when true  do out(v = x + min(3, 1 + 1)) }\nnetwork { out = m }")
     assert [op.value for op in code.ops if isinstance(op, Literal)] == [2.0]
 
 
 def test_what_nothing_needs_is_left_out() -> None:
-    code = _lowered(
+    code = lowered(
         ROBOT
         + """
 let unused = previous(x, 0) + y
@@ -115,7 +111,7 @@ network { out = m }
 
 
 def test_one_frame_counter_for_all_memory_of_one_module() -> None:
-    code = _lowered(
+    code = lowered(
         ROBOT + "module m { when changed(x) or changed(y)  do out(v = captured(x, y)) }\nnetwork { out = m }"
     )
     assert sum(1 for cell in code.cells if cell.name.startswith("started")) == 1
@@ -137,7 +133,7 @@ contract c: previous(out.v, 0) < 9
 def test_a_client_alone() -> None:
     program = load_text(SHARED)
     clients = compile_program(program).clients
-    big, small = (lower_client(program, clients, "out", m) for m in ("big", "small"))
+    big, small = (of_client(lower(program, clients).code, "out", m) for m in ("big", "small"))
     assert _count(big, Operator.SUM) == 1
     assert _count(small, Operator.SUM) == 0
     for code in (big, small):
@@ -155,9 +151,9 @@ def test_no_such_client() -> None:
     program = load_text(SHARED)
     clients = compile_program(program).clients
     with pytest.raises(KeyError):
-        lower_client(program, clients, "out", "none")
+        of_client(lower(program, clients).code, "out", "none")
     with pytest.raises(KeyError):
-        lower_client(program, clients, "none", "big")
+        of_client(lower(program, clients).code, "none", "big")
 
 
 def test_big_arrays_stand_as_their_elements_once() -> None:
@@ -166,7 +162,7 @@ def test_big_arrays_stand_as_their_elements_once() -> None:
     )
     wiring = " suppresses ".join(f"m{i}" for i in range(200))
     text = ROBOT.replace("sensor y", "sensor big[1000] : number from DServer.big\n  sensor y")
-    code = _lowered(text + modules + f"network {{ out = {wiring} }}")
+    code = lowered(text + modules + f"network {{ out = {wiring} }}")
     assert len(code.ops) < 4000
 
 
@@ -179,8 +175,7 @@ def test_big_arrays_stand_as_their_elements_once() -> None:
 def test_size_is_near_linear(make) -> None:
     sizes = []
     for n in (200, 2000):
-        program = make(n)
-        code = lower(program, compile_program(program).clients)
+        code = lowered(make(n))
         sizes.append(sum(1 + len(operands(op)) for op in code.ops))
     assert sizes[1] < 13 * sizes[0]
 
@@ -214,7 +209,7 @@ def _plus_one(expression: Expression) -> Expression:
 
 
 def _sent(program: Program) -> float:
-    executor = ClientListExecutor(program, compile_program(program).clients)
+    executor = ClientListExecutor(compile_program(program).artifact)
     (decision,) = executor.step(Frame(0, {"x": 1.0})).decisions
     assert decision.values is not None
     return decision.values[0]
@@ -244,6 +239,6 @@ def test_long_chains_of_lets() -> None:
 
 
 def test_old_cells_are_the_only_way_to_memory() -> None:
-    code = _lowered(SHARED)
+    code = lowered(SHARED)
     read = {op.cell for op in code.ops if isinstance(op, OldCell)}
     assert read == set(range(len(code.cells)))

@@ -4,10 +4,8 @@ from __future__ import annotations
 
 import pytest
 
-from colony.compile.lower.lower import lower
-from colony.compile.pipeline import compile_program
-from colony.dsl.load import load_text
-from colony.execute.code import Code, Kind
+from colony.execute.code import Kind
+from tests.programs import lowered
 
 TEXT = """
 robot r {
@@ -40,14 +38,9 @@ CALLS = (
 TYPES = {Kind.BOOL: bool, Kind.NUMBER: float, Kind.TIME: int}
 
 
-def lowered(expression: str) -> Code:
-    program = load_text(TEXT % expression)
-    return lower(program, compile_program(program).clients)
-
-
 @pytest.mark.parametrize("expression", CALLS)
 def test_cells_begin_with_nothing_of_their_kind(expression: str) -> None:
-    code = lowered(expression)
+    code = lowered(TEXT % expression)
     assert all(isinstance(kind, Kind) for kind in code.kinds)
     for cell in code.cells:
         assert type(cell.initial) is TYPES[cell.kind]
@@ -60,4 +53,4 @@ def test_cells_begin_with_nothing_of_their_kind(expression: str) -> None:
     ("expression", "initial"), [("previous(x, 7) > 1", 7.0), ("previous(b, true)", True)]
 )
 def test_previous_begins_with_what_is_given(expression: str, initial: float | bool) -> None:
-    assert repr(initial) in [repr(cell.initial) for cell in lowered(expression).cells]
+    assert repr(initial) in [repr(cell.initial) for cell in lowered(TEXT % expression).cells]

@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import pytest
 
-from colony.compile.network import Inhibitor, ModuleLeaf, Network, Suppressor
+from colony.compile.network import ModuleLeaf, Network
 from colony.compile.passes.elaborate import elaborate
 from colony.ir.expression import Binary, BinaryOperation, IsActive, WonBy
 from colony.ir.program import Contract, Example, Step, Use, Wire
@@ -17,52 +17,6 @@ MS = 1_000_000
 
 def node_of(network: Network, module: str) -> int:
     return network.nodes.index(ModuleLeaf(module=module))
-
-
-def test_a_module_alone() -> None:
-    assert elaborate(program("drive = a")) == Network(
-        nodes=(ModuleLeaf(module="a"),), outputs=(("drive", 0),)
-    )
-
-
-def test_chains_are_right_associative_and_carry_their_windows() -> None:
-    network = elaborate(program("drive = a suppresses[50 ms] b suppresses c"))
-    a, b, c = (node_of(network, name) for name in "abc")
-    inner = network.nodes.index(Suppressor(dominant=b, inferior=c))
-    assert network.nodes[network.outputs[0][1]] == Suppressor(dominant=a, inferior=inner, window_ns=50 * MS)
-
-
-def test_inhibitors() -> None:
-    network = elaborate(program("drive = a inhibits[1500 ms] b"))
-    assert network.nodes[-1] == Inhibitor(dominant=0, inferior=1, window_ns=1500 * MS)
-
-
-def test_parentheses() -> None:
-    network = elaborate(program("drive = (a suppresses b) suppresses c"))
-    root = network.nodes[network.outputs[0][1]]
-    assert isinstance(root, Suppressor)
-    assert network.nodes[root.dominant] == Suppressor(
-        dominant=node_of(network, "a"), inferior=node_of(network, "b")
-    )
-
-
-def test_inputs_stand_before_their_nodes_and_a_module_has_one_leaf() -> None:
-    network = elaborate(program("w = a suppresses b\ndrive = (a inhibits w) suppresses w"))
-    for at, node in enumerate(network.nodes):
-        if not isinstance(node, ModuleLeaf):
-            assert max(node.dominant, node.inferior) < at
-    assert sum(isinstance(node, ModuleLeaf) for node in network.nodes) == 2
-
-
-def test_wires_keep_their_names_and_may_be_other_names_of_one_node() -> None:
-    network = elaborate(program("w = a suppresses b\nsame = w\ndrive = same"))
-    assert dict(network.wires) == {"w": 2, "same": 2}
-    assert network.outputs == (("drive", 2),)
-
-
-def test_outputs_are_in_the_order_of_the_robot() -> None:
-    network = elaborate(program("arm = a\ndrive = b"))
-    assert [actuator for actuator, _ in network.outputs] == ["drive", "arm"]
 
 
 def test_an_actuator_without_wiring_is_no_output() -> None:

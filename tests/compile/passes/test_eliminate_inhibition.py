@@ -23,61 +23,10 @@ def written(network: SuppressionNetwork, ref: int) -> str:
     return GuardText(network.guards).text(ref)
 
 
-def test_two_modules_as_in_the_lemma() -> None:
-    network = eliminated("drive = a inhibits b")
-    link = root(network)
-    assert network.nodes[link.node] == ModuleLeaf(module="b")
-    assert written(network, link.gate) == "not a"
-    assert written(network, link.active) == "not a and b"
-
-
-def test_a_network_is_gated_as_a_whole() -> None:
-    network = eliminated("drive = a inhibits (b suppresses c)")
-    link = root(network)
-    node = network.nodes[link.node]
-    assert isinstance(node, GatedSuppressor)
-    assert written(network, link.gate) == "not a"
-    assert [written(network, inner.gate) for inner in (node.dominant, node.inferior)] == ["always"] * 2
-
-
-def test_a_network_inhibits_where_any_of_it_is_active() -> None:
-    network = eliminated("drive = (a suppresses b) inhibits c")
-    assert written(network, root(network).gate) == "not (a or b)"
-
-
-def test_an_inhibitor_of_an_inhibitor() -> None:
-    network = eliminated("drive = (a inhibits b) inhibits c")
-    assert written(network, root(network).gate) == "not (not a and b)"
-
-
-def test_gates_of_inhibitors_in_a_row_add_up() -> None:
-    network = eliminated("drive = a inhibits b inhibits c")
-    assert written(network, root(network).gate) == "not a and not b"
-
-
-def test_time_constants_are_memory_of_activity() -> None:
-    network = eliminated("drive = a inhibits[1500 ms] b")
-    assert written(network, root(network).gate) == "not recently(a, 1.5 s)"
-
-
 def test_a_suppressor_with_a_time_constant_is_one_over_an_inhibitor() -> None:
     network = eliminated("drive = a suppresses[50 ms] b")
     same = eliminated("drive = a suppresses (a inhibits[50 ms] b)")
     assert network == same
-
-
-def test_what_is_shared_stays_one() -> None:
-    network = eliminated("w = a suppresses b\ndrive = (x inhibits w) suppresses (y inhibits w)")
-    node = network.nodes[root(network).node]
-    assert isinstance(node, GatedSuppressor)
-    assert node.dominant.node == node.inferior.node
-    assert [written(network, link.gate) for link in (node.dominant, node.inferior)] == ["not x", "not y"]
-    assert sum(isinstance(each, GatedSuppressor) for each in network.nodes) == 2
-
-
-def test_wires_and_observed_have_their_activity() -> None:
-    network = eliminated("w = a inhibits b\ndrive = w")
-    assert [(name, written(network, ref)) for name, ref in network.wires] == [("w", "not a and b")]
 
 
 def test_the_result_is_linear_in_the_network() -> None:

@@ -1,5 +1,7 @@
 from __future__ import annotations
 
+from pathlib import Path
+
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
@@ -19,58 +21,22 @@ from colony.compile.guards import (
 )
 from colony.compile.passes.simplify import simplify
 from colony.compile.pipeline import compile_program
+from tests.case_files import table
+from tests.compile.passes.as_text import guards
 from tests.compile.passes.network_semantics import GuardRun, History, histories
 from tests.networks import chain, ladder, random_program
 
 MS = 1_000_000
-A, B, C = 0, 1, 2
 MODULES = (ModuleActive("m0"), ModuleActive("m1"), ModuleActive("m2"))
 
 
-def over(*guards: Guard) -> ClientList:
-    """The last of the guards, after the modules m0, m1, m2, as the guard of a client."""
-    table = (*MODULES, *guards)
-    client = Client(module="m0", priority=1, guard=len(table) - 1, exclusive=len(table) - 1)
-    return ClientList(guards=table, actuators=(ActuatorClients(actuator="drive", clients=(client,)),))
-
-
-def simplified(*guards: Guard) -> str:
-    simpler = simplify(over(*guards))
-    return GuardText(simpler.guards).text(simpler.actuators[0].clients[0].guard)
-
-
-@pytest.mark.parametrize(
-    ("guards", "expected"),
-    [
-        ((Always(), And((A, 3))), "m0"),
-        ((Never(), And((A, 3))), "never"),
-        ((Never(), Or((A, 3))), "m0"),
-        ((Always(), Or((A, 3))), "always"),
-        ((And((A, A)),), "m0"),
-        ((Not(A), Not(3)), "m0"),
-        ((Not(A), And((A, 3))), "never"),
-        ((Not(A), Or((A, 3))), "always"),
-        ((And((A, B)), And((3, C))), "m0 and m1 and m2"),
-        ((Or((A, B)), Or((3, C))), "m0 or m1 or m2"),
-        ((Or((A, B)), Not(3), And((C, 4))), "not m0 and not m1 and m2"),
-        ((Or((A, B)), And((A, 3))), "m0"),
-        ((And((A, B)), Or((A, 3))), "m0"),
-        ((Not(A), Or((3, B)), And((A, 4))), "m0 and m1"),
-        ((Not(A), And((3, B)), Or((A, 4))), "m0 or m1"),
-        ((And((A, B)), And((A, C)), Or((3, 4))), "m0 and (m1 or m2)"),
-        ((Or((A, B)), Or((A, C)), And((3, 4))), "m0 or (m1 and m2)"),
-        ((Always(), Recently(3, 5 * MS)), "always"),
-        ((Never(), Recently(3, 5 * MS)), "never"),
-        ((Recently(A, 0),), "m0"),
-        ((Recently(A, 5 * MS), And((A, 3))), "m0"),
-        ((Recently(A, 5 * MS), Or((A, 3))), "recently(m0, 5 ms)"),
-        ((Recently(A, 5 * MS), Not(3), And((A, 4))), "never"),
-        ((Recently(A, 5 * MS), Not(3), Not(A), And((4, 5))), "not recently(m0, 5 ms)"),
-        ((Recently(A, 5 * MS), Not(A), Or((3, 4))), "always"),
-    ],
-)
-def test_rules(guards: tuple[Guard, ...], expected: str) -> None:
-    assert simplified(*guards) == expected
+@pytest.mark.parametrize(("guard", "expected"), table(Path(__file__).parent / "cases" / "simplify.table"))
+def test_rules(guard: str, expected: str) -> None:
+    whole = guards(guard, "m0", "m1", "m2")
+    client = Client(module="m0", priority=1, guard=len(whole) - 1, exclusive=len(whole) - 1)
+    clients = ClientList(guards=whole, actuators=(ActuatorClients(actuator="drive", clients=(client,)),))
+    simpler = simplify(clients)
+    assert GuardText(simpler.guards).text(simpler.actuators[0].clients[0].guard) == expected
 
 
 @st.composite
@@ -151,6 +117,6 @@ def test_nothing_is_left_to_do_on_the_result() -> None:
 
 
 def test_what_nothing_uses_is_left_out_the_first_module_too() -> None:
-    client = Client(module="m1", priority=1, guard=B, exclusive=B)
+    client = Client(module="m1", priority=1, guard=1, exclusive=1)
     one = ClientList(guards=MODULES, actuators=(ActuatorClients(actuator="drive", clients=(client,)),))
     assert simplify(one).guards == (ModuleActive("m1"),)

@@ -4,8 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from colony.compile.passes.elaborate import elaborate
-from colony.compile.passes.ways import by_several_ways
+from colony.compile.pipeline import compile_program
 from tests.wiring import program
 
 
@@ -24,13 +23,11 @@ from tests.wiring import program
     ],
 )
 def test_ways_of_a(wiring: str, several: bool) -> None:
-    assert by_several_ways(elaborate(program(f"drive = {wiring}")), "drive", "a") is several
+    compilation = compile_program(program(f"drive = {wiring}"))
+    for clients in (compilation.traversal, compilation.clients):
+        assert any(c.several_ways for c in clients.actuators[0].clients if c.module == "a") is several
 
 
-def test_there_is_no_way_to_an_actuator_that_is_not_wired() -> None:
-    assert not by_several_ways(elaborate(program("drive = a")), "arm", "a")
-
-
-def test_a_module_of_another_actuator_has_no_way() -> None:
-    network = elaborate(program("drive = a\narm = b suppresses a"))
-    assert not by_several_ways(network, "drive", "b")
+def test_ways_to_another_actuator_do_not_count() -> None:
+    (_, arm) = compile_program(program("drive = a suppresses b\narm = a")).clients.actuators
+    assert not any(c.several_ways for c in arm.clients)

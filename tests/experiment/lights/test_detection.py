@@ -12,9 +12,9 @@ from colony.experiment.lights.results import LIGHT_TABLE, LightResult, light_tab
 from colony.experiment.lists import published_list
 from colony.experiment.record import RunKey
 from colony.experiment.results import Results
+from colony.nav.maps.stickrep.model import Pose
 from colony.sim.cameras.ceiling import CeilingCamera
 from colony.sim.hazards.scenery import CeilingLight, bare
-from colony.sim.world.world import Pose
 from colony.vision.lights.ceiling_camera import UPWARD
 from colony.vision.lights.looks import Look
 from colony.vision.lights.scan_lines import Light, ceiling_lights
@@ -27,7 +27,7 @@ def _told(ahead_mm: float) -> Look:
 
 
 def _watch(*lights: CeilingLight) -> LightWatch:
-    return LightWatch.over(lights)
+    return LightWatch(lights)
 
 
 def _drive(watch: LightWatch, heading_deg: float = 0.0, off_mm: float = 0.0, aside_mm: float = 0.0) -> None:

@@ -12,7 +12,7 @@ from colony.experiment.plates.passed import Pass
 from colony.experiment.plates.record import Outcome, Tally, tally
 from colony.nav.maps.signs import Plate
 from colony.nav.maps.stickrep.geometry import Point
-from colony.sim.world.world import Pose
+from colony.nav.maps.stickrep.model import Pose
 
 _PLATES = tuple(
     Plate(

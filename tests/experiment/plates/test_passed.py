@@ -8,7 +8,7 @@ import pytest
 from colony.experiment.plates.passed import Pass, PassWatch
 from colony.nav.maps.signs import PLATE_WIDTH_MM, Plate
 from colony.nav.maps.stickrep.geometry import Point
-from colony.sim.world.world import Pose
+from colony.nav.maps.stickrep.model import Pose
 
 STEP_MM, STEP_NS = 50.0, 100_000_000
 

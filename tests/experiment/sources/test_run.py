@@ -25,10 +25,10 @@ from colony.experiment.sources.results import (
 )
 from colony.experiment.sources.run import CHOICES, run_with_sources, source_list, with_look
 from colony.experiment.variants import CEILING_CAMERA, SIDE_CAMERA
+from colony.nav.maps.stickrep.model import Pose
 from colony.nav.pose.pose import PoseEstimate
 from colony.nav.pose.tracker import ALL, Source
 from colony.sim.hazards.hazards import Hazards
-from colony.sim.world.world import Pose
 
 KEY = RunKey("sources", 29, 1, "ours")
 ESTIMATE = PoseEstimate(0, 1_000.0, 2_000.0, 359.0, 400.0, 0.0, 0.0, 900.0, 0.0, 1.0)

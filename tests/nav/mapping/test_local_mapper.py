@@ -7,6 +7,7 @@ import pytest
 from colony.nav.mapping.local_mapper import local_mapper
 from colony.nav.maps.stickrep.reader import load_map
 from colony.nav.maps.walls import walls_of
+from colony.runtime.library import data
 from colony.sim.config import RobotConfig
 from colony.sim.world.world import World
 from tests.buildings import MAPS
@@ -27,12 +28,13 @@ def with_lights(turn: float, count: int) -> tuple[Bench, list[float]]:
     robot = Bench(world, local_mapper(), cross_talk=0.005)
     at = world.true_pose(0)
     world.set_odometry(0, (at.x_mm, at.y_mm + 150.0, at.heading_deg + turn))
-    robot.variables = {"GoalDirection": 270.0, "GoalDistance": float(count)}
-    robot.semaphores = {"$StartMap": 1, "$LightDet": 2}  # two were left over
+    robot.ask(data.set_many({"GoalDirection": 270.0, "GoalDistance": float(count)}))
+    robot.ask(data.create_semaphore("$StartMap", 1))
+    robot.ask(data.create_semaphore("$LightDet", 2))  # two were left over
     errors = []
     for x in LIGHTS[:count]:
         drive(robot, [(x, SOUTH)], speed=300.0)
-        robot.semaphores["$LightDet"] += 1
+        robot.ask(data.signal("$LightDet"))
         drive(robot, [(x + 400.0, SOUTH)], speed=300.0)
         errors.append(robot.heading_error_deg)
     return robot, errors
@@ -45,7 +47,7 @@ def test_the_thesis_mapper_corrects_the_heading_at_the_third_light(turn: float) 
     assert abs(errors[2]) < 1.5
     assert errors[3] == pytest.approx(errors[2])
     assert robot.adjusted == 1
-    assert robot.semaphores == {"$StartMap": 0, "$LightDet": 0}
+    assert (robot.semaphore("$StartMap"), robot.semaphore("$LightDet")) == (0, 0)
 
 
 def test_the_maps_of_the_thesis_mapper_share_the_light_between_them() -> None:

@@ -10,7 +10,17 @@ from typing import get_args
 from hypothesis import strategies as st
 
 from colony.nav.maps.stickrep.fields import LENGTH_UNITS
-from colony.nav.maps.stickrep.model import Edge, EdgeKind, Light, LightOffsets, Map, Node, Pose, Ring, Travel
+from colony.nav.maps.stickrep.model import (
+    Edge,
+    EdgeKind,
+    Light,
+    LightOffsets,
+    Map,
+    MapNode,
+    Pose,
+    Ring,
+    Travel,
+)
 
 HEADER = "stickrep 1\nmap room\nstart 50 50 0\n"
 ROOM = HEADER + (
@@ -54,7 +64,9 @@ def _polygon(draw: st.DrawFn, unique: Iterator[str], size: int, radius: float, c
     """A regular polygon around the origin."""
     side, turn = 2.0 * radius * math.sin(math.pi / size), 360.0 / size
     angle = 180.0 + turn if clockwise else 180.0 - turn
-    nodes = tuple(Node(name=next(unique), angle_deg=angle, corner=draw(st.booleans())) for _ in range(size))
+    nodes = tuple(
+        MapNode(name=next(unique), angle_deg=angle, corner=draw(st.booleans())) for _ in range(size)
+    )
     edges = tuple(_edge(draw, side) for _ in range(size))
     heading = 270.0 - turn / 2 if clockwise else 90.0 + turn / 2
     return Ring(name="", start=Pose(0.0, radius, heading), nodes=nodes, edges=edges)

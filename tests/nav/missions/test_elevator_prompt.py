@@ -38,9 +38,9 @@ class Desk:
 
     def run(self, call: list[str]) -> object:
         """What FloorReached is, a second after ElevatorCall has become this."""
-        self.stage.variables[ELEVATOR_CALL] = call
+        self.stage.tell(ELEVATOR_CALL, call)
         self.stage.run(1.0)
-        return self.stage.variables[FLOOR_REACHED]
+        return self.stage.variable(FLOOR_REACHED)
 
 
 def test_enter_tells_that_the_floor_is_reached(tmp_path: Path) -> None:

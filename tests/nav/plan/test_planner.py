@@ -33,7 +33,7 @@ from colony.nav.shared import (
     TRACK_DATA,
     GoalKind,
 )
-from colony.runtime.kit.script import Script, do
+from colony.runtime.kit.script import Script, Sleep, do
 from colony.runtime.library import data
 from tests.nav.script_stage import Stage
 
@@ -53,8 +53,17 @@ LAST = segment(GoalKind.DEAD_RECKONING, 90.0, at(-2000, 12000), at(-6000, 12000)
 PLAN = Plan(origin="a", goal="b", segments=(LIGHTS, ENTER, LEAVE, LAST), distance_mm=18000.0, modes="lcd")
 
 
-def obedient(stage: list[Stage], error: Callable[[Goal], tuple[float, float]]) -> Script:
+Errors = Callable[[Goal], tuple[float, float]]
+"""How far ahead of a goal, and to the left of it, the robot ends."""
+
+
+def exactly(goal: Goal) -> tuple[float, float]:
+    return 0.0, 0.0
+
+
+def obedient(stage: list[Stage], error: Errors, after_s: float = 0.0) -> Script:
     """In place of Navigator and CTracker: at each goal the robot is `error` ahead and to the left of it."""
+    yield Sleep(after_s)
     for name in SEMAPHORES:
         yield from do("DServer", data.create_semaphore(name, 0))
     while True:
@@ -79,11 +88,24 @@ def obedient(stage: list[Stage], error: Callable[[Goal], tuple[float, float]]) -
         yield from do("DServer", data.signal(ROBOT_STATUS))
 
 
+def staged(
+    plan: Plan,
+    error: Errors = exactly,
+    at: tuple[float, float, float] = (0.0, 0.0, 0.0),
+    obeys_after_s: float = 0.0,
+    **options: Any,
+) -> Stage:
+    """The planner and a robot that obeys it after a while, which begins at x, y and a heading."""
+    stage: list[Stage] = []
+    made = Stage(robot=obedient(stage, error, obeys_after_s), planner=planner(plan, **options))
+    stage.append(made)
+    made.x, made.y, made.heading = at
+    return made
+
+
 def driven(plan: Plan, ahead: float = 0.0, left: float = 0.0, **options: Any) -> Stage:
     """A whole plan, with a robot that is always so far beyond its goals."""
-    stage: list[Stage] = []
-    made = Stage(robot=obedient(stage, lambda goal: (ahead, left)), planner=planner(plan, **options))
-    stage.append(made)
+    made = staged(plan, lambda goal: (ahead, left), **options)
     made.run(10.0)
     assert made.ended == {"planner"}
     return made
@@ -92,8 +114,7 @@ def driven(plan: Plan, ahead: float = 0.0, left: float = 0.0, **options: Any) ->
 def goals(stage: Stage) -> list[tuple[str, float, float]]:
     """Mode, direction and distance of each goal that was set."""
     found = []
-    for names, values in stage.told("planner", "set_many"):
-        told = dict(zip(names, values, strict=True))
+    for told in stage.said("planner", "set_many"):
         if GOAL_TYPE not in told:
             continue  # of floors and elevators
         found.append((chr(told[GOAL_TYPE]), told[GOAL_DIRECTION], told[GOAL_DISTANCE]))
@@ -106,29 +127,29 @@ def test_a_plan_is_told_segment_by_segment() -> None:
     assert goals(stage) == [("L", 0.0, 3), ("E", 0.0, 4000.0), ("C", 90.0, 2000.0), ("D", 90.0, 4000.0)]
     assert seen == list(enumerate(PLAN.segments))
     assert (stage.x, stage.y) == pytest.approx((-6000.0, 12000.0))
-    assert stage.variables[GOAL_TYPE] == GoalKind.NONE
+    assert stage.variable(GOAL_TYPE) == GoalKind.NONE
 
 
 def test_it_makes_the_semaphores_and_uses_none_but_those_of_the_table() -> None:
     stage = driven(PLAN)
-    assert stage.told("planner", "create") == [(name, 0) for name in SEMAPHORES]
-    assert [name for name, _ in stage.told("planner", "signal")] == [
+    assert stage.said("planner", "create_semaphore") == [{name: 0} for name in SEMAPHORES]
+    assert [name for told in stage.said("planner", "signal") for name in told] == [
         TRACK_DATA, START_MAP, GOAL_DATA, GOAL_DATA, GOAL_DATA, GOAL_DATA,
     ]  # fmt: skip
-    written = {name for names, _ in stage.told("planner", "set_many") for name in names}
-    written |= {name for names, _ in stage.told("planner", "set") for name in names}
+    written = {name for told in stage.said("planner", "set", "set_many") for name in told}
     assert written == {GOAL_TYPE, GOAL_DIRECTION, GOAL_DISTANCE, LIGHT_OFFSET, FLOOR, ELEVATOR_CALL}
 
 
 def test_what_a_goal_is_stands_before_it_is_announced() -> None:
     """Who is woken by a semaphore reads at once."""
     stage = driven(PLAN)
-    by_planner = [(how, name) for by, how, name, _ in stage.calls if by == "planner" and how != "create"]
+    by_planner = [
+        (how, tuple(told)) for by, how, told in stage.calls if by == "planner" and how != "create_semaphore"
+    ]
     assert by_planner[0][1] == (FLOOR, ELEVATOR_CALL)
-    first = [how for how, name in by_planner[1:5]]
-    assert first == ["set_many", "signal", "signal", "signal"]
-    assert [name for _, name in by_planner[2:5]] == [TRACK_DATA, START_MAP, GOAL_DATA]
-    assert stage.variables[LIGHT_OFFSET] == [2000.0, 3000.0, 3000.0]
+    assert by_planner[1][0] == "set_many"
+    assert by_planner[2:5] == [("signal", (name,)) for name in (TRACK_DATA, START_MAP, GOAL_DATA)]
+    assert stage.variable(LIGHT_OFFSET) == [2000.0, 3000.0, 3000.0]
 
 
 def test_by_the_pose_each_goal_is_what_is_left() -> None:
@@ -147,24 +168,15 @@ def test_by_reckoning_only_the_overshoot_of_lights_is_taken_off() -> None:
 
 def test_by_reckoning_nobody_asks_where_the_robot_is() -> None:
     """The thesis's Planner knows lengths and overshoots only: a wrong position changes nothing."""
-    stage: list[Stage] = []
-    made = Stage(robot=obedient(stage, lambda goal: (0.0, 0.0)), planner=planner(PLAN, positions="reckoning"))
-    stage.append(made)
-    made.x, made.y = 777.0, -999.0
-    made.run(10.0)
+    made = driven(PLAN, positions="reckoning", at=(777.0, -999.0, 0.0))
     assert goals(made) == [("L", 0.0, 3), ("E", 0.0, 4000.0), ("C", 90.0, 2000.0), ("D", 90.0, 4000.0)]
 
 
 def test_a_corner_is_turned_where_nothing_is_left_to_drive() -> None:
-    short = replace(PLAN, segments=(ENTER, LEAVE, LAST))
-    stage: list[Stage] = []
-
     def drifting(goal: Goal) -> tuple[float, float]:
         return (0.0, 2500.0) if goal.kind is GoalKind.ENTER_CORNER else (0.0, 0.0)
 
-    made = Stage(robot=obedient(stage, drifting), planner=planner(short))
-    stage.append(made)
-    made.y = 8000.0
+    made = staged(replace(PLAN, segments=(ENTER, LEAVE, LAST)), drifting, (0.0, 8000.0, 0.0))
     made.run(10.0)
     assert goals(made) == [("E", 0.0, 4000.0), ("C", 90.0, 0.0), ("D", 90.0, 3500.0)]
 
@@ -173,8 +185,8 @@ def test_a_goal_that_is_behind_is_reached_at_once() -> None:
     """Also lights: so goals are counted as segments are."""
     stage = driven(replace(PLAN, segments=(LIGHTS, ENTER, LIGHTS)), ahead=5000.0)
     assert goals(stage) == [("L", 0.0, 3), ("E", 0.0, 0.0), ("D", 0.0, 0.0)]
-    assert len(stage.told("planner", "signal")) == 2 + 3
-    assert stage.variables[GOAL_TYPE] == GoalKind.NONE
+    assert len(stage.said("planner", "signal")) == 2 + 3
+    assert stage.variable(GOAL_TYPE) == GoalKind.NONE
 
 
 def test_a_segment_leads_somewhere() -> None:
@@ -205,18 +217,12 @@ def test_progress_is_along_the_segment() -> None:
 
 
 def test_a_planner_takes_no_answer_that_was_meant_for_another() -> None:
-    stage: list[Stage] = []
-    made = Stage(
-        robot=obedient(stage, lambda goal: (0.0, 0.0)), planner=planner(replace(PLAN, segments=(LAST,)))
-    )
-    stage.append(made)
+    made = staged(replace(PLAN, segments=(LAST,)), at=(-2000.0, 12000.0, 0.0), obeys_after_s=0.2)
     left_over = (ROBOT_STATUS, END_L_MODE, START_MAP, TRACK_DATA, GOAL_DATA)
-    made.semaphores = dict.fromkeys(SEMAPHORES, 0) | dict.fromkeys(left_over, 2)
-    made.x, made.y = -2000.0, 12000.0
-    made.close("robot")
+    for name in SEMAPHORES:
+        made.ask(data.create_semaphore(name, 2 if name in left_over else 0))
     made.run(0.1)
-    assert [made.semaphores[name] for name in left_over] == [0, 0, 0, 0, 1]
-    made.start("robot", obedient(stage, lambda goal: (0.0, 0.0)))
+    assert [made.semaphore(name) for name in left_over] == [0, 0, 0, 0, 1]
     made.run(10.0)
     assert made.x == pytest.approx(-6000.0)
     assert made.ended == {"planner"}
@@ -225,9 +231,10 @@ def test_a_planner_takes_no_answer_that_was_meant_for_another() -> None:
 def test_an_answer_that_comes_late_is_none_to_the_next_goal() -> None:
     """The clerk may just have been about to answer the goal of the Planner before."""
     stage = Stage(planner=planner(PLAN, on_segment=lambda number, _: stage.signal(ROBOT_STATUS)))
-    stage.semaphores = dict.fromkeys(SEMAPHORES, 0)
+    for name in SEMAPHORES:
+        stage.ask(data.create_semaphore(name, 0))
     stage.run(1.0)
-    stage.variables[OVERSHOOT] = 0.0
+    stage.tell(OVERSHOOT, 0.0)
     stage.signal(END_L_MODE)
     stage.run(1.0)
     assert [told[0] for told in goals(stage)] == ["L"]
@@ -250,13 +257,7 @@ RIDE = Segment(
 
 def test_after_a_ride_the_robot_is_on_the_other_floor() -> None:
     # It came out 100 mm west of where it went in, looking west; there west is where here south is.
-    stage: list[Stage] = []
-    made = Stage(
-        robot=obedient(stage, lambda goal: (0.0, 0.0)), planner=planner(replace(PLAN, segments=(RIDE,)))
-    )
-    stage.append(made)
-    made.x, made.y, made.heading = 900.0, 2000.0, 90.0
-    made.run(10.0)
+    made = driven(replace(PLAN, segments=(RIDE,)), at=(900.0, 2000.0, 90.0))
     # 100 mm more to the doors, and into the cabin.
     assert goals(made) == [("V", 270.0, 1200.0 + 100.0 + INTO_ELEVATOR_MM)]
     # The doors there are north of it, and the corridor is 300 mm wider on this side of them.
@@ -266,19 +267,13 @@ def test_after_a_ride_the_robot_is_on_the_other_floor() -> None:
 
 
 def test_a_ride_is_called_for_and_when_it_is_over_the_floor_is_another() -> None:
-    stage: list[Stage] = []
-    made = Stage(
-        robot=obedient(stage, lambda goal: (0.0, 0.0)), planner=planner(replace(PLAN, segments=(RIDE,)))
-    )
-    stage.append(made)
-    made.run(10.0)
-    told = [(how, name, value) for by, how, name, value in made.calls if by == "planner"]
-    calls = [value for how, name, value in told if how == "set" and name == (ELEVATOR_CALL,)]
-    floors = [value for how, name, value in told if how == "set_many" and FLOOR in name]
-    assert calls == [(["lift.one", "one", "two"],)]
-    assert [list(value) for value in floors] == [["one", []], ["two", []]]
+    made = driven(replace(PLAN, segments=(RIDE,)))
+    calls = [told for told in made.said("planner", "set") if ELEVATOR_CALL in told]
+    floors = [told for told in made.said("planner", "set_many") if FLOOR in told]
+    assert calls == [{ELEVATOR_CALL: ["lift.one", "one", "two"]}]
+    assert floors == [{FLOOR: floor, ELEVATOR_CALL: []} for floor in ("one", "two")]
     # The position is that of the new floor's map before anybody hears of the floor.
-    order = [how for how, name, _ in told if how == "adjust" or (how == "set_many" and FLOOR in name)]
+    order = [how for _, how, told in made.calls if how == "adjust" or (how == "set_many" and FLOOR in told)]
     assert order == ["set_many", "adjust", "set_many"]
 
 
@@ -338,8 +333,8 @@ def arrived(seen: list[tuple[str, float]], ahead: float = 0.0, before_s: float =
 )
 def test_the_plate_at_the_goal_is_looked_for(seen: list[tuple[str, float]], verdict: Verdict) -> None:
     stage = arrived(seen)
-    assert stage.variables[GOAL_VERIFIED] == verdict
-    assert stage.variables[GOAL_TYPE] == GoalKind.NONE
+    assert stage.variable(GOAL_VERIFIED) == verdict
+    assert stage.variable(GOAL_TYPE) == GoalKind.NONE
 
 
 @pytest.mark.parametrize(("before_s", "verdict"), [(2.0, Verdict.RIGHT), (60.0, Verdict.UNSEEN)])
@@ -347,7 +342,7 @@ def test_a_plate_may_be_read_before_the_last_segment_but_not_long_before(
     before_s: float, verdict: Verdict
 ) -> None:
     """The last segment may be 20 mm long, and the plate was in view all the time before."""
-    assert arrived([("12", -6100.0)], before_s=before_s).variables[GOAL_VERIFIED] == verdict
+    assert arrived([("12", -6100.0)], before_s=before_s).variable(GOAL_VERIFIED) == verdict
 
 
 @pytest.mark.parametrize(("ahead", "rest"), [(-200.0, 200.0), (-40.0, None), (300.0, None), (-1600.0, None)])
@@ -356,8 +351,8 @@ def test_what_is_left_of_the_way_by_then_is_driven(ahead: float, rest: float | N
     more = goals(stage)[len(PLAN.segments) :]
     assert [(mode, direction) for mode, direction, _ in more] == ([] if rest is None else [("D", 90.0)])
     assert [distance for *_, distance in more] == pytest.approx([] if rest is None else [rest])
-    assert stage.variables[GOAL_TYPE] == GoalKind.NONE
+    assert stage.variable(GOAL_TYPE) == GoalKind.NONE
 
 
 def test_without_a_plate_to_verify_nothing_is_said_of_the_goal() -> None:
-    assert GOAL_VERIFIED not in driven(PLAN).variables
+    assert driven(PLAN).told(GOAL_VERIFIED) is None

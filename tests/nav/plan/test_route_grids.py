@@ -16,7 +16,7 @@ from hypothesis import strategies as st
 from colony.nav.confidence.published_runs import PUBLISHED_RUNS
 from colony.nav.maps.corridors import corridors_of, turning_spaces_of
 from colony.nav.maps.stickrep.geometry import corners, direction
-from colony.nav.maps.stickrep.model import Edge, EdgeKind, Light, Map, Node, Pose, Ring
+from colony.nav.maps.stickrep.model import Edge, EdgeKind, Light, Map, MapNode, Pose, Ring
 from colony.nav.maps.stickrep.reader import load_map, read_map
 from colony.nav.maps.stickrep.writer import write_map
 from colony.nav.maps.walls import lights_of
@@ -112,7 +112,7 @@ def _ring(
                 alcove += 1
             door = len(wall) > 1 and length == DOOR_MM
             label = f"{name}.{w}" + ("L" if door else f"_{k}")
-            nodes.append(Node(name=label, angle_deg=angle, corner=k == 0))
+            nodes.append(MapNode(name=label, angle_deg=angle, corner=k == 0))
             kind = EdgeKind.DOOR if door else EdgeKind.WALL
             hung = lights.get(w, ())
             edges.append(Edge(kind=kind, length_mm=abs(length), counted=length > 0, lights=hung))

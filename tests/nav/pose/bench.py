@@ -1,56 +1,53 @@
-"""A robot in the simulator that runs one script, frame by frame, in place of the servers."""
+"""A robot in the simulator that runs one script, frame by frame."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from itertools import pairwise
-from typing import Any
 
-import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
 from colony.nav.maps.stickrep.model import EdgeKind
 from colony.nav.maps.walls import Walls
-from colony.runtime.kit.errors import CallRefused
-from colony.runtime.kit.script import Do, Script, Sleep, Step
-from colony.runtime.library import data
+from colony.runtime.kit.script import Script
+from colony.runtime.kit.script_local import LocalServer
 from colony.runtime.library.proximity import SonarReading
-from colony.runtime.library.robot import PoseArguments, Position
-from colony.runtime.servers.drivers import BaseState
-from colony.runtime.servers.virtual_position import Odometer, Pose
+from colony.runtime.library.robot import PoseArguments
+from colony.runtime.protocol.calls import Asked
+from colony.runtime.servers.base import Base
+from colony.runtime.servers.virtual_position import OdometerPose
+from colony.sim.drivers import Plant, SimulatedBase
 from colony.sim.world.world import World
+from tests.script_stage import ASKED, FRAME_NS, ScriptStage, Server
 
 Floats = NDArray[np.float64]
 
-FRAME_NS = 50_000_000
 
-
-class Bench:
-    """One robot of a world, its odometry as RServer gives it, and the variables and semaphores of DServer."""
+class Bench(ScriptStage):
+    """One robot of a world, its base and sonars, and one script."""
 
     def __init__(
         self, world: World, script: Script, *, cross_talk: float = 0.0, seed: int = 0, lag: bool = False
     ) -> None:
         """`lag`: the sonars give what they read a frame ago."""
-        self.world, self.t_ns, self.adjusted = world, 0, 0
-        self.variables: dict[str, object] = {}
-        self.semaphores: dict[str, int] = {}
-        self._script, self._cross_talk = script, cross_talk
-        self._random = np.random.default_rng(seed)
-        self._odometer = Odometer(None)
-        self._odometer.observe(self._base())
-        self._until_ns = 0
-        self._step: Step = next(script)
-        self._asleep = False
-        self._lag = lag
+        self.world, self.adjusted = world, 0
+        self._cross_talk, self._random = cross_talk, np.random.default_rng(seed)
+        self._base = Base(SimulatedBase(Plant(world, lambda: self.now_ns), 0))
+        server = LocalServer("RServer", self._base.methods)
+        self._adjust = server.handlers["adjust_position"]
+        server.handlers = {**server.handlers, "adjust_position": self._counted}
+        ring = Server("PServer", {"sonar": lambda *_: self._scans[0 if lag else 1]})
+        super().__init__({"script": script}, server, ring)
+        self._base.look()
         self._scans = [self._scan()] * 2
 
     @property
-    def believed(self) -> Pose:
+    def believed(self) -> OdometerPose:
         """Where RServer says that the robot is."""
-        return self._odometer.observe(self._base())
+        self._base.look()
+        return self._base.pose
 
     @property
     def heading_error_deg(self) -> float:
@@ -62,8 +59,8 @@ class Bench:
         return self.believed.x - true.x_mm, self.believed.y - true.y_mm
 
     def adjust(self, dx: float, dy: float, dheading: float) -> None:
-        """Correct RServer's position as another client would."""
-        self._odometer.adjust(self._base(), Pose(dx, dy, dheading))
+        """As somebody else adjusts the position."""
+        self._adjust(ASKED, PoseArguments(x=dx, y=dy, heading=dheading), self.now_ns)
 
     def slip(self, turn_deg: float, back_mm: float = 0.0) -> None:
         """Turn and set back the robot without its odometry noticing."""
@@ -73,124 +70,47 @@ class Bench:
         self.world.place(0, place)
 
     def frame(self, velocity: float, turn: float) -> None:
-        """Drive for 50 ms, then let the script do what it can do."""
+        """Drive for a frame, and let the script go on."""
         self.world.command(0, velocity, turn)
-        self.world.advance(FRAME_NS / 1e9)
-        self.t_ns += FRAME_NS
-        self._odometer.observe(self._base())
+        self.now_ns += FRAME_NS
+        self._base.look()
         self._scans = [self._scans[-1], self._scan()]
-        while True:
-            match self._step:
-                case Sleep(seconds):
-                    if not self._asleep:
-                        self._asleep, self._until_ns = True, self.t_ns + round(seconds * 1e9)
-                    if self.t_ns < self._until_ns:
-                        return
-                    self._asleep, self._step = False, self._script.send(self.t_ns)
-                case Do("DServer", asked) if asked.method == "wait" and not self._can_take(asked.arguments):
-                    if asked.arguments.wait_ns != 0:
-                        return
-                    self._step = self._script.throw(CallRefused("timeout", "was not signaled in time"))
-                case Do(server, asked):
-                    try:
-                        answer = self._answer(server, asked.method, asked.arguments)
-                    except CallRefused as refused:
-                        self._step = self._script.throw(refused)
-                    else:
-                        self._step = self._script.send(answer)
+        self.settle()
 
-    def _can_take(self, wanted: data.Wait) -> bool:
-        return self.semaphores[wanted.name] > 0
-
-    def _answer(self, server: str, method: str, asked: Any) -> object:
-        match server, method:
-            case "PServer", "sonar":
-                return self._scans[0 if self._lag else 1]
-            case "RServer", "position":
-                at = self.believed
-                return Position(x=at.x, y=at.y, heading=at.heading, t_ns=self.t_ns)
-            case "RServer", "adjust_position":
-                assert isinstance(asked, PoseArguments)
-                self.adjusted += 1
-                self.adjust(asked.x, asked.y, asked.heading)
-                return None
-            case "DServer", "create_semaphore":
-                return self.semaphores.setdefault(asked.name, asked.value)
-            case "DServer", "wait":
-                self.semaphores[asked.name] -= 1
-                return None
-            case "DServer", "get" | "get_many":
-                names = asked.names if method == "get_many" else (asked.name,)
-                if missing := [name for name in names if name not in self.variables]:
-                    raise CallRefused("unset", f"{missing[0]} was never set")
-                found = {name: self.variables[name] for name in names}
-                return found if method == "get_many" else found[asked.name]
-            case "DServer", "set":
-                self.variables[asked.name] = msgspec.msgpack.decode(asked.value)
-                return None
-        raise AssertionError(f"the bench has no {server}.{method}")
+    def _counted(self, asked: Asked, arguments: PoseArguments, now_ns: int) -> object:
+        self.adjusted += 1
+        return self._adjust(asked, arguments, now_ns)
 
     def _scan(self) -> SonarReading:
         ranges = self.world.sonar(0)
         if self._cross_talk:
             false = self._random.random(len(ranges)) < self._cross_talk
             ranges = np.where(false, self._random.uniform(300.0, np.maximum(ranges, 301.0)), ranges)
-        return SonarReading(t_ns=self.t_ns, ranges=tuple(ranges.tolist()))
-
-    def _base(self) -> BaseState:
-        x, y, heading = self.world.odometry(0)
-        return BaseState(
-            t_ns=self.t_ns, x=x, y=y, heading=heading,
-            front_bumper=False, rear_bumper=False, speed=0.0, turn_rate=0.0, wheel_speed=0.0,
-        )  # fmt: skip
+        return SonarReading(t_ns=self.now_ns, ranges=tuple(ranges.tolist()))
 
 
 class Log:
-    """How the robot was off in each frame: heading in degrees, x and y in mm, and the way so far in mm."""
+    """How far off the robot believes itself to be, frame by frame, in absolute values: its heading, x and y;
+    and the way so far."""
 
-    def __init__(self) -> None:
-        self._rows: list[tuple[float, float, float, float]] = []
-
-    def note(self, bench: Bench) -> None:
-        """Write down how it is now."""
-        x, y = bench.position_error_mm
-        self._rows.append((bench.heading_error_deg, x, y, bench.world.distance(0)))
-
-    @property
-    def heading(self) -> Floats:
-        return self._column(0)
-
-    @property
-    def x(self) -> Floats:
-        return self._column(1)
-
-    @property
-    def y(self) -> Floats:
-        return self._column(2)
-
-    @property
-    def way(self) -> Floats:
-        return self._column(3)
-
-    def _column(self, number: int) -> Floats:
-        column: Floats = np.abs(np.array(self._rows)[:, number])
-        return column
+    def __init__(self, rows: Sequence[tuple[float, float, float, float]]) -> None:
+        self.heading, self.x, self.y, self.way = np.abs(np.array(rows)).T
 
 
 def drive(bench: Bench, points: Iterable[tuple[float, float]], *, speed: float = 400.0) -> Log:
     """Drive through points, turning on the spot where the way bends, and weaving a little on it."""
-    log = Log()
+    rows = []
     for x, y in points:
         while math.hypot(x - (at := bench.world.true_pose(0)).x_mm, y - at.y_mm) > 150.0:
-            assert bench.t_ns < 600e9, f"stuck at {at}"
+            assert bench.now_ns < 600e9, f"stuck at {at}"
             bearing = math.degrees(math.atan2(at.x_mm - x, y - at.y_mm))
             off = math.remainder(bearing - at.heading_deg, 360.0)
             if abs(off) > 30.0:
                 bench.frame(0.0, min(max(3.0 * off, -60.0), 60.0))
             else:
-                bench.frame(speed, 2.0 * (off + 8.0 * math.sin(bench.t_ns / 1e9)))
-            log.note(bench)
-    return log
+                bench.frame(speed, 2.0 * (off + 8.0 * math.sin(bench.now_ns / 1e9)))
+            rows.append((bench.heading_error_deg, *bench.position_error_mm, bench.world.distance(0)))
+    return Log(rows)
 
 
 def with_doors_open(walls: Walls, part: float, seed: int, leaf_deg: float | None = None) -> Floats:

@@ -320,15 +320,15 @@ class Witness(Bench):
     def frame(self, velocity: float, turn: float) -> None:
         super().frame(velocity, turn)
         at = self.world.true_pose(0)
-        self._poses.append((self.t_ns, at.x_mm, at.heading_deg))
+        self._poses.append((self.now_ns, at.x_mm, at.heading_deg))
         if len(self._poses) % self._every == 0 and len(self._poses) > self._late:
             t_ns, x, heading = self._poses[-1 - self._late]
-            place, tilt = self._errors.normal(0.0, [self._sigma_mm, math.radians(0.5)])
+            place, tilt = self._errors.normal(0.0, [self._sigma_mm, math.radians(0.5)]).tolist()
             rows = (
                 Row(1.0, 0.0, 0.0, x + place, self._sigma_mm),
                 Row(0.0, 0.0, 1.0, math.radians(heading) + tilt, math.radians(0.5)),
             )
-            self.variables[self._name] = fix_list(Fix(t_ns, rows))
+            self.tell(self._name, fix_list(Fix(t_ns, rows)))
 
 
 @pytest.mark.parametrize(
@@ -367,8 +367,8 @@ def consistency(seed: int) -> list[float]:
     found: list[float] = []
     for _ in range(900):
         robot.frame(400.0, 2.0 * math.remainder(270.0 - robot.believed.heading, 360.0))
-        pose = pose_of(robot.variables.get("Pose"))
-        if pose is None or pose.t_ns != robot.t_ns or len(found) * 10 > robot.t_ns / 50e6:
+        pose = pose_of(robot.told("Pose"))
+        if pose is None or pose.t_ns != robot.now_ns or len(found) * 10 > robot.now_ns / 50e6:
             continue
         at = world.true_pose(0)
         turn = math.remainder(at.heading_deg - pose.heading_deg, 360.0)
@@ -392,12 +392,12 @@ def test_on_another_floor_the_walls_of_that_floor_count() -> None:
     robot = Bench(world, pose_estimator({"first": WALLS, "second": above}))
     drive(robot, [(9_000.0, SOUTH)])
     assert abs(robot.position_error_mm[1]) < 30.0
-    before = pose_of(robot.variables["Pose"])
+    before = pose_of(robot.variable("Pose"))
     robot.adjust(0.0, 560.0, 2.0)
-    robot.variables["Floor"] = "second"
+    robot.tell("Floor", "second")
     robot.frame(0.0, 0.0)
     robot.frame(0.0, 0.0)
-    after = pose_of(robot.variables["Pose"])
+    after = pose_of(robot.variable("Pose"))
     assert before is not None
     assert after is not None
     assert after.xx > 4.0 * before.xx
@@ -408,11 +408,11 @@ def test_on_another_floor_the_walls_of_that_floor_count() -> None:
 
 def test_in_an_elevator_the_sonars_say_nothing_of_the_map() -> None:
     robot = bench(config=RobotConfig())
-    robot.variables["GoalType"] = int(GoalKind.ELEVATOR)
+    robot.tell("GoalType", int(GoalKind.ELEVATOR))
     believe(robot, 0.0, 80.0, 3.0)
     drive(robot, [(9_000.0, SOUTH)])
     assert robot.adjusted == 0
-    robot.variables["GoalType"] = int(GoalKind.DEAD_RECKONING)
+    robot.tell("GoalType", int(GoalKind.DEAD_RECKONING))
     drive(robot, [(12_000.0, SOUTH)])
     assert abs(robot.position_error_mm[1]) < 30.0
 

@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from pathlib import Path
 
 import msgspec
 import pytest
 
-from colony.runtime.assembly.virtual import Session
+from colony.runtime.assembly.virtual import VirtualSession
 from colony.runtime.kit.emergency import StopButton
 from colony.runtime.kit.errors import CallRefused
 from colony.runtime.library import clock as clock_library
@@ -35,7 +34,7 @@ def call(server: str, method: str, number: int = 1) -> tuple[str, Call]:
     return topics.calls(server), call_of(ask, "ann/1", number)
 
 
-def at(whole: Session, t_ns: int, server: str, method: str, number: int = 1) -> None:
+def at(whole: VirtualSession, t_ns: int, server: str, method: str, number: int = 1) -> None:
     topic, made = call(server, method, number)
     whole.transport.at(t_ns, lambda: whole.transport.inject(topic, made))
 
@@ -135,13 +134,6 @@ def test_what_is_held_when_idle_is_left_as_it_is() -> None:
 
 
 # --- the button, at real processes -----------------------------------------------------------------
-
-
-@pytest.fixture
-def machine(tmp_path: Path) -> Iterator[Machine]:
-    made = Machine(tmp_path)
-    yield made
-    made.close()
 
 
 def serving(machine: Machine, *servers: str) -> None:

@@ -5,7 +5,8 @@ from __future__ import annotations
 import pytest
 
 from colony.runtime.arbitration.locks import LockQueue
-from colony.runtime.protocol.calls import Asked, Caller, Refused
+from colony.runtime.protocol.calls import Asked, Refused
+from colony.runtime.protocol.connections import Caller
 
 S = 1_000_000_000
 

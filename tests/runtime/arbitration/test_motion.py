@@ -11,7 +11,7 @@ from colony.runtime.arbitration import motion
 from colony.runtime.arbitration.motion import (
     STILL,
     Arc,
-    Drive,
+    ConstantSpeeds,
     Go,
     Halt,
     Jog,
@@ -25,7 +25,7 @@ from colony.runtime.arbitration.motion import (
     mode,
     step,
 )
-from colony.runtime.servers.virtual_position import Pose
+from colony.runtime.servers.virtual_position import OdometerPose
 
 DT = 0.05
 AT_ONCE = Speeds(1e9, 1e9)
@@ -43,7 +43,7 @@ class Ground:
 
     def run(self, wanted: Motion, frames: int = 2000, *, held: bool = False) -> motion.End | None:
         for _ in range(frames):
-            seen = Seen(Pose(self.x, self.y, self.heading), self.sent, DT)
+            seen = Seen(OdometerPose(self.x, self.y, self.heading), self.sent, DT)
             self.sent, wanted, end = step(wanted, seen)
             self.log.append(self.sent)
             if not held:
@@ -139,9 +139,9 @@ def test_go_speeds_up_with_the_acceleration_and_goes_backward_too(ground: Ground
 
 def test_a_base_that_was_held_fast_does_not_swing_by_what_it_integrated() -> None:
     wanted: Motion = Go(velocity=100.0, acceleration=400.0)
-    _, wanted, _ = step(wanted, Seen(Pose(0.0, 0.0, 0.0), STILL, DT))
+    _, wanted, _ = step(wanted, Seen(OdometerPose(0.0, 0.0, 0.0), STILL, DT))
     for _ in range(10_000):
-        speeds, wanted, _ = step(wanted, Seen(Pose(0.0, 0.0, 30.0), Speeds(100.0, 0.0), DT))
+        speeds, wanted, _ = step(wanted, Seen(OdometerPose(0.0, 0.0, 30.0), Speeds(100.0, 0.0), DT))
     assert isinstance(wanted, Go)
     assert wanted.error == -motion.MOST_INTEGRAL
     assert speeds.turn == -motion.MOST_CORRECTION
@@ -161,7 +161,7 @@ def test_standing_still_at_once_or_gradually() -> None:
 
 
 def test_drive_is_what_it_says() -> None:
-    assert step(Drive(speeds=Speeds(1.0, 2.0)), Seen(None, STILL, DT)).speeds == (1.0, 2.0)
+    assert step(ConstantSpeeds(speeds=Speeds(1.0, 2.0)), Seen(None, STILL, DT)).speeds == (1.0, 2.0)
 
 
 def test_what_cannot_be_measured_is_not_begun() -> None:
@@ -179,14 +179,14 @@ def test_a_base_that_does_not_move_is_given_up_in_time(ground: Ground) -> None:
 
 
 def test_after_an_interruption_go_holds_the_heading_it_finds_and_a_move_goes_on() -> None:
-    go = step(Go(velocity=10.0, acceleration=1000.0), Seen(Pose(0.0, 0.0, 5.0), STILL, DT)).motion
+    go = step(Go(velocity=10.0, acceleration=1000.0), Seen(OdometerPose(0.0, 0.0, 5.0), STILL, DT)).motion
     assert isinstance(go, Go)
     assert go.heading == 5.0
     left = interrupted(go)
     assert isinstance(left, Go)
     assert left.heading is None
     move = step(
-        Move(distance=100.0, velocity=50.0, acceleration=400.0), Seen(Pose(0.0, 0.0, 0.0), STILL, DT)
+        Move(distance=100.0, velocity=50.0, acceleration=400.0), Seen(OdometerPose(0.0, 0.0, 0.0), STILL, DT)
     ).motion
     assert interrupted(move) is move
 

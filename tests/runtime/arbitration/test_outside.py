@@ -6,9 +6,10 @@ import math
 
 import pytest
 
-from colony.runtime.arbitration.motion import STILL, Drive
+from colony.runtime.arbitration.motion import STILL, ConstantSpeeds
 from colony.runtime.arbitration.outside import LONGEST_LEASE_S, Outsiders, lease_end
-from colony.runtime.protocol.calls import Caller, Refused
+from colony.runtime.protocol.calls import Refused
+from colony.runtime.protocol.connections import Caller
 
 PLACES = {3: "back_off", 1: "cruise"}
 
@@ -42,7 +43,7 @@ def test_who_leaves_frees_the_priority_and_only_its_own() -> None:
 def test_a_command_ends_with_its_lease_and_one_without_does_not() -> None:
     outsiders = Outsiders()
     leased, lasting = (outsiders.enter(caller(n, p), {}) for n, p in (("ann", 2), ("bob", 1)))
-    leased.motion = lasting.motion = Drive(speeds=STILL)
+    leased.motion = lasting.motion = ConstantSpeeds(speeds=STILL)
     leased.until_ns = lease_end(0.5, 1000)
     outsiders.expire(500_000_999)
     assert outsiders.commanding == (leased, lasting)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 from colony.runtime.arbitration.locks import LockQueue
-from colony.runtime.arbitration.motion import STILL, Drive
+from colony.runtime.arbitration.motion import STILL, ConstantSpeeds
 from colony.runtime.arbitration.outside import LONGEST_LEASE_S, Outsiders, lease_end
 from colony.runtime.protocol.calls import Refused
 from tests.runtime.arbitration.test_locks import S, asked, names
@@ -82,7 +82,7 @@ def test_the_end_of_a_lease_is_its_last_moment_and_then_there_is_none() -> None:
     ann = outsiders.enter(caller("ann", 2), {})
     assert (ann.motion, ann.until_ns, ann.asked) == (None, None, None)
     assert outsiders.commanding == ()
-    ann.motion, ann.until_ns = Drive(speeds=STILL), 10
+    ann.motion, ann.until_ns = ConstantSpeeds(speeds=STILL), 10
     outsiders.expire(9)
     assert outsiders.commanding == (ann,)
     outsiders.expire(10)

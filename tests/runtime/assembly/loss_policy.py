@@ -31,8 +31,6 @@ from itertools import pairwise
 from random import Random
 from typing import Literal, NamedTuple
 
-from colony.compile.clients import ClientList
-from colony.compile.pipeline import compile_program
 from colony.execute.executor import ClientExecutor
 from colony.ir.frame import Decision, Frame, Reading
 from colony.ir.program import Program
@@ -59,7 +57,6 @@ class Drawn(NamedTuple):
     """A program to be run, with frames."""
 
     program: Program
-    clients: ClientList
     trace: tuple[Frame, ...]
 
 
@@ -70,7 +67,7 @@ def drawn(number: int, degrade: bool) -> Drawn:
     on_loss: Literal["degrade", "stop"] = "degrade" if degrade else "stop"
     actuators = tuple(replace(a, on_loss=on_loss) for a in program.robot.actuators)
     program = replace(program, robot=replace(program.robot, actuators=actuators))
-    return Drawn(program, compile_program(program).clients, trace)
+    return Drawn(program, trace)
 
 
 def plan(robot: Robot, random: Random, until_ns: int) -> None:
@@ -109,7 +106,7 @@ def run(seed: int, *, degrade: bool = False) -> Counter[str]:
     until_ns = FAULTY * frame_ns
     made: list[Robot] = []
     faults = link(seed, random, until_ns, made)
-    robot = Robot(what.program, what.clients, what.trace, frame_ns=frame_ns, seed=seed, link=faults)
+    robot = Robot(what.program, what.trace, frame_ns=frame_ns, seed=seed, link=faults)
     made.append(robot)
     plan(robot, random, until_ns)
     try:
@@ -167,7 +164,7 @@ def path_of(robot: Robot, epoch: list[Tick], *, void_counts: bool) -> Path:
         lost = frozenset(map(module_of, tick.lost)) if degrading else frozenset[str]()
         outcome = interpreter.step(frame, lost)
         path.decisions[tick.k] = {d.actuator: d for d in outcome.decisions}
-        path.active[tick.k] = {m: interpreter.is_active(m) for m in robot.who.announced}
+        path.active[tick.k] = {m: interpreter.is_active(m) for m in robot.artifact.announced}
     return path
 
 
@@ -222,7 +219,7 @@ def check_sent(robot: Robot, one: Sent, due: list[Decision]) -> None:
 def check_memory(robot: Robot, epoch: list[Tick], paths: list[Path], counts: Counter[str]) -> None:
     """Checkpoints, and memory at the end, are those of a client that saw every frame of the epoch once."""
     seen, degrading = robot.seen, any(a.on_loss == "degrade" for a in robot.program.robot.actuators)
-    for actuator, module in robot.who.clients:
+    for actuator, module, _ in robot.artifact.clients:
         address = topics.client_address(actuator, module)
         node = robot.nodes[address]
         assert isinstance(node, ClientNode)
@@ -233,7 +230,7 @@ def check_memory(robot: Robot, epoch: list[Tick], paths: list[Path], counts: Cou
         ends = max([*saved, at_end[1]])
         allowed: dict[int, set[str]] = {}
         for path in paths:
-            executor = ClientExecutor(robot.program, robot.clients, actuator, module)
+            executor = ClientExecutor(robot.artifact, actuator, module)
             for tick in epoch:
                 if tick.k > ends:
                     break

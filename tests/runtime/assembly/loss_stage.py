@@ -6,11 +6,10 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 
-from colony.compile.clients import ClientList
+from colony.compile.pipeline import compile_program
 from colony.ir.frame import Frame
 from colony.ir.program import Program
 from colony.robots.scripted import ScriptedRobot, Sent
-from colony.runtime.assembly.nodes import members
 from colony.runtime.protocol.fields import DSERVER
 from colony.runtime.protocol.messages import (
     Checkpoint,
@@ -71,7 +70,6 @@ class Robot(ScriptedRobot):
     def __init__(
         self,
         program: Program,
-        clients: ClientList,
         trace: Sequence[Frame],
         *,
         frame_ns: int,
@@ -79,14 +77,12 @@ class Robot(ScriptedRobot):
         link: Link,
     ) -> None:
         self.program = replace(program, robot=replace(program.robot, frame_ns=frame_ns))
-        self.clients = clients
         self.frame_ns = frame_ns
-        self.who = members(self.program, clients)
+        self.artifact = compile_program(self.program).artifact
         self._link = link
         self._clock = VirtualClock()
         super().__init__(
-            self.program,
-            clients,
+            self.artifact,
             lambda tick: trace[tick.k % len(trace)].readings,
             clock=self._clock,
             seed=seed,

@@ -41,8 +41,8 @@ CLIENTS = ("drive/back_off", "drive/avoid", "drive/cruise")
 
 def deployed(run: str = "run", program: Program | None = None, **options: object) -> Deployment:
     program = roam() if program is None else program
-    clients = compile_program(program).clients
-    return deployment(program, clients, bind(program), run=run, seed=1, **options)  # type: ignore[arg-type]
+    compiled = compile_program(program).artifact
+    return deployment(compiled, bind(program.robot), run=run, seed=1, **options)  # type: ignore[arg-type]
 
 
 class Stage:

@@ -2,20 +2,18 @@
 
 from __future__ import annotations
 
-import os
 import subprocess
-import sys
 import threading
 from collections.abc import Callable, Iterator, Mapping
-from contextlib import contextmanager
-from pathlib import Path
+from contextlib import AbstractContextManager, contextmanager
 
 import msgspec
 
 from colony.runtime.kit.server import Field, Method, Server, field, method
 from colony.runtime.library.ask import Ask
-from colony.runtime.protocol.calls import Caller, Nothing, Refused
-from tests.runtime.transport.live.stage import ROBOT, until
+from colony.runtime.protocol.calls import Nothing, Refused
+from colony.runtime.protocol.connections import Caller
+from tests.runtime.transport.live.stage import ROBOT, python_process, until
 
 BATTERY = "Battery"
 
@@ -101,22 +99,9 @@ def battery_thread(
             assert not failures, failures
 
 
-@contextmanager
-def battery_process(environment: Mapping[str, str]) -> Iterator[subprocess.Popen[str]]:
+def battery_process(environment: Mapping[str, str]) -> AbstractContextManager[subprocess.Popen[str]]:
     """The server as a process, killed in the end if it is still there."""
-    process = subprocess.Popen(
-        [sys.executable, "-m", "tests.runtime.kit.stage"],
-        env={**os.environ, **environment, "PYTHONPATH": str(Path(__file__).parents[3])},
-        stdout=subprocess.PIPE,
-        text=True,
-    )
-    try:
-        assert process.stdout is not None
-        assert process.stdout.readline() == "ready\n"
-        yield process
-    finally:
-        process.kill()
-        process.communicate()
+    return python_process(environment, "-m", "tests.runtime.kit.stage", says="ready")
 
 
 def gone(process: subprocess.Popen[str]) -> None:

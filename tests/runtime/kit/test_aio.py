@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import asyncio
-from collections.abc import Coroutine, Iterator, Mapping
+from collections.abc import Coroutine, Mapping
 from typing import Any
 
 import msgspec
@@ -15,13 +15,7 @@ from colony.runtime.library.ask import Ask
 from colony.runtime.protocol.calls import Nothing
 from tests.runtime.kit.stage import BATTERY, battery_process, battery_thread, charge, gone, level, plain
 from tests.runtime.kit.test_connection import _Telling
-from tests.runtime.transport.live.stage import ROBOT, hosted, run_directory
-
-
-@pytest.fixture
-def environment() -> Iterator[Mapping[str, str]]:
-    with run_directory() as made:
-        yield made
+from tests.runtime.transport.live.stage import ROBOT, hosted
 
 
 def _run(work: Coroutine[Any, Any, None]) -> None:

@@ -31,12 +31,6 @@ from tests.runtime.transport.live.stage import ROBOT, Recorder, hosted, run_dire
 
 
 @pytest.fixture
-def environment() -> Iterator[Mapping[str, str]]:
-    with run_directory() as made:
-        yield made
-
-
-@pytest.fixture
 def battery(environment: Mapping[str, str]) -> Iterator[Connection]:
     with battery_thread(environment), connect(BATTERY, robot=ROBOT, environment=environment) as connection:
         yield connection

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import threading
 import time
-from collections.abc import Iterator
 
 import pytest
 
@@ -13,18 +12,7 @@ from colony.runtime.kit.errors import CallRefused, ServerNotFound
 from colony.runtime.kit.script import Script, do, sleep
 from colony.runtime.kit.script_live import run_script
 from colony.runtime.library import data
-from colony.runtime.servers.dserver import DServer
-from tests.runtime.transport.live.stage import ROBOT, hosted, run_directory, until
-
-
-@pytest.fixture
-def session() -> Iterator[Session]:
-    with (
-        run_directory() as environment,
-        hosted(environment, [DServer()]),
-        Session.open(ROBOT, environment=environment) as opened,
-    ):
-        yield opened
+from tests.runtime.transport.live.stage import until
 
 
 def test_a_script_asks_sleeps_and_ends(session: Session) -> None:

@@ -2,31 +2,21 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-
 import pytest
 
-from colony.runtime.assembly.loop import LocalData
 from colony.runtime.kit.errors import CallRefused, ServerNotFound
 from colony.runtime.kit.script import Script, do, sleep
-from colony.runtime.kit.script_local import LocalScripts, ScriptFailed
+from colony.runtime.kit.script_local import ScriptFailed
 from colony.runtime.library import data, robot
+from tests.script_stage import FRAME_NS, ScriptStage
 
-FRAME_NS = 50_000_000
 
-
-class Stage:
+class Stage(ScriptStage):
     """Scripts and a data server, frame by frame. Mutable."""
-
-    def __init__(self, scripts: Mapping[str, Script]) -> None:
-        self.data = LocalData()
-        self.scripts = LocalScripts(scripts, (self.data,))
-        self.now_ns = 0
 
     def run(self, frames: int) -> None:
         for _ in range(frames):
-            self.data.expire(self.now_ns)
-            self.scripts.run(self.now_ns)
+            self.settle()
             self.now_ns += FRAME_NS
 
 

@@ -2,26 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-
 import pytest
 
 from colony.runtime.kit.connection import Session
 from colony.runtime.kit.script import Script, do, sleep
 from colony.runtime.kit.scripts_live import LiveScripts
 from colony.runtime.library import data
-from colony.runtime.servers.dserver import DServer
-from tests.runtime.transport.live.stage import PATIENCE_S, ROBOT, hosted, run_directory, until
-
-
-@pytest.fixture
-def session() -> Iterator[Session]:
-    with (
-        run_directory() as environment,
-        hosted(environment, [DServer()]),
-        Session.open(ROBOT, environment=environment) as opened,
-    ):
-        yield opened
+from tests.runtime.transport.live.stage import PATIENCE_S, until
 
 
 def helper(ended: list[str], begun: list[str] | None = None) -> Script:

@@ -8,7 +8,7 @@ from collections.abc import Iterator, Mapping
 
 import pytest
 
-from colony.ir.program import Program, Sensor
+from colony.ir.program import Sensor
 from colony.ir.types import BOOL, PLAIN, Array, Quantity
 from colony.runtime.kit.connection import Session, connect
 from colony.runtime.kit.description import Description, FieldDescription, describe, field_type, server_spec
@@ -24,13 +24,7 @@ from colony.text.diagnostics import Failure
 from colony.text.units import LENGTH, TIME
 from tests.runtime.kit.stage import BATTERY, Battery, battery_process, battery_thread, level, plain
 from tests.runtime.programs import robot
-from tests.runtime.transport.live.stage import ROBOT, Recorder, hosted, run_directory, until
-
-
-@pytest.fixture
-def environment() -> Iterator[Mapping[str, str]]:
-    with run_directory() as made:
-        yield made
+from tests.runtime.transport.live.stage import ROBOT, Recorder, hosted, until
 
 
 class _Ticking(Recorder):
@@ -143,10 +137,10 @@ def test_a_program_reads_it() -> None:
     )
     servers = (*SERVERS, server_spec(described))
     sensor = Sensor(name="charged", type=BOOL, server=BATTERY, field="full")
-    bindings = bind(Program(robot=robot(sensor)), servers)
+    bindings = bind(robot(sensor), servers)
     assert bindings.sensors[-1] == SensorBinding(
         sensor="charged", server=BATTERY, field="full", within_ns=None, factor=1.0
     )
     wrong = Sensor(name="charged", type=BOOL, server=BATTERY, field="level")
     with pytest.raises(Failure, match=r"Battery\.level is number, not bool"):
-        bind(Program(robot=robot(wrong)), servers)
+        bind(robot(wrong), servers)

@@ -82,7 +82,7 @@ def test_memory_begins_anew_where_that_is_said() -> None:
 def test_after_a_frame_that_was_missed_nothing_is_compared_until_memory_begins_anew() -> None:
     monitor = Monitor(Always())
     wrong = {"drive": verdict(by="cruise")}
-    monitor.lose()
+    monitor.lose_memory()
     assert monitor.check(Frame(0, {}), wrong) == (Outcome(()), ())
     monitor.restart()
     assert monitor.check(Frame(1, {}), wrong).disagreements

@@ -158,7 +158,7 @@ def test_who_stepped_over_a_frame_that_nobody_else_got_asks_for_a_new_epoch() ->
     assert [effect for effect in stage.sent if effect == restart] == [restart, restart]
     stage.take(Tick(k=4, t_ns=4, start=4, run="run", down=("P",)), verdict(4, 1.0))
     assert [effect for effect in stage.sent if effect == restart] == [restart, restart]
-    assert [(f.tick.k, f.astray) for f in stage.log.frames] == [
+    assert [(f.tick.k, f.memory_unknown) for f in stage.log.frames] == [
         (0, False),
         (1, False),
         (2, True),

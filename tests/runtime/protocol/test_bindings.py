@@ -20,7 +20,7 @@ def with_sensor(type: Type, server: str, field: str, factor: float = 1.0) -> Pro
 
 
 def test_a_good_program_is_bound() -> None:
-    bound = bind(roam())
+    bound = bind(roam().robot)
     assert [(b.sensor, b.server, b.field) for b in bound.sensors] == [
         ("sonar", "PServer", "sonar"),
         ("bumper", "RServer", "bumper"),
@@ -48,7 +48,7 @@ def test_a_sensor_bound_to_nothing_is_an_error_with_a_hint(
     type: Type, server: str, field: str, code: str, message: str, hint: str
 ) -> None:
     with pytest.raises(Failure) as failed:
-        bind(with_sensor(type, server, field))
+        bind(with_sensor(type, server, field).robot)
     (found,) = failed.value.diagnostics
     assert found.code == code
     assert message in found.message
@@ -65,7 +65,7 @@ def test_errors_are_at_the_declaration_and_all_are_told() -> None:
         )
     )
     with pytest.raises(Failure) as failed:
-        bind(program)
+        bind(program.robot)
     texts = [render(d) for d in failed.value.diagnostics]
     assert texts[0].startswith("rome.colony:1:8: error[R002]: `a`: RServer has no field `bumpre`")
     assert "did you mean `bumper`?" in texts[0]
@@ -73,10 +73,10 @@ def test_errors_are_at_the_declaration_and_all_are_told() -> None:
 
 
 def test_dserver_has_every_field_and_plain_numbers_take_base_units() -> None:
-    bound = bind(with_sensor(DISTANCE, "DServer", "Anything", factor=1000.0)).sensors[-1]
+    bound = bind(with_sensor(DISTANCE, "DServer", "Anything", factor=1000.0).robot).sensors[-1]
     assert (bound.field, bound.factor) == ("Anything", 1.0)
-    assert bind(with_sensor(PLAIN, "RServer", "x")).sensors[-1].factor == 1.0
-    assert bind(with_sensor(DISTANCE, "RServer", "x", factor=1000.0)).sensors[-1].factor == 1000.0
+    assert bind(with_sensor(PLAIN, "RServer", "x").robot).sensors[-1].factor == 1.0
+    assert bind(with_sensor(DISTANCE, "RServer", "x", factor=1000.0).robot).sensors[-1].factor == 1000.0
 
 
 def command_to(command: str, *fields: ActuatorField, server: str = "RServer") -> Program:
@@ -86,8 +86,8 @@ def command_to(command: str, *fields: ActuatorField, server: str = "RServer") ->
 
 def test_parameters_are_found_by_name_and_may_be_left_out() -> None:
     turn, velocity = ActuatorField(name="turn", type=TURN_RATE), ActuatorField(name="velocity", type=SPEED)
-    assert bind(command_to("drive", turn, velocity)).actuators[0].places == (1, 0)
-    assert bind(command_to("drive", turn)).actuators[0].places == (None, 0)
+    assert bind(command_to("drive", turn, velocity).robot).actuators[0].places == (1, 0)
+    assert bind(command_to("drive", turn).robot).actuators[0].places == (None, 0)
 
 
 BAD_COMMANDS = [
@@ -101,7 +101,7 @@ BAD_COMMANDS = [
 @pytest.mark.parametrize(("command", "field", "code", "hint"), BAD_COMMANDS)
 def test_a_command_that_no_server_takes(command: str, field: ActuatorField, code: str, hint: str) -> None:
     with pytest.raises(Failure) as failed:
-        bind(command_to(command, field))
+        bind(command_to(command, field).robot)
     (found,) = failed.value.diagnostics
     assert found.code == code
     assert hint in (found.hint or "")
@@ -109,13 +109,13 @@ def test_a_command_that_no_server_takes(command: str, field: ActuatorField, code
 
 def test_a_sensor_server_takes_no_commands() -> None:
     with pytest.raises(Failure) as failed:
-        bind(command_to("sonar", server="PServer"))
+        bind(command_to("sonar", server="PServer").robot)
     assert failed.value.diagnostics[0].hint == "there is none"
 
 
 def test_two_actuators_on_one_command_would_not_be_arbitrated() -> None:
     with pytest.raises(Failure) as failed:
-        bind(Program(robot=replace(robot(), actuators=(drive(), replace(drive(), name="wheels")))))
+        bind(replace(robot(), actuators=(drive(), replace(drive(), name="wheels"))))
     assert failed.value.diagnostics[0].code == "R006"
 
 

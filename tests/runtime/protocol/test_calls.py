@@ -10,20 +10,18 @@ import pytest
 
 from colony.runtime.protocol import calls
 from colony.runtime.protocol.calls import (
-    ANSWER_BYTES_KEPT,
-    ANSWERS_KEPT,
     ARGUMENT_BYTES,
     LATER,
     LEASE_NS,
     Asked,
     CallDesk,
-    Caller,
     Nothing,
     Open,
     Refused,
     Status,
     method,
 )
+from colony.runtime.protocol.connections import ANSWER_BYTES_KEPT, ANSWERS_KEPT, Caller
 from colony.runtime.protocol.messages import (
     Alive,
     Call,

@@ -68,7 +68,7 @@ def test_every_write_is_a_whole_line() -> None:
 def test_what_is_read_back_is_decided_as_it_was() -> None:
     lines, log = recorded(script())
     program = roam()
-    executor = ClientListExecutor(program, compile_program(program).clients)
+    executor = ClientListExecutor(compile_program(program).artifact)
     for line, frame, took in zip(lines, read_frames(lines, "run.jsonl", program), log.frames, strict=True):
         assert frame.t_ns == took.frame.t_ns
         decision = executor.step(frame).decisions[0]

@@ -8,7 +8,7 @@ import random
 import pytest
 
 from colony.runtime.servers.drivers import BaseState
-from colony.runtime.servers.virtual_position import Odometer, Pose, VirtualAxis
+from colony.runtime.servers.virtual_position import Odometer, OdometerPose, VirtualAxis
 
 HALF = 1 << 15
 
@@ -83,7 +83,7 @@ def test_registers_that_never_overflow_are_left_alone() -> None:
 def test_poses_as_set_go_on_from_there_along_the_new_heading() -> None:
     odometer = Odometer(None)
     assert odometer.observe(state(100.0, 200.0, 350.0)) == (100.0, 200.0, 350.0)
-    odometer.set(state(100.0, 200.0, 350.0), Pose(1000.0, 0.0, 80.0))
+    odometer.set(state(100.0, 200.0, 350.0), OdometerPose(1000.0, 0.0, 80.0))
     here = odometer.observe(state(100.0, 200.0, 350.0))
     assert here == pytest.approx((1000.0, 0.0, 80.0))
     angle = math.radians(350.0)  # 10 mm ahead, as the base sees it
@@ -96,7 +96,7 @@ def test_adjusting_adds_and_can_be_repeated() -> None:
     odometer = Odometer(16)
     odometer.observe(state(0.0))
     for _ in range(3):
-        odometer.adjust(state(0.0), Pose(10.0, -5.0, 150.0))
+        odometer.adjust(state(0.0), OdometerPose(10.0, -5.0, 150.0))
     assert odometer.observe(state(0.0)) == pytest.approx((30.0, -15.0, 90.0))
 
 
@@ -104,10 +104,10 @@ def test_setting_forgets_overflows_and_motions_do_not_notice() -> None:
     odometer = Odometer(16)
     for x in (0.0, 30000.0, -30000.0):  # 35536 mm in truth
         odometer.observe(state(x))
-    assert odometer.track == Pose(35536.0, 0.0, 0.0)
-    odometer.set(state(-30000.0), Pose(5.0, 6.0, 0.0))
+    assert odometer.track == OdometerPose(35536.0, 0.0, 0.0)
+    odometer.set(state(-30000.0), OdometerPose(5.0, 6.0, 0.0))
     assert odometer.observe(state(-29990.0)) == pytest.approx((15.0, 6.0, 0.0))
-    assert odometer.track == Pose(35546.0, 0.0, 0.0)
+    assert odometer.track == OdometerPose(35546.0, 0.0, 0.0)
     assert odometer.observe(state(-32768.0)) == pytest.approx((5.0 - 2768.0, 6.0, 0.0))
     assert odometer.observe(state(32767.0)) == pytest.approx((5.0 - 2769.0, 6.0, 0.0))
 

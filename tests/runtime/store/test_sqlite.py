@@ -100,14 +100,14 @@ def test_another_programs_database(tmp_path: Path) -> None:
     assert path.read_bytes() == before
 
 
-def test_a_later_version(path: Path, tmp_path: Path) -> None:
+def test_a_later_version(path: Path) -> None:
     later = sqlite3.connect(path)
     later.execute("PRAGMA user_version = 3")
     later.close()
     assert "version 3" in refusal(path)
 
 
-def test_a_file_of_version_1_is_converted(path: Path, tmp_path: Path) -> None:
+def test_a_file_of_version_1_is_converted(path: Path) -> None:
     expected = content(path)
     database = sqlite3.connect(path)
     database.executescript("""
@@ -138,7 +138,7 @@ def test_a_folder_that_is_not_there_and_a_folder_in_its_place(tmp_path: Path) ->
 
 
 @pytest.mark.parametrize("ending", ["", "-wal", "-journal", "-shm"])
-def test_what_would_keep_the_server_waiting(path: Path, tmp_path: Path, ending: str) -> None:
+def test_what_would_keep_the_server_waiting(path: Path, ending: str) -> None:
     beside = path.with_name(path.name + ending)
     beside.unlink(missing_ok=True)
     for make in (os.mkfifo, lambda p: p.symlink_to("/dev/zero")):
@@ -173,7 +173,7 @@ def test_no_room_for_a_new_database(tmp_path: Path) -> None:
 # --- what is damaged -----------------------------------------------------------------------------
 
 
-def test_a_file_cut_short_is_kept_aside(path: Path, tmp_path: Path) -> None:
+def test_a_file_cut_short_is_kept_aside(path: Path) -> None:
     whole = path.read_bytes()
     sizes = (0, 1, 50, 100, 1024, 3000, len(whole) // 2, len(whole) - 1)
     for number, size in enumerate(sizes, 1):
@@ -200,9 +200,7 @@ def after_damage(path: Path) -> tuple[dict[Key, bytes], list[str]]:
         store.close()
 
 
-def test_what_is_loaded_of_a_damaged_file_is_right_or_all_of_it_is_kept_aside(
-    path: Path, tmp_path: Path
-) -> None:
+def test_what_is_loaded_of_a_damaged_file_is_right_or_all_of_it_is_kept_aside(path: Path) -> None:
     whole, expected = path.read_bytes(), content(path)
     draw, aside, refused = random.Random(1), 0, 0
     for _ in range(60):
@@ -277,7 +275,7 @@ def test_nothing_is_overwritten_by_what_is_kept_aside(tmp_path: Path) -> None:
     }
 
 
-def test_a_damaged_file_that_another_server_has_open_stays_where_it_is(path: Path, tmp_path: Path) -> None:
+def test_a_damaged_file_that_another_server_has_open_stays_where_it_is(path: Path) -> None:
     script = (
         "import sys; from colony.runtime.store.sqlite import SqliteStore; "
         "store = SqliteStore(sys.argv[1]); print('open', flush=True); sys.stdin.read()"

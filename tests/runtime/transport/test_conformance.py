@@ -28,7 +28,7 @@ from colony.runtime.protocol.messages import (
 )
 from colony.runtime.transport.live import keys
 from colony.runtime.transport.live.host import Host
-from colony.runtime.transport.live.network import Network
+from colony.runtime.transport.live.network import ZenohSession
 from colony.runtime.transport.live.outbox import publish
 from colony.runtime.transport.virtual import VirtualClock, VirtualTransport
 from tests.runtime.transport.live.stage import Recorder, Running, place, run_directory, until
@@ -102,7 +102,7 @@ class LiveStage:
         self._environment = self._holds.enter_context(run_directory())
         self._hosts: dict[str, Running] = {}
         here = place(self._environment)
-        self._outside = self._holds.enter_context(Network.open(here, listens=(topics.CLOCK,)))
+        self._outside = self._holds.enter_context(ZenohSession.open(here, listens=(topics.CLOCK,)))
 
     def add(self, node: Node) -> None:
         host = Host.open(place(self._environment), [node], serves=True)
@@ -111,7 +111,7 @@ class LiveStage:
         for network in networks:
             until(lambda n=network: self._sees_all(n), "not all are linked")  # type: ignore[misc]
 
-    def _sees_all(self, network: Network) -> bool:
+    def _sees_all(self, network: ZenohSession) -> bool:
         return set(self._hosts) <= set(network.alive())
 
     def kill(self, address: str) -> None:

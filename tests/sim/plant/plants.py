@@ -14,6 +14,10 @@ from tests.buildings import MAPS
 
 T = TypeVar("T")
 
+START = (3000.0, 1500.0, 270.0)
+OTHER = (12000.0, 1500.0, 270.0)
+"""Where robots stand in the hallway."""
+
 GENEROUS_S = 60.0
 """For how long to wait for what should come at once, on a machine that may be busy."""
 
@@ -35,7 +39,6 @@ class PlantProcess:
     Args:
         path: of its socket.
         robots: by name, where each begins.
-        building: the name of a map.
         logical_ns: as in `PlantOptions`.
     """
 
@@ -44,12 +47,11 @@ class PlantProcess:
         path: Path,
         robots: Mapping[str, tuple[float, float, float]],
         *,
-        building: str = "hallway",
         logical_ns: int | None = None,
     ) -> None:
         self.path = path
         logical = [] if logical_ns is None else [str(logical_ns)]
-        options = [str(path), str(MAPS / f"{building}.stickrep"), json.dumps(robots), *logical]
+        options = [str(path), str(MAPS / "hallway.stickrep"), json.dumps(robots), *logical]
         self._command = [sys.executable, "-m", "tests.sim.plant.child", *options]
         self.process = self._start()
 

@@ -23,19 +23,10 @@ from colony.sim.plant.control import PlantControl
 from colony.sim.plant.drivers import FRESH_NS, RemoteBase, RemoteCamera, RemoteProximity
 from colony.sim.plant.protocol import Attached, BaseReading, Refusal, pack
 from tests.buildings import HALLWAY
-from tests.sim.plant.plants import GENEROUS_S, PlantProcess, wait_for
+from tests.sim.plant.plants import GENEROUS_S, START, PlantProcess, wait_for
 
-START = (3000.0, 1500.0, 270.0)
-OTHER = (6000.0, 1500.0, 90.0)
 S = 1_000_000_000
 FRAME = 50_000_000
-
-
-@pytest.fixture(scope="module")
-def plant(tmp_path_factory: pytest.TempPathFactory) -> Iterator[PlantProcess]:
-    path = tmp_path_factory.mktemp("plant") / "plant"
-    with PlantProcess(path, {"rome": START, "remus": OTHER}) as running:
-        yield running
 
 
 class Robot:
@@ -67,14 +58,6 @@ def robot(plant: PlantProcess) -> Iterator[Robot]:
     made.close()
 
 
-@pytest.fixture
-def control(plant: PlantProcess) -> Iterator[PlantControl]:
-    with PlantControl(plant.path, timeout_s=GENEROUS_S) as made:
-        yield made
-        made.place("rome", *START)
-        made.place("remus", *OTHER)
-
-
 def test_readings_are_in_the_robot_s_time(robot: Robot) -> None:
     state, sonar, image = robot.base.state(), robot.proximity.sonar(), robot.camera.grab()
     assert state is not None
@@ -93,7 +76,7 @@ def test_robots_of_one_plant_see_each_other(robot: Robot, control: PlantControl)
         assert isinstance(sonar.value, tuple)
         return sonar.value[12] == pytest.approx(range_mm)
 
-    wait_for(lambda: ahead(3000.0 - 400.0 - IDEAL.sonar_ring_mm))
+    wait_for(lambda: ahead(9000.0 - 400.0 - IDEAL.sonar_ring_mm))
     control.place("remus", START[0] + 1000.0, START[1], 0.0)
     wait_for(lambda: ahead(1000.0 - 400.0 - IDEAL.sonar_ring_mm))
     infrared = wait_for(robot.proximity.infrared)

@@ -7,7 +7,6 @@ import os
 import random
 import signal
 import socket
-from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
@@ -26,7 +25,7 @@ from colony.sim.plant.protocol import (
     AttachProximity,
     BaseReading,
     CameraReading,
-    Drive,
+    DriveBase,
     FromPlant,
     ProximityReading,
     Refusal,
@@ -36,10 +35,7 @@ from colony.sim.plant.protocol import (
     read_from_plant,
 )
 from tests.buildings import HALLWAY
-from tests.sim.plant.plants import GENEROUS_S, PlantProcess, wait_for
-
-START = (3000.0, 1500.0, 270.0)
-OTHER = (12000.0, 1500.0, 270.0)
+from tests.sim.plant.plants import GENEROUS_S, OTHER, START, PlantProcess, wait_for
 
 
 class Line:
@@ -68,27 +64,6 @@ class Line:
 
     def close(self) -> None:
         self.sock.close()
-
-
-@pytest.fixture(scope="module")
-def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    return tmp_path_factory.mktemp("plant")
-
-
-@pytest.fixture(scope="module")
-def plant(folder: Path) -> Iterator[PlantProcess]:
-    with PlantProcess(folder / "plant", {"rome": START, "remus": OTHER}) as running:
-        yield running
-        assert running.end() == 0
-        assert not running.path.exists()
-
-
-@pytest.fixture
-def control(plant: PlantProcess) -> Iterator[PlantControl]:
-    with PlantControl(plant.path, timeout_s=GENEROUS_S) as made:
-        yield made
-        made.place("rome", *START)
-        made.place("remus", *OTHER)
 
 
 def standing(control: PlantControl, robot: str) -> Truth:
@@ -127,7 +102,7 @@ def test_a_base_that_is_commanded_once_stops_after_the_watchdog_s_time(
     plant: PlantProcess, control: PlantControl
 ) -> None:
     before = control.truth("rome")
-    line = Line(plant.path, pack(AttachBase(robot="rome")), pack(Drive(velocity=300.0, turn=0.0)))
+    line = Line(plant.path, pack(AttachBase(robot="rome")), pack(DriveBase(velocity=300.0, turn=0.0)))
     wait_for(lambda: control.truth("rome").velocity > 0.0)
     way = standing(control, "rome").distance - before.distance
     assert 0.0 < way < 300.0 * 0.5 + 300.0**2 / (2 * 800.0)  # the time is the plant's own
@@ -136,7 +111,7 @@ def test_a_base_that_is_commanded_once_stops_after_the_watchdog_s_time(
 
 def test_a_base_whose_connection_ends_stops(plant: PlantProcess, control: PlantControl) -> None:
     line = Line(plant.path, pack(AttachBase(robot="rome")))
-    drive = pack(Drive(velocity=300.0, turn=0.0))
+    drive = pack(DriveBase(velocity=300.0, turn=0.0))
 
     def moves() -> bool:
         line.sock.sendall(drive)
@@ -165,7 +140,7 @@ def test_who_does_not_drive_loses_the_base_to_the_next(plant: PlantProcess, cont
 def test_who_drives_keeps_the_base(plant: PlantProcess, control: PlantControl) -> None:
     def refused() -> Refusal | None:
         """Once the second comes before the watchdog does."""
-        first = Line(plant.path, pack(AttachBase(robot="rome")), pack(Drive(velocity=1.0, turn=0.0)))
+        first = Line(plant.path, pack(AttachBase(robot="rome")), pack(DriveBase(velocity=1.0, turn=0.0)))
         assert is_attached(first.hear())
         assert first.hear() is not None
         second = Line(plant.path, pack(AttachBase(robot="rome")))
@@ -185,12 +160,18 @@ def test_who_drives_keeps_the_base(plant: PlantProcess, control: PlantControl) -
         ((LARGEST_TO_PLANT + 1).to_bytes(4, "big"), "expected 1 to 4096"),
         (b"\x00\x00\x00\x01\x63", "found version 99"),
         (b"\x00\x00\x00\x03" + bytes([VERSION]) + b"\xc1\xc1", "malformed"),
-        (pack(Drive(velocity=1.0, turn=0.0)), "Drive does not belong here"),
+        (pack(DriveBase(velocity=1.0, turn=0.0)), "DriveBase does not belong here"),
         (pack(AttachBase(robot="bob")), "there is no robot `bob` here; there is rome, remus"),
         (pack(AttachCamera(robot="rome", camera="up")), "no camera `up`; they have ahead, left"),
         (pack(AttachControl()) + pack(AttachControl()), "AttachControl does not belong here"),
-        (pack(AttachProximity(robot="rome")) + pack(Drive(velocity=1.0, turn=0.0)), "Drive does not belong"),
-        (pack(AttachBase(robot="rome")) + pack(Drive(velocity=float("nan"), turn=0.0)), "expected finite"),
+        (
+            pack(AttachProximity(robot="rome")) + pack(DriveBase(velocity=1.0, turn=0.0)),
+            "DriveBase does not belong",
+        ),
+        (
+            pack(AttachBase(robot="rome")) + pack(DriveBase(velocity=float("nan"), turn=0.0)),
+            "expected finite",
+        ),
     ],
 )
 def test_what_makes_no_sense_is_refused(
@@ -273,10 +254,10 @@ def options(path: Path, **changed: object) -> PlantOptions:
     return PlantOptions(**given)  # type: ignore[arg-type]
 
 
-def test_a_socket_left_behind_is_replaced_and_one_in_use_is_not(folder: Path, plant: PlantProcess) -> None:
+def test_a_socket_left_behind_is_replaced_and_one_in_use_is_not(tmp_path: Path, plant: PlantProcess) -> None:
     with pytest.raises(PlantInUse, match="by another process already"):
         serve_plant(options(plant.path), stop=lambda: True)
-    left = folder / "left"
+    left = tmp_path / "left"
     with socket.socket(socket.AF_UNIX) as old:
         old.bind(os.fspath(left))
     turns = iter((False, False, True))
@@ -286,8 +267,8 @@ def test_a_socket_left_behind_is_replaced_and_one_in_use_is_not(folder: Path, pl
     assert not left.exists()
 
 
-def test_the_folder_is_made_private_and_must_be(folder: Path) -> None:
-    path = folder / "deep" / "plant"
+def test_the_folder_is_made_private_and_must_be(tmp_path: Path) -> None:
+    path = tmp_path / "deep" / "plant"
     serve_plant(options(path), stop=lambda: True)
     assert path.parent.stat().st_mode & 0o777 == 0o700
     path.parent.chmod(0o755)
@@ -295,7 +276,7 @@ def test_the_folder_is_made_private_and_must_be(folder: Path) -> None:
         serve_plant(options(path), stop=lambda: True)
 
 
-def test_options_that_make_no_sense(folder: Path) -> None:
+def test_options_that_make_no_sense(tmp_path: Path) -> None:
     for changed, found in (
         ({"robots": {"rome": (0.0, 0.0, 0.0)}}, "from a wall"),
         ({"robots": {"a": START, "b": OTHER}, "logical_ns": 1}, "logical time with 2 robots; expected 1"),
@@ -303,5 +284,5 @@ def test_options_that_make_no_sense(folder: Path) -> None:
         ({"step_ns": 0}, "steps of 0 ns"),
     ):
         with pytest.raises(ValueError, match=found):
-            serve_plant(options(folder / "never", **changed), stop=lambda: True)
-    assert not (folder / "never").exists()
+            serve_plant(options(tmp_path / "never", **changed), stop=lambda: True)
+    assert not (tmp_path / "never").exists()

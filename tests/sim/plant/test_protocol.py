@@ -13,7 +13,7 @@ from colony.sim.plant.protocol import (
     AttachBase,
     BadBytes,
     CameraReading,
-    Drive,
+    DriveBase,
     FromPlant,
     Halt,
     ProximityReading,
@@ -25,7 +25,7 @@ from colony.sim.plant.protocol import (
     read_to_plant,
 )
 
-SAID: tuple[ToPlant, ...] = (AttachBase(robot="rome"), Drive(velocity=1.5, turn=-2.0, number=7), Halt())
+SAID: tuple[ToPlant, ...] = (AttachBase(robot="rome"), DriveBase(velocity=1.5, turn=-2.0, number=7), Halt())
 HEARD: tuple[FromPlant, ...] = (
     ProximityReading(taken=Rings(t_ns=5, sonar=(1.0,) * 24, infrared=(True,) * 24)),
     CameraReading(taken=Image(t_ns=6, height=1, width=2, channels=1, pixels=b"\x00\xff")),
@@ -57,7 +57,7 @@ def test_directions_versions_and_types_are_checked() -> None:
         read_to_plant(b"\x09" + reading[1:])
     with pytest.raises(BadBytes, match="found version none"):
         read_to_plant(b"")
-    (odd,) = Unpacker(10_000).feed(pack(Drive(velocity="fast", turn=0.0)))  # type: ignore[arg-type]
+    (odd,) = Unpacker(10_000).feed(pack(DriveBase(velocity="fast", turn=0.0)))  # type: ignore[arg-type]
     with pytest.raises(BadBytes, match=r"Expected `float`, got `str`"):
         read_to_plant(odd)
 

@@ -36,7 +36,7 @@ class Hall:
         self.openings: list[float] = []
 
     def call(self, call: list[str]) -> None:
-        self.stage.variables[ELEVATOR_CALL] = call
+        self.stage.tell(ELEVATOR_CALL, call)
 
     def wait(self, seconds: float) -> None:
         self.stage.run(seconds, self._frame)
@@ -55,7 +55,7 @@ class Hall:
 
     @property
     def reached(self) -> object:
-        return self.stage.variables.get(FLOOR_REACHED)
+        return self.stage.told(FLOOR_REACHED)
 
     def _frame(self) -> None:
         self.world.advance(0.05)

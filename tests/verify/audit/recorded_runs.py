@@ -7,9 +7,10 @@ from collections.abc import Iterable, Sequence
 from typing import Any
 
 from colony.compile.pipeline import compile_program
+from colony.execute.compiled import SourceFile
+from colony.execute.executor import ClientListExecutor
 from colony.ir.frame import Frame
 from colony.ir.program import Program
-from colony.runtime.clients.slices import whole_executor
 from colony.runtime.observe.monitor import Monitor
 from colony.runtime.observe.observer import KEYFRAME_NS, FrameLog, Sink
 from colony.runtime.protocol.messages import Fate, Tick, Verdict
@@ -17,7 +18,7 @@ from colony.runtime.recordings.lines import Recording
 from colony.runtime.recordings.mcap_reader import McapReader
 from colony.runtime.recordings.mcap_writer import McapRecording
 from colony.runtime.recordings.reader import LinesReader
-from colony.runtime.recordings.recorded import RecordedFrame, RunInfo, SourceFile, places
+from colony.runtime.recordings.recorded import RecordedFrame, RunInfo
 from colony.verify.reference.interpreter import Interpreter
 
 MS = 1_000_000
@@ -43,7 +44,10 @@ def logs(program: Program, trace: Sequence[Frame], restarts: Iterable[int] = ())
     """A run in which nothing goes wrong; all memory begins anew at the frames in `restarts`."""
     restarts, start, out = frozenset(restarts), 0, []
     interpreter = Interpreter(program)
-    monitor, keyframe_ns = Monitor(whole_executor(program)), trace[0].t_ns - KEYFRAME_NS if trace else 0
+    monitor, keyframe_ns = (
+        Monitor(ClientListExecutor(compile_program(program).artifact, simplified=False)),
+        trace[0].t_ns - KEYFRAME_NS if trace else 0,
+    )
     clients = {
         a.name: [m.name for m in program.modules if m.actuator == a.name] for a in program.robot.actuators
     }
@@ -90,7 +94,7 @@ def _fate(client: str, by: str | None, interpreter: Interpreter) -> Fate:
 
 
 def run_info(program: Program, *sources: SourceFile) -> RunInfo:
-    clients = places(compile_program(program).clients)
+    clients = compile_program(program).artifact.clients
     root = sources[-1].place if sources else ""
     return RunInfo(
         robot="rome",

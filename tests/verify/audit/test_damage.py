@@ -14,11 +14,11 @@ from colony.runtime.observe.observer import FrameLog
 from colony.runtime.recordings.recorded import RecordedFrame
 from colony.verify.audit.audit import Auditor
 from colony.verify.audit.report import AuditReport, DamagedSpan
+from tests.programs import program
 from tests.verify.audit.recorded_runs import MS, Kept, as_lines, as_mcap, logs, read_lines, read_mcap
 from tests.verify.audit.test_audit import DEGRADING
 from tests.verify.audit.test_audit import trace as short
 from tests.verify.audit.test_resuming import EVERYTHING
-from tests.verify.stepping import program
 
 FRAMES = 40
 A_CHUNK = 8

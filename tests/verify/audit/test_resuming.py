@@ -7,20 +7,20 @@ import math
 import pytest
 from hypothesis import given
 
-from colony.compile.pipeline import traverse
+from colony.compile.pipeline import compile_program
 from colony.execute.executor import ClientListExecutor
 from colony.ir.frame import Frame
 from colony.ir.memory import ProgramMemory
 from colony.verify.audit.resuming import Resuming
 from colony.verify.reference.interpreter import Interpreter
 from colony.verify.testing.strategies import Run, network_runs, run_of_seed, runs
-from tests.verify.stepping import program
+from tests.programs import program
 
 
 def memories(run: Run) -> list[ProgramMemory]:
     """What the clients remember before each frame."""
     of, trace = run
-    clients = ClientListExecutor(of, traverse(of))
+    clients = ClientListExecutor(compile_program(of).artifact, simplified=False)
     found = []
     for frame in trace:
         memory = clients.memory

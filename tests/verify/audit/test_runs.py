@@ -9,7 +9,7 @@ from dataclasses import replace
 import pytest
 
 from colony.ir.program import Program
-from colony.runtime.assembly.virtual import Session
+from colony.runtime.assembly.virtual import VirtualSession
 from colony.runtime.protocol.messages import Message, Request, Sample, ServerFrame
 from colony.verify.audit.audit import AuditReport, audit
 from tests.runtime.programs import drive, roam
@@ -33,7 +33,7 @@ def script() -> Script:
 
 
 def audited(
-    program: Program, faults: Callable[[Session], None] = lambda s: None, **options: object
+    program: Program, faults: Callable[[VirtualSession], None] = lambda s: None, **options: object
 ) -> AuditReport:
     """A run of 6 s, audited as it was seen, and as it was recorded."""
     log = Log()

@@ -11,10 +11,9 @@ from pathlib import Path
 
 import pytest
 
-from colony.compile.backends.json import clients_to_json, to_json
+from colony.compile.backends.json import to_json
 from colony.compile.backends.python.generate import generate
-from colony.compile.lower.lower import lower
-from colony.compile.pipeline import Compiled, compile_program
+from colony.compile.pipeline import Compilation, compile_program
 from colony.dsl.load import load_file
 from colony.execute.code import Apply, Code, Literal
 from colony.execute.operators import Operator
@@ -27,13 +26,13 @@ BEHAVIORS = sorted((ROOT / "behaviors").glob("*.colony"))
 
 
 @cache
-def compiled(name: str) -> Compiled:
+def compiled(name: str) -> Compilation:
     return compile_program(load_file(str(ROOT / "behaviors" / f"{name}.colony")))
 
 
-def emitted(of: Compiled) -> Result:
-    text, code = generate(of.program, of.clients), lower(of.program, of.clients)
-    return prove(of.program, of, json=to_json(of), code=code, python=text)
+def emitted(of: Compilation) -> Result:
+    text = generate(of.artifact)
+    return prove(of.program, of, json=to_json(of.clients), sent=lambda: of.artifact, python=text)
 
 
 @pytest.mark.parametrize("path", BEHAVIORS, ids=lambda path: path.stem)
@@ -55,7 +54,7 @@ def test_all_forms_of_drawn_programs_are_proved(seed: int, network: bool) -> Non
 
 def changed_text(change: Callable[[str], str]) -> Result:
     of = compiled("allen")
-    text = generate(of.program, of.clients)
+    text = generate(of.artifact)
     changed = change(text)
     assert changed != text
     return prove_python(of.program, of.clients, changed)
@@ -128,7 +127,7 @@ def test_python_of_another_shape_is_refused(what: str, instead: str, found: str)
 
 def changed_json(change: Callable[[dict[str, list[dict[str, object]]]], None]) -> Result:
     of = compiled("allen")
-    document = json.loads(to_json(of))
+    document = json.loads(to_json(of.clients))
     change(document)
     emitted_text = json.dumps(document)
     assert not isinstance(prove(of.program, of, json=emitted_text), Proved)
@@ -141,9 +140,9 @@ def a_node(document: dict[str, list[dict[str, object]]], op: str) -> dict[str, o
 
 def test_json_of_its_own_is_held_against_the_network() -> None:
     of = compiled("allen")
-    assert isinstance(prove_json(of.program, to_json(of)), Proved)
-    unsimplified = clients_to_json(of.traversal)
-    assert unsimplified != to_json(of)
+    assert isinstance(prove_json(of.program, to_json(of.clients)), Proved)
+    unsimplified = to_json(of.traversal)
+    assert unsimplified != to_json(of.clients)
     assert isinstance(prove_json(of.program, unsimplified), Proved), "other guards, but the same winners"
 
 
@@ -178,7 +177,7 @@ def test_what_is_no_client_list_is_refused(text: str) -> None:
 
 def changed_code(change: Callable[[Code], Code]) -> Result:
     of = compiled("allen")
-    return prove(of.program, of, code=change(lower(of.program, of.clients)))
+    return prove(of.program, of, sent=lambda: replace(of.artifact, code=change(of.artifact.code)))
 
 
 def with_clients(change: Callable[[int, int], tuple[int, int]]) -> Callable[[Code], Code]:

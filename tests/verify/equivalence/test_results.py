@@ -1,7 +1,7 @@
 from __future__ import annotations
 
 from colony.verify.equivalence.results import (
-    Frame,
+    Activation,
     Malformed,
     Proved,
     Recent,
@@ -13,7 +13,7 @@ from colony.verify.equivalence.results import (
     undecided_text,
 )
 
-FRAME = Frame(
+FRAME = Activation(
     active=("a", "b", "c"),
     recent=(
         Recent(name="d", least_ns=0, less_ns=1_500_000_000),
@@ -28,7 +28,7 @@ def test_a_wrong_winner_in_words() -> None:
     )
     assert counterexample_text(wrong) == (
         "JSON: drive: with a, b and c active, and d less than 1.5 s ago and e 100 ms ago or more, but less "
-        "than 100000001 ns ago, the network lets a through; by priority nobody commands, by exclusive guard "
+        "than 100.000001 ms ago, the network lets a through; by priority nobody commands, by exclusive guard "
         "b and c"
     )
 
@@ -37,7 +37,7 @@ def test_a_form_without_exclusive_guards_says_nothing_of_them() -> None:
     wrong = WrongWinner(
         form="generated Python",
         actuator="drive",
-        frame=Frame(active=()),
+        frame=Activation(active=()),
         network=None,
         by_priority="a",
         by_exclusive=None,
@@ -49,7 +49,8 @@ def test_a_form_without_exclusive_guards_says_nothing_of_them() -> None:
 
 
 def test_the_others_in_words() -> None:
-    activity = WrongActivity(form="JSON", name="w", frame=Frame(active=("a",)), network=False, found=True)
+    frame = Activation(active=("a",))
+    activity = WrongActivity(form="JSON", name="w", frame=frame, network=False, found=True)
     expected = "JSON: with a active, `w` is not active in the network, and active in what was compiled"
     assert counterexample_text(activity) == expected
     malformed = Malformed(form="JSON", subject="drive", found="this", expected="that")

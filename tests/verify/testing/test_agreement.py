@@ -8,13 +8,13 @@ from dataclasses import replace
 import pytest
 from hypothesis import given
 
-from colony.compile.pipeline import Compiled
+from colony.compile.pipeline import Compilation
 from colony.ir.frame import Decision, Executor, Frame, Outcome
 from colony.ir.program import Program
 from colony.verify.reference.interpreter import Interpreter
 from colony.verify.testing.agreement import EXECUTORS, client_disagreement, disagreement
 from colony.verify.testing.strategies import Run, network_runs, runs
-from tests.verify.stepping import every, program
+from tests.programs import MS, program
 
 
 @given(network_runs())
@@ -44,7 +44,7 @@ def test_clients_alone_agree_on_programs(run: Run) -> None:
 # --- what counts as a difference -----------------------------------------------------------------
 
 TEXT = "module m { when a do out(v = 1) }\nnetwork { out = m }"
-TRACE = tuple(Frame(round(t * 1e6), readings) for t, readings in every(50, a="011"))
+TRACE = tuple(Frame(50 * MS * k, {"a": k > 0}) for k in range(3))
 
 
 class Tampering:
@@ -66,7 +66,7 @@ def tampered(outcome: Outcome | Exception, at: int = 1) -> str:
     """What is said of an executor that gives this outcome in frame `at`."""
     of = program(TEXT)
 
-    def make(compiled: Compiled) -> Executor:
+    def make(compiled: Compilation) -> Executor:
         return Tampering(compiled.program, at, outcome)
 
     return str(disagreement(of, TRACE, {"tampered": make}))

@@ -6,13 +6,13 @@ from collections.abc import Sequence
 
 import pytest
 
-from colony.compile.pipeline import Compiled
+from colony.compile.pipeline import Compilation
 from colony.ir.frame import Executor, Frame, Outcome
 from colony.ir.program import Program
 from colony.verify.reference.interpreter import Interpreter
 from colony.verify.testing.agreement import ALL_EXECUTORS, Disagreement
 from colony.verify.testing.differential import Report, examples
-from tests.verify.stepping import program
+from tests.programs import program
 
 BACKS_OFF = """
 module cruise { when true do out(v = 100) }
@@ -100,7 +100,7 @@ def test_contracts_that_hold_are_not_told_of() -> None:
 class Late:
     """The reference, but module `cruise` goes on for one frame after `back` has it."""
 
-    def __init__(self, compiled: Compiled) -> None:
+    def __init__(self, compiled: Compilation) -> None:
         self._reference = Interpreter(compiled.program)
         self._before: str | None = None
 
@@ -129,7 +129,7 @@ def test_what_an_executor_raises_is_a_disagreement() -> None:
         def step(self, frame: Frame) -> Outcome:
             raise ValueError("no")
 
-    def make(compiled: Compiled) -> Executor:
+    def make(compiled: Compilation) -> Executor:
         return Raises()
 
     found = last(program(BACKS_OFF), 3, executors={"raises": make}).disagreement
@@ -142,7 +142,7 @@ def test_an_executor_that_remembers_the_trace_before_is_told_so() -> None:
     class Tired:
         """The reference until it is started again."""
 
-        def __init__(self, compiled: Compiled) -> None:
+        def __init__(self, compiled: Compilation) -> None:
             self._compiled, self._begun = compiled, 0
             self.restart()
 
@@ -161,7 +161,7 @@ def test_an_executor_that_remembers_the_trace_before_is_told_so() -> None:
 def test_a_trial_is_given_a_seed_of_its_own_for_each_trace() -> None:
     seeds: list[int] = []
 
-    def trial(compiled: Compiled, trace: Sequence[Frame], seed: int) -> Disagreement | None:
+    def trial(compiled: Compilation, trace: Sequence[Frame], seed: int) -> Disagreement | None:
         seeds.append(seed)
         if len(seeds) < 3:
             return None

@@ -7,7 +7,7 @@ import pytest
 from colony.dsl.load import load_text
 from colony.text.diagnostics import headline, render
 from colony.verify.testing.examples import ExampleResult, failures_as_diagnostics, run_examples
-from tests.verify.stepping import ROBOT
+from tests.programs import robot
 
 BEHAVIOR = """
 robot r {
@@ -162,7 +162,7 @@ def test_enumerators_and_idle_hold_are_shown() -> None:
         """
         test "t" { at 0 s given feel = mood.alert expect feel == mood.calm, out is commanded }
         """,
-        ROBOT,
+        robot(),
     )
     assert first.endswith("found: feel = mood.alert")
     assert second.endswith("found: out is idle")

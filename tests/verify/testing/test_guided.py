@@ -14,7 +14,7 @@ from colony.verify.testing.drawing import Choices
 from colony.verify.testing.example_frames import frames_of
 from colony.verify.testing.frames import draw_trace
 from colony.verify.testing.guided import LONGEST, Guide
-from tests.verify.stepping import MS, program
+from tests.programs import MS, program
 
 Learn = Callable[[Sequence[Frame], Sequence[Hashable]], object]
 

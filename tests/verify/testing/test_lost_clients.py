@@ -8,13 +8,11 @@ from random import Random
 
 import pytest
 
-from colony.compile.pipeline import compile_program
-from colony.execute.executor import ClientExecutor
 from colony.ir.frame import Frame
 from colony.ir.program import Program
 from colony.verify.reference.interpreter import Interpreter
 from colony.verify.testing.strategies import run_of_seed
-from tests.verify.stepping import MS, program
+from tests.programs import MS, clients, program
 
 Losses = tuple[frozenset[str], ...]
 
@@ -26,16 +24,11 @@ def degrading(of: Program) -> Program:
 
 def check(of: Program, trace: tuple[Frame, ...], losses: Losses) -> None:
     """In each frame exactly the winner is active by its own knowledge."""
-    interpreter, compiled = Interpreter(of), compile_program(of)
-    clients = {
-        (a.actuator, c.module): ClientExecutor(of, compiled.clients, a.actuator, c.module)
-        for a in compiled.clients.actuators
-        for c in a.clients
-    }
+    interpreter, alone = Interpreter(of), clients(of)
     for at, (frame, lost) in enumerate(zip(trace, losses, strict=True)):
         outcome = interpreter.step(frame, lost)
         told = {m.name: interpreter.is_active(m.name) for m in of.modules}
-        active = {key for key, client in clients.items() if client.step(frame, told, lost).active}
+        active = {key for key, client in alone.items() if client.step(frame, told, lost).active}
         due = {(d.actuator, d.by) for d in outcome.decisions if d.by is not None}
         assert active == due, f"frame {at}, lost {sorted(lost)}"
 

@@ -9,7 +9,7 @@ from colony.ir.frame import Frame, Reading
 from colony.verify.testing.drawing import Choices
 from colony.verify.testing.frames import draw_trace
 from colony.verify.testing.shrinking import shrunk
-from tests.verify.stepping import MS, program
+from tests.programs import MS, program
 
 OF = program("module m { when a do out(v = 1) }\nnetwork { out = m }")
 

@@ -16,7 +16,7 @@ from colony.ir.frame import Frame
 from colony.ir.program import Chain, Program, Wiring
 from colony.verify.reference.interpreter import Interpreter
 from colony.verify.testing.drawing import Choices
-from colony.verify.testing.frames import draw_trace
+from colony.verify.testing.frames import draw_trace, durations_of, gaps_of
 from colony.verify.testing.program_text import draw_text
 from colony.verify.testing.strategies import (
     frames,
@@ -28,7 +28,7 @@ from colony.verify.testing.strategies import (
     traces,
 )
 from tests.paths import ROOT
-from tests.verify.stepping import program
+from tests.programs import MS, program
 
 
 @given(texts())
@@ -182,3 +182,14 @@ def test_readings_are_at_beside_and_between_what_is_compared() -> None:
     assert any(least < x < 20 for x in found)
     assert any(x > 20.1 for x in found)
     assert any(x < least - 0.1 for x in found)
+
+
+def test_time_constants_within_parentheses_are_waited_for() -> None:
+    of = program(
+        "module m1 { when a do out(v = 1) }\nmodule m2 { when x > 3 do out(v = 2) }\n"
+        "module m3 { when true do out(v = 3) }\n"
+        "network { out = m1 suppresses ((m2 suppresses[700 ms] m3) inhibits[300 ms] m1) }"
+    )
+    assert durations_of(of) == [700 * MS, 300 * MS]
+    for gap in (700 * MS, 700 * MS - 1, 300 * MS, 300 * MS + 1):
+        assert gap in gaps_of(of)

@@ -13,7 +13,6 @@ from dataclasses import dataclass, field, replace
 from functools import partial
 from typing import Any
 
-import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
@@ -26,18 +25,16 @@ from colony.nav.shared import (
     OVERSHOOT,
     TRACK_DATA,
 )
-from colony.runtime.assembly.loop import LocalCamera, LocalData
+from colony.runtime.assembly.loop import LocalCamera
 from colony.runtime.kit.errors import CallRefused
 from colony.runtime.kit.script import Script, do, sleep
-from colony.runtime.kit.script_local import LocalScripts, LocalServer
 from colony.runtime.library import data, robot
-from colony.runtime.protocol.calls import Asked, Caller, Nothing, Refused, method
+from colony.runtime.protocol.calls import Asked, Refused
 from colony.runtime.servers.images import Image
 from colony.vision.lights.ceiling_camera import UPWARD, CeilingCamera
-from tests.experiment.loops import Shutter
+from tests.script_stage import ASKED, FRAME_NS, ScriptStage, Server, Shutter
 
-FRAME_S = 0.05
-ASKED = Asked(Caller("local/test", "test", 0, "local"), 1)
+FRAME_S = FRAME_NS / 1e9
 _SAMPLES = 4  # a pixel
 
 
@@ -103,15 +100,11 @@ class Robot:
     silent: tuple[float, float] = (math.inf, math.inf)
 
 
-class Base(LocalServer):
+class Base(Server):
     """RServer of the robot. Mutable: where it is, and where it is believed to be; what was corrected."""
 
     def __init__(self, moves: Robot) -> None:
-        methods = (
-            method("position", Nothing, self._position),
-            method("adjust_position", robot.PoseArguments, self._adjust),
-        )
-        super().__init__("RServer", methods)
+        super().__init__("RServer", {"position": self._position, "adjust_position": self._adjust})
         self._moves = moves
         self.along_mm = moves.along_mm
         self.x, self.y, self.heading = 0.0, moves.along_mm + moves.off_mm, moves.believed_deg
@@ -153,7 +146,7 @@ class Log:
     errors_mm: list[float] = field(default_factory=list)
 
 
-class Stage:
+class Stage(ScriptStage):
     """A robot in a corridor, and scripts, one of which gives the goals: the places of the lights to pass, one
     goal after the other, and each as soon as the one before was done, or after `patience_s`. `cameras` are
     where the robot has them, by name. `lights` is a wrong number of lights to tell.
@@ -172,33 +165,15 @@ class Stage:
         lights: int | None = None,
     ) -> None:
         self._patience_s, self._lights = patience_s, lights
-        self._frames = self._now_ns = 0
         self._rng = np.random.default_rng(seed)
         self._ceiling, self._moves = ceiling, moves
         self.base = Base(moves)
-        self.data = LocalData()
         self.log = Log()
-        self._cameras = [
+        eyes = [
             LocalCamera(name, Shutter(partial(self._image, geometry)))
             for name, geometry in (cameras or {"CServerUp": UPWARD}).items()
         ]
-        everybody = {**scripts, "planner": self._planner(goals)}
-        self._scripts = LocalScripts(everybody, [self.data, self.base, *self._cameras])
-
-    def semaphore(self, name: str) -> data.SemaphoreState:
-        """How it stands at DServer."""
-        state = self.data.handlers["semaphore"](ASKED, data.Named(name=name), 0)
-        assert isinstance(state, data.SemaphoreState)
-        return state
-
-    def variable(self, name: str) -> Any:
-        """A variable at DServer."""
-        return msgspec.msgpack.decode(self.data.variables.value(name).data)
-
-    def tell(self, name: str, value: object) -> None:
-        """Set a variable at DServer, as somebody else does it."""
-        raw = msgspec.Raw(msgspec.msgpack.encode(value))
-        self.data.handlers["set"](ASKED, data.Set(name=name, value=raw), 0)
+        super().__init__({**scripts, "planner": self._planner(goals)}, self.base, cameras=eyes)
 
     def camera_period_s(self, name: str) -> float:
         """How often a camera takes an image."""
@@ -210,19 +185,14 @@ class Stage:
     def run(self, seconds: float, *, all_of_it: bool = False) -> Log:
         """Until all goals are done, or for so long; for so long in any case with `all_of_it`."""
         for _ in range(round(seconds / FRAME_S)):
-            self._frames += 1
-            now_ns = self._now_ns = round(self._frames * FRAME_S * 1e9)
+            self.now_ns += FRAME_NS
             self.base.advance()
-            for camera in self._cameras:
-                camera.tend(now_ns)
-            self.data.expire(now_ns)
-            self._scripts.run(now_ns)
+            self.settle()
             self.log.errors_mm.append(self.base.along_mm - self.base.y)
-            if self.data.variables.has(CEILING_LIGHT):
-                count = int(msgspec.msgpack.decode(self.data.variables.value(CEILING_LIGHT).data))
-                if not self.log.counts or count != self.log.counts[-1][1]:
-                    self.log.counts.append((self.base.along_mm, count))
-            if self._scripts.ended("planner") and not all_of_it:
+            count = self.told(CEILING_LIGHT)
+            if count is not None and (not self.log.counts or count != self.log.counts[-1][1]):
+                self.log.counts.append((self.base.along_mm, count))
+            if self.scripts.ended("planner") and not all_of_it:
                 break
         return self.log
 
@@ -259,7 +229,7 @@ class Stage:
         pixels = np.zeros((geometry.rows, geometry.columns), dtype=np.uint8)
         pixels[list(geometry.scan_rows)] = lines
         return Image(
-            t_ns=self._now_ns,
+            t_ns=self.now_ns,
             height=geometry.rows,
             width=geometry.columns,
             channels=1,

@@ -80,7 +80,7 @@ def test_it_counts_every_light_when_the_robot_is_below_it() -> None:
     assert numbers(stage) == [0, 1, 2, 3, 4, 5]
     for (at, _), place in zip(stage.log.counts[1:], PLACES, strict=True):
         assert place - 15.0 <= at <= place + 30.0
-    assert stage.semaphore(LIGHT_DETECTED).value == 5
+    assert stage.semaphore(LIGHT_DETECTED) == 5
 
 
 def test_the_overshoot_is_how_far_the_robot_is_beyond_the_last_light() -> None:
@@ -248,7 +248,7 @@ def test_lights_are_given_up_for_a_goal_of_another_kind() -> None:
     stage.tell(GOAL_TYPE, int(GoalKind.DEAD_RECKONING))
     stage.run(100.0)
     assert numbers(stage) == [0, 1]
-    assert stage.semaphore(END_L_MODE).value == 0
+    assert stage.semaphore(END_L_MODE) == 0
     assert stage.variable(TRACK_START) == []
 
 
@@ -257,7 +257,7 @@ def test_the_end_of_a_goal_is_told_by_the_next_tracker_where_one_had_no_time_for
     for name, value in (UNFINISHED | {CEILING_LIGHT: len(PLACES)}).items():
         stage.tell(name, value)
     stage.run(2.0, all_of_it=True)
-    assert stage.semaphore(END_L_MODE).value == 1
+    assert stage.semaphore(END_L_MODE) == 1
     assert stage.variable(TRACK_START) == []
 
 

@@ -24,13 +24,10 @@ from colony.nav.shared import (
     MARKER_FIX,
     GoalKind,
 )
-from colony.runtime.assembly.loop import LocalCamera, LocalData
-from colony.runtime.kit.script import Script, do, sleep
-from colony.runtime.kit.script_local import LocalScripts, LocalServer, ScriptFailed
-from colony.runtime.library import data
+from colony.runtime.assembly.loop import LocalCamera
+from colony.runtime.kit.script_local import LocalServer, ScriptFailed
 from colony.runtime.protocol.calls import Refused
 from colony.runtime.servers.base import Base
-from colony.runtime.transport.virtual import VirtualClock
 from colony.sim.cameras.camera import Camera, CameraConfig
 from colony.sim.cameras.scene import scene_of
 from colony.sim.drivers import Plant, SimulatedBase, SimulatedCamera
@@ -40,14 +37,14 @@ from colony.sim.world.world import World
 from colony.vision.level_camera import AHEAD, LevelCamera
 from colony.vision.markers.finder import marker_finder
 from tests.buildings import MAPS
+from tests.script_stage import FRAME_NS, ScriptStage
 
 NAME = "msu_engineering_3"
 MAP = load_map(MAPS / f"{NAME}.stickrep")
 MARKERS = markers_of(MAP)
-FRAME_NS = 50_000_000
 
 
-class Stand:
+class Stand(ScriptStage):
     """A robot before the first marker of the map. Mutable: the world, the time, DServer's variables.
 
     Args:
@@ -73,45 +70,21 @@ class Stand:
         y = MARKERS[0].middle.y - ahead_mm * math.cos(heading) - aside_mm * math.sin(heading)
         self.world = World(walls=scenery, poses=[(x, y, MARKERS[0].heading_deg + turned_deg)], seed=1)
         eye = Camera(scene_of(MAP, scenery), CameraConfig(), robot_radius_mm=400.0, seed=1)
-        self._clock = VirtualClock()
-        self._plant = Plant(self.world, self._clock)
-        self.data = LocalData()
+        self._plant = Plant(self.world, lambda: self.now_ns)
         base = LocalServer("RServer", Base(SimulatedBase(self._plant, 0)).methods)
-
-        def taken(now_ns: int) -> LevelShot:
-            return LevelShot(eye, self.world, 0, now_ns)
-
-        self._cameras = [LocalCamera("CServerFront", SimulatedCamera(self._plant, taken))] if camera else []
+        front = SimulatedCamera(self._plant, lambda now_ns: LevelShot(eye, self.world, 0, now_ns))
+        shutter = LocalCamera("CServerFront", front)
         known = {NAME: MARKERS} if markers is None else markers
-        self._scripts = LocalScripts(
-            {"setter": self._setter(), "markers": marker_finder(known, geometry=geometry)},
-            [self.data, base, *self._cameras],
-        )
-        self.now_ns = 0
-        self._to_set = dict(variables)
-
-    def set(self, name: str, value: Any) -> None:
-        self._to_set[name] = value
-
-    def _setter(self) -> Script:
-        while True:
-            if self._to_set:
-                yield from do("DServer", data.set_many(dict(self._to_set)))
-                self._to_set.clear()
-            yield from sleep(FRAME_NS / 1e9)
+        finder = marker_finder(known, geometry=geometry)
+        super().__init__({"markers": finder}, base, cameras=[shutter] if camera else [])
+        for name, value in variables.items():
+            self.tell(name, value)
 
     def run(self, seconds: float) -> None:
         for _ in range(round(seconds * 1e9 / FRAME_NS)):
-            for camera in self._cameras:
-                camera.tend(self.now_ns)
-            self._scripts.run(self.now_ns)
+            self.settle()
             self.now_ns += FRAME_NS
-            self._clock.now_ns = self.now_ns
             self._plant.catch_up()
-
-    def told(self, name: str) -> Any:
-        """A variable, or None where it was not set."""
-        return self.data.present(name)
 
 
 RIDE = {GOAL_TYPE: int(GoalKind.ELEVATOR), GOAL_DIRECTION: MARKERS[0].heading_deg}
@@ -159,7 +132,7 @@ def test_the_marker_of_another_elevator_does_not_count() -> None:
     stand = Stand({**RIDE, ELEVATOR_CALL: [other.node, NAME, "x"], FLOOR: NAME})
     stand.run(2.0)
     assert [stand.told(name) for name in EVERYTHING] == [None] * 4
-    stand.set(ELEVATOR_CALL, CALL)
+    stand.tell(ELEVATOR_CALL, CALL)
     stand.run(1.0)
     assert stand.told(MARKER_BEARING) == pytest.approx(0.0, abs=0.3)
 
@@ -210,7 +183,7 @@ def _moved(marker: Marker, mm: float) -> Marker:
 def test_while_dserver_is_away_it_goes_on_asking(call: str) -> None:
     stand = Stand(RIDE)
     stand.run(0.1)
-    stand.set(MARKER_BEARING, 99.0)
+    stand.tell(MARKER_BEARING, 99.0)
     stand.run(0.05)
     present, tries = stand.data.handlers, list[str]()
 

@@ -7,22 +7,17 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
-import msgspec
-
 from colony.nav.maps.signs import Plate
 from colony.nav.maps.stickrep.geometry import Point
-from colony.runtime.assembly.loop import LocalCamera, LocalData
+from colony.runtime.assembly.loop import LocalCamera
 from colony.runtime.kit.script import Script
-from colony.runtime.kit.script_local import LocalScripts, LocalServer
-from colony.runtime.library import data, proximity, robot
-from colony.runtime.protocol.calls import Asked, Caller, Handler, Nothing, Refused, method
+from colony.runtime.library import proximity, robot
+from colony.runtime.protocol.calls import Asked, Handler, Refused
 from colony.runtime.servers.images import Image
 from colony.vision.level_camera import SIDE
 from colony.vision.plates.geometry import WallView
-from tests.experiment.loops import Shutter
+from tests.script_stage import FRAME_NS, ScriptStage, Server, Shutter
 from tests.vision.plates.walls import Board, wall_image
-
-FRAME_NS = 50_000_000
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -53,42 +48,26 @@ def known(hall: Hall) -> tuple[Plate, ...]:
     )  # fmt: skip
 
 
-class Stage:
+class Stage(ScriptStage):
     """Scripts beside the robot. Mutable: the time, and with it the robot's place; what was asked of the
     camera."""
 
     def __init__(self, hall: Hall, **scripts: Script) -> None:
         self._hall = hall
-        self.now_ns = 0
-        self.data = LocalData()
         self.camera = LocalCamera("CServerSide", Shutter(lambda: self._image(self.now_ns)))
         self.asked: list[str] = []
         self.camera.handlers = {
             name: self._counted(name, handler) for name, handler in self.camera.handlers.items()
         }
-        base = LocalServer("RServer", [method("position", Nothing, self._position)])
-        ring = LocalServer("PServer", [method("sonar", Nothing, self._sonar)])
-        self._scripts = LocalScripts(scripts, [self.data, base, ring, self.camera])
+        base = Server("RServer", {"position": self._position})
+        ring = Server("PServer", {"sonar": self._sonar})
+        super().__init__(scripts, base, ring, cameras=[self.camera])
 
     def run(self, seconds: float) -> None:
         """Let so much time pass."""
         for _ in range(round(seconds * 1e9 / FRAME_NS)):
-            self.camera.tend(self.now_ns)
-            self.data.expire(self.now_ns)
-            self._scripts.run(self.now_ns)
+            self.settle()
             self.now_ns += FRAME_NS
-
-    def tell(self, name: str, value: object) -> None:
-        """Set a variable at DServer."""
-        raw = msgspec.Raw(msgspec.msgpack.encode(value))
-        asked = Asked(Caller("test", "test", 0, "local"), 1)
-        self.data.handlers["set"](asked, data.Set(name=name, value=raw), self.now_ns)
-
-    def told(self, name: str) -> Any:
-        """A variable at DServer; None where it was never set."""
-        if not self.data.variables.has(name):
-            return None
-        return msgspec.msgpack.decode(self.data.variables.value(name).data)
 
     def place(self, t_ns: int) -> float:
         """Where the robot is along the hall."""

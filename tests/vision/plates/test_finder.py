@@ -9,7 +9,8 @@ from colony.nav.pose.fixes import fix_of
 from colony.nav.shared import FLOOR, GOAL_DIRECTION, PLATE_FIX, PLATE_SEEN
 from colony.runtime.kit.script_local import ScriptFailed
 from colony.runtime.library import camera as cameras
-from colony.runtime.protocol.calls import Asked, Caller, Nothing, Refused
+from colony.runtime.protocol.calls import Asked, Nothing, Refused
+from colony.runtime.protocol.connections import Caller
 from colony.runtime.servers.cserver import PERIOD_NS
 from colony.vision.level_camera import LevelCamera
 from colony.vision.plates.finder import plate_finder

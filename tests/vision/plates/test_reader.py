@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from colony.vision.letters.network import Network, network, packed, unpacked
+from colony.vision.letters.network import LetterNet, network, packed, unpacked
 from colony.vision.plates.reader import combined, read_plate
 from colony.vision.sightings import Corner, PlateBox, Reading
 from colony.vision.training.fonts import learned_fonts, unseen_fonts
@@ -181,7 +181,7 @@ def test_weights_tell_how_they_were_trained() -> None:
 
 def test_weights_survive_being_stored() -> None:
     once = unpacked(packed(network()))
-    assert isinstance(once, Network)
+    assert isinstance(once, LetterNet)
     for before, after in zip(network().layers, once.layers, strict=True):
         np.testing.assert_allclose(after.kernel, before.kernel, rtol=0.0, atol=1e-6)
 

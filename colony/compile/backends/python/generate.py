@@ -22,31 +22,27 @@ from colony.compile.backends.python.plan import ActuatorPlan, ClientPlan, GroupP
 from colony.compile.backends.python.ranges import ranges
 from colony.compile.backends.python.support import definition_names, support
 from colony.compile.backends.python.text import Binding, literal
-from colony.compile.clients import ClientList
-from colony.compile.lower.lower import lower
 from colony.execute.code import ClientCode, FrameTime, PythonCall
+from colony.execute.compiled import Compiled
 from colony.execute.machine import field_types
 from colony.execute.sensors import within
-from colony.ir.program import Program
+from colony.execute.views import whole
 from colony.text.diagnostics import Failure, error
 
 __all__ = ["PythonExecutor", "generate", "load"]
 
 
-def generate(program: Program, clients: ClientList, *, contracts: bool = True) -> str:
-    """The source of a module with a class `Program`; `contracts`: it reports broken ones.
-
-    `clients` are those of `program`. Near-linear in the size of both.
-    """
-    return _Generator(program, clients, contracts).source()
+def generate(compiled: Compiled) -> str:
+    """Return the source of a module with a class `Program`. Near-linear in the size of the program."""
+    return _Generator(compiled).source()
 
 
 class _Generator:
     """One program being written. Mutable: its lines."""
 
-    def __init__(self, program: Program, clients: ClientList, contracts: bool) -> None:
-        self.title = program.robot.name
-        self.code = lower(program, clients, contracts=contracts)
+    def __init__(self, compiled: Compiled) -> None:
+        self.title = compiled.name
+        self.code = whole(compiled.code)
         self.known = ranges(self.code)
         layout = Layout()
         self.placement = Placement(self.code, layout, self.known)

@@ -55,7 +55,7 @@ class Light:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Node:
+class MapNode:
     """A vertical edge of the building, where the edge that is stored with it begins.
 
     `angle_deg` is measured counterclockwise from the next edge to the previous one, in (0, 360): 180 along
@@ -97,7 +97,7 @@ class Ring:
 
     name: str
     start: Pose
-    nodes: tuple[Node, ...]
+    nodes: tuple[MapNode, ...]
     edges: tuple[Edge, ...]
 
     @property

@@ -45,7 +45,7 @@ from colony.nav.maps.stickrep.model import (
     Edge,
     Light,
     Map,
-    Node,
+    MapNode,
     Pose,
     Ring,
 )
@@ -94,7 +94,7 @@ class _RingSoFar:
     name: str
     start: Pose
     sound: bool = True
-    nodes: list[Node] = field(default_factory=list)
+    nodes: list[MapNode] = field(default_factory=list)
     edges: list[Edge] = field(default_factory=list)
     node_spans: list[Span] = field(default_factory=list)
     light_spans: list[tuple[Span, ...]] = field(default_factory=list)
@@ -210,7 +210,7 @@ class _Reader:
         ring.node_spans.append(words[1].span)
         ring.light_spans.append(tuple(w.span for w in words[4 : 4 + len(edge.lights)]))
 
-    def _node(self, words: list[Word]) -> Node | None:
+    def _node(self, words: list[Word]) -> MapNode | None:
         angle = fields.ranged(self.problems, words[0], "the angle", 0.0, 360.0, "degrees")
         if angle is not None and abs(angle) in (0.0, 360.0):
             message = f"the angle is {words[0].shown}; expected one between 0 and 360 degrees, either sign"
@@ -229,7 +229,7 @@ class _Reader:
             self.node_names[name] = words[1].span
         if angle is None or name is None:
             return None
-        return Node(name=name, angle_deg=abs(angle), corner=angle < 0)
+        return MapNode(name=name, angle_deg=abs(angle), corner=angle < 0)
 
     def _edge(self, words: list[Word]) -> Edge | None:
         kind = fields.edge_kind(self.problems, words[2])

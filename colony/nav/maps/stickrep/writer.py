@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from colony.nav.maps.stickrep.fields import LENGTH_UNITS
-from colony.nav.maps.stickrep.model import Edge, Map, Node, Pose, Ring, Site
+from colony.nav.maps.stickrep.model import Edge, Map, MapNode, Pose, Ring, Site
 from colony.nav.maps.stickrep.reader import FORMAT_VERSION
 
 _DECIMALS = 6
@@ -63,7 +63,7 @@ def _pose(pose: Pose, scale: float) -> str:
     return f"{_number(pose.x_mm / scale)} {_number(pose.y_mm / scale)} {heading}"
 
 
-def _node(node: Node) -> tuple[str, str]:
+def _node(node: MapNode) -> tuple[str, str]:
     return ("-" if node.corner else "") + _number(node.angle_deg), node.name
 
 

@@ -15,7 +15,6 @@ from pathlib import Path
 from typing import NoReturn
 
 from colony.os_errors import described
-from colony.runtime.assembly.processes.compiled import NotOurs
 from colony.runtime.assembly.processes.devices import Devices
 from colony.runtime.assembly.processes.ending import (
     EXIT_FAILED,
@@ -85,7 +84,7 @@ def _host(part: Part, place: Place, devices: Devices | None, holds: ExitStack) -
         nodes = nodes_of(part, place, devices, holds)
     except OSError as problem:
         raise CannotBegin(described(problem)) from None
-    except (Failure, StoreError, NotOurs) as problem:
+    except (Failure, StoreError) as problem:
         raise CannotBegin(str(problem)) from None
     return Host.open(place, nodes, serves=serves(part), direct=at_once(part, nodes), report=say)
 

@@ -6,9 +6,12 @@ import shutil
 from collections.abc import Iterable
 from pathlib import Path
 
+import msgspec
+
+from colony.execute.artifact import SUFFIX, encode
+from colony.execute.compiled import Compiled
 from colony.ir.types import Value
 from colony.runtime.assembly.processes.children import Job
-from colony.runtime.assembly.processes.compiled import Compiled, write_compiled
 from colony.runtime.assembly.processes.spec import (
     AnnouncerPart,
     ClientPart,
@@ -17,13 +20,17 @@ from colony.runtime.assembly.processes.spec import (
     Device,
     DServerPart,
     Part,
+    ProgramOfRun,
     PServerPart,
     RServerPart,
     Spec,
+    bindings_of,
     name_of,
     said_of,
+    write_private,
     write_spec,
 )
+from colony.runtime.protocol.bindings import Bindings
 from colony.runtime.protocol.deployment import Deployment
 from colony.runtime.protocol.fields import DSERVER, PSERVER, RSERVER, RUNTIME
 from colony.runtime.store.reserve import Reserve
@@ -107,20 +114,22 @@ def server_jobs(place: Local, parts: Iterable[Part], folder: Path, *, hardware: 
 
 
 def client_jobs(
-    place: Place, deployed: Deployment, compiled: Compiled, folder: Path, search: Iterable[str] = ()
+    place: Place,
+    deployed: Deployment,
+    compiled: Compiled,
+    bindings: Bindings,
+    folder: Path,
+    search: Iterable[str] = (),
 ) -> tuple[Job, ...]:
     """How the clients and announcers of a program are started; the program is written into `folder`."""
-    program, search = folder / f"{deployed.run}.program", tuple(search)
-    write_compiled(program, compiled)
+    program = folder / f"{deployed.run}{SUFFIX}"
+    write_private(program, encode(compiled))
+    write_private(bindings_of(program), msgspec.json.encode(bindings))
+    told = ProgramOfRun(run=deployed.run, program=str(program), search=tuple(search))
     parts: list[Part] = [
-        ClientPart(run=deployed.run, program=str(program), actuator=a.name, module=module, search=search)
-        for a in deployed.actuators
-        for module, _ in a.clients
+        ClientPart(told=told, actuator=actuator, module=module) for actuator, module, _ in compiled.clients
     ]
-    parts += [
-        AnnouncerPart(run=deployed.run, program=str(program), module=module, search=search)
-        for module in deployed.announced
-    ]
+    parts += [AnnouncerPart(told=told, module=module) for module in compiled.announced]
     return tuple(job_of(place, part, folder, CLIENTS) for part in parts)
 
 

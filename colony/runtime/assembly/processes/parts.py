@@ -18,15 +18,18 @@ from colony.runtime.assembly.processes.spec import (
     CServerPart,
     DServerPart,
     NodePart,
+    ProgramOfRun,
     PServerPart,
     RServerPart,
+    read_bindings,
 )
 from colony.runtime.protocol.messages import Node
 from colony.runtime.store.store import Store, StoreFull, UnmadeStore
 from colony.runtime.transport.live.place import Local, Place
 
 if TYPE_CHECKING:
-    from colony.runtime.assembly.processes.compiled import Compiled
+    from colony.execute.compiled import Compiled
+    from colony.runtime.protocol.bindings import Bindings
 
 KEPT = 2000
 """How many frames servers keep for who missed one: two seconds, also of frames of a millisecond."""
@@ -57,9 +60,9 @@ def nodes_of(part: NodePart, place: Place, devices: Devices | None, holds: ExitS
     """The nodes that a part consists of; what they hold besides is closed with `holds`.
 
     Raises:
-        Failure: a module in Python cannot be imported or built.
+        Failure: the compiled program is damaged, or a module in Python cannot be imported or built.
         StoreError: what DServer kept cannot be read.
-        NotOurs, OSError: the compiled program cannot be read.
+        OSError: the program or its bindings cannot be read.
         ValueError: the part needs hardware, or has to be on the robot's own machine, and this is not so.
     """
     match part:
@@ -137,20 +140,17 @@ def _store(part: DServerPart) -> Store:
 def _client(part: ClientPart) -> Node:
     from colony.runtime.assembly.nodes import build_client
 
-    compiled = _compiled(part)
-    program, clients, bindings = compiled.program, compiled.clients, compiled.bindings()
-    return build_client(program, clients, bindings, part.actuator, part.module, part.run)
+    return build_client(*_program(part.told), part.actuator, part.module, part.told.run)
 
 
 def _announcer(part: AnnouncerPart) -> Node:
     from colony.runtime.assembly.nodes import build_announcer
 
-    compiled = _compiled(part)
-    return build_announcer(compiled.program, compiled.bindings(), part.module, part.run)
+    return build_announcer(*_program(part.told), part.module, part.told.run)
 
 
-def _compiled(part: ClientPart | AnnouncerPart) -> Compiled:
-    from colony.runtime.assembly.processes.compiled import read_compiled
+def _program(told: ProgramOfRun) -> tuple[Compiled, Bindings]:
+    from colony.execute.artifact import read
 
-    sys.path += part.search
-    return read_compiled(Path(part.program))
+    sys.path += told.search
+    return read(told.program), read_bindings(Path(told.program))

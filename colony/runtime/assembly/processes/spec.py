@@ -1,7 +1,7 @@
 """What a process of a robot is told when it is started: where the robot is, and which part of it to be.
 
-It is a small file of JSON in a folder of the user's alone. The compiled program, where one is needed, is a
-file beside it (see `compiled.py`).
+It is a small file of JSON in a folder of the user's alone. The compiled program, where one is needed, and its
+bindings are files beside it.
 """
 
 from __future__ import annotations
@@ -14,6 +14,7 @@ import msgspec
 from colony.files import read_file
 from colony.ir.types import Value
 from colony.os_errors import naming
+from colony.runtime.protocol.bindings import Bindings
 from colony.runtime.transport.live.place import Credentials, Local, Place, Remote
 from colony.runtime.transport.live.run_directory import RobotDirectory
 
@@ -91,26 +92,27 @@ class GatewayPart(msgspec.Struct, frozen=True, kw_only=True, tag="Gateway"):
     security: str
 
 
-class ClientPart(msgspec.Struct, frozen=True, kw_only=True, tag="client"):
-    """What `module` is for `actuator`, in `run` of the compiled program at `program`.
-
-    Modules in Python are looked for in `search`, too.
-    """
+class ProgramOfRun(msgspec.Struct, frozen=True, kw_only=True):
+    """The file of the compiled program of a run; modules in Python are looked for in `search`, too."""
 
     run: str
     program: str
+    search: tuple[str, ...] = ()
+
+
+class ClientPart(msgspec.Struct, frozen=True, kw_only=True, tag="client"):
+    """The client that `module` is for `actuator`."""
+
+    told: ProgramOfRun
     actuator: str
     module: str
-    search: tuple[str, ...] = ()
 
 
 class AnnouncerPart(msgspec.Struct, frozen=True, kw_only=True, tag="announcer"):
-    """What tells the activity of `module`, which is written in Python; the others are as of a client."""
+    """The process that tells the activity of `module`, which is written in Python."""
 
-    run: str
-    program: str
+    told: ProgramOfRun
     module: str
-    search: tuple[str, ...] = ()
 
 
 NodePart = ClockPart | RServerPart | PServerPart | CServerPart | DServerPart | ClientPart | AnnouncerPart
@@ -130,9 +132,35 @@ def write_spec(path: Path, spec: msgspec.Struct) -> None:
     Raises:
         OSError: it cannot be written.
     """
-    path.unlink(missing_ok=True)
-    with naming(path), open(os.open(path, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o600), "wb") as file:
-        file.write(msgspec.json.encode(spec))
+    write_private(path, msgspec.json.encode(spec))
+
+
+def write_private(path: Path, data: bytes) -> None:
+    """Write a file for this user alone, whole or not at all.
+
+    Raises:
+        OSError: it cannot be written.
+    """
+    beside = path.with_name(f"{path.name}.{os.getpid()}")
+    beside.unlink(missing_ok=True)
+    with naming(beside), open(os.open(beside, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o600), "wb") as file:
+        file.write(data)
+    beside.replace(path)
+
+
+def bindings_of(program: Path) -> Path:
+    """The file with the bindings of the compiled program in another file."""
+    return program.with_suffix(".bindings")
+
+
+def read_bindings(program: Path) -> Bindings:
+    """Read the bindings of the compiled program in a file.
+
+    Raises:
+        msgspec.DecodeError: they are none.
+        OSError: they cannot be read.
+    """
+    return msgspec.json.decode(read_file(bindings_of(program), SPEC_BYTES), type=Bindings)
 
 
 def read_spec(path: Path) -> Spec:

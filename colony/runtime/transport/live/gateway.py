@@ -21,7 +21,7 @@ from colony.runtime.transport.live.endpoint import parse_endpoint
 from colony.runtime.transport.live.errors import GatewayFull
 from colony.runtime.transport.live.host import Host
 from colony.runtime.transport.live.limits import allow_descriptors
-from colony.runtime.transport.live.network import Network, local_time
+from colony.runtime.transport.live.network import ZenohSession, local_time
 from colony.runtime.transport.live.outbox import Report
 from colony.runtime.transport.live.place import Local
 from colony.runtime.transport.live.security import PERMISSIONS, Permission, Security
@@ -120,7 +120,7 @@ def open_gateway(
         "access_control": access_control(place.robot, security),
     }
     with ExitStack() as holds:
-        network = holds.enter_context(Network.open(place, listens=(GATEWAY,), settings=settings))
+        network = holds.enter_context(ZenohSession.open(place, listens=(GATEWAY,), settings=settings))
         host = Host(network, [GatewayNode(security)], time=local_time(place), report=report)
         host.and_close(holds.pop_all())
         return host

@@ -47,7 +47,7 @@ from colony.runtime.protocol.plausibility import check_plausible
 from colony.runtime.transport.live import keys
 from colony.runtime.transport.live.border import Border
 from colony.runtime.transport.live.inbox import Inbox
-from colony.runtime.transport.live.network import Network, local_user
+from colony.runtime.transport.live.network import ZenohSession, local_user
 from colony.runtime.transport.live.outbox import Outbox, Report
 from colony.runtime.transport.live.place import Place
 from colony.runtime.transport.live.robot_time import time_of
@@ -66,7 +66,7 @@ class Host:
 
     def __init__(
         self,
-        network: Network,
+        network: ZenohSession,
         nodes: Sequence[Node],
         *,
         time: Callable[[], int],
@@ -132,7 +132,7 @@ class Host:
         """
         listens = tuple(node.address for node in nodes) if serves else ()
         with ExitStack() as holds:
-            network = holds.enter_context(Network.open(place, listens=listens))
+            network = holds.enter_context(ZenohSession.open(place, listens=listens))
             if time is None:
                 time = time_of(network)
             host = cls(network, nodes, time=time, direct=direct, report=report)
@@ -140,7 +140,7 @@ class Host:
             return host
 
     @property
-    def network(self) -> Network:
+    def network(self) -> ZenohSession:
         """What the process is part of, for connections besides its nodes."""
         return self._network
 

@@ -30,7 +30,7 @@ Watcher = Callable[[str, bool], None]
 """Told of the address of a node, and whether it is there."""
 
 
-class Network:
+class ZenohSession:
     """Mutable: open or closed. Use it in a `with`: until it is closed, the process does not end.
 
     No process forks while it has one open. `stops` is the second session of a server, for emergency stops
@@ -55,7 +55,7 @@ class Network:
     @classmethod
     def open(
         cls, place: Place, *, listens: tuple[str, ...] = (), settings: Settings | None = None
-    ) -> Network:
+    ) -> ZenohSession:
         """Join the robot's processes, on this machine as the servers named by `listens`, which are then found
         under the socket of the first. `settings` take the place of the usual ones.
 
@@ -113,7 +113,7 @@ class Network:
         """Leave; again is nothing."""
         self._holds.close()
 
-    def __enter__(self) -> Network:
+    def __enter__(self) -> ZenohSession:
         return self
 
     def __exit__(

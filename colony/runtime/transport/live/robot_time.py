@@ -18,7 +18,7 @@ from colony.runtime.protocol.codec import NotAMessage
 from colony.runtime.protocol.messages import Tick
 from colony.runtime.transport.live import keys
 from colony.runtime.transport.live.errors import NotReached
-from colony.runtime.transport.live.network import Network, local_time
+from colony.runtime.transport.live.network import ZenohSession, local_time
 from colony.runtime.transport.live.place import Local
 
 DRIFT = 1e-4
@@ -57,7 +57,7 @@ class LearnedTime:
         return self._last_ns
 
 
-def time_of(network: Network) -> Callable[[], int]:
+def time_of(network: ZenohSession) -> Callable[[], int]:
     """The robot's time in nanoseconds: that of this machine where the robot is on it, else as it is learned.
 
     Raises:
@@ -68,7 +68,7 @@ def time_of(network: Network) -> Callable[[], int]:
     return local_time(place) if isinstance(place, Local) else learned_time(network)
 
 
-def learned_time(network: Network, *, timeout_s: float = FIRST_TICK_S) -> LearnedTime:
+def learned_time(network: ZenohSession, *, timeout_s: float = FIRST_TICK_S) -> LearnedTime:
     """The time of a robot of another machine, once a tick was heard; it goes on learning.
 
     Raises:

@@ -8,12 +8,11 @@ from dataclasses import replace
 
 import pytest
 
-from colony.compile.backends.python.generate import generate, load
-from colony.compile.pipeline import compile_program
 from colony.dsl.load import load_text
-from colony.execute.executor import ClientListExecutor
 from colony.ir.frame import Frame
 from colony.ir.program import Program
+from tests.executors import outcomes
+from tests.programs import generated
 
 TEXT = """
 robot r {
@@ -40,7 +39,7 @@ def program(expression: str, low: float | None, high: float | None, factor: floa
 
 def check(of: Program) -> str | None:
     """The condition under which a command goes out as it is; None where it always does."""
-    text = generate(of, compile_program(of).clients)
+    text = generated(of)
     found = re.search(r"        elif (.*):\n", text[text.index("class Program") :])
     return None if found is None else found[1]
 
@@ -86,12 +85,9 @@ def test_what_is_checked(
 def test_what_is_sent(low: float | None, high: float | None, factor: float, idle: str) -> None:
     for expression in ("x", "sqrt(x)", "p", "far", "deep", "x / 0"):
         of = program(expression, low, high, factor, idle)
-        clients = compile_program(of).clients
-        plain, generated = ClientListExecutor(of, clients), load(generate(of, clients))
         values = (-math.inf, -HUGE, -2.0, 0.0, 2.0, 5.0, 8.0, 80.0, HUGE, math.inf)
-        for at, value in enumerate(values):
-            readings = dict.fromkeys(("x", "p", "far", "deep"), value) | {"b": at % 2 == 0}
-            frame = Frame(at, readings)
-            assert repr(generated.step(frame)) == repr(plain.step(frame))
-        missing = Frame(99, {})
-        assert repr(generated.step(missing)) == repr(plain.step(missing))
+        trace = [
+            Frame(at, dict.fromkeys(("x", "p", "far", "deep"), value) | {"b": at % 2 == 0})
+            for at, value in enumerate(values)
+        ]
+        outcomes(of, [*trace, Frame(99, {})])

@@ -9,10 +9,11 @@ from colony.compile.backends.python.layout import ROOT, Layout
 from colony.compile.backends.python.names import Names
 from colony.compile.backends.python.placement import Placement
 from colony.compile.backends.python.ranges import ranges
-from colony.compile.lower.lower import lower_client
+from colony.compile.lower.lower import lower
 from colony.compile.pipeline import compile_program
 from colony.dsl.load import load_text
 from colony.execute.code import Lost, OutsideActive
+from colony.execute.views import of_client
 
 TEXT = """
 robot r {
@@ -29,7 +30,7 @@ network { out = %s suppresses m }
 @pytest.mark.parametrize(("above", "kind"), [("p", OutsideActive), ("n", Lost)])
 def test_what_others_do_has_no_text(above: str, kind: type) -> None:
     program = load_text(TEXT % above)
-    code = lower_client(program, compile_program(program).clients, "out", "m")
+    code = of_client(lower(program, compile_program(program).clients).code, "out", "m")
     at = next(i for i, op in enumerate(code.ops) if isinstance(op, kind))
     layout, known = Layout(), ranges(code)
     placement = Placement(code, layout, known)

@@ -14,15 +14,17 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from colony.compile.backends.python.generate import generate, load
+from colony.compile.lower.lower import lower
 from colony.compile.pipeline import compile_program
 from colony.dsl.load import load_text
-from colony.execute.executor import ClientListExecutor
 from colony.ir.expression import NESTING_LIMIT, Expression, Unary, UnaryOperation
 from colony.ir.frame import Frame
 from colony.ir.program import Program
 from colony.text.diagnostics import Failure
 from colony.verify.testing.strategies import programs, traces
+from tests.executors import outcomes
 from tests.networks import chain
+from tests.programs import generated
 from tests.runtime.programs import roam
 
 WANDER = """
@@ -47,8 +49,7 @@ contract never_ram: bumper implies drive.velocity <= 0
 
 
 def _source(text: str) -> str:
-    program = load_text(text, "wander.colony")
-    return generate(program, compile_program(program).clients)
+    return generated(load_text(text, "wander.colony"))
 
 
 def _imports(source: str) -> set[str]:
@@ -100,8 +101,7 @@ def test_what_can_hold_no_nan_needs_no_helper() -> None:
 
 @given(data=st.data())
 def test_it_imports_nothing_but_math_and_the_users_modules(data: st.DataObject) -> None:
-    program = data.draw(programs())
-    source = generate(program, compile_program(program).clients)
+    source = generated(data.draw(programs()))
     assert _imports(source) <= {"math", "colony.verify.testing.python_modules"}
 
 
@@ -151,7 +151,7 @@ module None_ {
 network { def = None_ }
 """
     program = load_text(text)
-    executor = load(generate(program, compile_program(program).clients))
+    executor = load(generated(program))
     frame = {"lambda": 1.0, "min": 2.0, "self": True, "records": 3.0, "settle": 4.0, "has_min": 5.0}
     for i in range(2):
         (decision,) = executor.step(Frame(i * 10**9, frame | {"__x": 6.0, "get": 7.0})).decisions
@@ -159,8 +159,7 @@ network { def = None_ }
 
 
 def test_odd_text_in_names_of_files_stays_in_comments() -> None:
-    program = load_text(WANDER, 'a"""\nimport os\n\\')
-    source = generate(program, compile_program(program).clients)
+    source = generated(load_text(WANDER, 'a"""\nimport os\n\\'))
     assert _imports(source) == {"math"}
     assert ":  # avoid, priority 2, a????import os??:" in source
     load(source)
@@ -168,14 +167,11 @@ def test_odd_text_in_names_of_files_stays_in_comments() -> None:
 
 def test_names_stand_in_comments_as_they_are() -> None:
     program = load_text(WANDER.replace("avoid", "Xeno_XX"), "X.colony")
-    assert re.search(
-        r":  # Xeno_XX, priority 2, X\.colony:\d+$", generate(program, compile_program(program).clients), re.M
-    )
+    assert re.search(r":  # Xeno_XX, priority 2, X\.colony:\d+$", generated(program), re.M)
 
 
 def test_a_program_that_was_made_without_text_has_no_places() -> None:
-    program = roam()
-    source = generate(program, compile_program(program).clients)
+    source = generated(roam())
     assert re.search(r"# cruise, priority 1$", source, re.MULTILINE)
     assert "<none>" not in source
 
@@ -187,7 +183,7 @@ def test_a_class_that_cannot_be_named_is_refused() -> None:
         wrong = tuple(replace(m, module_path=path) if m.name == "p" else m for m in program.modules)
         other = replace(program, modules=wrong)
         with pytest.raises(Failure) as failure:
-            generate(other, compile_program(other).clients)
+            generated(other)
         (found,) = failure.value.diagnostics
         assert (found.code, found.message) == ("E405", f"`{path}.Y` is no name of a Python class")
 
@@ -216,10 +212,7 @@ def test_where_a_module_is_in_python_time_counts() -> None:
 
 
 def _agree(program: Program, *readings: dict[str, object]) -> None:
-    clients = compile_program(program).clients
-    plain, generated = ClientListExecutor(program, clients), load(generate(program, clients))
-    for i, reading in enumerate(readings):
-        assert repr(generated.step(Frame(i, reading))) == repr(plain.step(Frame(i, reading)))
+    outcomes(program, [Frame(i, reading) for i, reading in enumerate(readings)])
 
 
 DEEP = """
@@ -260,8 +253,7 @@ def test_big_arrays() -> None:
 
 
 def test_many_modules() -> None:
-    program = chain(3000)
-    source = generate(program, compile_program(program).clients)
+    source = generated(chain(3000))
     load(source)
     assert len(source) < 3000 * 400
 
@@ -284,8 +276,8 @@ def test_many_clients_of_one_shared_value() -> None:
 def test_generated_source_is_the_same_each_time(data: st.DataObject) -> None:
     program = data.draw(programs())
     clients = compile_program(program).clients
-    source = generate(program, clients)
-    assert source == generate(program, clients)
+    source = generate(lower(program, clients))
+    assert source == generate(lower(program, clients))
     assert not [line for line in source.splitlines() if line != line.rstrip()]
     executors = [load(source) for _ in range(2)]
     for frame in data.draw(traces(program)):

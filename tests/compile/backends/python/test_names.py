@@ -5,9 +5,7 @@ from __future__ import annotations
 import pytest
 
 from colony.compile.backends.python.names import Names
-from colony.compile.lower.lower import lower
-from colony.compile.pipeline import compile_program
-from colony.dsl.load import load_text
+from tests.programs import lowered
 
 TEXT = """
 robot r {
@@ -22,8 +20,7 @@ network { out = m }
 
 
 def names(*taken: str) -> Names:
-    program = load_text(TEXT)
-    return Names(lower(program, compile_program(program).clients), frozenset(taken))
+    return Names(lowered(TEXT), frozenset(taken))
 
 
 @pytest.mark.parametrize(

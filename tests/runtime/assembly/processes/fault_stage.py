@@ -10,12 +10,11 @@ import os
 import re
 import signal
 import subprocess
-import sys
 import threading
 import time
 from collections import deque
 from collections.abc import Callable, Iterator
-from contextlib import ExitStack, contextmanager
+from contextlib import AbstractContextManager, ExitStack, contextmanager
 from pathlib import Path
 from random import Random
 from typing import NamedTuple
@@ -25,11 +24,12 @@ import zenoh
 from colony.robots.process_run import PLANT_S
 from colony.runtime.protocol import codec, topics
 from colony.runtime.protocol.messages import Tick, Verdict
-from colony.runtime.transport.live.network import Network, local_time
+from colony.runtime.transport.live.network import ZenohSession, local_time
 from colony.runtime.transport.live.place import local
 from colony.sim.plant.child import plant_socket
 from colony.sim.plant.control import PlantControl
 from tests.cli.machine import MAP, ROBOT, WANDER, Machine, Started, children_of, until
+from tests.runtime.transport.live.stage import python_process
 
 FRAME_NS = 50_000_000
 LONG_S = "100000"
@@ -73,7 +73,7 @@ class Run:
         place = local(ROBOT, machine.environment)
         until(lambda: self.started.ended() or machine.truth(), "the simulator starts", patience_s=PLANT_S)
         assert not self.started.ended(), self.started.err
-        self.network = self._holds.enter_context(Network.open(place))
+        self.network = self._holds.enter_context(ZenohSession.open(place))
         self.now: Callable[[], int] = local_time(place)
         self.base_ns = place.directory.base_ns()
         for topic in (topics.TICKS, topics.VERDICTS):
@@ -174,17 +174,6 @@ class Run:
             thread.join()
 
 
-@contextmanager
-def child(machine: Machine, what: str) -> Iterator[subprocess.Popen[str]]:
+def child(machine: Machine, what: str) -> AbstractContextManager[subprocess.Popen[str]]:
     """A `fault_child`, killed in the end where it lives still."""
-    process = subprocess.Popen(
-        [sys.executable, "-m", "tests.runtime.assembly.processes.fault_child", what],
-        env=machine.environment,
-        stdout=subprocess.PIPE,
-        text=True,
-    )
-    try:
-        yield process
-    finally:
-        process.kill()
-        process.communicate()
+    return python_process(machine.environment, "-m", "tests.runtime.assembly.processes.fault_child", what)

@@ -12,19 +12,23 @@ import msgspec
 import pytest
 
 from colony.compile.pipeline import compile_program
+from colony.execute.artifact import encode, read
 from colony.ir.frame import Frame, Outcome
 from colony.ir.program import Program
-from colony.runtime.assembly.processes.compiled import Compiled, NotOurs, read_compiled, write_compiled
+from colony.runtime.assembly.processes.children import Job
 from colony.runtime.assembly.processes.crew import client_jobs, fresh_folder, server_parts
 from colony.runtime.assembly.processes.leader import LeaderServer, Standings
 from colony.runtime.assembly.processes.parts import nodes_of, serves
 from colony.runtime.assembly.processes.spec import (
     Device,
     Spec,
+    bindings_of,
     name_of,
     place_of,
+    read_bindings,
     read_spec,
     said_of,
+    write_private,
     write_spec,
 )
 from colony.runtime.assembly.processes.window import Window
@@ -35,7 +39,7 @@ from colony.runtime.protocol.bindings import bind
 from colony.runtime.protocol.calls import Nothing
 from colony.runtime.protocol.deployment import Deployment, deployment
 from colony.runtime.protocol.messages import Fate, Reply, Send, Tick, Verdict
-from colony.runtime.transport.live.place import Credentials, Local, Remote
+from colony.runtime.transport.live.place import Credentials, Local, Place, Remote
 from colony.runtime.transport.live.run_directory import RobotDirectory
 from tests.runtime.calling import call_of, opening
 from tests.runtime.programs import roam
@@ -52,7 +56,12 @@ def roaming() -> Program:
 
 
 def deployed(of: Program) -> Deployment:
-    return deployment(of, compile_program(of).clients, bind(of), run="r1", seed=1)
+    return deployment(compile_program(of).artifact, bind(of.robot), run="r1", seed=1)
+
+
+def jobs_of(of: Program, place: Place, folder: Path) -> tuple[Job, ...]:
+    compiled = compile_program(of).artifact
+    return client_jobs(place, deployed(of), compiled, bind(of.robot), folder, ("modules",))
 
 
 def log(k: int, *fates: tuple[str, Fate], by: str | None = None, restart: bool = False) -> FrameLog:
@@ -71,21 +80,29 @@ def log(k: int, *fates: tuple[str, Fate], by: str | None = None, restart: bool =
 
 
 def test_a_compiled_program_comes_back_as_it_was(roaming: Program, tmp_path: Path) -> None:
-    path = tmp_path / "p"
-    compiled = Compiled(roaming, compile_program(roaming).clients)
-    write_compiled(path, compiled)
-    write_compiled(path, compiled)  # in place of the first one
-    assert path.stat().st_mode & 0o777 == 0o600
-    assert read_compiled(path) == compiled
-    assert os.listdir(tmp_path) == ["p"]
+    path = tmp_path / "p.colonyc"
+    compiled = compile_program(roaming).artifact
+    for _ in range(2):  # the second in place of the first one
+        write_private(path, encode(compiled))
+        write_private(bindings_of(path), msgspec.json.encode(bind(roaming.robot)))
+    assert {file.stat().st_mode & 0o777 for file in tmp_path.iterdir()} == {0o600}
+    assert read(path) == compiled
+    assert read_bindings(path) == bind(roaming.robot)
+    assert sorted(os.listdir(tmp_path)) == ["p.bindings", "p.colonyc"]
 
 
-def test_a_pickle_that_others_may_write_is_not_read(roaming: Program, tmp_path: Path) -> None:
-    path = tmp_path / "p"
-    write_compiled(path, Compiled(roaming, compile_program(roaming).clients))
-    path.chmod(0o620)
-    with pytest.raises(NotOurs, match="not this user's alone"):
-        read_compiled(path)
+def test_a_client_does_not_begin_with_a_damaged_program(roaming: Program, tmp_path: Path) -> None:
+    place = Local(RobotDirectory(tmp_path, "rome"))
+    job = jobs_of(roaming, place, tmp_path)[0]
+    (path,) = tmp_path.glob("*.colonyc")
+    data = bytearray(path.read_bytes())
+    data[-1] ^= 1
+    path.write_bytes(data)
+    done = subprocess.run([sys.executable, "-m", job.module, *job.arguments], capture_output=True, text=True)
+    assert done.returncode != 0
+    (line,) = done.stderr.splitlines()
+    assert f"{path}:1:1: error[C001]" in line
+    assert "damaged" in line
 
 
 def test_specs_come_back_as_they_were(roaming: Program, tmp_path: Path) -> None:
@@ -96,11 +113,10 @@ def test_specs_come_back_as_they_were(roaming: Program, tmp_path: Path) -> None:
         endpoint="tls/h:1",
         credentials=Credentials(user="ada", certificate=pem, key=pem, authority=pem),
     )
-    compiled = Compiled(roaming, compile_program(roaming).clients)
     for place in (here, there):
         assert place_of(said_of(place)) == place
         folder = fresh_folder(tmp_path / "told")
-        jobs = client_jobs(place, deployed(roaming), compiled, folder, ("modules",))
+        jobs = jobs_of(roaming, place, folder)
         assert [job.name for job in jobs] == CLIENTS
         specs = [read_spec(Path(job.arguments[0])) for job in jobs]
         assert [name_of(spec.part) for spec in specs] == CLIENTS
@@ -113,9 +129,7 @@ def test_specs_come_back_as_they_were(roaming: Program, tmp_path: Path) -> None:
 
 def test_a_client_is_built_of_its_spec(roaming: Program, tmp_path: Path) -> None:
     place = Local(RobotDirectory(tmp_path, "rome"))
-    jobs = client_jobs(
-        place, deployed(roaming), Compiled(roaming, compile_program(roaming).clients), tmp_path
-    )
+    jobs = jobs_of(roaming, place, tmp_path)
     with ExitStack() as holds:
         (node,) = nodes_of(read_spec(Path(jobs[1].arguments[0])).part, place, None, holds)  # type: ignore[arg-type]
     assert node.address == "drive/avoid"

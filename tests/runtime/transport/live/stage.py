@@ -3,7 +3,10 @@ a condition instead of sleeping."""
 
 from __future__ import annotations
 
+import os
 import shutil
+import subprocess
+import sys
 import tempfile
 import threading
 import time
@@ -15,6 +18,7 @@ from colony.runtime.protocol.messages import Effect, Message, Node
 from colony.runtime.transport.live.host import Host
 from colony.runtime.transport.live.place import Local, local
 
+ROOT = Path(__file__).parents[4]
 ROBOT = "rome"
 PATIENCE_S = 20.0
 """Far longer than anything takes; only a failure waits for so long."""
@@ -41,6 +45,26 @@ def until(condition: Callable[[], bool], what: str) -> None:
     while not condition():
         assert time.monotonic() < end, f"waited {PATIENCE_S:g} s in vain: {what}"
         time.sleep(0.001)
+
+
+@contextmanager
+def python_process(
+    environment: Mapping[str, str], *arguments: str, says: str = ""
+) -> Iterator[subprocess.Popen[str]]:
+    """A process of Python that has said this line first, killed in the end where it lives still."""
+    process = subprocess.Popen(
+        [sys.executable, *arguments],
+        env={**os.environ, **environment, "PYTHONPATH": str(ROOT)},
+        stdout=subprocess.PIPE,
+        text=True,
+    )
+    try:
+        assert process.stdout is not None
+        assert not says or process.stdout.readline() == f"{says}\n"
+        yield process
+    finally:
+        process.kill()
+        process.communicate()
 
 
 class Running:

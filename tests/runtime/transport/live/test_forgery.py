@@ -26,12 +26,10 @@ from colony.runtime.protocol.messages import (
     Tick,
 )
 from colony.runtime.transport.live import keys
-from colony.runtime.transport.live.network import Network
+from colony.runtime.transport.live.network import ZenohSession
 from colony.runtime.transport.live.place import local
+from tests.runtime.transport.live.gateway_lab import Lab, put
 from tests.runtime.transport.live.stage import ROBOT, Recorder, hosted, run_directory, until
-from tests.runtime.transport.live.test_gateway import _Lab, _put, lab
-
-__all__ = ["lab"]
 
 _NOTHING = msgspec.Raw(msgspec.msgpack.encode({}))
 CALL = Call(connection="ada/1", number=1, method="drive", arguments=_NOTHING)
@@ -72,9 +70,9 @@ def test_a_call_on_a_topic_of_frames_is_malformed() -> None:
     with (
         run_directory() as environment,
         hosted(environment, [node]),
-        Network.open(local(ROBOT, environment)) as network,
+        ZenohSession.open(local(ROBOT, environment)) as network,
     ):
-        _put(network, f"colony/{ROBOT}/RServer/fetches/bob", codec.encode(CALL))
+        put(network, f"colony/{ROBOT}/RServer/fetches/bob", codec.encode(CALL))
         until(lambda: bool(node.got), "it is told of")
     (found,) = node.got
     assert isinstance(found, Malformed)
@@ -94,25 +92,25 @@ def test_no_name_that_somebody_gives_breaks_a_server(client: str) -> None:
     with (
         run_directory() as environment,
         hosted(environment, [node], report=reports.append),
-        Network.open(local(ROBOT, environment)) as network,
+        ZenohSession.open(local(ROBOT, environment)) as network,
     ):
         for name in (client, "drive/cruise"):
-            _put(network, f"colony/{ROBOT}/DServer/checkpoints/bob", codec.encode(Recall(client=name)))
+            put(network, f"colony/{ROBOT}/DServer/checkpoints/bob", codec.encode(Recall(client=name)))
         until(lambda: len(node.got) == 2, "it lives")
     assert len(reports) == (client not in ("*", "**"))
 
 
-def test_who_may_only_read_cannot_call_in_the_name_of_another(lab: _Lab) -> None:
+def test_who_may_only_read_cannot_call_in_the_name_of_another(lab: Lab) -> None:
     got: list[Any] = []
     node = Recorder("RServer", topics.calls("RServer"), topics.fetches("RServer"))
-    with hosted(lab.environment, [node]), Network.open(lab.remote("bob")) as network:
+    with hosted(lab.environment, [node]), ZenohSession.open(lab.remote("bob")) as network:
         until(lambda: "RServer" in network.alive(), "the gateway found the server")
         for connection in ("ada/fetches", "ada/frames", "bob/fetches"):
             call = msgspec.structs.replace(CALL, connection=connection)
             network.session.put(f"colony/{ROBOT}/RServer/call/command/{connection}", codec.encode(call))
-        _put(network, f"colony/{ROBOT}/RServer/fetches/bob", codec.encode(CALL))
+        put(network, f"colony/{ROBOT}/RServer/fetches/bob", codec.encode(CALL))
         honest = Fetch(server="RServer", k=7)
-        _put(network, f"colony/{ROBOT}/RServer/fetches/bob", codec.encode(honest))
+        put(network, f"colony/{ROBOT}/RServer/fetches/bob", codec.encode(honest))
         until(lambda: honest in node.got, "the honest one")
         got = list(node.got)
     assert [m for m in got if isinstance(m, (Call, Alive))] == []

@@ -5,12 +5,10 @@ from __future__ import annotations
 
 import os
 from collections import Counter
-from collections.abc import Iterator
 from contextlib import suppress
 from pathlib import Path
 from random import Random
 
-import pytest
 import zenoh
 
 from colony.runtime.kit.connection import Session
@@ -22,7 +20,7 @@ from colony.runtime.protocol.calls import Nothing, Status
 from colony.runtime.protocol.codec import LARGEST, NotAMessage
 from colony.runtime.protocol.messages import Reply, Right, Sent, Tick
 from colony.runtime.transport.live.inbox import LONGEST_SLEEP_S, Inbox
-from colony.runtime.transport.live.network import Network
+from colony.runtime.transport.live.network import ZenohSession
 from colony.runtime.transport.live.outbox import publish
 from colony.runtime.transport.live.place import local
 from colony.runtime.transport.live.waiting import WaitingRoom
@@ -43,7 +41,7 @@ class Gun(Stage):
     Mutable: what was fired.
     """
 
-    def __init__(self, name: str, network: Network, random: Random) -> None:
+    def __init__(self, name: str, network: ZenohSession, random: Random) -> None:
         self.network = network
         self.fired = 0
         rights: tuple[Right, ...] = ("read", "stop") if name == "RServer" else ("read", "command", "stop")
@@ -69,13 +67,6 @@ class Gun(Stage):
         self.network.session.put(
             key, data, congestion_control=zenoh.CongestionControl.BLOCK, priority=zenoh.Priority.DATA
         )
-
-
-@pytest.fixture
-def machine(tmp_path: Path) -> Iterator[Machine]:
-    made = Machine(tmp_path)
-    yield made
-    made.close()
 
 
 def resident(pid: int) -> int:
@@ -106,7 +97,7 @@ def test_servers_under_fire(machine: Machine) -> None:
             if isinstance(reply, Reply):
                 said[reply.problem.code if reply.problem is not None else "done"] += 1
 
-    with machine.session() as session, Network.open(local(ROBOT, machine.environment)) as network:
+    with machine.session() as session, ZenohSession.open(local(ROBOT, machine.environment)) as network:
         until(lambda: set(BUILD) <= set(network.alive()), "all of them are found")
         handler = zenoh.handlers.Callback(hear, indirect=False)
         network.session.declare_subscriber(f"colony/{ROBOT}/*/reply/*/*", handler)
@@ -133,7 +124,7 @@ def test_servers_under_fire(machine: Machine) -> None:
     assert served.err.count("Traceback") == 0
 
 
-def _cannonballs(network: Network) -> None:
+def _cannonballs(network: ZenohSession) -> None:
     """What is too large, or comes on keys where nobody should speak."""
     huge = bytes([1]) + bytes(LARGEST)
     for key in (

@@ -6,8 +6,10 @@ import os
 import shutil
 import subprocess
 import sys
-from collections.abc import Callable, Iterator
+import time
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import ExitStack, contextmanager
+from dataclasses import dataclass
 from pathlib import Path
 
 import pytest
@@ -23,6 +25,7 @@ from tests.runtime.transport.live.stage import ROBOT, hosted, place, run_directo
 
 HERE, THERE = "198.18.231.1", "198.18.231.2"
 SECOND = 1_000_000_000
+TRIES = 3
 
 CLIENT = """
 import sys, time
@@ -37,12 +40,13 @@ arguments = dict(robot="rome", gateway=endpoint, credentials=read_credentials(lo
 with connect("RServer", name="teleop", priority=5, **arguments) as base:
     while True:
         try:
-            base.do(robot.drive(100.0, 0.0))
-            print("driving", flush=True)
+            base.do(ASK)
+            print("done", flush=True)
         except ConnectionProblem as problem:
             print(type(problem).__name__, flush=True)
         time.sleep(0.1)
 """
+"""Asks RServer for the same again and again, ten times a second."""
 
 
 def _run(*command: str) -> None:
@@ -109,11 +113,11 @@ class _Base:
 
 
 class _Remote:
-    """The client on the other machine. Mutable: how many times it said what."""
+    """The client on the other machine. Mutable: what of its output was read."""
 
-    def __init__(self, namespace: str, endpoint: str, login: Path) -> None:
+    def __init__(self, namespace: str, code: str, endpoint: str, login: Path) -> None:
         self._process = subprocess.Popen(
-            ["ip", "netns", "exec", namespace, sys.executable, "-c", CLIENT, endpoint, str(login)],
+            ["ip", "netns", "exec", namespace, sys.executable, "-c", code, endpoint, str(login)],
             env={**os.environ, "PYTHONPATH": str(Path(__file__).parents[4])},
             stdout=subprocess.PIPE,
             text=True,
@@ -132,12 +136,30 @@ class _Remote:
         self._process.communicate()
 
 
-@pytest.mark.skipif(not _can_make_networks(), reason="needs root, and to make network namespaces")
-def test_a_robot_stops_when_the_cable_is_pulled_and_goes_on_when_it_is_back(tmp_path: Path) -> None:
-    authority = Authority(tmp_path)
+@dataclass(frozen=True, slots=True)
+class _Split:
+    """A robot here, a client on the other machine, and the cable between them."""
+
+    environment: Mapping[str, str]
+    base: _Base
+    server: RServer
+    remote: _Remote
+    cable: str
+
+    def set(self, state: str) -> int:
+        """Pull the cable (`down`) or plug it in (`up`); the robot's time just before."""
+        now_ns = local_time(place(self.environment))()
+        _run("ip", "link", "set", self.cable, state)
+        return now_ns
+
+
+@contextmanager
+def _split(folder: Path, ask: str) -> Iterator[_Split]:
+    """A robot whose client asks for this from the other machine."""
+    authority = Authority(folder)
     security = read_security(authority.table({"ada": ("read", "command")}, HERE))
     authority.user("ada")
-    login = tmp_path / "login.toml"
+    login = folder / "login.toml"
     login.write_text('user="ada"\ncertificate="ada.pem"\nkey="ada.key"\nauthority="authority.pem"\n')
     with ExitStack() as holds:
         environment = holds.enter_context(run_directory())
@@ -148,17 +170,40 @@ def test_a_robot_stops_when_the_cable_is_pulled_and_goes_on_when_it_is_back(tmp_
         holds.enter_context(hosted(environment, [server]))
         endpoint = f"tls/{HERE}:{free_port()}"
         holds.enter_context(running(open_gateway(place(environment), endpoint, security)))
-        remote = _Remote(namespace, endpoint, login)
+        remote = _Remote(namespace, CLIENT.replace("ASK", ask), endpoint, login)
         holds.callback(remote.end)
+        yield _Split(environment, base, server, remote, cable)
+
+
+pytestmark = pytest.mark.skipif(not _can_make_networks(), reason="needs root, and to make network namespaces")
+
+
+def test_a_robot_stops_when_the_cable_is_pulled_and_goes_on_when_it_is_back(tmp_path: Path) -> None:
+    assert ROBOT == "rome"
+    with _split(tmp_path, "robot.drive(100.0, 0.0)") as split:
+        base = split.base
         for _ in range(2):
-            remote.says("driving")
+            split.remote.says("done")
             until(lambda: base.velocity == 100.0, "the robot drives")
-            pulled_ns = local_time(place(environment))()
-            _run("ip", "link", "set", cable, "down")
+            pulled_ns = split.set("down")
             until(lambda: base.velocity == 0.0, "the robot stops")
             assert base.changed_ns - pulled_ns < 2 * SECOND
-            until(lambda: not server._calls.callers, "the client is lost")
-            remote.says("TimedOut")
-            _run("ip", "link", "set", cable, "up")
+            until(lambda: not split.server._calls.callers, "the client is lost")
+            split.remote.says("TimedOut")
+            split.set("up")
             until(lambda: base.velocity == 100.0, "the robot drives again")
-    assert ROBOT == "rome"
+
+
+def test_a_lock_is_free_within_a_second_of_the_pulled_cable(tmp_path: Path) -> None:
+    with _split(tmp_path, "robot.lock()") as split:
+        lock, took = split.server._pilot.lock, list[int]()
+        while not took or (min(took) > SECOND and len(took) < TRIES):
+            until(lambda: lock.holder is not None, "the client has the lock, or has it again")
+            split.set("down")
+            pulled = time.monotonic_ns()
+            until(lambda: lock.holder is None, "the lock is free")
+            took.append(time.monotonic_ns() - pulled)
+            split.set("up")
+        print(f"free after {', '.join(f'{ns / 1e6:.0f}' for ns in took)} ms")
+        assert min(took) <= SECOND
+        until(lambda: lock.holder is not None, "the client is back")

@@ -10,14 +10,14 @@ import zenoh
 from colony.runtime.protocol import codec, topics
 from colony.runtime.protocol.messages import Reply, Tick
 from colony.runtime.transport.live import keys, outbox
-from colony.runtime.transport.live.network import Network
+from colony.runtime.transport.live.network import ZenohSession
 from colony.runtime.transport.live.outbox import IDLE_NS, Outbox
 from tests.runtime.transport.live.stage import ROBOT, place, run_directory, until
 
 
 @pytest.fixture
-def network() -> Iterator[Network]:
-    with run_directory() as environment, Network.open(place(environment)) as made:
+def network() -> Iterator[ZenohSession]:
+    with run_directory() as environment, ZenohSession.open(place(environment)) as made:
         yield made
 
 
@@ -26,7 +26,7 @@ def _reply(box: Outbox, connection: str, now_ns: int) -> None:
     box.send(topics.replies("RServer", connection), reply, now_ns)
 
 
-def test_publishers_for_connections_are_given_back_when_they_are_idle(network: Network) -> None:
+def test_publishers_for_connections_are_given_back_when_they_are_idle(network: ZenohSession) -> None:
     box = Outbox(network.session, ROBOT, lambda problem: None, user="u")
     _reply(box, "u/1", 0)
     _reply(box, "u/2", 0)
@@ -36,7 +36,7 @@ def test_publishers_for_connections_are_given_back_when_they_are_idle(network: N
     assert [key.rsplit("/", 1)[1] for key in box._passing] == ["1", "3"]
 
 
-def test_there_are_never_too_many_of_them(network: Network, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_there_are_never_too_many_of_them(network: ZenohSession, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(outbox, "PASSING_MOST", 3)
     box = Outbox(network.session, ROBOT, lambda problem: None, user="u")
     for n in range(10):
@@ -44,7 +44,7 @@ def test_there_are_never_too_many_of_them(network: Network, monkeypatch: pytest.
     assert [key.rsplit("/", 1)[1] for key in box._passing] == ["7", "8", "9"]
 
 
-def test_what_is_sent_is_heard_also_when_its_publisher_was_given_back(network: Network) -> None:
+def test_what_is_sent_is_heard_also_when_its_publisher_was_given_back(network: ZenohSession) -> None:
     heard: list[object] = []
     handler = zenoh.handlers.Callback(
         lambda sample: heard.append(codec.decode(sample.payload.to_bytes())), indirect=False

@@ -1,0 +1,101 @@
+"""A compiled program as bytes: in a file `*.colonyc`, and for the processes that run its clients.
+
+    "colonyc", one byte of version, the SHA-256 of what follows, MessagePack
+
+Nothing in it is executed when it is read. All of it is checked: first size, version and sum, then each value
+against its type (`shapes`), then each reference (`validity`). What is damaged or forged is refused with C001.
+"""
+
+from __future__ import annotations
+
+from hashlib import sha256
+from typing import Any
+
+import msgspec
+
+from colony.execute.compiled import Compiled
+from colony.execute.shapes import Place, restored, shape, shaped
+from colony.execute.validity import Invalid, check
+from colony.files import COMPILED, StrPath, read_file, reason
+from colony.text.diagnostics import Failure, error
+from colony.text.source import NOWHERE, Source, Span
+
+VERSION = 1
+"""Version of the format. A shape follows from a data class: each change of one is a new version."""
+
+SUFFIX = ".colonyc"
+"""Suffix of a file that holds a compiled program."""
+
+LARGEST = 64 * 1024 * 1024
+"""Bytes of the largest compiled program: several times that of ten thousand modules."""
+
+_HINT = "`colony compile FILE -o NAME.colonyc` makes one"
+_PREFIX = COMPILED + bytes([VERSION])
+_HEAD = len(_PREFIX) + sha256().digest_size
+_decoder: msgspec.msgpack.Decoder[Any] = msgspec.msgpack.Decoder(shape(Compiled))
+
+
+def encode(compiled: Compiled) -> bytes:
+    """Return a compiled program as bytes. Spans outside its sources are left out."""
+    numbers = {source.data: i for i, source in enumerate(compiled.sources)}
+
+    def place(span: Span) -> Place:
+        return Place(numbers.get(span.source.text.encode()), span.start, span.end)
+
+    body = msgspec.msgpack.encode(shaped(compiled, place))
+    return _PREFIX + sha256(body).digest() + body
+
+
+def decode(data: bytes, name: str) -> Compiled:
+    """Return the compiled program that these bytes hold; `name` is what messages call them.
+
+    Raises:
+        Failure: C001, they hold none that could be run.
+    """
+    try:
+        return _decoded(data)
+    except (msgspec.DecodeError, ValueError, RecursionError) as problem:
+        raise _refusal(name, str(problem) or type(problem).__name__) from None
+
+
+def read(path: StrPath) -> Compiled:
+    """Return the compiled program in a file.
+
+    Raises:
+        Failure: C001, it cannot be read, or holds none that could be run.
+    """
+    try:
+        data = read_file(path, LARGEST)
+    except OSError as problem:
+        raise _refusal(str(path), reason(problem)) from None
+    return decode(data, str(path))
+
+
+def _decoded(data: bytes) -> Compiled:
+    if not data.startswith(COMPILED):
+        raise Invalid("it does not begin as a compiled program does")
+    if not data.startswith(_PREFIX):
+        raise Invalid(f"it is of another version than {VERSION}; compile it again")
+    body = memoryview(data)[_HEAD:]
+    if sha256(body).digest() != data[len(_PREFIX) : _HEAD]:
+        raise Invalid("it is damaged: its sum is wrong")
+    read = _decoder.decode(body)
+    texts = [Source(source.place, source.data.decode()) for source in read.sources]
+
+    def span(place: Place) -> Span:
+        if place.source is None:
+            return NOWHERE
+        if not (
+            0 <= place.source < len(texts) and 0 <= place.start <= place.end <= len(texts[place.source].text)
+        ):
+            raise Invalid("a span outside its sources")
+        return Span(texts[place.source], place.start, place.end)
+
+    compiled: Compiled = restored(read, span)
+    check(compiled)
+    return compiled
+
+
+def _refusal(name: str, message: str) -> Failure:
+    place = Span(Source(name, ""), 0, 0)
+    return Failure([error("C001", place, f"no compiled program that can be run: {message}", _HINT)])

@@ -1,0 +1,76 @@
+"""The compiled program: all that clients, executors, the leader and the monitor of a run need.
+
+`colony.compile.pipeline` makes it, once; `colony.execute.artifact` saves and reads it.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from hashlib import sha256
+from typing import Literal
+
+from colony.execute.code import Code, ContractCode
+from colony.ir.program import Robot
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class SourceFile:
+    """A file that the program was made of, by its place: a relative path with `/` between its parts.
+
+    Files of behaviors import each other by these places; modules in Python are found by them.
+    """
+
+    kind: Literal["behavior", "python"]
+    place: str
+    data: bytes
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Compiled:
+    """A program, lowered to one table of operations.
+
+    Attributes:
+        name: the robot's.
+        frame_ns: the period of its frames.
+        code: sensors, actuators with their prioritized clients, modules in Python, contracts and memory.
+        announced: the modules in Python whose activity other clients need.
+        sources: the files that it was made of; none for a program that was built in memory.
+        root: the place of the file that was compiled, "" without sources.
+    """
+
+    name: str
+    frame_ns: int
+    code: Code
+    announced: tuple[str, ...] = ()
+    sources: tuple[SourceFile, ...] = ()
+    root: str = ""
+
+    @property
+    def robot(self) -> Robot:
+        """Its sensors and actuators in the order declared, and the period."""
+        actuators = tuple(one.actuator for one in self.code.actuators)
+        return Robot(name=self.name, frame_ns=self.frame_ns, sensors=self.code.sensors, actuators=actuators)
+
+    @property
+    def contracts(self) -> tuple[ContractCode, ...]:
+        """The contracts, in the order written."""
+        return self.code.contracts
+
+    @property
+    def clients(self) -> tuple[tuple[str, str, int], ...]:
+        """Actuator, module and priority of each client, highest priority first."""
+        return tuple((a.actuator.name, c.module, c.priority) for a in self.code.actuators for c in a.clients)
+
+    @property
+    def places(self) -> dict[str, tuple[str, ...]]:
+        """The clients of each actuator, highest priority first."""
+        return {one.actuator.name: tuple(c.module for c in one.clients) for one in self.code.actuators}
+
+    @property
+    def source_hash(self) -> str:
+        """The SHA-256 of all sources with their places, in hexadecimal digits."""
+        found = sha256()
+        for source in self.sources:
+            for part in (source.kind.encode(), source.place.encode(), source.data):
+                found.update(len(part).to_bytes(8, "big") + part)
+        return found.hexdigest()

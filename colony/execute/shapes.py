@@ -1,0 +1,76 @@
+"""Data classes as MessagePack that msgspec checks.
+
+The shapes follow from the classes: each becomes an array that begins with the name of its class, so that
+unions are tagged. A `Span` becomes a `Place`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import fields, is_dataclass
+from functools import cache, reduce
+from operator import or_
+from types import UnionType
+from typing import Any, Literal, get_args, get_origin, get_type_hints
+
+import msgspec
+
+from colony.text.source import Span
+
+
+class Place(msgspec.Struct, frozen=True, array_like=True):
+    """A span: the number of its source, None for a place that no source has, and its start and end there."""
+
+    source: int | None
+    start: int
+    end: int
+
+
+_CLASSES: dict[type, type] = {}
+"""The data class that each shape stands for."""
+
+
+def shape(hint: Any) -> Any:
+    """Return the type that msgspec checks in place of a type hint."""
+    if hint is Span:
+        return Place
+    if is_dataclass(hint):
+        of: Any = hint
+        return _of_class(of)
+    origin: Any = get_origin(hint)
+    if origin is None or origin is Literal:
+        return hint
+    arguments = tuple(map(shape, get_args(hint)))
+    if origin is UnionType:
+        return reduce(or_, arguments)
+    return origin[arguments]
+
+
+@cache
+def _of_class(of: Any) -> Any:
+    hints = get_type_hints(of)
+    members = [(f.name, shape(hints[f.name])) for f in fields(of)]
+    made = msgspec.defstruct(of.__name__, members, frozen=True, array_like=True, tag=True, tag_field="")
+    _CLASSES[made] = of
+    return made
+
+
+def shaped(value: Any, place: Callable[[Span], Place]) -> Any:
+    """Return a value in its shape; `place` gives those of spans."""
+    if isinstance(value, Span):
+        return place(value)
+    if is_dataclass(value):
+        of: Any = type(value)
+        made = _of_class(of)
+        return made(*[shaped(getattr(value, name), place) for name in made.__struct_fields__])
+    return tuple([shaped(one, place) for one in value]) if type(value) is tuple else value
+
+
+def restored(value: Any, span: Callable[[Place], Span]) -> Any:
+    """Return the value that has this shape; `span` gives those of places."""
+    if isinstance(value, Place):
+        return span(value)
+    if isinstance(value, msgspec.Struct):
+        made = _CLASSES[type(value)]
+        return made(**{name: restored(getattr(value, name), span) for name in value.__struct_fields__})
+    return tuple([restored(one, span) for one in value]) if type(value) is tuple else value

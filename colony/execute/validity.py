@@ -1,0 +1,244 @@
+"""The check that a compiled program from elsewhere can be run.
+
+msgspec has checked the types of everything; here every reference must lead to what it may lead to, so that no
+operation can raise, wait or grow in any frame.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterable, Sequence
+from math import isfinite
+from typing import assert_never
+
+from colony.execute.code import (
+    ActuatorCode,
+    Apply,
+    Code,
+    Commanded,
+    FrameTime,
+    Kind,
+    Literal,
+    Lost,
+    OldCell,
+    Op,
+    OutsideActive,
+    PythonActive,
+    PythonField,
+    SensorElement,
+    SensorFresh,
+    Sent,
+    Table,
+    Winner,
+)
+from colony.execute.compiled import Compiled
+from colony.execute.operators import Operator
+from colony.execute.signatures import result_of
+from colony.ir.program import ActuatorField, Sensor
+from colony.ir.types import Array, Bool, Type, element_type
+
+LARGEST_ARRAY = 100_000
+"""Elements of the largest array that a sensor may have."""
+
+_NAME = re.compile(r"[A-Za-z_][\w]*(\.[A-Za-z_]\w*)*")
+
+
+class Invalid(ValueError):
+    """A compiled program that cannot be run; the text tells what is wrong with it."""
+
+
+def check(compiled: Compiled) -> None:
+    """Check all of a compiled program. Linear in its size.
+
+    Raises:
+        Invalid: it cannot be run.
+    """
+    _Check(compiled).all()
+
+
+def _expect(holds: bool, what: str) -> None:
+    if not holds:
+        raise Invalid(what)
+
+
+def _kind(of: Type) -> Kind:
+    return Kind.BOOL if isinstance(element_type(of), Bool) else Kind.NUMBER
+
+
+class _Check:
+    def __init__(self, compiled: Compiled) -> None:
+        self.compiled = compiled
+        self.code: Code = compiled.code
+        self.sensors = {s.name: s for s in self.code.sensors}
+        self.python = {call.module: call for call in self.code.python}
+        self.actuators = {a.actuator.name: a for a in self.code.actuators}
+
+    def all(self) -> None:
+        code, compiled = self.code, self.compiled
+        _expect(0 < compiled.frame_ns < 2**62, f"a frame of {compiled.frame_ns} ns")
+        _expect(len(code.kinds) == len(code.ops), "not one kind for each operation")
+        _expect(0 <= code.decided <= len(code.ops), "`decided` is no operation")
+        self._names()
+        for sensor in code.sensors:
+            _check_sensor(sensor)
+        for at, op in enumerate(code.ops):
+            _expect(
+                self._gives(at, op) is code.kinds[at], f"operation {at} ({type(op).__name__}) is malformed"
+            )
+        for cell in code.cells:
+            _expect(_is_of(cell.initial, cell.kind), f"the cell `{cell.name}` begins with another kind")
+            self._refer(cell.name, cell.kind, cell.value)
+            self._refer(cell.name, Kind.BOOL, cell.condition)
+        self._python_calls()
+        for actuator in code.actuators:
+            self._actuator(actuator)
+        for contract in code.contracts:
+            self._refer(contract.name, Kind.BOOL, contract.present, contract.value, contract.traversed)
+        _expect(all(0 <= i < len(code.ops) for i in code.names), "a name of no operation")
+        _expect(all(0 <= i < len(code.cells) for i in code.places.values()), "a place of no cell")
+
+    def _names(self) -> None:
+        code = self.code
+        for what, names in (
+            ("sensors", [s.name for s in code.sensors]),
+            ("modules in Python", [c.module for c in code.python]),
+            ("actuators", [a.actuator.name for a in code.actuators]),
+            *((a.actuator.name, [c.module for c in a.clients]) for a in code.actuators),
+            *((a.actuator.name, [f.name for f in a.actuator.fields]) for a in code.actuators),
+            ("the robot", [self.compiled.name]),
+        ):
+            _expect(len(set(names)) == len(names), f"a name twice among {what}")
+            for name in names:
+                _expect(_NAME.fullmatch(name) is not None, f"{name[:40]!r} is no name")
+        _expect(len({c.name for c in code.cells}) == len(code.cells), "a name twice among the cells")
+        _expect(set(self.compiled.announced) <= self.python.keys(), "no such module is announced")
+
+    def _refer(self, what: str, kind: Kind, *references: int, below: int | None = None) -> None:
+        """Expect references to values of a kind, and to values before `below`."""
+        most = len(self.code.ops) if below is None else below
+        for at in references:
+            _expect(0 <= at < most and self.code.kinds[at] is kind, f"{what} refers to a wrong operation")
+
+    # --- operations ------------------------------------------------------------------------------
+
+    def _gives(self, at: int, op: Op) -> Kind | None:
+        """The kind of what an operation gives; None if it is malformed."""
+        code = self.code
+        match op:
+            case Apply(operator=operator, arguments=arguments):
+                if not all(0 <= i < at for i in arguments):
+                    return None
+                given = result_of(operator, [code.kinds[i] for i in arguments])
+                return given if self._fits(operator, [code.ops[i] for i in arguments], given) else None
+            case Table(elements=elements):
+                found = {code.kinds[i] if 0 <= i < at else None for i in elements}
+                return Kind.TABLE if found in ({Kind.NUMBER}, {Kind.BOOL}) else None
+            case Literal(value=value):
+                return (
+                    Kind.BOOL
+                    if isinstance(value, bool)
+                    else Kind.TIME
+                    if isinstance(value, int)
+                    else Kind.NUMBER
+                )
+            case FrameTime():
+                return Kind.TIME
+            case OldCell(cell=cell):
+                return code.cells[cell].kind if 0 <= cell < len(code.cells) else None
+            case SensorFresh(sensor=sensor):
+                return Kind.BOOL if sensor in self.sensors else None
+            case SensorElement(sensor=name, index=index):
+                found_sensor = self.sensors.get(name)
+                return None if found_sensor is None else _element(found_sensor.type, index)
+            case PythonActive(module=module):
+                return Kind.BOOL if module in self.python else None
+            case PythonField(module=module, index=index):
+                call = self.python.get(module)
+                return _field(() if call is None else call.fields, index)
+            case OutsideActive() | Lost():
+                return Kind.BOOL
+            case Winner(actuator=actuator):
+                return Kind.BOOL if at >= code.decided and actuator in self.actuators else None
+            case Commanded(actuator=actuator):
+                return Kind.BOOL if at >= code.decided and actuator in self.actuators else None
+            case Sent(actuator=actuator, index=index):
+                found_actuator = self.actuators.get(actuator) if at >= code.decided else None
+                return _field(() if found_actuator is None else found_actuator.actuator.fields, index)
+            case _:
+                assert_never(op)
+
+    def _fits(self, operator: Operator, arguments: Sequence[Op], given: Kind | None) -> bool:
+        """Whether a table has elements of the kind that is picked, and a sum of times cannot grow."""
+        match operator, arguments:
+            case ((Operator.PICK_NUMBER | Operator.PICK_BOOL), (Table(elements=elements), _)):
+                return self.code.kinds[elements[0]] is given
+            case Operator.TIME_ADD, (now, window):
+                return isinstance(now, FrameTime) and isinstance(window, Literal)
+            case _:
+                return True
+
+    # --- what is around them ---------------------------------------------------------------------
+
+    def _python_calls(self) -> None:
+        """All that modules in Python read stands before the first operation that needs one of them."""
+        answers = (i for i, op in enumerate(self.code.ops) if isinstance(op, PythonActive | PythonField))
+        first = next(answers, self.code.decided)
+        for call in self.code.python:
+            self._refer(call.module, Kind.BOOL, call.present, below=first)
+            for read in call.reads:
+                _expect(
+                    read.array or len(read.elements) == 1, f"{call.module} reads a scalar of several values"
+                )
+                for at in read.elements:
+                    _expect(0 <= at < first, f"{call.module} reads what comes later")
+            _check_fields(call.fields)
+
+    def _actuator(self, one: ActuatorCode) -> None:
+        actuator, decided = one.actuator, self.code.decided
+        name, fields = actuator.name, actuator.fields
+        _check_fields(fields)
+        kinds = [_kind(f.type) for f in fields]
+        for values in () if actuator.idle is None else (actuator.idle,):
+            fits = len(values) == len(kinds) and all(map(_is_of, values, kinds))
+            _expect(fits, f"the idle command of {name} does not have its fields")
+        priorities = [client.priority for client in one.clients]
+        _expect(
+            priorities == list(range(len(priorities), 0, -1)), f"priorities of {name} are not n, ..., 2, 1"
+        )
+        for client in one.clients:
+            self._refer(name, Kind.BOOL, *client.conditions.values(), below=decided)
+            _expect(len(client.fields) == len(fields), f"{name}/{client.module} does not command its fields")
+            for kind, at in zip(kinds, client.fields, strict=True):
+                self._refer(name, kind, at, below=decided)
+        for limit in one.limits:
+            _expect(_field(fields, limit.field_index) is Kind.NUMBER, f"a limit of {name} is of no number")
+            self._refer(name, Kind.BOOL, limit.applies, below=decided)
+            self._refer(name, Kind.NUMBER, limit.bound, below=decided)
+
+
+def _check_sensor(sensor: Sensor) -> None:
+    name = sensor.name
+    _expect(
+        not isinstance(sensor.type, Array) or 0 < sensor.type.size <= LARGEST_ARRAY, f"the size of {name}"
+    )
+    _expect(isfinite(sensor.factor) and sensor.factor != 0, f"the factor of {name}")
+    _expect(sensor.default is None or _is_of(sensor.default, _kind(sensor.type)), f"the default of {name}")
+
+
+def _check_fields(fields: Iterable[ActuatorField]) -> None:
+    for field in fields:
+        _expect(isfinite(field.factor) and field.factor != 0, f"the factor of {field.name}")
+
+
+def _field(fields: Sequence[ActuatorField], index: int) -> Kind | None:
+    return _kind(fields[index].type) if 0 <= index < len(fields) else None
+
+
+def _element(of: Type, index: int) -> Kind | None:
+    size = of.size if isinstance(of, Array) else 1
+    return _kind(of) if 0 <= index < size else None
+
+
+def _is_of(value: object, kind: Kind) -> bool:
+    expected = {Kind.BOOL: bool, Kind.NUMBER: float, Kind.TIME: int}.get(kind)
+    return type(value) is expected

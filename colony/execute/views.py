@@ -1,0 +1,163 @@
+"""Views of a program's code: the part of its one table of operations that an executor needs.
+
+A view is a `Code` with numbers of its own, without what nothing in it depends on. Each takes one pass.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+from typing import Any
+
+from colony.execute.code import (
+    ActuatorCode,
+    ClientCode,
+    Code,
+    ContractCode,
+    Op,
+    OutsideActive,
+    PythonActive,
+    PythonCall,
+    SensorElement,
+    SensorFresh,
+    live,
+    operands,
+    remapped,
+    roots,
+)
+
+
+def whole(code: Code) -> Code:
+    """Return the view of all clients, by their simplified guards."""
+    return _of_all(code, code.contracts, lambda c: (c.guard, c.exclusive))
+
+
+def heard(code: Code) -> Code:
+    """Return the view of all clients, by their guards as their own processes evaluate them."""
+    return _of_all(code, code.contracts, lambda c: (c.heard_guard, c.heard_exclusive))
+
+
+def unsimplified(code: Code) -> Code:
+    """Return the view of all clients by their guards before simplification, whose memory has places."""
+    contracts = tuple(replace(contract, value=contract.traversed) for contract in code.contracts)
+    return _of_all(code, contracts, lambda c: (c.traversed, c.exclusive))
+
+
+def of_client(code: Code, actuator: str, module: str) -> Code:
+    """Return the view of one client: its guards as its own process evaluates them, its command, its limits.
+
+    Modules in Python that its guards mention run elsewhere: their activity is an `OutsideActive`.
+
+    Raises:
+        KeyError: there is no such client.
+    """
+    one = {a.actuator.name: a for a in code.actuators}[actuator]
+    client = {c.module: c for c in one.clients}[module]
+    own = _decided_by(client, client.heard_guard, client.heard_exclusive)
+    view = replace(
+        code,
+        ops=tuple(_outside(op, module) for op in code.ops),
+        python=tuple(call for call in code.python if call.module == module),
+        actuators=(replace(one, clients=(own,)),),
+        contracts=(),
+    )
+    return trimmed(view, every_sensor=False)
+
+
+def of_activity(code: Code, module: str) -> Code:
+    """Return the view of a module in Python: its one contract tells whether the module is active.
+
+    Raises:
+        KeyError: there is no such module.
+    """
+    call = {call.module: call for call in code.python}[module]
+    at = code.ops.index(PythonActive(module))
+    active = ContractCode(name=module, present=at, value=at, traversed=at)
+    return trimmed(replace(code, python=(call,), actuators=(), contracts=(active,)), every_sensor=False)
+
+
+def _of_all(
+    code: Code, contracts: tuple[ContractCode, ...], guards: Callable[[ClientCode], tuple[int, int]]
+) -> Code:
+    actuators = tuple(
+        replace(one, clients=tuple(_decided_by(c, *guards(c)) for c in one.clients)) for one in code.actuators
+    )
+    contracts = tuple(replace(contract, traversed=contract.value) for contract in contracts)
+    return trimmed(replace(code, actuators=actuators, contracts=contracts), every_sensor=True)
+
+
+def _decided_by(client: ClientCode, guard: int, exclusive: int) -> ClientCode:
+    return replace(
+        client,
+        guard=guard,
+        exclusive=exclusive,
+        heard_guard=guard,
+        heard_exclusive=exclusive,
+        traversed=guard,
+    )
+
+
+def _outside(op: Op, module: str) -> Op:
+    return OutsideActive(op.module) if isinstance(op, PythonActive) and op.module != module else op
+
+
+def trimmed(code: Code, *, every_sensor: bool) -> Code:
+    """Return `code` without the ops, cells and (unless `every_sensor`) sensors that no result depends on."""
+    flags, used_cells = live(code.ops, code.cells, roots(code))
+    first = before_decisions(code)
+    kept = sorted((i for i, flag in enumerate(flags) if flag), key=lambda i: (not first[i], i))
+    number = {old: new for new, old in enumerate(kept)}
+    cell_number = {old: new for new, old in enumerate(sorted(used_cells))}
+    ops = tuple(remapped(code.ops[i], number, cell_number) for i in kept)
+    read = {op.sensor for op in ops if isinstance(op, SensorFresh | SensorElement)}
+    return Code(
+        ops=ops,
+        kinds=tuple(code.kinds[i] for i in kept),
+        decided=sum(first[i] for i in kept),
+        sensors=tuple(s for s in code.sensors if every_sensor or s.name in read),
+        cells=tuple(
+            replace(c, condition=number[c.condition], value=number[c.value])
+            for c in (code.cells[i] for i in cell_number)
+        ),
+        python=tuple(_python(call, number) for call in code.python),
+        actuators=tuple(_actuator(actuator, number) for actuator in code.actuators),
+        contracts=tuple(
+            replace(c, present=number[c.present], value=number[c.value], traversed=number[c.traversed])
+            for c in code.contracts
+        ),
+        names={number[i]: name for i, name in code.names.items() if i in number},
+        places={name: cell_number[i] for name, i in code.places.items() if i in cell_number},
+    )
+
+
+def before_decisions(code: Code) -> bytearray:
+    """Return a flag for each op that is computed before decisions: it stands there, or they depend on it."""
+    flags = bytearray(len(code.ops))
+    flags[: code.decided] = b"\1" * code.decided
+    for one in code.actuators:
+        for client in one.clients:
+            for at in client.conditions.values():
+                flags[at] = 1
+    for at in range(len(code.ops) - 1, -1, -1):
+        if flags[at]:
+            for operand in operands(code.ops[at]):
+                flags[operand] = 1
+    return flags
+
+
+def _python(call: PythonCall, number: dict[int, int]) -> PythonCall:
+    reads = tuple(replace(r, elements=tuple([number[i] for i in r.elements])) for r in call.reads)
+    return replace(call, present=number[call.present], reads=reads)
+
+
+def _actuator(one: ActuatorCode, number: dict[int, int]) -> ActuatorCode:
+    return replace(
+        one,
+        clients=tuple(_client(client, number) for client in one.clients),
+        limits=tuple(replace(x, applies=number[x.applies], bound=number[x.bound]) for x in one.limits),
+    )
+
+
+def _client(client: ClientCode, number: dict[int, int]) -> ClientCode:
+    conditions: dict[str, Any] = {name: number[at] for name, at in client.conditions.items()}
+    return replace(client, fields=tuple([number[i] for i in client.fields]), **conditions)

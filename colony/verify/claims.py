@@ -1,0 +1,55 @@
+"""Contract expressions that proofs make themselves: about modules, wires and commands."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from functools import reduce
+
+from colony.ir import expression as ir
+from colony.ir.expression import Binary
+from colony.ir.types import BOOL, Scalar, ScalarValue
+
+FALSE = ir.Constant(type=BOOL, value=False)
+TRUE = ir.Constant(type=BOOL, value=True)
+
+
+def active(name: str) -> ir.Expression:
+    """A module or wire puts a command on its output."""
+    return ir.IsActive(type=BOOL, name=name)
+
+
+def won(actuator: str, module: str) -> ir.Expression:
+    return ir.WonBy(type=BOOL, actuator=actuator, module=module)
+
+
+def fresh(sensor: str) -> ir.Expression:
+    return ir.Fresh(type=BOOL, name=sensor, derived=False)
+
+
+def constant(value: ScalarValue, of: Scalar) -> ir.Expression:
+    return ir.Constant(type=of, value=value)
+
+
+def negation(e: ir.Expression) -> ir.Expression:
+    return ir.UnaryOperation(type=BOOL, operator=ir.Unary.NOT, operand=e)
+
+
+def binary(operator: Binary, left: ir.Expression, right: ir.Expression) -> ir.Expression:
+    """An operation that gives a bool."""
+    return ir.BinaryOperation(type=BOOL, operator=operator, left=left, right=right)
+
+
+def implies(left: ir.Expression, right: ir.Expression) -> ir.Expression:
+    return binary(Binary.IMPLIES, left, right)
+
+
+def all_of(some: Iterable[ir.Expression]) -> ir.Expression:
+    return _joined(Binary.AND, list(some), TRUE)
+
+
+def any_of(some: Iterable[ir.Expression]) -> ir.Expression:
+    return _joined(Binary.OR, list(some), FALSE)
+
+
+def _joined(operator: Binary, some: Sequence[ir.Expression], none: ir.Expression) -> ir.Expression:
+    return reduce(lambda a, b: binary(operator, a, b), some) if some else none

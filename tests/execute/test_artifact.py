@@ -1,0 +1,215 @@
+"""A compiled program comes back from its bytes as it was; what is damaged or forged is refused."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+from hashlib import sha256
+from pathlib import Path
+from random import Random
+from typing import Any
+
+import msgspec
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from colony.cli.programs import compile_file
+from colony.compile.pipeline import compile_program
+from colony.execute.artifact import LARGEST, VERSION, decode, encode, read
+from colony.execute.code import Apply, Cell, Code, Kind, Literal, OldCell, PythonActive, SensorElement, Table
+from colony.execute.compiled import Compiled
+from colony.execute.executor import ClientListExecutor
+from colony.execute.operators import Operator
+from colony.text.diagnostics import Failure
+from colony.verify.testing.agreement import disagreement
+from colony.verify.testing.strategies import programs, traces
+
+ROOT = Path(__file__).parents[2]
+BEHAVIORS = sorted((ROOT / "behaviors").glob("*.colony"))
+HEAD = len(b"colonyc") + 1 + 32
+
+
+def refused(data: bytes) -> str:
+    with pytest.raises(Failure) as caught:
+        decode(data, "p.colonyc")
+    (found,) = caught.value.diagnostics
+    assert (found.code, found.span.source.name) == ("C001", "p.colonyc")
+    assert "\n" not in found.message
+    return found.message
+
+
+def signed(body: bytes) -> bytes:
+    """Return a file with this content and its right sum, as a forger would make it."""
+    return b"colonyc" + bytes([VERSION]) + sha256(body).digest() + body
+
+
+@pytest.mark.parametrize("path", BEHAVIORS, ids=lambda path: path.stem)
+def test_a_behavior_comes_back_with_its_sources_and_places(path: Path) -> None:
+    compiled = compile_file(str(path)).artifact
+    back = decode(encode(compiled), "p.colonyc")
+    assert repr(replace(back, code=None)) == repr(replace(compiled, code=None))
+    for name in ("ops", "kinds", "decided", "cells", "names", "places", "contracts", "sensors"):
+        assert repr(getattr(back.code, name)) == repr(getattr(compiled.code, name)), name
+    assert back.source_hash == compiled.source_hash
+    assert encode(back) == encode(compiled)
+    for mine, theirs in zip(compiled.robot.sensors, back.robot.sensors, strict=True):
+        assert (theirs.span.text, theirs.span.start) == (mine.span.text, mine.span.start)
+
+
+@given(data=st.data())
+@settings(max_examples=60, deadline=None)
+def test_a_program_that_was_sent_does_what_the_reference_does(data: st.DataObject) -> None:
+    program = data.draw(programs())
+    executors = {
+        name: lambda compilation, how=how: ClientListExecutor(  # type: ignore[misc]
+            decode(encode(compilation.artifact), "p"), **how
+        )
+        for name, how in (
+            ("sent", {}),
+            ("exclusive", {"exclusive": True}),
+            ("monitor", {"simplified": False}),
+        )
+    }
+    found = disagreement(program, data.draw(traces(program)), executors)
+    assert found is None, str(found)
+
+
+# --- damage ------------------------------------------------------------------------------------------
+
+
+@pytest.fixture(scope="module")
+def wander() -> Compiled:
+    return compile_file(str(ROOT / "behaviors" / "wander.colony")).artifact
+
+
+def test_other_bytes_and_other_versions_are_refused(wander: Compiled, tmp_path: Path) -> None:
+    data = encode(wander)
+    assert "does not begin" in refused(b"")
+    assert "does not begin" in refused(b"robot r {}")
+    assert f"another version than {VERSION}" in refused(data[:7] + bytes([VERSION + 1]) + data[8:])
+    assert "damaged" in refused(data[:-1])
+    assert "damaged" in refused(data + b"\0")
+    large = tmp_path / "large.colonyc"
+    with open(large, "wb") as file:
+        file.truncate(LARGEST + 1)
+    for path in (large, tmp_path / "none.colonyc", tmp_path):
+        with pytest.raises(Failure, match="C001"):
+            read(path)
+
+
+def test_bytes_that_are_damaged_and_signed_again_are_refused_or_harmless(wander: Compiled) -> None:
+    """Whatever one byte becomes, reading ends: with a program that was checked, or in one line."""
+    body = encode(wander)[HEAD:]
+    random, outcomes = Random(1), set()
+    for _ in range(400):
+        changed = bytearray(body)
+        changed[random.randrange(len(changed))] = random.randrange(256)
+        try:
+            decode(signed(bytes(changed)), "p.colonyc")
+            outcomes.add("harmless")
+        except Failure as failure:
+            outcomes.add(failure.diagnostics[0].code)
+    assert outcomes == {"harmless", "C001"}
+
+
+@pytest.mark.parametrize("body", [b"", b"\xc0", b"\x91" * 100_000, b"\xdd\xff\xff\xff\xff", b"\xc1"])
+def test_what_is_no_program_is_refused(body: bytes) -> None:
+    refused(signed(body))
+
+
+# --- forgery -----------------------------------------------------------------------------------------
+
+
+def with_op(at: int, op: Any, kind: Kind | None = None) -> Callable[[Code], Code]:
+    def change(code: Code) -> Code:
+        kinds = code.kinds if kind is None else (*code.kinds[:at], kind, *code.kinds[at + 1 :])
+        return replace(code, ops=(*code.ops[:at], op, *code.ops[at + 1 :]), kinds=kinds)
+
+    return change
+
+
+def with_client(**parts: Any) -> Callable[[Code], Code]:
+    def change(code: Code) -> Code:
+        (one, *others) = code.actuators
+        clients = (replace(one.clients[0], **parts), *one.clients[1:])
+        return replace(code, actuators=(replace(one, clients=clients), *others))
+
+    return change
+
+
+def with_actuator(**parts: Any) -> Callable[[Code], Code]:
+    def change(code: Code) -> Code:
+        (one, *others) = code.actuators
+        return replace(code, actuators=(replace(one, actuator=replace(one.actuator, **parts)), *others))
+
+    return change
+
+
+def with_sensor(**parts: Any) -> Callable[[Code], Code]:
+    return lambda code: replace(code, sensors=(replace(code.sensors[0], **parts), *code.sensors[1:]))
+
+
+CELL = Cell(name="c", kind=Kind.NUMBER, initial=0.0, condition=0, value=0)
+
+
+@pytest.mark.parametrize(
+    "change",
+    [
+        with_op(0, Apply(Operator.NOT, (0,)), Kind.BOOL),
+        with_op(0, Apply(Operator.AND, ()), Kind.BOOL),
+        with_op(0, Table(()), Kind.TABLE),
+        with_op(0, OldCell(99), Kind.NUMBER),
+        with_op(0, SensorElement("nobody", 0), Kind.NUMBER),
+        with_op(0, PythonActive("nobody"), Kind.BOOL),
+        with_op(0, Literal(1), Kind.NUMBER),
+        with_op(0, Literal(True), Kind.NUMBER),
+        with_client(guard=100_000),
+        with_client(traversed=-1),
+        with_client(fields=()),
+        with_client(priority=7),
+        with_client(module="../x"),
+        with_actuator(idle=()),
+        with_actuator(name="a/b"),
+        with_sensor(factor=0.0),
+        with_sensor(name="*"),
+        lambda code: replace(code, kinds=code.kinds[1:]),
+        lambda code: replace(code, decided=len(code.ops) + 1),
+        lambda code: replace(code, names={100_000: "x"}),
+        lambda code: replace(code, places={"x": 100_000}),
+        lambda code: replace(code, cells=(*code.cells, CELL)),
+        lambda code: replace(code, sensors=(*code.sensors, code.sensors[0])),
+    ],
+)
+def test_a_forged_program_is_refused(wander: Compiled, change: Callable[[Code], Code]) -> None:
+    refused(encode(replace(wander, code=change(wander.code))))
+
+
+def test_times_of_a_forged_program_cannot_grow(wander: Compiled) -> None:
+    at = len(wander.code.ops)
+    ops = (*wander.code.ops, OldCell(len(wander.code.cells)), Apply(Operator.TIME_ADD, (at, at)))
+    cell = Cell(name="more", kind=Kind.TIME, initial=1, condition=at + 2, value=at + 1)
+    code = replace(
+        wander.code,
+        ops=(*ops, Literal(True)),
+        kinds=(*wander.code.kinds, Kind.TIME, Kind.TIME, Kind.BOOL),
+        cells=(*wander.code.cells, cell),
+    )
+    refused(encode(replace(wander, code=code)))
+
+
+def test_spans_lead_into_the_sources(wander: Compiled) -> None:
+    shorter = replace(wander, sources=tuple(replace(s, data=s.data[:1]) for s in wander.sources))
+    assert encode(shorter) != encode(wander)
+    message = refused(
+        signed(encode(wander)[HEAD:].replace(msgspec.msgpack.encode(wander.sources[0].data), b"\xc4\x01x"))
+    )
+    assert "span" in message
+    decode(encode(shorter), "p")  # spans of other texts were left out
+
+
+def test_a_program_without_sources_is_sent_without_places() -> None:
+    from tests.runtime.programs import roam
+
+    compiled = compile_program(roam()).artifact
+    assert decode(encode(compiled), "p") == compiled

@@ -1,0 +1,189 @@
+"""Damaged recordings as MCAP: what is whole is read, the rest is left out or refused; bombs stay packed."""
+
+from __future__ import annotations
+
+import io
+import random
+import struct
+import zlib
+from collections.abc import Sequence
+from dataclasses import replace
+
+import lz4.frame
+import pytest
+import zstandard
+from mcap.data_stream import RecordBuilder
+from mcap.records import Chunk
+from mcap.stream_reader import StreamReader
+
+from colony.dsl.load import load_text
+from colony.execute.compiled import SourceFile
+from colony.ir.frame import Frame
+from colony.runtime.recordings.mcap_reader import McapReader
+from colony.runtime.recordings.recorded import RecordedFrame
+from colony.text.diagnostics import Failure
+from tests.runtime.recordings.mcap_files import (
+    PROGRAM,
+    SOURCES,
+    TEXT,
+    lenient,
+    trace,
+)
+from tests.verify.audit.recorded_runs import MS, as_mcap, logs, read_mcap
+
+DATA_END = 1 + 8 + 4
+
+
+def refused_or_read(data: bytes) -> tuple[list[RecordedFrame], McapReader | None]:
+    """What is read of damaged bytes; nothing where they are refused as damaged should be."""
+    try:
+        return read_mcap(PROGRAM, data)
+    except Failure as failure:
+        if failure.diagnostics[0].code not in ("A002", "A006"):
+            raise
+        return [], None
+
+
+def test_cut_off_anywhere() -> None:
+    right = logs(PROGRAM, trace(20))
+    file = as_mcap(PROGRAM, right, *SOURCES)
+    ends = [sum(map(len, file.writes[: i + 1])) for i in range(len(file.writes))]
+    ends[-1] = ends[-2] + DATA_END  # what follows is a summary, which is not read
+    for length in (*range(0, ends[0], 61), *range(ends[0], ends[-1], 7), *ends[:-1]):
+        data = file.content[:length]
+        if length < ends[0]:
+            found, reader = refused_or_read(data)
+            if reader is None:
+                continue
+            assert found == []
+        else:
+            found, reader = read_mcap(PROGRAM, data)
+            whole = [0, 8, 16, 20][sum(end <= length for end in ends[1:-1])]
+            assert len(found) == whole
+            assert not reader.damaged
+            assert len([m for m in lenient(data) if b'"t_ns"' in m.data]) == whole
+        assert reader.cut == "it breaks off in the middle of a frame"
+
+
+@pytest.mark.parametrize(
+    ("chunk", "whole"), [(1, range(8, 20)), (2, [*range(8), *range(16, 20)]), (3, range(16))]
+)
+@pytest.mark.parametrize("at", [0, 1, 8, 9, 17, 25, 33, 37, 41, 45, 70, -1])
+def test_a_damaged_chunk_costs_its_frames(chunk: int, whole: Sequence[int], at: int) -> None:
+    file = as_mcap(PROGRAM, logs(PROGRAM, trace(20)))
+    file.writes[chunk] = flipped(file.writes[chunk], at)
+    found, reader = read_mcap(PROGRAM, file.content)
+    if at in (9, 17):  # times that nobody reads
+        assert len(found) == 20
+        return
+    assert [f.tick.k for f in found] == [*whole]
+    assert [f.tick.k for f in found if f.damaged] == ([] if chunk == 3 else [chunk * 8])
+    assert reader.damaged is (chunk == 3)
+
+
+def flipped(data: bytes, at: int) -> bytes:
+    """With one bit that is another."""
+    bad = bytearray(data)
+    bad[at] ^= 1
+    return bytes(bad)
+
+
+def test_what_precedes_the_frames_must_be_whole() -> None:
+    file = as_mcap(PROGRAM, logs(PROGRAM, trace()), *SOURCES)
+    chunk = file.writes[0].rindex(b"zstd") - 41
+    for at in (
+        *map(file.content.index, (b"colony-recording/2", b"cruise", b"module back", b"checksum")),
+        chunk,
+    ):
+        with pytest.raises(Failure, match="damaged") as caught:
+            read_mcap(PROGRAM, flipped(file.content, at))
+        assert caught.value.diagnostics[0].code == "A006"
+
+
+def test_chunks_by_other_tools_are_read_and_bombs_are_not() -> None:
+    file = as_mcap(PROGRAM, logs(PROGRAM, trace(20)))
+    chunks = [rechunked(data, "lz4") if 0 < i < 4 else data for i, data in enumerate(file.writes)]
+    assert len(read_mcap(PROGRAM, b"".join(chunks))[0]) == 20
+    for compression in ("zstd", "lz4"):
+        bomb = bombed(compression, 1 << 30)
+        found, _ = read_mcap(PROGRAM, b"".join([*chunks[:2], bomb, *chunks[2:]]))
+        assert len(found) == 20
+        assert found[8].damaged
+    many = b"".join([*chunks[:2], *[bombed("zstd", 1 << 23)] * 60, *chunks[2:]])
+    with pytest.raises(Failure, match="unpacks to far more"):
+        read_mcap(PROGRAM, many)
+
+
+def test_readings_that_never_change_are_no_bomb() -> None:
+    of = load_text(TEXT.replace("rays[3]", "rays[1000]"))
+    frames = tuple(Frame(k * 50 * MS, {"near": 0.0, "rays": [0.0] * 1000}) for k in range(400))
+    assert len(read_mcap(of, as_mcap(of, logs(of, frames)).content)[0]) == 400
+
+
+def test_frames_without_end_are_a_bomb() -> None:
+    file = as_mcap(PROGRAM, logs(PROGRAM, trace(8)))
+    (chunk,) = [zstandard.decompress(chunk_in(data).data) for data in file.writes[1:2]]
+    empty = struct.pack("<BQHIQQ", 5, 22, 999, 0, 0, 0)
+    for records, message in ((chunk * 2000, "time must rise"), (empty * 200_000, "unpacks to far more")):
+        many = rechunked(file.writes[1], "zstd", records)
+        with pytest.raises(Failure, match=message):
+            read_mcap(PROGRAM, b"".join([file.writes[0], many, *file.writes[2:]]))
+
+
+def test_a_program_without_end_is_refused() -> None:
+    sources = tuple(SourceFile(kind="python", place=f"m{i}.py", data=bytes(5_000_000)) for i in range(8))
+    with pytest.raises(Failure, match="more than 32 MiB"):
+        read_mcap(PROGRAM, as_mcap(PROGRAM, [], *sources).content)
+
+
+def test_a_chunk_that_another_tool_left_out_is_missed() -> None:
+    file = as_mcap(PROGRAM, logs(PROGRAM, trace(20)))
+    found, _ = read_mcap(PROGRAM, b"".join([*file.writes[:2], *file.writes[3:]]))
+    assert [f.tick.k for f in found if f.damaged] == [16]
+
+
+def chunk_in(data: bytes) -> Chunk:
+    """The first record in these bytes."""
+    chunk = next(StreamReader(io.BytesIO(data), skip_magic=True, emit_chunks=True).records)
+    assert isinstance(chunk, Chunk)
+    return chunk
+
+
+def rechunked(data: bytes, compression: str, records: bytes | None = None) -> bytes:
+    """The first chunk in these bytes, compressed another way, or with other records in it."""
+    chunk = chunk_in(data)
+    if records is None:
+        records = zstandard.decompress(chunk.data)
+    packed = lz4.frame.compress(records) if compression == "lz4" else zstandard.compress(records)
+    builder = RecordBuilder()
+    replace(
+        chunk,
+        compression=compression,
+        data=packed,
+        uncompressed_size=len(records),
+        uncompressed_crc=zlib.crc32(records),
+    ).write(builder)
+    out: bytes = builder.end()  # type: ignore[no-untyped-call]
+    return out
+
+
+def bombed(compression: str, size: int) -> bytes:
+    """A chunk of zeros."""
+    return rechunked(as_mcap(PROGRAM, logs(PROGRAM, trace())).writes[1], compression, bytes(size))
+
+
+def test_random_damage_never_raises_more_than_a_failure() -> None:
+    data = as_mcap(PROGRAM, logs(PROGRAM, trace()), *SOURCES).content
+    for seed in range(300):
+        chance = random.Random(seed)
+        bad = bytearray(data)
+        for _ in range(chance.randint(1, 4)):
+            bad[chance.randrange(8, len(bad))] = chance.randrange(256)
+        refused_or_read(bytes(bad))
+
+
+def test_places_that_lead_elsewhere_are_left_out() -> None:
+    bad = ("../x.py", "/etc/x", "a/../../x", "", ".", "a\\x", "\0")
+    sources = tuple(SourceFile(kind="python", place=place, data=b"") for place in bad)
+    _, reader = read_mcap(PROGRAM, as_mcap(PROGRAM, [], *sources, *SOURCES).content)
+    assert reader.run.sources == SOURCES

@@ -1,0 +1,160 @@
+"""What a gateway lets through: how large, how urgent, how often, and past whom who does not read."""
+
+from __future__ import annotations
+
+import threading
+from collections.abc import Iterator
+
+import msgspec
+import pytest
+import zenoh
+
+from colony.runtime.protocol import codec, topics
+from colony.runtime.protocol.messages import (
+    Alive,
+    Call,
+    Effect,
+    Message,
+    Reply,
+    Send,
+)
+from colony.runtime.transport.live import keys
+from colony.runtime.transport.live.limits import MIDDLE
+from colony.runtime.transport.live.network import ZenohSession
+from colony.runtime.transport.live.outbox import Haste, publish
+from tests.runtime.calling import plain_call
+from tests.runtime.transport.live.gateway_lab import Lab, listen, note, put
+from tests.runtime.transport.live.stage import ROBOT, Recorder, hosted, place, until
+
+
+def test_nothing_comes_twice_and_servers_that_come_later_are_found(lab: Lab) -> None:
+    """All are linked to each other and to the gateway; with gossip for some, and without for the gateway."""
+    call = plain_call("bob/1", right="read")
+    with (
+        ZenohSession.open(place(lab.environment)) as at_home,
+        lab.session("bob") as session,
+        ZenohSession.open(lab.remote("bob")) as remote,
+        hosted(lab.environment, [Recorder("Clock", topics.calls("Clock"))]),
+    ):
+        until(lambda: {"Clock", "Gateway"} <= set(at_home.alive()), "it is linked to others")
+        node = Recorder("Radio", topics.calls("Radio"))
+        with hosted(lab.environment, [node]):
+            until(lambda: "Radio" in at_home.alive(), "a name that nobody knew, by gossip")
+            until(lambda: "Radio" in session.servers(), "and from behind the gateway")
+            for network in (at_home, remote):
+                put(network, f"colony/{ROBOT}/Radio/call/read/bob/1", codec.encode(call))
+            put(remote, f"colony/{ROBOT}/Radio/call/read/bob/1", codec.encode(Alive(connection="bob/1")))
+            until(lambda: any(isinstance(m, Alive) for m in node.got), "the last one")
+            assert node.got.count(call) == 2
+    assert len(node.got) == 3
+
+
+@pytest.mark.parametrize(
+    ("user", "right", "limit"), [("carl", "stop", 1024), ("bob", "read", MIDDLE), ("ada", "command", None)]
+)
+def test_messages_larger_than_their_right_allows(lab: Lab, user: str, right: str, limit: int | None) -> None:
+    sizes: list[int] = []
+    key = f"colony/{ROBOT}/RServer/call/{right}/{user}/1"
+    with (
+        ZenohSession.open(place(lab.environment), listens=("RServer",)) as robot,
+        ZenohSession.open(lab.remote(user)) as network,
+    ):
+        note(robot, key, lambda sample: sizes.append(len(sample.payload)))
+        put(network, key, b"small")
+        until(lambda: sizes == [5], "the small one")
+        if limit is not None:
+            put(network, key, bytes(limit + 1))
+        put(network, key, bytes(limit or codec.LARGEST))
+        until(lambda: len(sizes) == 2, "the largest one")
+    assert sizes == [5, limit or codec.LARGEST]
+
+
+def test_users_choose_no_priority_and_nobody_waits_for_them(lab: Lab) -> None:
+    found: dict[str, tuple[object, object, bool]] = {}
+
+    def keep(sample: zenoh.Sample) -> None:
+        found[str(sample.key_expr)] = (sample.priority, sample.congestion_control, sample.express)
+
+    drop, data = zenoh.CongestionControl.DROP, zenoh.Priority.DATA
+    calls = f"colony/{ROBOT}/RServer/call"
+    frames = f"colony/{ROBOT}/RServer/frames"
+    with (
+        ZenohSession.open(place(lab.environment), listens=("RServer",)) as robot,
+        ZenohSession.open(lab.remote("eva")) as network,
+    ):
+        note(robot, f"{calls}/**", keep)
+        note(robot, f"colony/{ROBOT}/RServer/requests/*", keep)
+        note(network, frames, keep)
+        _urgent(network, f"{calls}/command/eva/1")
+        _urgent(network, f"{calls}/read/eva/1")
+        put(network, f"{calls}/stop/eva/1", b"x")
+        put(network, f"colony/{ROBOT}/RServer/requests/eva", b"x")
+        put(robot, frames, b"x")
+        until(lambda: len(found) == 5, "all came")
+    assert found == {
+        f"{calls}/command/eva/1": (data, drop, False),
+        f"{calls}/read/eva/1": (data, drop, False),
+        f"{calls}/stop/eva/1": (zenoh.Priority.REAL_TIME, drop, True),
+        f"colony/{ROBOT}/RServer/requests/eva": (zenoh.Priority.INTERACTIVE_HIGH, drop, False),
+        frames: (data, drop, False),
+    }
+
+
+def test_the_largest_answer_gets_through(lab: Lab) -> None:
+    image = msgspec.Raw(msgspec.msgpack.encode(bytes(codec.LARGEST - 1024)))
+
+    def answer(message: Message, now_ns: int) -> Iterator[Effect]:
+        if isinstance(message, Call):
+            reply = Reply(connection=message.connection, number=message.number, result=image)
+            yield Send(topics.replies("CServer", message.connection), reply)
+
+    heard: list[object] = []
+    node = Recorder("CServer", topics.calls("CServer"), on=answer)
+    with hosted(lab.environment, [node]), ZenohSession.open(lab.remote("ada")) as ada:
+        listen(ada, keys.listening(ROBOT, "CServer/reply/ada/1"), heard)
+
+        def asked() -> bool:
+            put(
+                ada,
+                f"colony/{ROBOT}/CServer/call/read/ada/1",
+                codec.encode(plain_call("ada/1", right="read")),
+            )
+            return bool(heard)
+
+        until(asked, "the answer, perhaps to the second call")
+    assert isinstance(heard[0], Reply)
+    assert len(heard[0].result) == len(image)
+
+
+def test_a_user_who_does_not_read_holds_up_nobody(lab: Lab) -> None:
+    frames = f"colony/{ROBOT}/RServer/frames"
+    frozen, heard, lost = threading.Event(), list[int](), list[str]()
+    with (
+        ZenohSession.open(place(lab.environment), listens=("RServer",)) as robot,
+        ZenohSession.open(lab.remote("bob")) as bob,
+        ZenohSession.open(lab.remote("ada")) as ada,
+        publish(robot.session, frames) as publisher,
+    ):
+        note(ada, frames, lambda sample: heard.append(len(sample.payload)))
+        note(bob, frames, lambda sample: frozen.wait(20))
+        try:
+            until(lambda: "Gateway" in robot.alive() and _heard(publisher, heard), "it is linked")
+            robot.watch(lambda address, present: None if present else lost.append(address))
+            for _ in range(100):
+                publisher.put(bytes(256 * 1024))
+            until(lambda: _heard(publisher, heard), "what comes after that")
+        finally:
+            frozen.set()
+    assert lost == []
+
+
+def _heard(publisher: zenoh.Publisher, heard: list[int]) -> bool:
+    """Send a small one; whether the newest that was heard is such a one."""
+    publisher.put(b"small")
+    return heard[-1:] == [5]
+
+
+def _urgent(network: ZenohSession, key: str) -> None:
+    with publish(network.session, key, haste=Haste.STOP) as publisher:
+        until(lambda: publisher.matching_status.matching, f"nobody listens to {key}")  # type: ignore[attr-defined]
+        publisher.put(b"x")

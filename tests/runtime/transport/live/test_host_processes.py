@@ -1,0 +1,133 @@
+"""Hosts as processes of their own: large messages, a reader that is frozen, and how they end."""
+
+from __future__ import annotations
+
+import signal
+from collections.abc import Iterable, Mapping
+
+import pytest
+
+from colony.runtime.assembly.processes.children import ONE_THREAD
+from colony.runtime.protocol import codec, topics
+from colony.runtime.protocol.messages import (
+    Effect,
+    Message,
+    Sample,
+    Send,
+    ServerFrame,
+    Tick,
+    WakeAt,
+)
+from colony.runtime.transport.live.configuration import BLOCKED_US
+from colony.runtime.transport.live.network import ZenohSession
+from tests.runtime.transport.live.outside import SERVER, Outside
+from tests.runtime.transport.live.stage import Recorder, hosted, place, python_process, until
+
+LARGE = """
+import os, signal, sys
+from colony.runtime.protocol import topics
+from colony.runtime.transport.live.host import Host
+from colony.runtime.transport.live.place import local
+from colony.runtime.protocol.messages import Checkpoint, Send
+from tests.runtime.transport.live.stage import Recorder
+
+def save(message, now_ns):
+    saved = Checkpoint(client="c", k=message.k, start=0, memory=bytes(1_000_000))
+    yield Send(topics.checkpoints("DServer"), saved)
+
+with Host.open(local("rome", os.environ), [Recorder("drive/c", topics.TICKS, on=save)], direct=True) as host:
+    signal.signal(signal.SIGTERM, lambda *_: host.stop())
+    host.run()
+"""
+
+
+def test_with_one_thread_for_the_network_a_large_checkpoint_gets_through(
+    environment: Mapping[str, str],
+) -> None:
+    server = Recorder("DServer", topics.checkpoints("DServer"))
+    with (
+        python_process({**environment, "ZENOH_RUNTIME": ONE_THREAD}, "-c", LARGE) as process,
+        hosted(environment, [server]) as host,
+        ZenohSession.open(place(environment), listens=("Clock",)) as clock,
+    ):
+        until(lambda: "drive/c" in clock.alive(), "it is there for the Clock")
+        until(lambda: "drive/c" in host.network.alive(), "it is there for DServer")
+        went: list[str] = []
+        host.network.watch(lambda address, present: went.append(address))
+        for k in range(5):
+            Outside(clock).put(topics.TICKS, codec.encode(Tick(k=k, t_ns=0)))
+        until(lambda: len(server.got) == 5, "all came")
+        assert went == [], "its link was given up"
+        process.send_signal(signal.SIGTERM)
+        assert process.wait(20) == 0
+
+
+FROZEN = """
+import os, signal, sys
+from colony.runtime.protocol import topics
+from colony.runtime.transport.live.host import Host
+from colony.runtime.transport.live.place import local
+from tests.runtime.transport.live.stage import Recorder
+
+with Host.open(local("rome", os.environ), [Recorder("drive/frozen", topics.frames("PServer"))]) as host:
+    print("ready", flush=True)
+    host.run()
+"""
+
+
+def test_a_reader_that_is_frozen_does_not_hold_up_a_server(environment: Mapping[str, str]) -> None:
+    frames, fields = 200, {"big": Sample(tuple(float(n) for n in range(10_000)), 0)}
+
+    def publish_frames(message: Message, now_ns: int) -> Iterable[Effect]:
+        if len(server.got) <= frames:
+            topic = topics.frames("PServer")
+            yield Send(topic, ServerFrame(server="PServer", k=len(server.got), fields=fields))
+            yield WakeAt(now_ns + 1_000_000)
+
+    server = Recorder("PServer", topics.TICKS, on=publish_frames)
+    with (
+        python_process(environment, "-c", FROZEN, says="ready") as process,
+        hosted(environment, [server]) as host,
+    ):
+        until(lambda: "drive/frozen" in host.network.alive(), "the reader is there")
+        process.send_signal(signal.SIGSTOP)
+        with ZenohSession.open(place(environment)) as network:
+            Outside(network).put(topics.TICKS, codec.encode(Tick(k=0, t_ns=0)))
+        until(lambda: len(server.got) > frames, "all frames are published")
+    gaps = [b - a for a, b in zip(server.times, server.times[1:], strict=False)]
+    assert max(gaps) < BLOCKED_US * 1000 // 2, "who waits for room is held up until the link is given up"
+
+
+PROCESS = """
+import os, signal, sys
+from colony.runtime.transport.live.host import Host
+from colony.runtime.transport.live.place import local
+from tests.runtime.transport.live.stage import Recorder
+
+class Node(Recorder):
+    def close(self):
+        print("closed", flush=True)
+
+with Host.open(local("rome", os.environ), [Node("RServer")], serves=True) as host:
+    signal.signal(signal.SIGTERM, lambda *_: host.stop())
+    print("ready", flush=True)
+    host.run()
+print("ended", flush=True)
+"""
+
+
+@pytest.mark.parametrize("how", [signal.SIGTERM, signal.SIGKILL])
+def test_a_process_ends_by_a_signal_and_another_takes_its_place(
+    environment: Mapping[str, str], how: signal.Signals
+) -> None:
+    for _ in range(2):
+        with (
+            python_process(environment, "-c", PROCESS, says="ready") as process,
+            ZenohSession.open(place(environment)) as network,
+        ):
+            until(lambda n=network: n.alive() == (SERVER,), "it is there")  # type: ignore[misc]
+            process.send_signal(how)
+            rest = process.communicate(timeout=20)[0]
+            until(lambda n=network: n.alive() == (), "it is gone")  # type: ignore[misc]
+        assert rest == ("closed\nended\n" if how is signal.SIGTERM else "")
+        assert process.returncode == (0 if how is signal.SIGTERM else -9)
