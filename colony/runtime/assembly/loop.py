@@ -67,7 +67,8 @@ class LocalData(LocalServer):
         self.variables = Variables(journal)
         self.variables.read_by_program(reads)
         self.variables.show(reads)
-        methods = DataMethods(self.variables, Semaphores(journal))
+        self.semaphores = Semaphores(journal)
+        methods = DataMethods(self.variables, self.semaphores)
         self.expire = methods.expire
         super().__init__(DSERVER.name, methods.methods, methods.answers)
 
