@@ -170,8 +170,7 @@ def audit(path: str | PathLike[str], program: Program) -> AuditReport:
     """Decide every frame of a recording again with the reference interpreter.
 
     Raises:
-        Failure: codes A and F, it is no recording, or of another program; P001, a module in Python cannot be
-            imported or built.
+        Failure: codes A and F, it is no recording, or of another program.
     """
     from colony.verify.audit.audit import audit_recording
 

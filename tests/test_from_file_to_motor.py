@@ -1,8 +1,9 @@
-"""One text, followed from its file to one command: nothing on the way is done twice."""
+"""One text, followed from its file to its commands at the motor: nothing on the way is done twice."""
 
 from __future__ import annotations
 
 from collections import Counter
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -10,40 +11,61 @@ import pytest
 
 from colony.cli.programs import compile_file
 from colony.compile import pipeline
-from colony.execute import artifact
+from colony.execute import artifact, machine, sensors
 from colony.execute.compiled import Compiled
+from colony.execute.sensors import Records
+from colony.ir.frame import Reading
+from colony.ir.program import Sensor
+from colony.ir.types import Value
 from colony.runtime.assembly.virtual import VirtualSession
-from tests.runtime.scripted import Log, Script
+from colony.runtime.protocol.bindings import SensorBinding
+from colony.runtime.protocol.messages import Sample
+from tests.runtime.scripted import FAR, Log, Script
 
 TEXT = """
 robot rome {
-  sensor   bumper : bool  from RServer.bumper
-  actuator drive { velocity : mm/s, turn : deg/s }  to RServer.drive  idle drive(velocity = 0, turn = 0)
+  sensor   sonar[24] : m   from PServer.sonar   within 200 ms
+  sensor   limit     : m/s from DServer.Limit
+  actuator drive { velocity : m/s range 0 .. 1, turn : deg/s }
+           to RServer.drive  idle drive(velocity = 0, turn = 0)
 }
-module back_off { when bumper  do drive(velocity = -100 mm/s, turn = 0) }
-module cruise   { when true    do drive(velocity = 200 mm/s, turn = 0) }
-network { drive = back_off suppresses cruise }
+module stop   { when sonar[12] < 1 m  do drive(velocity = 0, turn = 30 deg/s) }
+module cruise { when true             do drive(velocity = limit, turn = 0) }
+network { drive = stop suppresses cruise }
 """
-
+FRAMES = 4
 FRAME_NS = 50_000_000
+LIMIT = 0.3
+NEAR = (*FAR[:12], 999.9, *FAR[13:])
+PASSES = ("elaborate", "eliminate_inhibition", "forward_traversal", "simplify", "lower")
 
 
 @pytest.fixture
 def counted(monkeypatch: pytest.MonkeyPatch) -> Counter[str]:
-    """Count the calls of what must happen once."""
+    """Count how often each pass is run, and each sensor's readings are converted or taken by an executor."""
     calls: Counter[str] = Counter()
 
-    def count(where: Any, name: str) -> None:
+    def count(where: Any, name: str, what: Callable[..., str]) -> None:
         original = getattr(where, name)
 
-        def counting(*arguments: Any, **options: Any) -> Any:
-            calls[name] += 1
-            return original(*arguments, **options)
+        def counting(*arguments: Any) -> Any:
+            calls[what(*arguments)] += 1
+            return original(*arguments)
 
         monkeypatch.setattr(where, name, counting)
 
-    for name in ("elaborate", "eliminate_inhibition", "forward_traversal", "simplify", "lower"):
-        count(pipeline, name)
+    def converted(way: str) -> Callable[[SensorBinding, Value], str]:
+        return lambda binding, _: f"{binding.sensor} {way}"
+
+    def taken(sensor: Sensor, _reading: Reading, _records: Records) -> str:
+        return f"{sensor.name} taken, factor {sensor.factor:g}"
+
+    for name in PASSES:
+        count(pipeline, name, lambda *_, name=name: name)
+    for way in ("in_base_units", "in_declared_unit"):
+        count(SensorBinding, way, converted(way))
+    assert machine.take is sensors.take
+    count(machine, "take", taken)
     return calls
 
 
@@ -53,11 +75,32 @@ def test_from_file_to_motor(counted: Counter[str], tmp_path: Path) -> None:
     data = artifact.encode(compile_file(str(path)).artifact)
     path.unlink()  # all that is needed is in the artifact
     compiled: Compiled = artifact.decode(data, "roam.colonyc")
-    script, log = Script(), Log()
-    session = VirtualSession(compiled, script.drivers, clock=script.clock, seed=1, sinks=(log,))
-    session.run(FRAME_NS)
-    assert log.winners() == ["cruise"]
-    assert log.frames[0].verdicts["drive"].values == (200.0, 0.0)
-    assert counted == dict.fromkeys(
-        ("elaborate", "eliminate_inhibition", "forward_traversal", "simplify", "lower"), 1
+    log = Log()
+    script = Script(sonar_at=lambda t: Sample(FAR if t < 2 * FRAME_NS else NEAR, t))
+    session = VirtualSession(
+        compiled, script.drivers, clock=script.clock, seed=1, variables={"Limit": LIMIT}, sinks=(log,)
     )
+    session.run(FRAMES * FRAME_NS)
+
+    # base units from the servers' frames to the motor
+    assert [command[1:] for command in script.told[-FRAMES:]] == [(300.0, 0.0)] * 2 + [(0.0, 30.0)] * 2
+    # declared units for people
+    assert log.frames[0].frame.readings == {"sonar": tuple(x / 1000.0 for x in FAR), "limit": LIMIT}
+    assert [frame.verdicts["drive"].values for frame in log.frames] == [(LIMIT, 0.0)] * 2 + [(0.0, 30.0)] * 2
+    assert log.winners() == ["cruise", "cruise", "stop", "stop"]
+    assert not any(frame.disagreements for frame in log.frames)
+    assert counted == {
+        # each pass is run once
+        **dict.fromkeys(PASSES, 1),
+        # each client has each of its readings converted once, where its frame is made, and computes with
+        # that; the guard of `cruise` reads the sonar, too
+        "sonar in_base_units": 2 * FRAMES,
+        "sonar taken, factor 1": 2 * FRAMES,
+        "limit in_base_units": FRAMES,
+        "limit taken, factor 1": FRAMES,
+        # the observer has the declared units that people read, and its monitor converts them once
+        "sonar in_declared_unit": FRAMES,
+        "sonar taken, factor 1000": FRAMES,
+        "limit in_declared_unit": FRAMES,
+        "limit taken, factor 1000": FRAMES,
+    }

@@ -3,9 +3,7 @@
 from __future__ import annotations
 
 import os
-import sys
 import time
-from contextlib import redirect_stdout
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import TYPE_CHECKING, BinaryIO
@@ -25,9 +23,8 @@ if TYPE_CHECKING:
 @click.command("audit", short_help="hold a recorded run against the reference interpreter")
 @click.argument("recording", metavar="RECORDING")
 @click.argument("file", metavar="[FILE]", required=False)
-@click.option("--trust", is_flag=True, help="Run the modules in Python that the recording holds.")
 @click.option("--format", "format_", type=click.Choice(["text", "json"]), default="text", show_default=True)
-def command(recording: str, file: str | None, trust: bool, format_: str) -> None:
+def command(recording: str, file: str | None, format_: str) -> None:
     """Decide every frame of a recording again, and tell the first that was decided otherwise.
 
     The program is the one in the recording, or FILE, which JSON lines need: they do not hold it. Where a
@@ -35,8 +32,7 @@ def command(recording: str, file: str | None, trust: bool, format_: str) -> None
     commanded, or the emergency stop or a lock was on, are counted and not compared. A recording that breaks
     off is audited as far as it goes, and one that is damaged before and after the damage.
 
-    A recording may hold modules in Python, which come from whoever made it: they are run, out of a
-    temporary folder, only with --trust. With FILE, modules are looked for beside it, as in other commands.
+    Modules in Python are not run: a recording holds their answers.
 
     Exit code 0 where every frame agrees, 1 where one differs or the recording is damaged, 2 for misuse, as a
     file that is no recording.
@@ -54,9 +50,8 @@ def command(recording: str, file: str | None, trust: bool, format_: str) -> None
     try:
         with open_recording(recording) as stream, TemporaryDirectory(prefix="colony-audit-") as folder:
             reader = read_recording(stream, recording)
-            program = _program(reader, recording, file, Path(folder), trust)
-            with redirect_stdout(sys.stderr):  # for what modules in Python print
-                result = audit_recording(program, reader, _Progress(stream))
+            program = _program(reader, recording, file, Path(folder))
+            result = audit_recording(program, reader, _Progress(stream))
             _refuse_empty(recording, reader, result)
     except Failure as failure:
         code = failure.diagnostics[0].code
@@ -74,24 +69,15 @@ def command(recording: str, file: str | None, trust: bool, format_: str) -> None
         raise click.exceptions.Exit(EXIT_ERRORS)
 
 
-def _program(reader: RecordingReader, recording: str, file: str | None, folder: Path, trust: bool) -> Program:
+def _program(reader: RecordingReader, recording: str, file: str | None, folder: Path) -> Program:
     if file is not None:
         return load_program(file)
-    from colony.ir.program import PythonModule
     from colony.robots.recorded_program import recorded_program, unusable
     from colony.text.diagnostics import Failure
 
     if reader.run is None:
         raise Failure([unusable(recording, "JSON lines do not hold the program")])
-    program = recorded_program(reader.run, recording, folder)
-    modules = [m.module_path for m in program.modules if isinstance(m, PythonModule)]
-    if modules and not trust:
-        message = f"{recording} holds modules in Python ({', '.join(dict.fromkeys(modules))})"
-        hint = "run them with --trust, or name FILE"
-        raise click.UsageError(f"{message}; {hint}", click.get_current_context())
-    if modules:
-        sys.path.insert(0, str(folder / "python"))
-    return program
+    return recorded_program(reader.run, recording, folder)
 
 
 def _refuse_empty(recording: str, reader: RecordingReader, result: AuditReport) -> None:

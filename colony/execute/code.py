@@ -87,7 +87,11 @@ class OldCell:
 
 @dataclass(frozen=True, slots=True)
 class PythonActive:
-    """Whether the Python module has a command in this frame."""
+    """True if the Python module has a command in this frame.
+
+    A module that is not among the Code's own (`Code.python`) runs elsewhere: its answer is given with the
+    frame. So it is for all modules in the code of one client.
+    """
 
     module: str
 
@@ -98,13 +102,6 @@ class PythonField:
 
     module: str
     index: int
-
-
-@dataclass(frozen=True, slots=True)
-class OutsideActive:
-    """Whether a Python module that runs elsewhere is active: given with the frame (clients only)."""
-
-    module: str
 
 
 @dataclass(frozen=True, slots=True)
@@ -161,7 +158,6 @@ Op = (
     | FrameTime
     | PythonActive
     | PythonField
-    | OutsideActive
     | Lost
     | Table
     | Winner
@@ -366,7 +362,6 @@ def remapped(op: Op, ops: Mapping[int, int], cells: Mapping[int, int]) -> Op:
             | SensorElement()
             | PythonActive()
             | PythonField()
-            | OutsideActive()
             | Lost()
             | Winner()
             | Commanded()

@@ -33,7 +33,6 @@ class Compiled:
         name: the robot's.
         frame_ns: the period of its frames.
         code: sensors, actuators with their prioritized clients, modules in Python, contracts and memory.
-        announced: the modules in Python whose activity other clients need.
         sources: the files that it was made of; none for a program that was built in memory.
         root: the place of the file that was compiled, "" without sources.
     """
@@ -41,7 +40,6 @@ class Compiled:
     name: str
     frame_ns: int
     code: Code
-    announced: tuple[str, ...] = ()
     sources: tuple[SourceFile, ...] = ()
     root: str = ""
 
@@ -65,6 +63,11 @@ class Compiled:
     def places(self) -> dict[str, tuple[str, ...]]:
         """The clients of each actuator, highest priority first."""
         return {one.actuator.name: tuple(c.module for c in one.clients) for one in self.code.actuators}
+
+    @property
+    def announced(self) -> tuple[str, ...]:
+        """The modules in Python, in the order written: each runs in a process of its own."""
+        return tuple(call.module for call in self.code.python)
 
     @property
     def source_hash(self) -> str:

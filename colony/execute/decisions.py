@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import Any, NamedTuple
 
 from colony.execute.code import ActuatorCode, ClientCode
-from colony.execute.settle import leave, settle
+from colony.execute.settle import settle
 from colony.ir.program import Actuator
 from colony.ir.types import ScalarValue
 
@@ -13,11 +13,10 @@ Records = tuple[tuple[str, str], ...]
 
 
 class Decided(NamedTuple):
-    """A decision: `sent` in base units, `leaving` in declared units, both None where nothing is sent."""
+    """A decision: `sent` in base units, None where nothing is sent."""
 
     by: str | None
     sent: tuple[ScalarValue, ...] | None
-    leaving: tuple[ScalarValue, ...] | None
     fault: str | None
     records: Records
 
@@ -26,16 +25,15 @@ def decide(actuator: ActuatorCode, winner: ClientCode | None, values: list[Any])
     """What an actuator is sent when `winner` has won: its command, bounded, or the idle one."""
     idle, fields = actuator.actuator.idle, field_bounds(actuator.actuator)
     if winner is None:
-        return Decided(None, idle, None if idle is None else leave(idle, fields), None, ())
+        return Decided(None, idle, None, ())
     command = tuple([values[i] for i in winner.fields])
     limits = tuple(
         (limit.field_index, limit.relation == "<=", values[limit.bound])
         for limit in actuator.limits
         if values[limit.applies]
     )
-    decision, sent, records = settle(actuator.actuator.name, winner.module, command, fields, limits, idle, ())
-    _, by, leaving, fault = decision
-    return Decided(by, sent, leaving, fault, records)
+    fault, sent, records = settle(actuator.actuator.name, winner.module, command, fields, limits, idle, ())
+    return Decided(winner.module, sent, fault, records)
 
 
 def field_bounds(actuator: Actuator) -> tuple[tuple[str, float, float | None, float | None], ...]:

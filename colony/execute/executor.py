@@ -6,15 +6,16 @@ Plain and unhurried; what is generated from the same Code (`colony.compile.backe
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Any, Literal, NamedTuple
+from typing import Literal, NamedTuple
 
-from colony.execute.code import ActuatorCode, ClientCode, Kind, OutsideActive
+from colony.execute.code import ActuatorCode, ClientCode, Kind, PythonActive, PythonField
 from colony.execute.compiled import Compiled
 from colony.execute.decisions import decide
 from colony.execute.machine import Machine
-from colony.execute.views import of_activity, of_client, unsimplified, whole
-from colony.ir.frame import Decision, Frame, Outcome, Record
+from colony.execute.views import of_client, of_module, unsimplified, whole
+from colony.ir.frame import Answer, Decision, Frame, Outcome, Record
 from colony.ir.memory import ProgramMemory
+from colony.ir.program import in_declared_units
 from colony.ir.types import ScalarValue
 
 
@@ -32,21 +33,24 @@ class ClientListExecutor:
         exclusive: whether the exclusive guards decide.
         simplified: whether simplified guards decide. By the others time constants have places in `memory`,
             and nothing is owed to the last pass.
+        answered: whether modules in Python run elsewhere, and `step` is given their answers.
 
     Raises:
         Failure: a Python module's class cannot be imported or built.
         NotExclusive: in `step`, if `exclusive`, and more than one holds.
     """
 
-    def __init__(self, compiled: Compiled, *, exclusive: bool = False, simplified: bool = True) -> None:
+    def __init__(
+        self, compiled: Compiled, *, exclusive: bool = False, simplified: bool = True, answered: bool = False
+    ) -> None:
         self.code = whole(compiled.code) if simplified else unsimplified(compiled.code)
-        self._machine = Machine(self.code)
-        self._exclusive = exclusive
+        self._exclusive, self._answered = exclusive, answered
+        self.restart()
 
-    def step(self, frame: Frame) -> Outcome:
-        """One frame: every actuator's decision, what was recorded, contracts that were broken."""
+    def step(self, frame: Frame, answers: Mapping[str, Answer] | None = None) -> Outcome:
+        """Return one frame: every actuator's decision, what was recorded, contracts that were broken."""
         machine, code = self._machine, self.code
-        machine.begin(frame)
+        machine.begin(frame, answers)
         machine.run(0, code.decided)
         decisions = tuple(self._decide(actuator) for actuator in code.actuators)
         machine.run(code.decided, len(code.ops))
@@ -61,13 +65,14 @@ class ClientListExecutor:
         Raises:
             Failure: one of them cannot be built.
         """
-        self._machine = Machine(self.code)
+        self._machine = Machine(self.code, answered=self._answered)
 
     @property
     def memory(self) -> ProgramMemory | None:
-        """The memory, by guards that are not simplified; None with modules in Python: they have theirs."""
+        """The memory, by guards that are not simplified; None where it runs modules in Python: they have
+        theirs."""
         machine = self._machine
-        if self.code.python:
+        if machine.python:
             return None
         cells = {name: machine.cells[i] for name, i in self.code.places.items()}
         return ProgramMemory(first_ns=machine.first_ns, cells=cells)
@@ -79,19 +84,21 @@ class ClientListExecutor:
             ValueError: it is not the memory of this program: its cells or their types differ.
         """
         places = self.code.places
-        if self.code.python or memory.cells.keys() != places.keys():
+        if self._machine.python or memory.cells.keys() != places.keys():
             raise ValueError("the memory is of another program")
-        cells, machine = self.code.cells, Machine(self.code)
-        for name, i in places.items():
-            machine.cells[i] = _restored(name, cells[i].kind, memory.cells[name])
-        machine.first_ns = memory.first_ns
-        self._machine = machine
+        cells = self.code.cells
+        restored = {i: _restored(name, cells[i].kind, memory.cells[name]) for name, i in places.items()}
+        self.restart()
+        for i, value in restored.items():
+            self._machine.cells[i] = value
+        self._machine.first_ns = memory.first_ns
 
     def _decide(self, actuator: ActuatorCode) -> Decision:
         winner = self._winner(actuator)
         decided = decide(actuator, winner, self._machine.values)
         self._machine.decided(actuator.actuator.name, decided)
-        return Decision(actuator.actuator.name, decided.by, decided.leaving, decided.fault)
+        values = in_declared_units(decided.sent, actuator.actuator.fields)
+        return Decision(actuator.actuator.name, decided.by, values, decided.fault)
 
     def _winner(self, actuator: ActuatorCode) -> ClientCode | None:
         values = self._machine.values
@@ -130,21 +137,20 @@ class ClientStep(NamedTuple):
 class ClientMemory(NamedTuple):
     """All that a client remembers, as plain data.
 
-    `first_ns` is the time of its first frame, `cells` are by name. `answers` are (due, pending, standing) of
-    the client's own Python module, if it has one; what that module's object remembers is its own.
+    `first_ns` is the time of its first frame, `cells` are by name.
     """
 
     first_ns: int | None
     cells: dict[str, float | bool | int]
-    answers: tuple[Any, Any, Any] | None = None
 
 
 class ClientExecutor:
     """Executes the slice of a program that one client needs. Mutable: it has the client's memory.
 
+    Its frames are in base units. Modules in Python run elsewhere, also that of the client.
+
     Raises:
         KeyError: there is no such client.
-        Failure: the client's own Python module cannot be imported or built.
     """
 
     def __init__(self, compiled: Compiled, actuator: str, module: str) -> None:
@@ -159,20 +165,21 @@ class ClientExecutor:
         return tuple(s.name for s in self.code.sensors)
 
     @property
-    def outside(self) -> tuple[str, ...]:
-        """The Python modules elsewhere whose activity `step` has to be told."""
-        return tuple(op.module for op in self.code.ops if isinstance(op, OutsideActive))
+    def python_modules(self) -> tuple[str, ...]:
+        """The modules in Python whose answers `step` needs."""
+        needed = (op.module for op in self.code.ops if isinstance(op, PythonActive | PythonField))
+        return tuple(dict.fromkeys(needed))
 
     def step(
-        self, frame: Frame, active: Mapping[str, bool] | None = None, lost: frozenset[str] = frozenset()
+        self, frame: Frame, answers: Mapping[str, Answer] | None = None, lost: frozenset[str] = frozenset()
     ) -> ClientStep:
-        """One frame, with the activity of the `outside` modules, and the modules whose clients are lost.
+        """Step through a frame, given answers of modules in Python, and the modules whose clients are lost.
 
         Raises:
-            KeyError: `active` lacks one of `outside`.
+            KeyError: `answers` lacks one of `python_modules`.
         """
         machine = self._machine
-        machine.begin(frame, active or {}, lost)
+        machine.begin(frame, answers, lost)
         machine.run(0, len(self.code.ops))
         won = bool(machine.values[self._client.exclusive])
         decided = decide(self._actuator, self._client if won else None, machine.values)
@@ -182,17 +189,8 @@ class ClientExecutor:
         return ClientStep(won, values, decided.fault, machine.records(), self._bid())
 
     def restart(self) -> None:
-        """Go on from the initial memory, with its own Python module built anew.
-
-        Raises:
-            Failure: that cannot be built.
-        """
+        """Go on from the initial memory."""
         self._machine = Machine(self.code)
-
-    @property
-    def portable(self) -> bool:
-        """Whether `memory` is all that it remembers: it has no Python module of its own."""
-        return not self.code.python
 
     def _bid(self) -> Bid:
         client, values = self._client, self._machine.values
@@ -207,9 +205,7 @@ class ClientExecutor:
         """A copy of all that it remembers."""
         machine = self._machine
         cells = {cell.name: value for cell, value in zip(self.code.cells, machine.cells, strict=True)}
-        steps = list(machine.python.values())
-        answers = (steps[0].due, steps[0].pending, steps[0].standing) if steps else None
-        return ClientMemory(machine.first_ns, cells, answers)
+        return ClientMemory(machine.first_ns, cells)
 
     @memory.setter
     def memory(self, memory: ClientMemory) -> None:
@@ -223,32 +219,42 @@ class ClientExecutor:
             raise ValueError("the memory is of another client")
         restored = [_restored(c.name, c.kind, memory.cells[c.name]) for c in self.code.cells]
         machine.first_ns, machine.cells = memory.first_ns, restored
-        for step in machine.python.values():
-            step.due, step.pending, step.standing = memory.answers or (0, None, None)
 
 
-class ActivityExecutor:
-    """Executes the slice that tells whether a module in Python is active. Mutable: the module's memory.
+class ModuleExecutor:
+    """Executes one module in Python. Mutable: the memory of what it reads, and the module's own.
+
+    Its frames are in base units.
 
     Raises:
         KeyError: there is no such module.
-        Failure: the module cannot be imported or built; so may `restart`.
+        Failure: the module cannot be imported or built.
     """
 
     def __init__(self, compiled: Compiled, module: str) -> None:
-        self._code = of_activity(compiled.code, module)
+        self._code = of_module(compiled.code, module)
         self.restart()
 
-    def step(self, frame: Frame) -> bool:
-        """Return whether it has a command in this frame."""
-        machine, (active,) = self._machine, self._code.contracts
+    @property
+    def sensors(self) -> tuple[str, ...]:
+        """The sensors that the module reads, through whatever."""
+        return tuple(s.name for s in self._code.sensors)
+
+    def step(self, frame: Frame) -> Answer:
+        """Return the module's answer in a frame."""
+        machine = self._machine
         machine.begin(frame)
         machine.run(0, len(self._code.ops))
         machine.commit()
-        return bool(machine.values[active.value])
+        (answer,) = machine.answers.values()
+        return answer
 
     def restart(self) -> None:
-        """Go on from the initial memory, with the module built anew."""
+        """Go on from the initial memory, with the module built anew.
+
+        Raises:
+            Failure: it cannot be built.
+        """
         self._machine = Machine(self._code)
 
 

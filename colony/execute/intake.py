@@ -7,7 +7,7 @@ the sensor is fresh, and the records, which it may add one to.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from math import inf, nan
 
 Records = tuple[tuple[str, str], ...]
@@ -37,6 +37,14 @@ def as_float(reading: object) -> float | None:
         return float(reading)
     except OverflowError:
         return inf if reading > 0 else -inf
+
+
+def converted(reading: object, convert: Callable[[float], float]) -> object:
+    """Convert a reading, or each element of an array; what is no number stays as it is."""
+    if isinstance(reading, list | tuple):
+        return tuple([converted(element, convert) for element in reading])
+    number = as_float(reading)
+    return reading if number is None else convert(number)
 
 
 def within(value: float, low: float | None, high: float | None) -> float:

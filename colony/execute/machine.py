@@ -18,7 +18,6 @@ from colony.execute.code import (
     Lost,
     OldCell,
     Op,
-    OutsideActive,
     PythonActive,
     PythonCall,
     PythonField,
@@ -33,7 +32,7 @@ from colony.execute.intake import of_age
 from colony.execute.operators import FUNCTIONS
 from colony.execute.python_step import PythonStep
 from colony.execute.sensors import take, within
-from colony.ir.frame import Frame, Record
+from colony.ir.frame import Answer, Frame, Record
 from colony.ir.types import Array, Bool, Enum, ScalarValue
 from colony.text.diagnostics import Failure, error
 
@@ -45,19 +44,20 @@ class Machine:
     """Runs the ops of a Code over its memory. Mutable.
 
     A frame is `begin`, `run` of all ops (with `decided` before those that depend on decisions), `commit`.
+    With `answered` the Python modules run elsewhere, and their answers are given with each frame.
     """
 
-    def __init__(self, code: Code) -> None:
+    def __init__(self, code: Code, *, answered: bool = False) -> None:
         self.code = code
         self.values: list[Any] = [None] * len(code.ops)
         self.cells: list[float | bool | int] = [c.initial for c in code.cells]
         self.first_ns: int | None = None
-        self.python = {call.module: build(call) for call in code.python}
+        self.answers: dict[str, Answer] = {}
+        self.python = {} if answered else {call.module: build(call) for call in code.python}
         self._t = 0
         self._sensors: dict[str, Any] = {}
         self._fresh: dict[str, bool] = {}
-        self._answers: dict[str, tuple[bool, tuple[ScalarValue, ...]]] = {}
-        self._active: Mapping[str, bool] = {}
+        self._python_called = False
         self._lost: frozenset[str] = frozenset()
         self._decided: dict[str, Decided] = {}
         self._records: Records = ()
@@ -66,15 +66,15 @@ class Machine:
         self._steps = tuple(self._step(op) for op in code.ops)
 
     def begin(
-        self, frame: Frame, active: Mapping[str, bool] | None = None, lost: frozenset[str] = frozenset()
+        self, frame: Frame, answers: Mapping[str, Answer] | None = None, lost: frozenset[str] = frozenset()
     ) -> None:
-        """Take a frame in; `active` and `lost` are as for `ClientExecutor.step`."""
+        """Take a frame in; `answers` and `lost` are as for `ClientExecutor.step`."""
         if self.first_ns is None:
             self.first_ns = frame.t_ns
         self._t = frame.t_ns - self.first_ns
-        self._active, self._lost = active or {}, lost
+        self.answers, self._lost = dict(answers or ()), lost
+        self._python_called = False
         self._records = ()
-        self._answers.clear()
         self._decided.clear()
         readings: Mapping[str, Any] = frame.readings
         if frame.taken_ns:
@@ -136,11 +136,9 @@ class Machine:
         decided = self._decided
         match op:
             case PythonActive(module=module):
-                return lambda: self._answer(module)[0]
+                return lambda: self._answer(module) is not None
             case PythonField(module=module, index=index):
-                return lambda: self._answer(module)[1][index]
-            case OutsideActive(module=module):
-                return lambda: bool(self._active[module])
+                return lambda: 0.0 if (fields := self._answer(module)) is None else fields[index]
             case Lost(module=module):
                 return lambda: module in self._lost
             case Winner(actuator=actuator, module=module):
@@ -154,26 +152,31 @@ class Machine:
 
     def _call_python(self) -> None:
         """Call the Python modules in order, once a frame: at the first op that needs one, or after all."""
-        values = self.values
+        if self._python_called:
+            return
+        self._python_called = True
         for call in self.code.python:
-            if call.module in self._answers:
-                continue
-            given: dict[str, object] | None = None
-            if values[call.present]:
-                given = {
-                    read.name: tuple([values[i] for i in read.elements])
-                    if read.array
-                    else values[read.elements[0]]
-                    for read in call.reads
-                }
-            active, fields, self._records = self.python[call.module].step(self._t, given, self._records)
-            self._answers[call.module] = (active, fields)
+            step = self.python.get(call.module)
+            if step is not None:
+                active, fields, records = step.step(self._t, self._given(call), ())
+                self.answers[call.module] = Answer(fields if active else None, bool(records))
+            if self.answers[call.module].error:
+                self._records = (*self._records, ("python error", call.module))
 
-    def _answer(self, module: str) -> tuple[bool, tuple[ScalarValue, ...]]:
+    def _given(self, call: PythonCall) -> dict[str, object] | None:
+        """What a Python module reads in this frame, None where something is missing."""
+        values = self.values
+        if not values[call.present]:
+            return None
+        return {
+            read.name: tuple([values[i] for i in read.elements]) if read.array else values[read.elements[0]]
+            for read in call.reads
+        }
+
+    def _answer(self, module: str) -> tuple[ScalarValue, ...] | None:
         """The Python module's command in this frame."""
-        if module not in self._answers:
-            self._call_python()
-        return self._answers[module]
+        self._call_python()
+        return self.answers[module].values
 
 
 def _applied(function: Callable[..., Any], arguments: tuple[int, ...], values: list[Any]) -> Step:

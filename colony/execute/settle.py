@@ -1,4 +1,4 @@
-"""What an actuator is sent, given its winner's command: limits, range, units, and the idle command instead.
+"""What an actuator is sent, given its winner's command: limits, range, and the idle command instead.
 
 Stands on its own, on `math` alone, like `arithmetic`: the Python backend copies it into what it generates.
 """
@@ -16,12 +16,8 @@ def settle(
     limits: tuple[tuple[int, bool, float], ...],
     idle: tuple[float | bool, ...] | None,
     records: tuple[tuple[str, str], ...],
-) -> tuple[
-    tuple[str, str | None, tuple[float | bool, ...] | None, str | None],
-    tuple[float | bool, ...] | None,
-    tuple[tuple[str, str], ...],
-]:
-    """The decision (values in declared units), what is sent in base units, and the records.
+) -> tuple[str | None, tuple[float | bool, ...] | None, tuple[tuple[str, str], ...]]:
+    """Return the fault, what is sent in base units, and the records.
 
     `fields` are (name, factor, low, high); `limits` are those that apply, as (field, whether from above,
     bound), bounds finite.
@@ -43,20 +39,8 @@ def settle(
             value = high
             found += (("command clamped", f"{actuator}.{name}"),)
         sent.append(value)
-    leaving = leave(tuple(sent), fields)
-    if not all(map(isfinite, command + leaving)):
-        out = None if idle is None else leave(idle, fields)
-        return (actuator, by, out, "not finite"), idle, (*records, ("not finite", by))
-    return (actuator, by, leaving, None), tuple(sent), records + found
-
-
-def leave(
-    values: tuple[float | bool, ...], fields: tuple[tuple[str, float, float | None, float | None], ...]
-) -> tuple[float | bool, ...]:
-    """A command in declared units; a bool has none."""
-    return tuple(
-        [
-            value if isinstance(value, bool) else value / factor
-            for value, (_, factor, _, _) in zip(values, fields, strict=True)
-        ]
-    )
+    # in a unit smaller than the base unit a field may be beyond all doubles
+    declared = [x / factor for x, (_, factor, _, _) in zip(sent, fields, strict=True) if factor < 1.0]
+    if not all(map(isfinite, (*command, *declared))):
+        return "not finite", idle, (*records, ("not finite", by))
+    return None, tuple(sent), records + found

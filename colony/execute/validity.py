@@ -22,7 +22,6 @@ from colony.execute.code import (
     Lost,
     OldCell,
     Op,
-    OutsideActive,
     PythonActive,
     PythonField,
     SensorElement,
@@ -111,7 +110,6 @@ class _Check:
             for name in names:
                 _expect(_NAME.fullmatch(name) is not None, f"{name[:40]!r} is no name")
         _expect(len({c.name for c in code.cells}) == len(code.cells), "a name twice among the cells")
-        _expect(set(self.compiled.announced) <= self.python.keys(), "no such module is announced")
 
     def _refer(self, what: str, kind: Kind, *references: int, below: int | None = None) -> None:
         """Expect references to values of a kind, and to values before `below`."""
@@ -155,7 +153,7 @@ class _Check:
             case PythonField(module=module, index=index):
                 call = self.python.get(module)
                 return _field(() if call is None else call.fields, index)
-            case OutsideActive() | Lost():
+            case Lost():
                 return Kind.BOOL
             case Winner(actuator=actuator):
                 return Kind.BOOL if at >= code.decided and actuator in self.actuators else None

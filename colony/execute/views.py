@@ -14,9 +14,6 @@ from colony.execute.code import (
     ClientCode,
     Code,
     ContractCode,
-    Op,
-    OutsideActive,
-    PythonActive,
     PythonCall,
     SensorElement,
     SensorFresh,
@@ -25,6 +22,7 @@ from colony.execute.code import (
     remapped,
     roots,
 )
+from colony.ir.program import Sensor
 
 
 def whole(code: Code) -> Code:
@@ -46,7 +44,7 @@ def unsimplified(code: Code) -> Code:
 def of_client(code: Code, actuator: str, module: str) -> Code:
     """Return the view of one client: its guards as its own process evaluates them, its command, its limits.
 
-    Modules in Python that its guards mention run elsewhere: their activity is an `OutsideActive`.
+    Its sensors are in base units. Modules in Python run elsewhere, also that of the client.
 
     Raises:
         KeyError: there is no such client.
@@ -56,24 +54,23 @@ def of_client(code: Code, actuator: str, module: str) -> Code:
     own = _decided_by(client, client.heard_guard, client.heard_exclusive)
     view = replace(
         code,
-        ops=tuple(_outside(op, module) for op in code.ops),
-        python=tuple(call for call in code.python if call.module == module),
+        sensors=_in_base_units(code),
+        python=(),
         actuators=(replace(one, clients=(own,)),),
         contracts=(),
     )
     return trimmed(view, every_sensor=False)
 
 
-def of_activity(code: Code, module: str) -> Code:
-    """Return the view of a module in Python: its one contract tells whether the module is active.
+def of_module(code: Code, module: str) -> Code:
+    """Return the view of a module in Python: all that it reads, from sensors in base units.
 
     Raises:
         KeyError: there is no such module.
     """
     call = {call.module: call for call in code.python}[module]
-    at = code.ops.index(PythonActive(module))
-    active = ContractCode(name=module, present=at, value=at, traversed=at)
-    return trimmed(replace(code, python=(call,), actuators=(), contracts=(active,)), every_sensor=False)
+    view = replace(code, sensors=_in_base_units(code), python=(call,), actuators=(), contracts=())
+    return trimmed(view, every_sensor=False)
 
 
 def _of_all(
@@ -97,8 +94,9 @@ def _decided_by(client: ClientCode, guard: int, exclusive: int) -> ClientCode:
     )
 
 
-def _outside(op: Op, module: str) -> Op:
-    return OutsideActive(op.module) if isinstance(op, PythonActive) and op.module != module else op
+def _in_base_units(code: Code) -> tuple[Sensor, ...]:
+    """The sensors as they are read in the runtime: servers' readings are converted where frames are made."""
+    return tuple(replace(sensor, factor=1.0) for sensor in code.sensors)
 
 
 def trimmed(code: Code, *, every_sensor: bool) -> Code:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import lru_cache
 from pathlib import Path
 
@@ -10,19 +10,18 @@ from colony.compile.backends.python.executor import PythonExecutor
 from colony.compile.backends.python.generate import generate, load
 from colony.compile.pipeline import compile_program
 from colony.dsl.load import load_file
-from colony.execute.compiled import Compiled
-from colony.ir.program import Program
+from colony.ir.program import Program, Robot, in_base_units
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Behavior:
-    """A program, what was compiled of it, and its generated Python: `source`, and loaded.
+    """A robot, its program in base units, and the generated Python of that: `source`, and loaded.
 
     `first` is never stepped: `executor` makes another one like it, in the initial memory.
     """
 
+    robot: Robot
     program: Program
-    compiled: Compiled
     source: str
     first: PythonExecutor
 
@@ -47,6 +46,6 @@ def behavior_from(program: Program) -> Behavior:
     Raises:
         Failure: a module in Python cannot be built.
     """
-    compiled = compile_program(program).artifact
-    source = generate(compiled)
-    return Behavior(program=program, compiled=compiled, source=source, first=load(source))
+    in_base = replace(program, robot=in_base_units(program.robot))
+    source = generate(compile_program(in_base).artifact)
+    return Behavior(robot=program.robot, program=in_base, source=source, first=load(source))

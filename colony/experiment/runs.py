@@ -125,7 +125,7 @@ class Run:
         plant = Plant(self.world, clock, [self.site.elevators.advance])
         behavior = behavior_of(self.variant.behavior)
         self.loop = Loop(
-            behavior.compiled,
+            behavior.robot,
             behavior.executor(),
             simulated_drivers(plant, cameras=run_cameras(plant, self.site, spec.cameras, seed=seed)),
             {

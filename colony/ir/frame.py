@@ -1,7 +1,8 @@
 """What goes into an executor in one frame, and what comes out. Every executor speaks this.
 
-Values here are in declared units, as servers give and take them: an executor multiplies by a sensor's
-factor on the way in and divides by a field's factor on the way out.
+Values here are in declared units, as people write them: an executor multiplies by a sensor's factor on the
+way in and divides by a field's factor on the way out. Only the executor of one client takes frames in base
+units, as they come from the servers.
 """
 
 from __future__ import annotations
@@ -28,6 +29,17 @@ class Frame(NamedTuple):
     t_ns: int
     readings: Mapping[str, Reading]
     taken_ns: Mapping[str, int] = _OF_NOW
+
+
+class Answer(NamedTuple):
+    """The answer of a module in Python in one frame.
+
+    `values` are the fields of its command in base units, None where the module is not applicable. `error`:
+    it was called and raised, or gave no command.
+    """
+
+    values: tuple[ScalarValue, ...] | None = None
+    error: bool = False
 
 
 RecordKind = Literal[

@@ -6,8 +6,9 @@ state of a module `module.name`. Durations are whole nanoseconds; constants are 
 
 from __future__ import annotations
 
-from dataclasses import field
-from typing import Literal
+from collections.abc import Iterable
+from dataclasses import field, replace
+from typing import Literal, Protocol
 
 from colony.ir.expression import Expression
 from colony.ir.types import Enum, Scalar, ScalarValue, Type
@@ -71,6 +72,27 @@ class Actuator(Declared):
     on_loss: Literal["stop", "degrade"] = "stop"
 
 
+class InUnit(Protocol):
+    """A field of a command; `factor` is its declared unit in base units."""
+
+    @property
+    def factor(self) -> float: ...
+
+
+def in_declared_units(
+    values: tuple[ScalarValue, ...] | None, fields: Iterable[InUnit]
+) -> tuple[ScalarValue, ...] | None:
+    """Return a command in the units in which its fields are declared, None for none; a bool has no unit."""
+    if values is None:
+        return None
+    return tuple(
+        [
+            x if isinstance(x, bool) or field.factor == 1.0 else x / field.factor
+            for x, field in zip(values, fields, strict=True)
+        ]
+    )
+
+
 DEFAULT_FRAME_NS = 50_000_000
 
 
@@ -81,6 +103,18 @@ class Robot(Declared):
     frame_ns: int = DEFAULT_FRAME_NS
     sensors: tuple[Sensor, ...] = ()
     actuators: tuple[Actuator, ...] = ()
+
+
+def in_base_units(robot: Robot) -> Robot:
+    """Return the same robot with every sensor and every field of a command declared in base units."""
+    return replace(
+        robot,
+        sensors=tuple(replace(sensor, factor=1.0) for sensor in robot.sensors),
+        actuators=tuple(
+            replace(actuator, fields=tuple(replace(field, factor=1.0) for field in actuator.fields))
+            for actuator in robot.actuators
+        ),
+    )
 
 
 # --- derived values ------------------------------------------------------------------------------

@@ -17,8 +17,7 @@ from random import Random
 from colony.compile.pipeline import Compilation
 from colony.execute.compiled import Compiled
 from colony.ir.frame import Decision, Frame, Outcome, Reading
-from colony.ir.program import Actuator, Program
-from colony.ir.types import ScalarValue
+from colony.ir.program import Actuator, Program, in_declared_units
 from colony.robots.scripted import SENSING, ScriptedRobot, Sent
 from colony.runtime.protocol.fields import DSERVER
 from colony.runtime.protocol.messages import Message, ServerFrame, Tick
@@ -202,17 +201,8 @@ def _path(program: Program, seen: _Seen, epoch: list[Tick], *, void_counts: bool
 
 def _allowed(one: Sent, due: Sequence[Decision], actuator: Actuator) -> bool:
     if one.by is None:
-        return repr(one.values) == repr(_idle(actuator))
+        return repr(one.values) == repr(in_declared_units(actuator.idle, actuator.fields))
     return repr((one.by, one.values, one.fault)) in [repr((d.by, d.values, d.fault)) for d in due]
-
-
-def _idle(actuator: Actuator) -> tuple[ScalarValue, ...] | None:
-    if actuator.idle is None:
-        return None
-    return tuple(
-        x if isinstance(x, bool) else x / f.factor
-        for x, f in zip(actuator.idle, actuator.fields, strict=True)
-    )
 
 
 def _disagreement(path: _Path, at: int, found: str) -> Disagreement:

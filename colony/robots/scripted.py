@@ -13,17 +13,17 @@ from typing import NamedTuple
 
 from colony.execute.compiled import Compiled
 from colony.ir.frame import Reading
-from colony.ir.program import Robot
+from colony.ir.program import Robot, in_declared_units
 from colony.ir.types import ScalarValue
-from colony.runtime.arbitration.arbiter import Dispatch, declared_units, timing
+from colony.runtime.arbitration.arbiter import Dispatch, timing
 from colony.runtime.assembly.virtual import Builders, VirtualRobot
 from colony.runtime.observe.observer import FrameLog
 from colony.runtime.protocol import topics
 from colony.runtime.protocol.bindings import ActuatorBinding, Bindings, SensorBinding
-from colony.runtime.protocol.deployment import Deployment, commanded_by
+from colony.runtime.protocol.deployment import ActuatorTable, Deployment, commanded_by
 from colony.runtime.protocol.fields import DSERVER
 from colony.runtime.protocol.messages import Effect, Fetch, Message, Node, Request, Sample, Tick, Wake
-from colony.runtime.servers.commanding import CommandDesk, Commanded
+from colony.runtime.servers.commanding import CommandDesk
 from colony.runtime.servers.dserver import DServer
 from colony.runtime.servers.publishing import Fields, Publisher
 from colony.runtime.store.store import MemoryStore
@@ -111,9 +111,9 @@ class Actor:
     def close(self) -> None:
         """It holds nothing."""
 
-    def _told(self, commanded: Commanded, dispatch: Dispatch, now_ns: int) -> None:
-        values = declared_units(commanded.actuator, dispatch.values)
-        self._sent.append(Sent(dispatch.k, commanded.actuator.name, dispatch.by, values, dispatch.fault))
+    def _told(self, actuator: ActuatorTable, dispatch: Dispatch, now_ns: int) -> None:
+        values = in_declared_units(dispatch.values, actuator.fields)
+        self._sent.append(Sent(dispatch.k, actuator.name, dispatch.by, values, dispatch.fault))
 
 
 class Log:
@@ -182,7 +182,12 @@ def _bindings(robot: Robot) -> Bindings:
     return Bindings(
         sensors=tuple(
             SensorBinding(
-                sensor=s.name, server=SENSING[i % len(SENSING)], field=s.name, within_ns=None, factor=1.0
+                sensor=s.name,
+                server=SENSING[i % len(SENSING)],
+                field=s.name,
+                within_ns=None,
+                factor=s.factor,
+                declared=True,
             )
             for i, s in enumerate(robot.sensors)
         ),

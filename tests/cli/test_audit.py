@@ -293,20 +293,24 @@ network { drive = plan }
 """
 
 PLAN = """
-import json
+import sys
 from . import speeds
 class Plan:
     def __init__(self):
         self.calls = 0
     def step(self, frame):
         self.calls += 1
-        print("heard", json.dumps(self.calls))
-        return {"velocity": speeds.SPEED + self.calls, "turn": 0.0}
+        return {"velocity": speeds.SPEED + self.calls, "turn": 0.0} if self.calls % 4 else None
 """
 
 
-def test_python_of_a_recording_runs_only_when_trusted(
-    colony: Colony, recorded: Callable[..., Ran], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+@pytest.mark.parametrize("name", ["run.mcap", "run.jsonl"])
+def test_no_python_is_run_for_what_it_answered_is_recorded(
+    colony: Colony,
+    recorded: Callable[..., Ran],
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    name: str,
 ) -> None:
     import sys
 
@@ -314,31 +318,19 @@ def test_python_of_a_recording_runs_only_when_trusted(
     package = tmp_path / "audited"
     package.mkdir()
     files = {"__init__.py": "", "plan.py": PLAN, "speeds.py": "SPEED = 50.0\n"}
-    for name, text in files.items():
-        (package / name).write_text(text)
+    for file, text in files.items():
+        (package / file).write_text(text)
     (tmp_path / "planned.colony").write_text(PYTHON)
-    recorded(file="planned.colony", duration="1")
-    for name in files:
-        (package / name).unlink()
-    (package / "__init__.py").write_text("raise SystemExit('what is beside it now is not run')\n")
-    for name in [name for name in sys.modules if name.partition(".")[0] == "audited"]:
-        monkeypatch.delitem(sys.modules, name)
+    recorded(name, file="planned.colony", duration="1")
+    for module in [module for module in sys.modules if module.partition(".")[0] == "audited"]:
+        monkeypatch.delitem(sys.modules, module)
+    (package / "__init__.py").write_text("raise SystemExit('this is not run')\n")
 
-    refused = colony("audit", "run.mcap")
-    assert (refused.code, refused.out) == (2, "")
-    assert (
-        "run.mcap holds modules in Python (audited.plan); run them with --trust, or name FILE" in refused.err
-    )
-    assert not any(name.startswith("audited") for name in sys.modules)
-    trusted = colony("audit", "run.mcap", "--trust")
-    assert trusted.code == 0
-    assert "agrees" in trusted.out
-    assert "heard 20" in trusted.err
-    assert "heard" not in trusted.out
-    places = ("audited", "audited.plan", "audited.speeds")
-    assert all("colony-audit-" in str(sys.modules[m].__file__) for m in places)
-    for name in places:
-        monkeypatch.delitem(sys.modules, name)
+    program = () if name.endswith("mcap") else ("planned.colony",)
+    result = colony("audit", name, *program)
+    assert (result.code, result.err) == (0, "")
+    assert "20 decisions compared" in result.out
+    assert not any(module.startswith("audited") for module in sys.modules)
 
 
 def foreign() -> bytes:
@@ -430,8 +422,8 @@ def test_of_behaviors_that_come_with_the_project(colony: Colony) -> None:
         assert "100 frames" in result.out
 
 
-def test_help_says_what_is_run(colony: Colony) -> None:
+def test_help_says_that_nothing_is_run(colony: Colony) -> None:
     result = colony("audit", "--help")
     assert result.code == 0
-    assert "only with --trust" in " ".join(result.out.split())
+    assert "Modules in Python are not run" in " ".join(result.out.split())
     assert "colony audit run.mcap" in result.out

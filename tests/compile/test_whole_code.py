@@ -18,13 +18,11 @@ from colony.compile.backends.explain import explain
 from colony.compile.backends.json import to_json
 from colony.compile.backends.python.generate import generate
 from colony.compile.backends.table import client_table
-from colony.compile.clients import ClientList
 from colony.compile.lower.lower import lower
 from colony.compile.pipeline import compile_program
 from colony.dsl.load import load_text
 from colony.execute.code import Code
-from colony.execute.views import of_client, whole
-from colony.ir.program import Program
+from colony.execute.views import of_client, of_module, whole
 from colony.verify.testing.agreement import client_disagreement, disagreement
 from colony.verify.testing.strategies import traces
 from tests.compile.listing import listing
@@ -44,18 +42,21 @@ def made_of(path: Path) -> dict[str, str]:
         ".explained.txt": f"{explain(compiled)}\n\n{client_table(compiled)}\n\n{to_json(clients)}",
         ".generated.txt": generate(lower(program, clients)),
     }
-    code = whole(lower(program, clients).code)
-    if len(code.ops) < LONGEST:
-        texts[".code.txt"] = _listed(program, clients, code)
+    code = lower(program, clients).code
+    if len(whole(code).ops) < LONGEST:
+        texts[".code.txt"] = _listed(code)
     return texts
 
 
-def _listed(program: Program, clients: ClientList, whole: Code) -> str:
-    parts = [listing(whole)]
-    for one in clients.actuators:
+def _listed(code: Code) -> str:
+    parts = [listing(whole(code))]
+    for one in code.actuators:
         for client in one.clients:
-            alone = of_client(lower(program, clients).code, one.actuator, client.module)
-            parts.append(f"--- {client.module} for {one.actuator}\n{listing(alone)}")
+            alone = of_client(code, one.actuator.name, client.module)
+            parts.append(f"--- {client.module} for {one.actuator.name}\n{listing(alone)}")
+    for call in code.python:
+        alone = of_module(code, call.module)
+        parts.append(f"--- {call.module}, which is in Python\n{listing(alone)}")
     return "\n".join(parts)
 
 

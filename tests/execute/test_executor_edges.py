@@ -71,17 +71,6 @@ def test_memory_has_the_type_of_its_cell() -> None:
     assert one.memory == good
 
 
-def test_without_answers_a_module_in_python_begins_anew() -> None:
-    one = client(MOODY, "go", "m")
-    frames = [Frame(k * 500 * MS, {"x": 1.0, "b": True}) for k in range(8)]
-    for frame in frames[:3]:
-        one.step(frame)
-    assert one.memory.answers is not None
-    assert not one.portable
-    one.memory = ClientMemory(0, dict(one.memory.cells))
-    assert one.memory.answers == (0, None, None)
-
-
 # --- modules in Python ---------------------------------------------------------------------------------
 
 

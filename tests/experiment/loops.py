@@ -30,7 +30,7 @@ def loop_of(
     plant = Plant(world, clock, moving)
     eyes = {address: SimulatedCamera(plant, take) for address, take in (cameras or {}).items()}
     return Loop(
-        behavior.compiled,
+        behavior.robot,
         behavior.executor(),
         simulated_drivers(plant, cameras=eyes),
         scripts,

@@ -8,10 +8,11 @@ from pathlib import Path
 
 import pytest
 
+from colony.compile.pipeline import compile_program
 from colony.dsl.load import load_text
+from colony.execute.compiled import Compiled
 from colony.files import open_alone
 from colony.ir.frame import Frame
-from colony.ir.program import Program
 from colony.robots.recording import RunRecording
 from colony.robots.request import Misuse
 from colony.runtime.recordings.lines import ByteFile, Recording
@@ -28,19 +29,20 @@ PROGRAM = load_text(
     network { lamp = shine }
     """
 )
+COMPILED = compile_program(PROGRAM).artifact
 FRAMES = tuple(Frame(k * 50 * MS, {"near": float(k * 7919 % 997)}) for k in range(200))
 
 
-def mcap(program: Program, file: ByteFile) -> McapRecording:
-    return McapRecording(program, run_info(program), file)
+def mcap(compiled: Compiled, file: ByteFile) -> McapRecording:
+    return McapRecording(compiled, run_info(PROGRAM), file)
 
 
 def broken_off(
-    path: Path, sink: Callable[[Program, ByteFile], Recording | McapRecording], most: int
+    path: Path, sink: Callable[[Compiled, ByteFile], Recording | McapRecording], most: int
 ) -> RunRecording:
     """A recording whose file may not get larger than `most` bytes."""
     before = resource.getrlimit(resource.RLIMIT_FSIZE)
-    recording = RunRecording(sink(PROGRAM, open_alone(str(path))), str(path))
+    recording = RunRecording(sink(COMPILED, open_alone(str(path))), str(path))
     resource.setrlimit(resource.RLIMIT_FSIZE, (most, before[1]))
     try:
         for log in logs(PROGRAM, FRAMES):
@@ -66,7 +68,7 @@ def test_it_goes_as_far_as_is_said(tmp_path: Path, most: int) -> None:
 
 @pytest.mark.parametrize("sink", [mcap, Recording])
 def test_one_without_frames_is_none(
-    tmp_path: Path, sink: Callable[[Program, ByteFile], Recording | McapRecording]
+    tmp_path: Path, sink: Callable[[Compiled, ByteFile], Recording | McapRecording]
 ) -> None:
     path = tmp_path / "run"
     size = 0 if sink is Recording else written_before_frames(path)
@@ -77,5 +79,5 @@ def test_one_without_frames_is_none(
 
 def written_before_frames(path: Path) -> int:
     with open_alone(str(path)) as file:
-        mcap(PROGRAM, file)
+        mcap(COMPILED, file)
     return path.stat().st_size

@@ -12,7 +12,7 @@ from colony.runtime.arbitration.arbiter import Timing
 from colony.runtime.assembly.nodes import build_announcer, build_client, build_observer
 from colony.runtime.protocol import topics
 from colony.runtime.protocol.bindings import ActuatorBinding, Bindings, SensorBinding
-from colony.runtime.protocol.deployment import commanded_by, deployment
+from colony.runtime.protocol.deployment import ActuatorTable, commanded_by, deployment
 from colony.runtime.protocol.fields import DSERVER
 from colony.runtime.protocol.messages import (
     Announcement,
@@ -27,7 +27,7 @@ from colony.runtime.protocol.messages import (
     Wake,
     WakeAt,
 )
-from colony.runtime.servers.commanding import CommandDesk, Commanded
+from colony.runtime.servers.commanding import CommandDesk
 from colony.runtime.servers.publishing import Fields, Publisher
 from colony.runtime.servers.relaying import ActivityRelay
 from colony.runtime.transport.virtual import Link, VirtualClock, VirtualTransport, perfect
@@ -69,7 +69,7 @@ class TraceServer:
     address = SERVER
 
     def __init__(
-        self, trace: Sequence[Frame], commanded: tuple[Commanded, ...], announced: tuple[str, ...]
+        self, trace: Sequence[Frame], commanded: tuple[ActuatorTable, ...], announced: tuple[str, ...]
     ) -> None:
         self._trace = trace
         self._publisher = Publisher(SERVER, self._read, keep=100)
@@ -108,8 +108,8 @@ class TraceServer:
         readings = self._trace[tick.k].readings
         return {n: None if r is None else Sample(r, tick.t_ns) for n, r in readings.items()}  # type: ignore[arg-type]
 
-    def _perform(self, commanded: Commanded, values: tuple[ScalarValue, ...], now_ns: int) -> None:
-        self.performed.append((now_ns, commanded.actuator.name, values))
+    def _perform(self, actuator: ActuatorTable, values: tuple[ScalarValue, ...], now_ns: int) -> None:
+        self.performed.append((now_ns, actuator.name, values))
 
 
 class Played:
@@ -131,7 +131,9 @@ def play(program: Program, trace: Sequence[Frame], *, order_seed: int = 0, link:
     compiled = compile_program(program).artifact
     bindings = Bindings(
         sensors=tuple(
-            SensorBinding(sensor=s.name, server=SERVER, field=s.name, within_ns=None, factor=1.0)
+            SensorBinding(
+                sensor=s.name, server=SERVER, field=s.name, within_ns=None, factor=s.factor, declared=True
+            )
             for s in program.robot.sensors
         ),
         actuators=tuple(

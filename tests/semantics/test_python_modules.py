@@ -9,7 +9,8 @@ from typing import Any
 import pytest
 
 from colony.dsl.load import load_text
-from colony.ir.frame import Decision, Frame, Outcome, Record
+from colony.execute.executor import ClientListExecutor, ModuleExecutor
+from colony.ir.frame import Answer, Decision, Frame, Outcome, Record
 from colony.text.diagnostics import Failure
 from colony.verify.reference.interpreter import Interpreter
 from colony.verify.testing.agreement import ALL_EXECUTORS, EXECUTORS, disagreement
@@ -38,6 +39,7 @@ module low { when true  do out(v = 0, on = false, mood = mood.calm) }
 network { out = m suppresses low }
 """
 GOOD = {"v": 3, "on": True, "mood": 67}
+TOLD = Answer((3.0, True, 67.0))
 SENT = Outcome((Decision("out", "m", (3.0, True, 67.0)),))
 LOW = Decision("out", "low", (0.0, False, 0.0))
 
@@ -210,23 +212,48 @@ def test_params_that_a_class_does_not_take() -> None:
             make(compiled(text))
 
 
-def test_clients_ask_for_the_activity_of_python_modules_elsewhere() -> None:
+def test_clients_ask_for_the_answers_of_python_modules() -> None:
     low = client(TEXT.replace("Scripted", "Unbuildable").replace("RATE", ""), "out", "low")
-    assert low.outside == ("m",)
-    assert not low.step(Frame(0, {}), {"m": True}).active
-    assert low.step(Frame(1, {}), {"m": False}).active
+    assert low.python_modules == ("m",)
+    assert not low.step(Frame(0, {}), {"m": TOLD}).active
+    assert low.step(Frame(1, {}), {"m": Answer()}).active
     with pytest.raises(KeyError):
         low.step(Frame(2, {}))
 
 
-def test_the_client_of_a_python_module() -> None:
-    Scripted.answers = [GOOD] * 2
-    one, other = (client(TEXT.replace("RATE", "rate 300 ms"), "out", "m") for _ in range(2))
-    assert (one.sensors, one.outside) == (("x", "a"), ())
-    assert not one.step(shot(0)).active
-    other.memory = one.memory
-    for each in (one, other):
-        assert each.step(shot(300)).values == (3.0, True, 67.0)
+def test_the_client_of_a_python_module_takes_its_answers_and_runs_nothing() -> None:
+    one = client(TEXT.replace("Scripted", "Unbuildable").replace("RATE", ""), "out", "m")
+    assert (one.sensors, one.python_modules) == ((), ("m",))
+    assert one.step(shot(0), {"m": Answer()}).bid == "silent"
+    assert one.step(shot(50), {"m": TOLD}).values == TOLD.values
+    assert one.step(shot(100), {"m": Answer((nan, True, 67.0))}).fault == "not finite"
+
+
+def test_a_python_module_alone() -> None:
+    Scripted.answers = [GOOD, 42]
+    artifact = compiled(TEXT.replace("RATE", "rate 300 ms")).artifact
+    module = ModuleExecutor(artifact, "m")
+    assert module.sensors == ("x", "a")
+    for _ in range(2):
+        assert module.step(shot(0)) == Answer()
+        assert module.step(shot(100)) == Answer()
+        assert module.step(shot(300)) == TOLD._replace(error=True)
+        module.restart()
+    with pytest.raises(KeyError):
+        ModuleExecutor(artifact, "low")
+
+
+def test_answers_that_are_given_decide_as_those_that_are_computed() -> None:
+    shots, answers = there(3), (TOLD, Answer(), Answer(error=True))
+    computed = answered([GOOD, None, 42], *shots)
+    Scripted.built.clear()
+    of = compiled(TEXT.replace("RATE", ""))
+    given = ClientListExecutor(of.artifact, answered=True)
+    interpreter = Interpreter(of.program, answered=True)
+    for frame, answer, outcome in zip(shots, answers, computed, strict=True):
+        assert repr(given.step(frame, {"m": answer})) == repr(outcome)
+        assert repr(interpreter.step(frame, answers={"m": answer})) == repr(outcome)
+    assert Scripted.built == []
 
 
 OBSERVED = """

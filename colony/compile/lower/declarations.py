@@ -35,8 +35,7 @@ class _StatePlace:
 class Declarations:
     """The lets, states and modules of a program, lowered when they are asked for. Mutable.
 
-    It is the `Names` of its expressions. `client` is the module for whose client alone the code is, None
-    for all; under `degrade` modules whose clients are lost count as not active.
+    It is the `Names` of its expressions. Under `degrade` modules whose clients are lost count as not active.
     """
 
     def __init__(self, program: ir.Program, clients: ClientList) -> None:

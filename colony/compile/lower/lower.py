@@ -19,14 +19,13 @@ from colony.execute.code import (
     Code,
     ContractCode,
     LimitCode,
-    OutsideActive,
     PythonCall,
     PythonField,
     PythonRead,
 )
 from colony.execute.compiled import Compiled
 from colony.execute.operators import Operator
-from colony.execute.views import of_client, trimmed
+from colony.execute.views import trimmed
 from colony.ir import program as ir
 from colony.ir.types import Array
 
@@ -42,7 +41,9 @@ def lower(program: ir.Program, clients: ClientList, traversal: ClientList | None
         traversal: its clients before simplification; None where there are no others.
     """
     lowering = _Lowering(program, clients)
-    lowering.python_modules()
+    for module in program.modules:
+        if isinstance(module, ir.PythonModule):
+            lowering.python_module(module)
     by_actuator = {a.actuator: a.clients for a in clients.actuators}
     for actuator in program.robot.actuators:
         lowering.actuator(actuator, by_actuator.get(actuator.name, ()))
@@ -53,16 +54,7 @@ def lower(program: ir.Program, clients: ClientList, traversal: ClientList | None
     lowering.variants(clients, traversal or clients)
     lowering.states()
     code, robot = trimmed(lowering.code(), every_sensor=True), program.robot
-    return Compiled(name=robot.name, frame_ns=robot.frame_ns, code=code, announced=_announced(code))
-
-
-def _announced(code: Code) -> tuple[str, ...]:
-    """The modules in Python whose activity the client of another module needs, in the order written."""
-    if not code.python:
-        return ()
-    views = (of_client(code, a.actuator.name, c.module) for a in code.actuators for c in a.clients)
-    outside = {op.module for view in views for op in view.ops if isinstance(op, OutsideActive)}
-    return tuple(call.module for call in code.python if call.module in outside)
+    return Compiled(name=robot.name, frame_ns=robot.frame_ns, code=code)
 
 
 class _Lowering(Declarations):
@@ -91,26 +83,23 @@ class _Lowering(Declarations):
 
     # --- Python modules --------------------------------------------------------------------------
 
-    def python_modules(self) -> None:
-        """Every Python module that this code has to call, as declared."""
-        for module in self.program.modules:
-            if isinstance(module, ir.PythonModule):
-                reads = [r.expression for r in module.reads]
-                self.prepare(*reads)
-                fields = self.actuators[module.actuator].fields if module.actuator else ()
-                scope = self.file_scope(module.name, tuple(reads))
-                call = PythonCall(
-                    module=module.name,
-                    module_path=module.module_path,
-                    class_name=module.class_name,
-                    params=module.params,
-                    present=scope.ready,
-                    reads=tuple(self._read(read, scope) for read in module.reads),
-                    fields=fields,
-                    rate_ns=module.rate_ns,
-                    span=module.span,
-                )
-                self._python.append(call)
+    def python_module(self, module: ir.PythonModule) -> None:
+        """Lower what a Python module that this code has to call reads."""
+        reads = [r.expression for r in module.reads]
+        self.prepare(*reads)
+        scope = self.file_scope(module.name, tuple(reads))
+        call = PythonCall(
+            module=module.name,
+            module_path=module.module_path,
+            class_name=module.class_name,
+            params=module.params,
+            present=scope.ready,
+            reads=tuple(self._read(read, scope) for read in module.reads),
+            fields=self.actuators[module.actuator].fields if module.actuator else (),
+            rate_ns=module.rate_ns,
+            span=module.span,
+        )
+        self._python.append(call)
 
     def _read(self, read: ir.PythonReading, scope: Scope) -> PythonRead:
         elements = self.expressions.lower(read.expression, scope)

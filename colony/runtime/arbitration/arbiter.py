@@ -22,9 +22,10 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Literal, NamedTuple
 
-from colony.ir.program import Actuator
+from colony.ir.program import in_declared_units
 from colony.ir.types import ScalarValue
 from colony.runtime.arbitration.ballot import NOBODY, Ballot, Choice, Others, Places, malformed
+from colony.runtime.protocol.deployment import ActuatorTable
 from colony.runtime.protocol.messages import Fate, Hold, Request, Tick, Verdict
 
 
@@ -79,11 +80,9 @@ class Arbiter:
     first, and `priorities` theirs; without these they count down to 1.
     """
 
-    def __init__(
-        self, actuator: Actuator, places: tuple[str, ...], times: Timing, priorities: tuple[int, ...] = ()
-    ) -> None:
+    def __init__(self, actuator: ActuatorTable, times: Timing) -> None:
         self._actuator = actuator
-        self._places = Places(places, priorities)
+        self._places = Places(actuator.clients)
         self._times = times
         self._phase: Phase = "closed"
         self._tick = Tick(k=-1, t_ns=0)
@@ -227,7 +226,7 @@ class Arbiter:
             t_ns=self._tick.t_ns,
             actuator=self._actuator.name,
             by=sent.by,
-            values=declared_units(self._actuator, sent.values),
+            values=in_declared_units(sent.values, self._actuator.fields),
             fates=(*((c, self._fate(c, sent)) for c in self._places.names), *self._fates_outside(sent)),
             fault=sent.fault,
             violation=self._ballot.commands > 1,
@@ -267,15 +266,3 @@ def _outdone(sent: Dispatch) -> Fate:
             return "locked out"
         case None:
             return "overruled" if sent.outside is None else "overridden"
-
-
-def declared_units(
-    actuator: Actuator, values: tuple[ScalarValue, ...] | None
-) -> tuple[ScalarValue, ...] | None:
-    """A command in the units in which the program declares its fields."""
-    if values is None:
-        return None
-    return tuple(
-        v if isinstance(v, bool) or f.factor == 1.0 else v / f.factor
-        for f, v in zip(actuator.fields, values, strict=True)
-    )

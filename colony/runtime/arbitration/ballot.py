@@ -16,18 +16,18 @@ import math
 from collections.abc import Container, Iterable
 from typing import NamedTuple, get_args
 
-from colony.ir.program import Actuator, ActuatorField
-from colony.ir.types import Bool, ScalarValue
+from colony.ir.types import ScalarValue
+from colony.runtime.protocol.deployment import ActuatorTable, FieldTable
 from colony.runtime.protocol.messages import Bid, Hold, Request
 
 
 class Places:
     """The clients of an actuator, highest place first, and their priorities, falling."""
 
-    def __init__(self, names: tuple[str, ...], priorities: tuple[int, ...] = ()) -> None:
-        self.names = names
-        self.priorities = priorities or tuple(range(len(names), 0, -1))
-        self.rank = {name: rank for rank, name in enumerate(names)}
+    def __init__(self, clients: tuple[tuple[str, int], ...]) -> None:
+        self.names = tuple(name for name, _ in clients)
+        self.priorities = tuple(priority for _, priority in clients)
+        self.rank = {name: rank for rank, name in enumerate(self.names)}
 
     def above(self, priority: int) -> int:
         """How many of them have a higher priority."""
@@ -144,7 +144,7 @@ class Ballot:
 _BIDS = frozenset(get_args(Bid))
 
 
-def malformed(request: Request, actuator: Actuator, places: Container[str]) -> str | None:
+def malformed(request: Request, actuator: ActuatorTable, places: Container[str]) -> str | None:
     """What is wrong with a request, or None. Nothing that is wrong may move a robot."""
     if request.client not in places:
         return f"`{request.client}` is no client of {actuator.name}"
@@ -162,8 +162,8 @@ def malformed(request: Request, actuator: Actuator, places: Container[str]) -> s
     return None
 
 
-def _acceptable(field: ActuatorField, value: ScalarValue) -> bool:
-    if isinstance(field.type, Bool):
+def _acceptable(field: FieldTable, value: ScalarValue) -> bool:
+    if field.kind == "bool":
         return isinstance(value, bool)
     if isinstance(value, bool) or not isinstance(value, (int, float)) or not math.isfinite(value):
         return False

@@ -10,23 +10,24 @@ network reads in the next one, and what the network sets, too.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping
-from typing import Any, NamedTuple
+from typing import Any
 
 import msgspec
 
-from colony.execute.compiled import Compiled
 from colony.ir.frame import Executor, Frame, Outcome, Reading
-from colony.ir.types import ScalarValue, Value
+from colony.ir.program import Robot
+from colony.ir.types import Value
 from colony.runtime.arbitration.motion import Speeds
 from colony.runtime.kit.script import Script
 from colony.runtime.kit.script_local import LocalScripts, LocalServer
 from colony.runtime.library.ask import Ask
-from colony.runtime.protocol.bindings import ActuatorBinding, bind
+from colony.runtime.protocol.bindings import bind
 from colony.runtime.protocol.calls import Asked
-from colony.runtime.protocol.deployment import variables_read
+from colony.runtime.protocol.deployment import actuator_table, variables_read
 from colony.runtime.protocol.fields import DSERVER, PSERVER, RSERVER, RUNTIME
 from colony.runtime.protocol.messages import Sample
 from colony.runtime.servers.base import Base
+from colony.runtime.servers.base_actuator import speeds_of
 from colony.runtime.servers.cserver import Camera
 from colony.runtime.servers.data_methods import DataMethods, command
 from colony.runtime.servers.drivers import CameraDriver, Drivers
@@ -39,7 +40,7 @@ from colony.runtime.store.store import Journal, MemoryStore
 from colony.runtime.transport.virtual import VirtualClock
 
 Watch = Callable[[Frame, Outcome], None]
-"""Is shown every frame, after the network has decided and before anything moves."""
+"""Is shown every frame, in base units, after the network has decided and before anything moves."""
 
 
 class _Forgetful(Journal):
@@ -93,27 +94,12 @@ class LocalCamera(LocalServer):
         return result
 
 
-class _Act(NamedTuple):
-    """`number` is the actuator's place; `factors` lead from declared to base units."""
-
-    binding: ActuatorBinding
-    number: int
-    factors: tuple[float, ...]
-
-    def speeds(self, values: tuple[ScalarValue, ...]) -> Speeds:
-        """Return the base's speeds in base units; a field that the actuator does not have is 0."""
-        velocity, turn = (
-            0.0 if i is None else float(values[i]) * self.factors[i] for i in self.binding.places
-        )
-        return Speeds(velocity, turn)
-
-
 class Loop:
     """Mutable: the servers and scripts, the network's memory, the time.
 
     Args:
-        compiled: the program that is run.
-        executor: decides its frames.
+        robot: the sensors and actuators, as declared.
+        executor: decides frames in base units (`ir.program.in_base_units`).
         drivers: the devices; they tell time by `clock`.
         scripts: by name, in the order in which they run in a moment.
         clock: the time, which the loop moves on.
@@ -128,7 +114,7 @@ class Loop:
 
     def __init__(
         self,
-        compiled: Compiled,
+        robot: Robot,
         executor: Executor,
         drivers: Drivers,
         scripts: Mapping[str, Script],
@@ -140,7 +126,7 @@ class Loop:
         watch: Watch | None = None,
     ) -> None:
         self._clock, self._advance = clock, advance
-        robot, bindings = compiled.robot, bind(compiled.robot)
+        bindings = bind(robot)
         self.base, proximity = Base(drivers.base), PServer(drivers.proximity, keep=1)
         self.data = LocalData(variables_read(bindings))
         self.data.variables.hold(variables or {})
@@ -150,8 +136,7 @@ class Loop:
         self._watch = watch
         self._executor = executor
         self._frame_ns = robot.frame_ns
-        sensors = bindings.sensors
-        self._sensors = tuple((b.sensor, b.server, b.field, b.within_ns, b.factor) for b in sensors)
+        self._sensors = sensors = bindings.sensors
         self._rings = {
             b.field: {"sonar": proximity.sonar, "infrared": proximity.infrared}[b.field]
             for b in sensors
@@ -164,14 +149,12 @@ class Loop:
             RUNTIME.name: lambda now_ns: {"random": Sample(random_of_frame(seed, self.k), now_ns)},
         }
         self._publish = {b.server: servers[b.server] for b in sensors}
-        acts = [
-            _Act(binding, number, tuple(field.factor for field in actuator.fields))
-            for number, (actuator, binding) in enumerate(
-                zip(robot.actuators, bindings.actuators, strict=True)
-            )
-        ]
-        self._drives = tuple(act for act in acts if act.binding.server == RSERVER.name)
-        self._sets = tuple(act for act in acts if act.binding.server == DSERVER.name)
+        acts = tuple(
+            actuator_table(actuator, binding, ())
+            for actuator, binding in zip(robot.actuators, bindings.actuators, strict=True)
+        )
+        self._drives = tuple((i, act) for i, act in enumerate(acts) if act.server == RSERVER.name)
+        self._sets = tuple((i, act) for i, act in enumerate(acts) if act.server == DSERVER.name)
         self.k = 0
 
     @property
@@ -190,14 +173,15 @@ class Loop:
         outcome = self._executor.step(frame)
         if self._watch is not None:
             self._watch(frame, outcome)
-        for act in self._sets:
-            values = outcome.decisions[act.number].values
+        decisions = outcome.decisions
+        for i, act in self._sets:
+            values = decisions[i].values
             if values is not None:
-                command(self.data.variables, act.binding.command, values, now_ns)
-        for act in self._drives:
-            values = outcome.decisions[act.number].values
+                command(self.data.variables, act, values, now_ns)
+        for i, act in self._drives:
+            values = decisions[i].values
             if values is not None:
-                self._drive(act.speeds(values))
+                self._drive(speeds_of(act, values))
         self.data.expire(now_ns)
         for camera in self._cameras:
             camera.tend(now_ns)
@@ -211,21 +195,18 @@ class Loop:
         self.base.stop()
         self.scripts.close()
 
-    def _drive(self, speeds: Speeds) -> None:
+    def _drive(self, wanted: Speeds) -> None:
         """Send a command, but not one that goes into a bumper that is pressed."""
-        bumper = self.base.pressed(speeds.velocity)
-        self.base.drive(speeds if bumper is None else Speeds(0.0, speeds.turn))
+        bumper = self.base.pressed(wanted.velocity)
+        self.base.drive(wanted if bumper is None else Speeds(0.0, wanted.turn))
 
     def _readings(self, now_ns: int) -> dict[str, Reading]:
         self.base.look()
         published = {server: publish(now_ns) for server, publish in self._publish.items()}
         readings: dict[str, Reading] = {}
-        for sensor, server, field, within_ns, factor in self._sensors:
-            sample = published[server].get(field)
+        for binding in self._sensors:
+            sample = published[binding.server].get(binding.field)
+            within_ns = binding.within_ns
             if sample is not None and (within_ns is None or now_ns - sample.t_ns <= within_ns):
-                readings[sensor] = sample.value if factor == 1.0 else _in_unit(sample.value, factor)
+                readings[binding.sensor] = binding.in_base_units(sample.value)
         return readings
-
-
-def _in_unit(value: Value, factor: float) -> Value:
-    return tuple(v / factor for v in value) if isinstance(value, tuple) else value / factor

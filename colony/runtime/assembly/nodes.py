@@ -4,7 +4,7 @@ its modules in Python, and the observer. Each can be built alone, in a process o
 from __future__ import annotations
 
 from colony.execute.compiled import Compiled
-from colony.execute.executor import ActivityExecutor, ClientListExecutor
+from colony.execute.executor import ClientListExecutor, ModuleExecutor
 from colony.runtime.clients.announcer import Announcer
 from colony.runtime.clients.client import ClientNode
 from colony.runtime.clients.slices import ClientSlice
@@ -19,17 +19,16 @@ def build_client(compiled: Compiled, bindings: Bindings, actuator: str, module: 
 
     Raises:
         KeyError: there is no such client.
-        Failure: its module in Python cannot be imported or built.
     """
     part = ClientSlice(compiled, actuator, module)
     (server,) = (b.server for b in bindings.actuators if b.actuator == actuator)
     (on_loss,) = (a.on_loss for a in compiled.robot.actuators if a.name == actuator)
     assembler = FrameAssembler(
         _only(bindings.sensors, part.sensors),
-        part.outside,
+        part.python_modules,
         run=run,
         keep=frames_kept(compiled.frame_ns),
-        degrade=on_loss == "degrade",
+        awaited="degrade" if on_loss == "degrade" else "all",
     )
     return ClientNode(
         actuator=actuator, module=module, server=server, assembler=assembler, part=part, run=run
@@ -37,15 +36,16 @@ def build_client(compiled: Compiled, bindings: Bindings, actuator: str, module: 
 
 
 def build_announcer(compiled: Compiled, bindings: Bindings, module: str, run: str) -> Announcer:
-    """The process that tells when a module in Python is active.
+    """Build the process that runs a module in Python, and tells its answers.
 
     Raises:
         KeyError: there is no such module.
         Failure: it cannot be imported or built.
     """
+    executor = ModuleExecutor(compiled, module)
     keep = frames_kept(compiled.frame_ns)
-    assembler = FrameAssembler(bindings.sensors, run=run, keep=keep)
-    return Announcer(module, assembler, ActivityExecutor(compiled, module), run=run, keep=keep)
+    assembler = FrameAssembler(_only(bindings.sensors, executor.sensors), run=run, keep=keep)
+    return Announcer(module, assembler, executor, run=run, keep=keep)
 
 
 def build_observer(
@@ -56,18 +56,15 @@ def build_observer(
     *,
     requests: bool = False,
 ) -> Observer:
-    """The process that sees every frame; with `requests`, also what the clients asked for.
-
-    Raises:
-        Failure: a module in Python cannot be imported or built.
-    """
-    actuators = compiled.robot.actuators
+    """Build the process that sees every frame; with `requests`, also what the clients asked for."""
+    actuators, modules, keep = compiled.robot.actuators, compiled.announced, frames_kept(compiled.frame_ns)
     degrading = (a.name for a in actuators if a.on_loss == "degrade")
     return Observer(
-        FrameAssembler(bindings.sensors, run=run, keep=frames_kept(compiled.frame_ns)),
+        FrameAssembler(bindings.sensors, run=run, keep=keep, declared=True),
         tuple(a.name for a in actuators),
-        Monitor(ClientListExecutor(compiled, simplified=False), degrading),
+        Monitor(ClientListExecutor(compiled, simplified=False, answered=True), degrading, modules),
         sinks,
+        modules=FrameAssembler((), modules, run=run, keep=keep, awaited="living") if modules else None,
         heeded=tuple(dict.fromkeys(b.server for b in bindings.actuators)) if requests else (),
         frame_ns=compiled.frame_ns,
     )

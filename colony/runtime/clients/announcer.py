@@ -1,11 +1,15 @@
-"""A module in Python as a process whose activity other clients' guards need: it tells DServer each frame."""
+"""A module in Python as a process: it runs the module, alone, and tells DServer its answer in each frame.
+
+Whatever the module does to its process, it does to no other: its client, other guards and the observer take
+its answers from DServer's frames.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
 from typing import Protocol
 
-from colony.ir.frame import Frame
+from colony.ir.frame import Answer, Frame
 from colony.runtime.frames.assembly import FrameAssembler
 from colony.runtime.frames.membership import Membership
 from colony.runtime.protocol import topics
@@ -13,10 +17,10 @@ from colony.runtime.protocol.fields import DSERVER
 from colony.runtime.protocol.messages import Announcement, Effect, Fetch, Message, Send, ServerFrame, Tick
 
 
-class Activity(Protocol):
-    """Tells of each frame whether a module is active, from its initial memory after each `restart`."""
+class Answering(Protocol):
+    """Gives the answers of a module, from its initial memory after each `restart`."""
 
-    def step(self, frame: Frame) -> bool: ...
+    def step(self, frame: Frame) -> Answer: ...
 
     def restart(self) -> None: ...
 
@@ -24,20 +28,20 @@ class Activity(Protocol):
 class Announcer:
     """Mutable: the module's memory, what it announced, and frames that are not complete yet.
 
-    It tells the activity of every frame, also of those that it is late for: others wait for it. What it told
+    It tells the answers of every frame, also of those that it is late for: others wait for them. What it told
     is told again to who asks DServer for it, as DServer may have been started anew. The memory of an object
     in Python cannot be saved: an announcer that takes the place of a dead one, and cannot step through all
     frames since the epoch began, asks for a new one.
     """
 
     def __init__(
-        self, module: str, assembler: FrameAssembler, activity: Activity, *, run: str, keep: int
+        self, module: str, assembler: FrameAssembler, executor: Answering, *, run: str, keep: int
     ) -> None:
         self.address = topics.activity(DSERVER.name, module)
         self.listens = tuple(dict.fromkeys((*assembler.listens, topics.fetches(DSERVER.name))))
         self._module = module
         self._assembler = assembler
-        self._activity = activity
+        self._executor = executor
         self._membership = Membership(self.address, run)
         self._told: dict[int, Announcement] = {}
         self._keep = keep
@@ -68,10 +72,10 @@ class Announcer:
     def _announce(self) -> Iterator[Effect]:
         for assembled in self._assembler.complete():
             if assembled.restart and not self._fresh:
-                self._activity.restart()
+                self._executor.restart()
             self._fresh = False
             k = assembled.tick.k
-            told = Announcement(k=k, module=self._module, active=self._activity.step(assembled.frame))
-            self._told[k] = told
+            answer = self._executor.step(assembled.frame)
+            told = self._told[k] = Announcement(k=k, module=self._module, answer=answer)
             self._told.pop(k - self._keep, None)
             yield Send(topics.announcements(DSERVER.name), told)

@@ -52,7 +52,7 @@ class ClientNode:
         self._epoch = self._assembler.start
         self._caught_up = False
         self._recalling_since: int | None = None
-        self._nothing_to_recall = not self.part.portable
+        self._nothing_to_recall = False
         self._saved_ns: int | None = None
 
     def start(self, now_ns: int) -> Iterable[Effect]:
@@ -99,7 +99,7 @@ class ClientNode:
         tick = assembled.tick
         if self._saved_ns is None:
             self._saved_ns = tick.t_ns
-        if self.part.portable and tick.t_ns - self._saved_ns >= CHECKPOINT_NS:
+        if tick.t_ns - self._saved_ns >= CHECKPOINT_NS:
             self._saved_ns = tick.t_ns
             saved = Checkpoint(client=self.address, k=tick.k, start=tick.start, memory=self.part.memory)
             yield Send(topics.checkpoints(DSERVER.name), saved)

@@ -12,8 +12,6 @@ class BadMemory(ValueError):
 
 
 class _Memory(msgspec.Struct, frozen=True, array_like=True):
-    """Without the answers of a module in Python: what that remembers is not ours to save."""
-
     first_ns: int | None
     cells: dict[str, float | bool | int]
 
@@ -23,7 +21,7 @@ _decoder = msgspec.msgpack.Decoder(_Memory)
 
 
 def encode_memory(memory: ClientMemory) -> bytes:
-    """The memory of a client without a module in Python of its own."""
+    """The memory of a client in msgpack."""
     return _encoder.encode(_Memory(memory.first_ns, memory.cells))
 
 

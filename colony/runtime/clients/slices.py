@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from colony.execute.compiled import Compiled
 from colony.execute.executor import ClientExecutor
+from colony.ir.frame import Answer
 from colony.runtime.clients.memory import BadMemory, decode_memory, encode_memory
 from colony.runtime.frames.assembly import Assembled
 from colony.runtime.protocol import topics
@@ -15,11 +16,11 @@ class ClientSlice:
 
     Raises:
         KeyError: there is no such client.
-        Failure: its module in Python cannot be imported or built; `step` may, too, where an epoch begins.
     """
 
     def __init__(self, compiled: Compiled, actuator: str, module: str) -> None:
         self._executor = ClientExecutor(compiled, actuator, module)
+        self._inactive = dict.fromkeys(self._executor.python_modules, Answer())
         self._actuator = actuator
         self._module = module
         self._fresh = True
@@ -30,14 +31,9 @@ class ClientSlice:
         return self._executor.sensors
 
     @property
-    def outside(self) -> tuple[str, ...]:
-        """The modules in Python, of other processes, whose activity it needs."""
-        return self._executor.outside
-
-    @property
-    def portable(self) -> bool:
-        """Whether another process can go on from `memory`: nothing of it is an object in Python."""
-        return self._executor.portable
+    def python_modules(self) -> tuple[str, ...]:
+        """The modules in Python whose answers it needs; they run in processes of their own."""
+        return self._executor.python_modules
 
     @property
     def memory(self) -> bytes:
@@ -59,7 +55,7 @@ class ClientSlice:
             self._executor.restart()
         self._fresh = False
         lost = frozenset(map(topics.module_of, assembled.tick.lost))
-        took = self._executor.step(assembled.frame, assembled.active, lost)
+        took = self._executor.step(assembled.frame, self._inactive | {**assembled.answers}, lost)
         return Request(
             k=assembled.tick.k,
             actuator=self._actuator,

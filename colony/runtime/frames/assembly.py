@@ -9,17 +9,19 @@ Where that cannot be had (the frame is older than what is kept, or was handed ou
 assembler says that it is `lost`; memory then has to come from elsewhere, or the network to begin anew. With
 each epoch (`Tick.start`) everything before it is forgotten.
 
-The activity of a module in Python cannot be missing: nobody knows what it would have been. It is waited for;
-only where lesser behaviors may take over (`degrade`) the module counts as not active.
+Readings are converted here, once: into base units for executors, into declared units for the observer.
+
+The answer of a module in Python cannot be missing: nobody knows what it would have been. It is waited for;
+only where lesser behaviors may take over (`degrade`) the module counts as not active. The observer waits for
+the answers of modules that live.
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from typing import NamedTuple, TypeVar
+from typing import Literal, NamedTuple, TypeVar
 
-from colony.ir.frame import Frame, Reading
-from colony.ir.types import Value
+from colony.ir.frame import Answer, Frame, Reading
 from colony.runtime.protocol import topics
 from colony.runtime.protocol.bindings import SensorBinding
 from colony.runtime.protocol.fields import DSERVER
@@ -31,8 +33,12 @@ KEPT_NS = 2_000_000_000
 KEPT_MOST = 10_000
 """How many frames a server keeps at most, however short they are."""
 
-ACTIVE = "active"
-"""The one field of the frames in which the activity of a module in Python is published."""
+COMMAND, ERROR = "command", "error"
+"""The fields of the frames in which the answers of a module in Python are published."""
+
+Awaited = Literal["all", "degrade", "living"]
+"""The modules in Python that are waited for: all of them; those that live, while DServer lives; those that
+live."""
 
 ASKED_AT_ONCE = 100
 """Missing ticks and frames that are fetched with each tick, the oldest first. One that does not come is
@@ -50,13 +56,13 @@ def frames_kept(frame_ns: int) -> int:
 class Assembled(NamedTuple):
     """Frame `tick.k` as a program sees it; `current` is whether no later tick has come.
 
-    `active` is the activity, in the frame, of the modules in Python that were asked for.
+    `answers` are those of the modules in Python that it needs; one that is not waited for may be absent.
     """
 
     tick: Tick
     frame: Frame
     current: bool
-    active: Mapping[str, bool]
+    answers: Mapping[str, Answer]
 
     @property
     def restart(self) -> bool:
@@ -69,10 +75,11 @@ class FrameAssembler:
 
     Args:
         bindings: the sensors that it reads.
-        modules: the modules in Python whose activity it needs.
+        modules: the modules in Python whose answers it needs.
         run: whose ticks count.
         keep: how many frames servers keep.
-        degrade: a module whose activity cannot be known counts as not active.
+        awaited: the modules whose answers it waits for.
+        declared: whether readings are in declared units, for people, and not in base units.
     """
 
     def __init__(
@@ -82,14 +89,16 @@ class FrameAssembler:
         *,
         run: str = "",
         keep: int = KEPT_MOST,
-        degrade: bool = False,
+        awaited: Awaited = "all",
+        declared: bool = False,
     ) -> None:
         self._bindings = bindings
         self._modules = {topics.activity(DSERVER.name, module): module for module in modules}
         self._servers = tuple(sorted({b.server for b in bindings}.union(self._modules)))
         self._run = run
         self._keep = keep
-        self._degrade = degrade
+        self._awaited = awaited
+        self._declared = declared
         self._ticks: dict[int, Tick] = {}
         self._frames: dict[int, dict[str, ServerFrame]] = {}
         self._void: dict[tuple[str, int], int] = {}  # and by which tick
@@ -160,7 +169,7 @@ class FrameAssembler:
                 got = {server: frame for server, frame in got.items() if server not in gone}
             for void in tick.void:  # what is older than a frame handed out needs no telling any more
                 self._void.pop(void, None)
-            yield Assembled(tick, self._assemble(tick, got), tick.k == self._latest, self._active(got))
+            yield Assembled(tick, self._assemble(tick, got), tick.k == self._latest, self._answers(got))
 
     def resume(self, k: int) -> tuple[Effect, ...]:
         """Hand out frame `k` next: memory is that after frame k - 1. Gives requests for what is not here."""
@@ -242,9 +251,10 @@ class FrameAssembler:
             return _NOBODY
         k = tick.k
         gone = {s for s in (*self._servers, DSERVER.name) if s in tick.down or (s, k) in self._void}
-        if not self._degrade:
+        if self._awaited == "all":
             return frozenset(gone.difference(self._modules))
-        return frozenset(gone.union(self._modules) if DSERVER.name in gone else gone)
+        blind = self._awaited == "degrade" and DSERVER.name in gone
+        return frozenset(gone.union(self._modules) if blind else gone)
 
     def _only_modules_down(self) -> bool:
         """Whether it waits for modules in Python of which none lives: a new epoch would not help them."""
@@ -255,12 +265,8 @@ class FrameAssembler:
         waited = [s for s in self._servers if s not in here]
         return bool(waited) and all(s in self._modules and s in newest.down for s in waited)
 
-    def _active(self, got: Mapping[str, ServerFrame]) -> dict[str, bool]:
-        found = {}
-        for server, module in self._modules.items():
-            sample = got[server].fields.get(ACTIVE) if server in got else None
-            found[module] = sample is not None and bool(sample.value)
-        return found
+    def _answers(self, got: Mapping[str, ServerFrame]) -> dict[str, Answer]:
+        return {module: _answer(got[server]) for server, module in self._modules.items() if server in got}
 
     def _assemble(self, tick: Tick, got: Mapping[str, ServerFrame]) -> Frame:
         readings: dict[str, Reading] = {}
@@ -268,7 +274,8 @@ class FrameAssembler:
             frame = got.get(b.server)
             sample = None if frame is None else frame.fields.get(b.field)
             if sample is not None and _fresh(sample, tick.t_ns, b.within_ns):
-                readings[b.sensor] = sample.value if b.factor == 1.0 else _scaled(sample.value, b.factor)
+                convert = b.in_declared_unit if self._declared else b.in_base_units
+                readings[b.sensor] = convert(sample.value)
         return Frame(tick.t_ns, readings)
 
 
@@ -279,7 +286,7 @@ def _fresh(sample: Sample, now_ns: int, within_ns: int | None) -> bool:
     return within_ns is None or now_ns - sample.t_ns <= within_ns
 
 
-def _scaled(value: Value, factor: float) -> Value:
-    if isinstance(value, tuple):
-        return tuple(v / factor for v in value)
-    return value / factor
+def _answer(frame: ServerFrame) -> Answer:
+    command, error = frame.fields.get(COMMAND), frame.fields.get(ERROR)
+    values = None if command is None or not isinstance(command.value, tuple) else command.value
+    return Answer(values, error is not None and error.value is True)

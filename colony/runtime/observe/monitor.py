@@ -4,6 +4,9 @@ That gives the contracts broken in each frame, what was limited, clamped and fau
 runtime itself: while nobody is late or lost, the verdicts are the decisions of the client list; while
 somebody is, they are these or idle. Where a client outside the network commanded, or a hold kept the network
 from deciding, the client that was put aside is the one that would have won.
+
+Modules in Python run in processes of their own and nowhere else: the monitor takes their answers as they
+were told. From a frame in which one of them did not tell its answer, memory is not known.
 """
 
 from __future__ import annotations
@@ -11,9 +14,11 @@ from __future__ import annotations
 from collections.abc import Collection, Iterable, Mapping
 from typing import NamedTuple, Protocol
 
-from colony.ir.frame import Decision, Executor, Frame, Outcome
+from colony.ir.frame import Answer, Decision, Frame, Outcome
 from colony.ir.memory import ProgramMemory
 from colony.runtime.protocol.messages import Fate, Verdict
+
+_NO_ANSWERS: Mapping[str, Answer] = {}
 
 
 class Checked(NamedTuple):
@@ -23,9 +28,11 @@ class Checked(NamedTuple):
     disagreements: tuple[str, ...]
 
 
-class Restartable(Executor, Protocol):
-    """An executor that can go on from its initial memory, and tells what it remembers, unless that is more
-    than can be told."""
+class Restartable(Protocol):
+    """An executor that can go on from its initial memory, and tells what it remembers. It is given what
+    modules in Python answered."""
+
+    def step(self, frame: Frame, answers: Mapping[str, Answer]) -> Outcome: ...
 
     @property
     def memory(self) -> ProgramMemory | None: ...
@@ -45,11 +52,14 @@ class Monitor:
     """Mutable: the executor's memory.
 
     `degrading` are the actuators with `on_loss degrade`: from a frame in which any client is lost, lesser
-    ones may command, which is not compared any more until memory begins anew.
+    ones may command, which is not compared any more until memory begins anew. `modules` are those in Python.
     """
 
-    def __init__(self, executor: Restartable, degrading: Iterable[str] = ()) -> None:
+    def __init__(
+        self, executor: Restartable, degrading: Iterable[str] = (), modules: Iterable[str] = ()
+    ) -> None:
         self._executor = executor
+        self._modules = frozenset(modules)
         self._degrading = frozenset(degrading)
         self._degraded: set[str] = set()
         self._fresh, self._memory_unknown = True, False
@@ -69,15 +79,23 @@ class Monitor:
         """Return the memory before the next frame."""
         return Keyframe(None if self._memory_unknown else self._executor.memory, bool(self._degraded))
 
-    def check(self, frame: Frame, verdicts: Mapping[str, Verdict], lost: Collection[str] = ()) -> Checked:
+    def check(
+        self,
+        frame: Frame,
+        verdicts: Mapping[str, Verdict],
+        lost: Collection[str] = (),
+        answers: Mapping[str, Answer] = _NO_ANSWERS,
+    ) -> Checked:
         """Step, and compare, in a frame in which these clients are lost; an actuator without a verdict is not
         compared."""
+        if not self._modules <= answers.keys():
+            self._memory_unknown = True
         if self._memory_unknown:
             return Checked(Outcome(()), ())
         self._fresh = False
         if lost:
             self._degraded.update(self._degrading)
-        expected = self._executor.step(frame)
+        expected = self._executor.step(frame, answers)
         found = (
             self._disagreement(decision, verdict)
             for decision in expected.decisions

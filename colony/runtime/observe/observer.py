@@ -4,16 +4,19 @@ has it checked by the monitor, and hands it to the sinks (a recording, a summary
 A frame of a server that is killed while it publishes may reach the observer and nobody else. When a tick
 declares it void, the monitor has stepped over what no client saw, and could expect nothing for the rest of
 the run. Like a client to which this happens, the observer then asks the Clock for a new epoch.
+
+The answers of modules in Python come as frames, too. They hold up no other frame: a frame waits for them as
+it waits for its verdicts, and goes on without them.
 """
 
 from __future__ import annotations
 
 from collections import deque
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import NamedTuple, Protocol, TypeVar
 
-from colony.ir.frame import Frame, Outcome
+from colony.ir.frame import Answer, Frame, Outcome
 from colony.runtime.frames.assembly import KEPT_NS, Assembled, FrameAssembler
 from colony.runtime.observe.closing import close_all
 from colony.runtime.observe.monitor import Keyframe, Monitor
@@ -40,7 +43,8 @@ class FrameLog:
     tells that all memory began anew with this frame in the middle of a run, `requests` what the clients asked
     for, as they came (unless nobody wants to know). `skipped` frames before this one were missed for good;
     from there to the next restart nothing is expected, as memory is not known. `keyframe`, at least every
-    `KEYFRAME_NS`, has the memory before the frame.
+    `KEYFRAME_NS`, has the memory before the frame. `answers` are those of modules in Python, as far as they
+    are known.
     """
 
     tick: Tick
@@ -52,6 +56,7 @@ class FrameLog:
     requests: tuple[Request, ...] = ()
     skipped: int = 0
     keyframe: Keyframe | None = None
+    answers: Mapping[str, Answer] = field(default_factory=dict)
 
     @property
     def breaches(self) -> tuple[str, ...]:
@@ -103,6 +108,7 @@ class Observer:
         actuators: by name; a frame is complete with a verdict of each.
         monitor, sinks: who checks the frames, and who takes them.
         heeded: servers whose requests are handed on too.
+        modules: of the modules in Python, if there are any.
         frame_ns: the period of the program's frames.
     """
 
@@ -116,22 +122,26 @@ class Observer:
         sinks: tuple[Sink, ...],
         heeded: tuple[str, ...] = (),
         *,
+        modules: FrameAssembler | None = None,
         frame_ns: int = 0,
     ) -> None:
         self._assembler = assembler
+        self._modules = modules
         self._actuators = frozenset(actuators)
         self._monitor = monitor
         self._sinks = sinks
         self._waiting: deque[_Waiting] = deque()
         self._verdicts: dict[int, dict[str, Verdict]] = {}
         self._requests: dict[int, dict[tuple[str, str], Request]] = {}
+        self._answers: dict[int, dict[str, Answer]] = {}
         self._heeds = bool(heeded)
         self._first = True
         self._keyframe_ns: int | None = None
         self._frame_ns = frame_ns
         self._skipped, self._memory_unknown = 0, True
         self._contradicted: int | None = None
-        self.listens = (*assembler.listens, topics.VERDICTS, *(topics.requests(s) for s in heeded))
+        listens = (*assembler.listens, *(modules.listens if modules else ()), topics.VERDICTS)
+        self.listens = tuple(dict.fromkeys((*listens, *(topics.requests(s) for s in heeded))))
 
     def add(self, sink: Sink) -> None:
         """One more sink, before the first frame."""
@@ -144,7 +154,7 @@ class Observer:
         effects: tuple[Effect, ...] = ()
         match message:
             case Tick() | ServerFrame():
-                effects = self._assembler.take(message)
+                effects = (*self._assembler.take(message), *self._take_answers(message))
                 self._collect(now_ns)
                 if self._assembler.lost:
                     self._skip()
@@ -179,6 +189,17 @@ class Observer:
         self._skipped += left_out
         self._memory_unknown = True
 
+    def _take_answers(self, message: Tick | ServerFrame) -> tuple[Effect, ...]:
+        """Note the answers of modules in Python; one that is too far behind is not waited for."""
+        if self._modules is None:
+            return ()
+        effects = self._modules.take(message)
+        for assembled in self._modules.complete():
+            _kept(self._answers, assembled.tick.k).update(assembled.answers)
+        if self._modules.lost:
+            self._modules.skip()
+        return effects
+
     def _collect(self, now_ns: int) -> None:
         for assembled in self._assembler.complete():
             self._waiting.append(_Waiting(assembled, now_ns, self._skipped, self._memory_unknown))
@@ -186,7 +207,8 @@ class Observer:
 
     def _ready(self, first: _Waiting, now_ns: int) -> bool:
         k = first.assembled.tick.k
-        if len(self._verdicts.get(k, ())) < len(self._actuators):
+        answered = self._modules is None or k < self._modules.next
+        if not answered or len(self._verdicts.get(k, ())) < len(self._actuators):
             return now_ns - first.came_ns > KEPT_NS
         return not self._heeds or self._heard(k) or len(self._waiting) > 1
 
@@ -203,12 +225,13 @@ class Observer:
         assembled, _, skipped, memory_unknown = self._waiting.popleft()
         tick, frame = assembled.tick, assembled.frame
         verdicts, requests = _taken(self._verdicts, tick.k), _taken(self._requests, tick.k)
+        answers = _taken(self._answers, tick.k)
         if assembled.restart:
             self._monitor.restart()
         elif memory_unknown:
             self._monitor.lose_memory()
         keyframe = self._keyframe(tick.t_ns, assembled.restart or memory_unknown)
-        expected, disagreements = self._monitor.check(frame, verdicts, tick.lost)
+        expected, disagreements = self._monitor.check(frame, verdicts, tick.lost, answers)
         log = FrameLog(
             tick=tick,
             frame=frame,
@@ -219,6 +242,7 @@ class Observer:
             requests=tuple(requests.values()),
             skipped=skipped,
             keyframe=keyframe,
+            answers=answers,
         )
         self._first = False
         for sink in self._sinks:

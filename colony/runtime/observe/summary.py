@@ -85,8 +85,9 @@ class RunSummary:
     `broke_off` tells why the run ended before its time, although nobody interrupted it. `unwritten` are
     files that could not be written after it.
 
-    `restarts` is how often all memory began anew, `skipped` how many frames were missed for good. Of a real
-    robot nobody knows how it went: `bumps` and the two after it are None.
+    `restarts` is how often all memory began anew, `skipped` how many frames were missed for good, `unknown`
+    in how many memory was not known, so that nothing was expected. Of a real robot nobody knows how it went:
+    `bumps` and the two after it are None.
     """
 
     robot: str
@@ -108,6 +109,7 @@ class RunSummary:
     disagreements: tuple[str, ...]
     broke_off: str | None = None
     unwritten: tuple[str, ...] = ()
+    unknown: int = 0
 
     def as_json(self) -> dict[str, object]:
         """The same in plain dicts and lists."""
@@ -137,12 +139,13 @@ class Tally:
         self._disagreements: list[str] = []
         self.frames = 0
         self._restarts = 0
-        self._skipped = 0
+        self._skipped = self._unknown = 0
 
     def take(self, log: FrameLog) -> None:
         self.frames += 1
         self._restarts += log.restart
         self._skipped += log.skipped
+        self._unknown += log.memory_unknown
         for name, verdict in log.verdicts.items():
             self._drove[name][verdict.by] += 1
             if verdict.outside is not None or verdict.hold is not None:
@@ -197,6 +200,7 @@ class Tally:
             restarts=self._restarts,
             skipped=self._skipped,
             disagreements=tuple(self._disagreements),
+            unknown=self._unknown,
         )
 
     def _actuator(self, name: str) -> ActuatorSummary:
@@ -246,12 +250,14 @@ def render(summary: RunSummary) -> str:
         lines.append(f"  all memory began anew {counted(summary.restarts, 'time')}")
     if summary.skipped:
         lines.append(f"  {counted(summary.skipped, 'frame')} could not be observed")
+    if summary.unknown:
+        lines.append(f"  {counted(summary.unknown, 'frame')} not held to the program: memory was not known")
     lines += [
         f"  contract {b.contract}: BROKEN in {counted(b.frames, 'frame')}, "
         f"first at {b.first_s:g} s, last at {b.last_s:g} s"
         for b in summary.breaches
     ]
-    if summary.contracts and summary.frames and not summary.breaches:
+    if summary.contracts and summary.frames and not (summary.breaches or summary.unknown):
         lines.append(f"  {counted(summary.contracts, 'contract')} held in every frame")
     lines += [f"  INTERNAL: {text}" for text in summary.disagreements]
     lines += [] if summary.broke_off is None else [f"  {summary.broke_off}"]

@@ -9,8 +9,9 @@ from __future__ import annotations
 from collections.abc import Iterable
 from dataclasses import dataclass
 
+from colony.execute.intake import converted
 from colony.ir.program import Actuator, Robot, Sensor
-from colony.ir.types import Array, Bool, Enum, Quantity, Scalar, Type
+from colony.ir.types import Array, Bool, Enum, Quantity, Scalar, Type, Value
 from colony.runtime.protocol.fields import SERVERS, CommandSpec, FieldSpec, ServerSpec
 from colony.text.diagnostics import Diagnostic, Failure, error
 from colony.text.suggestions import did_you_mean
@@ -19,13 +20,38 @@ from colony.text.units import NUMBER
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SensorBinding:
-    """A sensor reads `field` of `server`; a reading enters divided by `factor`, for the declared unit."""
+    """A sensor reads `field` of `server`.
+
+    `factor` is the declared unit in base units. The server gives base units or, if `declared`, values in the
+    sensor's declared unit, as people and programs set them.
+    """
 
     sensor: str
     server: str
     field: str
     within_ns: int | None
-    factor: float
+    factor: float = 1.0
+    declared: bool = False
+
+    def in_base_units(self, value: Value) -> Value:
+        """Return what an executor computes with, given a value of the server.
+
+        A reading is a number in the declared unit, and such a number is recorded. So a value of hardware is
+        rounded to the base value of a number in the declared unit: otherwise no recording could tell it.
+        """
+        factor = self.factor
+        if factor == 1.0:
+            return value
+        if self.declared:
+            return converted(value, lambda x: x * factor)  # type: ignore[return-value]
+        return converted(value, lambda x: x / factor * factor)  # type: ignore[return-value]
+
+    def in_declared_unit(self, value: Value) -> Value:
+        """Return what people read, given a value of the server."""
+        factor = self.factor
+        if factor == 1.0 or self.declared:
+            return value
+        return converted(value, lambda x: x / factor)  # type: ignore[return-value]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -94,7 +120,6 @@ def _bind_sensor(
     server = _server(sensor, servers, found)
     if server is None:
         return None
-    factor = 1.0
     if not server.open_fields:
         spec = next((f for f in server.fields if f.name == sensor.field), None)
         if spec is None:
@@ -106,13 +131,13 @@ def _bind_sensor(
             what = f"`{sensor.name}`: {server.name}.{spec.name} is {spec.type}, not {sensor.type}"
             found.append(error("R003", sensor.span, what, f"it is {spec.meaning}"))
             return None
-        factor = sensor.factor
     return SensorBinding(
         sensor=sensor.name,
         server=server.name,
         field=sensor.field,
         within_ns=sensor.within_ns,
-        factor=factor,
+        factor=sensor.factor,
+        declared=server.open_fields,
     )
 
 

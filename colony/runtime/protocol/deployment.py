@@ -14,13 +14,12 @@ from typing import Literal
 import msgspec
 
 from colony.execute.compiled import Compiled
-from colony.ir.program import Actuator, ActuatorField
-from colony.ir.types import BOOL, PLAIN, Bool, ScalarValue
+from colony.ir.program import Actuator
+from colony.ir.types import Bool, ScalarValue
 from colony.runtime.protocol import topics
 from colony.runtime.protocol.bindings import ActuatorBinding, Bindings
 from colony.runtime.protocol.fields import DSERVER
 from colony.runtime.protocol.plausibility import NUMBER_NS
-from colony.runtime.servers.commanding import Commanded
 
 SHORTEST_FRAME_NS = NUMBER_NS
 LONGEST_FRAME_NS = 3_600_000_000_000
@@ -56,7 +55,12 @@ class FieldTable(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class ActuatorTable(msgspec.Struct, frozen=True, kw_only=True):
-    """An actuator, where it is bound to, and its clients, highest place first, each with its priority."""
+    """An actuator as its server arbitrates it.
+
+    `places[i]` is the position among its fields of parameter i of the server's `command`, None where that is
+    0; empty where the server takes the fields as they are. `idle` is in base units, None for `idle hold`.
+    `clients` are by name and priority, highest first.
+    """
 
     name: str
     fields: tuple[FieldTable, ...]
@@ -71,7 +75,7 @@ class ActuatorTable(msgspec.Struct, frozen=True, kw_only=True):
 class Deployment(msgspec.Struct, frozen=True, kw_only=True):
     """A program on a robot. `run` is different for every run; "" is that of a robot without a program.
 
-    `announced` are the modules in Python whose activity DServer hands on; `seed` is that of `Runtime.random`;
+    `announced` are the modules in Python whose answers DServer hands on; `seed` is that of `Runtime.random`;
     `servers` are read besides those that every robot has.
     `lockstep`: each frame begins as soon as the one before it is decided, instead of after `frame_ns`.
     `reads` are the variables that the program's sensors are bound to: DServer's frames show them.
@@ -104,7 +108,7 @@ def deployment(
         frame_ns=compiled.frame_ns,
         seed=seed,
         actuators=tuple(
-            _table(one.actuator, binding, tuple((c.module, c.priority) for c in one.clients))
+            actuator_table(one.actuator, binding, tuple((c.module, c.priority) for c in one.clients))
             for one, binding in zip(compiled.code.actuators, bindings.actuators, strict=True)
         ),
         announced=compiled.announced,
@@ -119,9 +123,9 @@ def variables_read(bindings: Bindings) -> tuple[str, ...]:
     return tuple(dict.fromkeys(b.field for b in bindings.sensors if b.server == DSERVER.name))
 
 
-def commanded_by(deployed: Deployment, server: str) -> tuple[Commanded, ...]:
-    """The actuators that are bound to a server, each with its clients."""
-    return tuple(_commanded(table) for table in deployed.actuators if table.server == server)
+def commanded_by(deployed: Deployment, server: str) -> tuple[ActuatorTable, ...]:
+    """Return the actuators that are bound to a server."""
+    return tuple(table for table in deployed.actuators if table.server == server)
 
 
 def client_addresses(deployed: Deployment) -> tuple[tuple[str, str], ...]:
@@ -179,9 +183,10 @@ def _problems_of(table: ActuatorTable) -> Iterator[str]:
         yield f"{table.name}: an idle command of {len(table.idle)} values, not {len(table.fields)}"
 
 
-def _table(
+def actuator_table(
     actuator: Actuator, binding: ActuatorBinding, clients: tuple[tuple[str, int], ...]
 ) -> ActuatorTable:
+    """Return what the server that an actuator is bound to has to know of it."""
     return ActuatorTable(
         name=actuator.name,
         fields=tuple(
@@ -200,32 +205,4 @@ def _table(
         idle=actuator.idle,
         on_loss=actuator.on_loss,
         clients=clients,
-    )
-
-
-def _commanded(table: ActuatorTable) -> Commanded:
-    fields = tuple(
-        ActuatorField(
-            name=f.name,
-            type=BOOL if f.kind == "bool" else PLAIN,
-            factor=f.factor,
-            low=f.low,
-            high=f.high,
-        )
-        for f in table.fields
-    )
-    return Commanded(
-        actuator=Actuator(
-            name=table.name,
-            fields=fields,
-            server=table.server,
-            command=table.command,
-            idle=table.idle,
-            on_loss=table.on_loss,
-        ),
-        binding=ActuatorBinding(
-            actuator=table.name, server=table.server, command=table.command, places=table.places
-        ),
-        places=tuple(client for client, _ in table.clients),
-        priorities=tuple(priority for _, priority in table.clients),
     )

@@ -8,7 +8,7 @@ One frame k of a robot, by its messages (thesis section 4.3: clients ask servers
 
     Clock    -> everyone         Tick(k)          the time, who is down, who is lost
     server   -> its readers      ServerFrame(k)   every field, or "no value"
-    module   -> DServer          Announcement(k)  the activity of a module in Python, which DServer publishes
+    module   -> DServer          Announcement(k)  the answer of a module in Python, which DServer publishes
     client   -> its server       Request(k)       a command, or that it has none
     server   -> observers        Verdict(k)       who won, what was sent, why the others lost
 
@@ -33,6 +33,7 @@ from typing import Literal, NamedTuple, Protocol, runtime_checkable
 
 import msgspec
 
+from colony.ir.frame import Answer
 from colony.ir.types import ScalarValue, Value
 
 
@@ -121,11 +122,12 @@ class Request(_Message, frozen=True, kw_only=True):
 
 
 class Announcement(_Message, frozen=True, kw_only=True):
-    """A module in Python tells DServer whether it is active in frame `k`, for the guards of others."""
+    """A module in Python tells DServer its answer in frame `k`: for its client, for the guards of others, and
+    for the observer. Nobody else runs the module."""
 
     k: int
     module: str
-    active: bool
+    answer: Answer
 
 
 Fate = Literal[

@@ -8,8 +8,9 @@ before this one that could not be observed. Sensors are in declared units as the
 and absent where missing; each actuator has its winner and what was sent. Where the network did not decide
 alone, the actuator also has `fault`, `fates` with the clients that were late, lost, refused or overruled,
 `@outside` with the client outside the network that commanded, or `@held_by`. Broken contracts are not
-written: they follow from the rest. `@sum` is the CRC-32 of all before it, and `@keyframe`, in a line at least
-every half second, the memory from which a reader goes on after a line that is damaged (`keyframes.py`).
+written: they follow from the rest. `@python` has what modules in Python answered (`answers.py`). `@sum` is
+the CRC-32 of all before it, and `@keyframe`, in a line at least every half second, the memory from which a
+reader goes on after a line that is damaged (`keyframes.py`).
 `mcap_writer.py` writes more.
 """
 
@@ -24,6 +25,7 @@ from colony.execute.compiled import Compiled
 from colony.ir.program import Actuator
 from colony.runtime.observe.observer import FrameLog
 from colony.runtime.protocol.messages import Verdict
+from colony.runtime.recordings.answers import answers_text
 from colony.runtime.recordings.json_text import seconds_text, sensor_members
 from colony.runtime.recordings.keyframes import keyframe_members
 
@@ -78,6 +80,8 @@ def encoder(compiled: Compiled) -> Callable[[FrameLog], str]:
             parts.append(f'"@skipped": {log.skipped}')
         if log.keyframe is not None:
             parts.append(f'"@keyframe": {{{", ".join(keyframe_members(log.keyframe))}}}')
+        if log.answers:
+            parts.append(f'"@python": {answers_text(log.answers)}')
         parts += sensor_members(log.frame, sensors)
         for actuator in actuators:
             verdict = log.verdicts.get(actuator.name)

@@ -21,6 +21,7 @@ from colony.ir.frame import Frame
 from colony.ir.program import Actuator, Program
 from colony.runtime.observe.monitor import Keyframe
 from colony.runtime.protocol.messages import Tick, Verdict
+from colony.runtime.recordings.answers import AnswerMessage, read_answers
 from colony.runtime.recordings.keyframes import read_keyframe
 from colony.runtime.recordings.mcap_records import (
     BrokenOff,
@@ -59,6 +60,7 @@ class FrameMessage(msgspec.Struct, frozen=True, kw_only=True):
     skipped: int | None = None
     down: tuple[str, ...] = ()
     lost: tuple[str, ...] = ()
+    python: dict[str, AnswerMessage] = {}
 
 
 class _RunText(msgspec.Struct, frozen=True, kw_only=True):
@@ -279,6 +281,7 @@ class _Frames:
             breaches=broken,
             keyframe=keyframe,
             damaged=damaged,
+            answers=read_answers(found.python),
         )
 
 

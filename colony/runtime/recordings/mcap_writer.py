@@ -29,11 +29,11 @@ from mcap.well_known import MessageEncoding, SchemaEncoding
 from mcap.writer import CompressionType, IndexType, Writer
 
 from colony.execute.compiled import Compiled
-from colony.ir.program import Actuator
+from colony.ir.program import Actuator, in_declared_units
 from colony.ir.types import ScalarValue
-from colony.runtime.arbitration.arbiter import declared_units
 from colony.runtime.observe.observer import KEYFRAME_NS, FrameLog
 from colony.runtime.protocol.messages import Bid, Fate, Hold, Request, Verdict
+from colony.runtime.recordings.answers import answers_text
 from colony.runtime.recordings.json_text import seconds_text, sensor_members
 from colony.runtime.recordings.keyframes import keyframe_members
 from colony.runtime.recordings.lines import ByteFile, write_all
@@ -219,6 +219,8 @@ class McapRecording:
         for name, texts in (("down", tick.down), ("lost", tick.lost), ("disagreements", log.disagreements)):
             if texts:
                 parts.append(f'"{name}": {json.dumps(texts)}')
+        if log.answers:
+            parts.append(f'"python": {answers_text(log.answers)}')
         readings = ", ".join(sensor_members(log.frame, self._compiled.robot.sensors))
         return f'{{{", ".join(parts)}, "sensors": {{{readings}}}}}'.encode()
 
@@ -345,7 +347,7 @@ def _requests(k: int, actuator: Actuator, requests: list[Request]) -> RequestsMe
     for request in requests:
         values = request.values
         if values is not None and len(values) == len(actuator.fields):  # others were refused
-            values = declared_units(actuator, values)
+            values = in_declared_units(values, actuator.fields)
         else:
             values = None
         bid = BidMessage(bid=request.bid, values=_named(actuator, values), fault=request.fault)

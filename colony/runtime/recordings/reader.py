@@ -14,6 +14,7 @@ import msgspec
 from colony.files import bounded_lines, reason
 from colony.ir.program import Actuator, Program
 from colony.runtime.protocol.messages import Fate, Hold, Tick, Verdict
+from colony.runtime.recordings.answers import AnswerMessage, read_answers
 from colony.runtime.recordings.keyframes import read_keyframe
 from colony.runtime.recordings.recorded import RecordedFrame
 from colony.runtime.recordings.replay import LINE_BYTES, Row, Rows, located
@@ -80,7 +81,7 @@ class _Row(
     msgspec.Struct,
     frozen=True,
     kw_only=True,
-    rename={"tick": "@tick", "restart": "@restart", "skipped": "@skipped", "keyframe": "@keyframe"},
+    rename=lambda name: f"@{name}",
 ):
     """What a line says of its frame."""
 
@@ -88,6 +89,7 @@ class _Row(
     restart: bool = False
     skipped: int | None = None
     keyframe: dict[str, Any] | None = None
+    python: dict[str, AnswerMessage] = {}
 
 
 class _Decision(
@@ -118,6 +120,7 @@ def _recorded(tick: Tick, row: Row, actuators: tuple[Actuator, ...], told: _Row)
         memory_unknown=told.skipped is not None,
         keyframe=read_keyframe(told.keyframe),
         damaged=row.damaged,
+        answers=read_answers(told.python),
     )
 
 

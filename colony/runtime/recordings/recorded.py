@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Protocol
 
 from colony.execute.compiled import SourceFile
-from colony.ir.frame import Frame
+from colony.ir.frame import Answer, Frame
 from colony.ir.program import Program
 from colony.runtime.observe.monitor import Keyframe
 from colony.runtime.protocol.messages import Tick, Verdict
@@ -50,6 +50,7 @@ class RecordedFrame:
     breaches: tuple[str, ...] | None = None
     keyframe: Keyframe | None = None
     damaged: bool = False
+    answers: Mapping[str, Answer] = field(default_factory=dict)
 
 
 class RecordingReader(Protocol):

@@ -113,7 +113,7 @@ def has_right_sum(line: bytes) -> bool:
     return found is not None and int(found[1], 16) == zlib.crc32(line[:at].removeprefix(BOM_UTF8))
 
 
-RESERVED = frozenset({"t", "@tick", "@restart", "@skipped", "@keyframe", "@sum"})
+RESERVED = frozenset({"t", "@tick", "@restart", "@skipped", "@keyframe", "@python", "@sum"})
 """What a line tells besides sensors and actuators; no name of a program has an `@`."""
 
 

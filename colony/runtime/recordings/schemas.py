@@ -77,12 +77,25 @@ def _frame(compiled: Compiled) -> Schema:
         skipped=_of("integer", "memory is not known; frames before this one that could not be observed"),
         down=_texts("servers that do not live"),
         lost=_texts("clients that do not live"),
+        python=_object(
+            "answers of modules in Python, of which each is absent where it is not known",
+            **{module: _answer() for module in compiled.announced},
+        ),
         sensors=_object(
             "readings in declared units; absent where missing",
             **{s.name: _sensor(s) for s in compiled.robot.sensors},
         ),
         disagreements=_texts("how verdicts differ from the client list, with nobody late or lost"),
     )
+
+
+def _answer() -> Schema:
+    command: Schema = {
+        "type": "array",
+        "description": "the fields of its command in mm, s and deg; absent where it is not applicable",
+        "items": {"type": "number"},
+    }
+    return _object("", command=command, error=_of("boolean", "it raised, or gave no command"))
 
 
 def _keyframe() -> Schema:

@@ -10,9 +10,8 @@ from colony.ir.program import Actuator, ActuatorField
 from colony.ir.types import ScalarValue
 from colony.runtime.arbitration.motion import Speeds
 from colony.runtime.protocol.bindings import ActuatorBinding
-from colony.runtime.protocol.deployment import ActuatorTable, Deployment, commanded_by
+from colony.runtime.protocol.deployment import ActuatorTable, Deployment, actuator_table, commanded_by
 from colony.runtime.protocol.fields import RSERVER
-from colony.runtime.servers.commanding import Commanded
 from colony.runtime.servers.drivers import BaseLimits
 from colony.runtime.servers.orders import Range, whole_range
 
@@ -21,16 +20,16 @@ FRAME_NS = 50_000_000
 
 _DRIVE = RSERVER.commands[0]
 
-_BUILT_IN = Commanded(
-    actuator=Actuator(
+_BUILT_IN = actuator_table(
+    Actuator(
         name=_DRIVE.name,
         fields=tuple(ActuatorField(name=p.name, type=p.type) for p in _DRIVE.parameters),
         server=RSERVER.name,
         command=_DRIVE.name,
         idle=(0.0, 0.0),
     ),
-    binding=ActuatorBinding(actuator=_DRIVE.name, server=RSERVER.name, command=_DRIVE.name, places=(0, 1)),
-    places=(),
+    ActuatorBinding(actuator=_DRIVE.name, server=RSERVER.name, command=_DRIVE.name, places=(0, 1)),
+    (),
 )
 
 
@@ -43,7 +42,7 @@ class BaseActuator:
 
     run: str
     frame_ns: int
-    commanded: Commanded
+    commanded: ActuatorTable
     allowed: Range
     places: Mapping[int, str]
     published: bool = True
@@ -51,20 +50,21 @@ class BaseActuator:
 
     @property
     def name(self) -> str:
-        return self.commanded.actuator.name
-
-    def speeds(self, values: tuple[ScalarValue, ...]) -> Speeds:
-        """What an actuator's values, in base units, say; a parameter that it does not have is 0."""
-        velocity, turn = (0.0 if i is None else float(values[i]) for i in self.commanded.binding.places)
-        return Speeds(velocity, turn)
+        return self.commanded.name
 
     def values(self, speeds: Speeds) -> tuple[float, ...]:
         """Speeds as an actuator's values; what it has no field for is left out."""
-        values = [0.0] * len(self.commanded.actuator.fields)
-        for i, speed in zip(self.commanded.binding.places, speeds, strict=True):
+        values = [0.0] * len(self.commanded.fields)
+        for i, speed in zip(self.commanded.places, speeds, strict=True):
             if i is not None:
                 values[i] = speed
         return tuple(values)
+
+
+def speeds_of(actuator: ActuatorTable, values: tuple[ScalarValue, ...]) -> Speeds:
+    """Return what a command, in base units, says; a parameter that the actuator does not have is 0."""
+    velocity, turn = (0.0 if i is None else float(values[i]) for i in actuator.places)
+    return Speeds(velocity, turn)
 
 
 def base_actuator(deployed: Deployment | None, limits: BaseLimits) -> BaseActuator:
@@ -80,7 +80,7 @@ def base_actuator(deployed: Deployment | None, limits: BaseLimits) -> BaseActuat
         frame_ns=deployed.frame_ns,
         commanded=commanded,
         allowed=_range(commanded, limits),
-        places=dict(zip(commanded.priorities, commanded.places, strict=True)),
+        places={priority: name for name, priority in commanded.clients},
         published=bool(found),
         lockstep=deployed.lockstep,
     )
@@ -125,19 +125,19 @@ def _number(value: ScalarValue) -> bool:
     return isinstance(value, (int, float)) and not isinstance(value, bool) and math.isfinite(value)
 
 
-def _range(commanded: Commanded, limits: BaseLimits) -> Range:
+def _range(commanded: ActuatorTable, limits: BaseLimits) -> Range:
     """What the program allows of what the base can do; what it does not command is not narrowed."""
     whole = whole_range(limits)
-    velocity, turn = commanded.binding.places
+    velocity, turn = commanded.places
     return whole._replace(
         velocity=_narrowed(whole.velocity, commanded, velocity), turn=_narrowed(whole.turn, commanded, turn)
     )
 
 
-def _narrowed(whole: tuple[float, float], commanded: Commanded, place: int | None) -> tuple[float, float]:
+def _narrowed(whole: tuple[float, float], commanded: ActuatorTable, place: int | None) -> tuple[float, float]:
     if place is None:
         return whole
-    field = commanded.actuator.fields[place]
+    field = commanded.fields[place]
     low = whole[0] if field.low is None else max(whole[0], field.low)
     high = whole[1] if field.high is None else min(whole[1], field.high)
     return (low, high)

@@ -6,32 +6,17 @@ from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass, field
 from typing import NamedTuple
 
-from colony.ir.program import Actuator
 from colony.ir.types import ScalarValue
 from colony.runtime.arbitration.arbiter import Arbiter, Dispatch, Event, Timing
 from colony.runtime.arbitration.ballot import NOBODY, STOPPED, Others
 from colony.runtime.protocol import topics
-from colony.runtime.protocol.bindings import ActuatorBinding
+from colony.runtime.protocol.deployment import ActuatorTable
 from colony.runtime.protocol.messages import Effect, Malformed, Request, Send, Tick, Verdict, WakeAt
 
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Commanded:
-    """An actuator of this server and its clients, highest place first, each with its priority.
-
-    Without `priorities` these count down to 1.
-    """
-
-    actuator: Actuator
-    binding: ActuatorBinding
-    places: tuple[str, ...]
-    priorities: tuple[int, ...] = ()
-
-
-Perform = Callable[[Commanded, tuple[ScalarValue, ...], int], None]
+Perform = Callable[[ActuatorTable, tuple[ScalarValue, ...], int], None]
 """Carry out a command: for which actuator, its fields in base units, and the time."""
 
-Told = Callable[[Commanded, Dispatch, int], None]
+Told = Callable[[ActuatorTable, Dispatch, int], None]
 """Hear of a frame's decision, before it is carried out, also where nothing is."""
 
 
@@ -91,22 +76,20 @@ class CommandDesk:
 
     def __init__(
         self,
-        commanded: tuple[Commanded, ...],
+        commanded: tuple[ActuatorTable, ...],
         times: Timing,
         perform: Perform,
         *,
-        told: Told = lambda commanded, dispatch, now_ns: None,
+        told: Told = lambda actuator, dispatch, now_ns: None,
         publish: bool = True,
     ) -> None:
-        self._commanded = {c.actuator.name: c for c in commanded}
-        self._arbiters = {
-            c.actuator.name: Arbiter(c.actuator, c.places, times, c.priorities) for c in commanded
-        }
+        self._actuators = {table.name: table for table in commanded}
+        self._arbiters = {table.name: Arbiter(table, times) for table in commanded}
         self._clients = {
-            name: {topics.client_address(name, place): place for place in c.places}
-            for name, c in self._commanded.items()
+            name: {topics.client_address(name, client): client for client, _ in table.clients}
+            for name, table in self._actuators.items()
         }
-        self._counts = {name: _Counts() for name in self._commanded}
+        self._counts = {name: _Counts() for name in self._actuators}
         self._perform = perform
         self._told = told
         self._publish = publish
@@ -115,7 +98,7 @@ class CommandDesk:
     @property
     def moves(self) -> bool:
         """True if there is an actuator that `halt` makes idle."""
-        return any(c.actuator.idle is not None for c in self._commanded.values())
+        return any(table.idle is not None for table in self._actuators.values())
 
     def tick(self, tick: Tick, now_ns: int, others: Others = NOBODY) -> Iterable[Effect]:
         """Open the frame of every actuator; `others` is what counts besides its clients."""
@@ -145,10 +128,10 @@ class CommandDesk:
     def halt(self, now_ns: int) -> Iterable[Effect]:
         """Carry out every idle command, whatever the frames have decided: for the emergency stop, and for a
         server that gets no ticks."""
-        for name, commanded in self._commanded.items():
+        for name, table in self._actuators.items():
             yield from self.intervene(name, STOPPED, now_ns)
-            if commanded.actuator.idle is not None:
-                self._perform(commanded, commanded.actuator.idle, now_ns)
+            if table.idle is not None:
+                self._perform(table, table.idle, now_ns)
 
     def malformed(self, message: Malformed) -> None:
         """Bytes came where requests should; the verdicts of the frame will say so."""
@@ -174,23 +157,15 @@ class CommandDesk:
 
     def counts(self) -> tuple[ActuatorCounts, ...]:
         """How the frames of every actuator went so far."""
-        return tuple(self._counts_of(c, self._counts[name]) for name, c in self._commanded.items())
-
-    def _counts_of(self, commanded: Commanded, counts: _Counts) -> ActuatorCounts:
-        priorities = commanded.priorities or range(len(commanded.places), 0, -1)
-        clients = []
-        for name, priority in zip(commanded.places, priorities, strict=True):
-            bad = tuple(of.get(name, 0) for of in (counts.late, counts.lost, counts.refused))
-            clients.append(ClientCounts(name, priority, counts.frames - sum(bad), *bad))
-        return ActuatorCounts(commanded.actuator.name, counts.frames, tuple(clients), counts.last_note)
+        return tuple(_counts_of(table, self._counts[name]) for name, table in self._actuators.items())
 
     def _carry_out(self, name: str, events: tuple[Event, ...], now_ns: int) -> Iterator[Effect]:
         for event in events:
             if isinstance(event, Dispatch):
-                commanded = self._commanded[name]
-                self._told(commanded, event, now_ns)
+                table = self._actuators[name]
+                self._told(table, event, now_ns)
                 if event.values is not None:
-                    self._perform(commanded, event.values, now_ns)
+                    self._perform(table, event.values, now_ns)
             else:
                 self._counts[name].take(event)
                 if self._publish:
@@ -201,3 +176,11 @@ class CommandDesk:
         if due is not None and (self._alarm is None or due < self._alarm):
             self._alarm = due
             yield WakeAt(due)
+
+
+def _counts_of(table: ActuatorTable, counts: _Counts) -> ActuatorCounts:
+    clients = []
+    for name, priority in table.clients:
+        bad = tuple(of.get(name, 0) for of in (counts.late, counts.lost, counts.refused))
+        clients.append(ClientCounts(name, priority, counts.frames - sum(bad), *bad))
+    return ActuatorCounts(table.name, counts.frames, tuple(clients), counts.last_note)

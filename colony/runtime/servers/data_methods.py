@@ -10,6 +10,7 @@ from itertools import islice
 
 import msgspec
 
+from colony.ir.program import in_declared_units
 from colony.ir.types import ScalarValue, Value
 from colony.runtime.library.data import (
     CreateSemaphore,
@@ -26,6 +27,7 @@ from colony.runtime.library.data import (
     Wait,
 )
 from colony.runtime.protocol.calls import LATER, Asked, Later, Method, Refused, method
+from colony.runtime.protocol.deployment import ActuatorTable
 from colony.runtime.servers.naming import Names, named
 from colony.runtime.servers.semaphores import Semaphores, timed_out
 from colony.runtime.servers.variables import (
@@ -206,10 +208,21 @@ class DataMethods:
             self.answers.append((asked, None))
 
 
-def command(variables: Variables, name: str, values: tuple[ScalarValue, ...], now_ns: int) -> None:
-    """Set the variable that an actuator is bound to; one field is a value, several are a list."""
-    value: Value = values[0] if len(values) == 1 else values
-    variables.put(prepared(name, encoded(value)), now_ns)
+def command(
+    variables: Variables, actuator: ActuatorTable, values: tuple[ScalarValue, ...], now_ns: int
+) -> None:
+    """Set the variable that an actuator is bound to; one field is a value, several are a list.
+
+    Args:
+        variables: those of DServer.
+        actuator: the actuator.
+        values: its command, in base units.
+        now_ns: the time.
+    """
+    declared = in_declared_units(values, actuator.fields)
+    assert declared is not None
+    value: Value = declared[0] if len(declared) == 1 else declared
+    variables.put(prepared(actuator.command, encoded(value)), now_ns)
 
 
 def _dated(dating: Dating) -> Dated:

@@ -16,13 +16,19 @@ from collections.abc import Callable, Iterable, Mapping
 import msgspec
 
 from colony.ir.types import ScalarValue, Value
-from colony.runtime.arbitration.arbiter import declared_units, timing
+from colony.runtime.arbitration.arbiter import timing
 from colony.runtime.arbitration.ballot import NOBODY, STOPPED
 from colony.runtime.arbitration.stop_latch import StopFollower
 from colony.runtime.frames.assembly import KEPT_MOST
 from colony.runtime.protocol import topics
 from colony.runtime.protocol.calls import Asked, Refused, method
-from colony.runtime.protocol.deployment import DEPLOYMENT_BYTES, Deployment, client_addresses, commanded_by
+from colony.runtime.protocol.deployment import (
+    DEPLOYMENT_BYTES,
+    ActuatorTable,
+    Deployment,
+    client_addresses,
+    commanded_by,
+)
 from colony.runtime.protocol.fields import DSERVER
 from colony.runtime.protocol.messages import (
     Alive,
@@ -41,7 +47,7 @@ from colony.runtime.protocol.messages import (
     WakeAt,
 )
 from colony.runtime.servers.checkpoints import Checkpoints
-from colony.runtime.servers.commanding import CommandDesk, Commanded
+from colony.runtime.servers.commanding import CommandDesk
 from colony.runtime.servers.data_calls import DataCalls
 from colony.runtime.servers.data_methods import command
 from colony.runtime.servers.leadership import Leadership
@@ -258,11 +264,9 @@ class DServer:
 
     # --- what is published and set -------------------------------------------------------------------
 
-    def _set(self, commanded: Commanded, values: tuple[ScalarValue, ...], now_ns: int) -> None:
-        declared = declared_units(commanded.actuator, values)
-        assert declared is not None
-        command(self._variables, commanded.binding.command, declared, now_ns)
-        self._changed.append(commanded.binding.command)
+    def _set(self, actuator: ActuatorTable, values: tuple[ScalarValue, ...], now_ns: int) -> None:
+        command(self._variables, actuator, values, now_ns)
+        self._changed.append(actuator.command)
 
     def _deploy(self, asked: Asked, deployed: Deployment, now_ns: int) -> None:
         if not self._leadership.take(asked.caller, deployed):

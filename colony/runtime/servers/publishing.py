@@ -157,7 +157,12 @@ class Publisher:
         newest = self._kept.get(self._latest)
         if newest is not None and newest.frame.fields is fields:
             return newest.size
-        return FRAME_BYTES + sum(_sample_bytes(name, sample) for name, sample in fields.items())
+        return frame_bytes(fields)
+
+
+def frame_bytes(fields: Fields) -> int:
+    """Estimate the bytes of a frame with these fields."""
+    return FRAME_BYTES + sum(_sample_bytes(name, sample) for name, sample in fields.items())
 
 
 def _sample_bytes(name: str, sample: Sample | None) -> int:

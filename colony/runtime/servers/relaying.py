@@ -1,13 +1,13 @@
-"""How DServer hands on what modules in Python announce: whether they are active in a frame."""
+"""How DServer hands on what modules in Python announce: their answers in a frame."""
 
 from __future__ import annotations
 
 from collections.abc import Iterable
 
-from colony.runtime.frames.assembly import ACTIVE
+from colony.runtime.frames.assembly import COMMAND, ERROR
 from colony.runtime.protocol import topics
 from colony.runtime.protocol.messages import Announcement, Effect, Fetch, Sample, Send, ServerFrame
-from colony.runtime.servers.publishing import FRAME_BYTES, KEPT_BYTES, FetchBudget
+from colony.runtime.servers.publishing import KEPT_BYTES, FetchBudget, frame_bytes
 
 
 class ActivityRelay:
@@ -25,10 +25,11 @@ class ActivityRelay:
         self.deploy(modules)
 
     def deploy(self, modules: tuple[str, ...]) -> None:
-        """From now on these are the modules whose activity it hands on."""
+        """Hand on the answers of these modules from now on."""
         self._names = {module: topics.activity(self._server, module) for module in modules}
         self._kept: dict[str, dict[int, ServerFrame]] = {name: {} for name in self._names.values()}
-        self._keep = min(self._most, max(1, KEPT_BYTES // (2 * FRAME_BYTES * max(1, len(self._names)))))
+        self._bytes = dict.fromkeys(self._kept, 0)
+        self._share = KEPT_BYTES // max(1, len(self._names))
 
     def tick(self) -> None:
         """A frame begins: fetches are answered again."""
@@ -40,15 +41,17 @@ class ActivityRelay:
         if name is None or message.k in self._kept[name]:
             return ()
         kept = self._kept[name]
-        frame = ServerFrame(server=name, k=message.k, fields={ACTIVE: Sample(message.active, now_ns)})
-        kept[message.k] = frame
-        if len(kept) > self._keep:
-            del kept[next(iter(kept))]
+        values, error = message.answer
+        fields = {COMMAND: None if values is None else Sample(values, now_ns), ERROR: Sample(error, now_ns)}
+        frame = kept[message.k] = ServerFrame(server=name, k=message.k, fields=fields)
+        self._bytes[name] += frame_bytes(fields)
+        while len(kept) > 1 and (len(kept) > self._most or self._bytes[name] > self._share):
+            self._bytes[name] -= frame_bytes(kept.pop(next(iter(kept))).fields)
         return (Send(topics.frames(name), frame),)
 
     def fetch(self, message: Fetch) -> Iterable[Effect]:
         """Publish a frame again, if it is here."""
         frame = self._kept.get(message.server, {}).get(message.k)
-        if frame is None or not self._budget.take(message.server, message.k, 2 * FRAME_BYTES):
+        if frame is None or not self._budget.take(message.server, message.k, frame_bytes(frame.fields)):
             return ()
         return (Send(topics.frames(message.server), frame),)

@@ -22,7 +22,7 @@ from colony.runtime.library import robot
 from colony.runtime.protocol import topics
 from colony.runtime.protocol.calls import Asked, CallDesk, Method, Nothing, Refused, method
 from colony.runtime.protocol.connections import Caller
-from colony.runtime.protocol.deployment import DEPLOYMENT_BYTES, Deployment
+from colony.runtime.protocol.deployment import DEPLOYMENT_BYTES, ActuatorTable, Deployment
 from colony.runtime.protocol.fields import RSERVER
 from colony.runtime.protocol.messages import (
     Alive,
@@ -38,8 +38,8 @@ from colony.runtime.protocol.messages import (
     WakeAt,
 )
 from colony.runtime.servers.base import Base
-from colony.runtime.servers.base_actuator import base_actuator, misfit
-from colony.runtime.servers.commanding import ActuatorCounts, CommandDesk, Commanded
+from colony.runtime.servers.base_actuator import base_actuator, misfit, speeds_of
+from colony.runtime.servers.commanding import ActuatorCounts, CommandDesk
 from colony.runtime.servers.drivers import BaseDriver
 from colony.runtime.servers.leadership import Leadership
 from colony.runtime.servers.piloting import Bumper, Pilot
@@ -164,7 +164,7 @@ class RServer:
 
     # --- what is sent to the base --------------------------------------------------------------------
 
-    def _told(self, commanded: Commanded, dispatch: Dispatch, now_ns: int) -> None:
+    def _told(self, actuator: ActuatorTable, dispatch: Dispatch, now_ns: int) -> None:
         self._acting = dispatch.by if dispatch.outside is None else dispatch.outside
         self._outside_speeds = self._pilot.dispatched(dispatch.outside)
         if dispatch.outside is None and dispatch.hold != "stopped":
@@ -172,7 +172,7 @@ class RServer:
         if dispatch.hold is not None and dispatch.values is None:
             self._halt()
 
-    def _perform(self, commanded: Commanded, values: tuple[ScalarValue, ...], now_ns: int) -> None:
+    def _perform(self, actuator: ActuatorTable, values: tuple[ScalarValue, ...], now_ns: int) -> None:
         if self._emergency.stopped is not None:
             self._halt()
             return
@@ -182,7 +182,7 @@ class RServer:
             self._desk.remark(self._actuator.name, note)
             return
         speeds = self._outside_speeds
-        wanted = self._actuator.speeds(values) if speeds is None else speeds
+        wanted = speeds_of(actuator, values) if speeds is None else speeds
         if wanted.velocity:
             self._base.look()
         bumper = self._base.pressed(wanted.velocity)

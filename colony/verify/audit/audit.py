@@ -7,6 +7,9 @@ stop or a lock kept the network from deciding, a frame is counted and not compar
 interpreter begins anew, as all memory did; from a frame that could not be observed to the next restart nobody
 knows what memory was, and nothing is compared.
 
+Modules in Python are not run: their answers are recorded, and the interpreter takes them as they are. Where
+one is missing memory is not known from there to the next restart.
+
 What is damaged in a recording is never judged. After it the interpreter goes on from the memory that the
 recording holds at the next of its keyframes.
 """
@@ -17,9 +20,9 @@ from collections import Counter
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from typing import Protocol
 
-from colony.ir.frame import Decision, Frame, Outcome
+from colony.ir.frame import Answer, Decision, Frame, Outcome
 from colony.ir.memory import ProgramMemory
-from colony.ir.program import Program
+from colony.ir.program import Program, PythonModule
 from colony.verify.audit.report import (
     AuditReport,
     ClientAccount,
@@ -92,6 +95,11 @@ class Recorded(Protocol):
     @property
     def damaged(self) -> bool: ...
 
+    @property
+    def answers(self) -> Mapping[str, Answer]:
+        """The answers of modules in Python, as far as they are known."""
+        ...
+
 
 class Recording(Protocol):
     """A recording to be read; once it was, `damaged` tells whether what follows its last frame is damaged."""
@@ -108,7 +116,7 @@ def audit_recording(
     """Hold a recording against the reference interpreter; `progress` is called after each frame.
 
     Raises:
-        Failure: as `audit`; or what is recorded is none of the program's.
+        Failure: what is recorded is none of the program's.
     """
     auditor = Auditor(program)
     for recorded in recording.frames(program):
@@ -120,11 +128,7 @@ def audit_recording(
 
 
 def audit(program: Program, frames: Iterable[Recorded]) -> AuditReport:
-    """Hold a run against the reference interpreter; `frames` from the first one on.
-
-    Raises:
-        Failure: a module in Python cannot be imported or built.
-    """
+    """Hold a run against the reference interpreter; `frames` from the first one on."""
     auditor = Auditor(program)
     for recorded in frames:
         auditor.take(recorded)
@@ -142,11 +146,7 @@ _COUNTED = (
 
 
 class Auditor:
-    """Takes the frames of a run one after another. Mutable: interpreters, and what was counted.
-
-    Raises:
-        Failure: a module in Python cannot be imported or built.
-    """
+    """Takes the frames of a run one after another. Mutable: interpreters, and what was counted."""
 
     def __init__(self, program: Program) -> None:
         self._program = program
@@ -154,6 +154,7 @@ class Auditor:
         self._clients = {
             a: tuple(m.name for m in program.modules if m.actuator == a) for a in self._actuators
         }
+        self._python = frozenset(m.name for m in program.modules if isinstance(m, PythonModule))
         self._begin()
         self._previous: Recorded | None = None
         self._first_ns = 0
@@ -161,13 +162,13 @@ class Auditor:
         self._contracts: dict[str, ContractCount] = {}
         self._first: Difference | None = None
         self._damaged: list[DamagedSpan] = []
-        self._resuming = Resuming(program)
+        self._resuming = Resuming(program, answered=True)
 
     def _begin(self) -> None:
         """All memory at its initial values."""
-        self._interpreter = Interpreter(self._program)
+        self._interpreter = Interpreter(self._program, answered=True)
         degrades = any(a.on_loss == "degrade" for a in self._program.robot.actuators)
-        self._degraded = Interpreter(self._program) if degrades else None
+        self._degraded = Interpreter(self._program, answered=True) if degrades else None
         self._memory_unknown = False
 
     def _resume(self, keyframe: Remembered) -> None:
@@ -200,7 +201,9 @@ class Auditor:
         elif self._memory_unknown and recorded.keyframe is not None:
             self._resume(recorded.keyframe)
         differences = [*self._sequence(recorded, begins)]
-        if recorded.memory_unknown:
+        answered = self._python <= recorded.answers.keys()
+        self._memory_unknown = self._memory_unknown or not answered
+        if recorded.memory_unknown or not answered:
             self._counts["unknown"] += 1
         elif self._memory_unknown:
             self._counts["forgotten"] += 1
@@ -256,13 +259,13 @@ class Auditor:
 
     def _decisions(self, recorded: Recorded) -> Iterator[Difference]:
         """Step, and compare every verdict and the contracts."""
-        heard = self._interpreter.step(recorded.frame)
+        heard = self._interpreter.step(recorded.frame, answers=recorded.answers)
         due: dict[str, tuple[Decision, Interpreter]] = {
             d.actuator: (d, self._interpreter) for d in heard.decisions
         }
         if self._degraded is not None:
             lost = frozenset(address.partition("/")[2] for address in recorded.tick.lost)
-            for decision in self._degraded.step(recorded.frame, lost).decisions:
+            for decision in self._degraded.step(recorded.frame, lost, recorded.answers).decisions:
                 if self._actuators[decision.actuator].on_loss == "degrade":
                     due[decision.actuator] = decision, self._degraded
         for name, (decision, interpreter) in due.items():

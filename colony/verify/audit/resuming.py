@@ -10,23 +10,27 @@ from colony.verify.reference.interpreter import Interpreter
 
 
 class Resuming:
-    """Makes interpreters of a program that go on from recorded memory. Mutable: the clients that check it."""
+    """Makes interpreters of a program that go on from recorded memory. Mutable: the clients that check it.
 
-    def __init__(self, program: Program) -> None:
-        self._program = program
+    `answered` is as for `Interpreter`.
+    """
+
+    def __init__(self, program: Program, *, answered: bool = False) -> None:
+        self._program, self._answered = program, answered
         self._clients: ClientListExecutor | None = None
 
     def interpreter(self, memory: ProgramMemory) -> Interpreter:
         """Return an interpreter that has this memory.
 
         Raises:
-            ValueError: it is not the memory of the program, or modules in Python have memory of their own.
+            ValueError: it is not the memory of the program, or the interpreter is to run modules in Python,
+                which have memory of their own.
             Failure: a module in Python cannot be imported or built.
         """
         self._clients = self._clients or ClientListExecutor(
-            compile_program(self._program).artifact, simplified=False
+            compile_program(self._program).artifact, simplified=False, answered=self._answered
         )
         self._clients.resume(memory)
-        interpreter = Interpreter(self._program)
+        interpreter = Interpreter(self._program, answered=self._answered)
         interpreter.resume(memory)
         return interpreter

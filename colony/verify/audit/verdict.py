@@ -7,9 +7,8 @@ from collections.abc import Callable, Sequence
 from typing import Protocol
 
 from colony.ir.frame import Decision
-from colony.ir.program import Actuator
+from colony.ir.program import Actuator, in_declared_units
 from colony.ir.types import ScalarValue
-from colony.verify.reference.boundary import declared_command
 
 
 class RecordedVerdict(Protocol):
@@ -87,7 +86,7 @@ def is_excused(verdict: RecordedVerdict) -> bool:
 
 def is_idle(actuator: Actuator, verdict: RecordedVerdict) -> bool:
     """Whether nobody won and the idle command was sent (nothing, for `idle hold`)."""
-    idle = None if actuator.idle is None else declared_command(actuator, actuator.idle)
+    idle = in_declared_units(actuator.idle, actuator.fields)
     return verdict.by is None and verdict.fault is None and same_values(verdict.values, idle)
 
 

@@ -7,11 +7,10 @@ from collections.abc import Iterator, Sequence
 
 from colony.ir import expression as ir
 from colony.ir.frame import Decision
-from colony.ir.program import Actuator, Contract, Program, Sensor
+from colony.ir.program import Actuator, Contract, Program, Sensor, in_declared_units
 from colony.ir.types import Bool, Enum, Scalar, ScalarValue, Value, element_type
 from colony.verify.contracts.decimals import seconds, write
 from colony.verify.contracts.results import Trace
-from colony.verify.reference.boundary import declared_command
 
 _MOST_EXCEPTIONS = 6
 
@@ -105,7 +104,7 @@ def _answer(program: Program, module: str, answer: tuple[ScalarValue, ...] | Non
     actuator = next((a for a in program.robot.actuators if a.name == name), None)
     if actuator is None:
         return "yes"
-    return _fields(actuator, declared_command(actuator, answer))
+    return _fields(actuator, in_declared_units(answer, actuator.fields) or ())
 
 
 def aligned(rows: Sequence[Sequence[str]]) -> Iterator[str]:

@@ -18,20 +18,12 @@ from colony.compile.lower.lower import lower
 from colony.ir.program import Program
 from colony.verify.equivalence.circuit import FALSE, TRUE, Circuit, Opaque
 from colony.verify.equivalence.forms import Alike, Form, Timer, Winner, module_of, with_activities
+from colony.verify.equivalence.json_text import Unreadable
 
 PYTHON = "generated Python"
 
 Key = tuple[object, ...]
 """An expression by its kind and the numbers of what it is made of."""
-
-
-class Unreadable(Exception):
-    """A text is not of the form that is generated: `found`, and what was `expected`."""
-
-    def __init__(self, found: str, expected: str) -> None:
-        super().__init__(f"found {found}, expected {expected}")
-        self.found = found
-        self.expected = expected
 
 
 def read_python(program: Program, clients: ClientList, text: str, name: str, alike: Alike) -> Form:

@@ -11,7 +11,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 
 from colony.ir.expression import Binary, Expression
-from colony.ir.program import Actuator, Module
+from colony.ir.program import Actuator, Module, in_declared_units
 from colony.ir.types import Quantity
 from colony.text.diagnostics import Diagnostic, warning
 from colony.text.units import LENGTH, TIME
@@ -30,7 +30,6 @@ from colony.verify.claims import (
 from colony.verify.lints.case import Case, command_of
 from colony.verify.lints.evidence import replayed
 from colony.verify.lints.proof import Prover
-from colony.verify.reference.boundary import declared_command
 from colony.verify.snapshot import Snapshot
 
 _MOVES = "RServer"
@@ -131,9 +130,9 @@ def _moved(
     without = last._replace(readings={n: v for n, v in last.readings.items() if n != sensor})
     outcome = replayed(case.program, (*snapshots[:-1], without))[-1]
     decision = next(d for d in outcome.decisions if d.actuator == actuator.name)
-    if decision.by != module.name or decision.fault or decision.values is None or actuator.idle is None:
+    idle = in_declared_units(actuator.idle, actuator.fields)
+    if decision.by != module.name or decision.fault or decision.values is None or idle is None:
         return set()
-    idle = declared_command(actuator, actuator.idle)
     return {i for i, (x, y) in enumerate(zip(decision.values, idle, strict=True)) if x != y}
 
 

@@ -12,7 +12,7 @@ from typing import assert_never
 
 from colony.ir import program as ir
 from colony.ir.expression import Expression
-from colony.ir.frame import Decision, Frame, Outcome, Reading, Record
+from colony.ir.frame import Answer, Decision, Frame, Outcome, Reading, Record
 from colony.ir.memory import ProgramMemory
 from colony.ir.types import ScalarValue, Value
 from colony.verify.reference.boundary import (
@@ -31,11 +31,13 @@ from colony.verify.reference.memory import recalled
 class Interpreter:
     """Executes `program` (an `ir.frame.Executor`). Mutable: it has all of the program's memory.
 
+    If `answered`, Python modules are not run: `step` is given what they answered.
+
     Raises:
         Failure: the class of a Python module cannot be imported and built.
     """
 
-    def __init__(self, program: ir.Program) -> None:
+    def __init__(self, program: ir.Program, *, answered: bool = False) -> None:
         self.program = program
         self._memory: Memory = {}
         self._dominated: dict[tuple[str | int, ...], int] = {}  # wire and node: when A was last active
@@ -45,8 +47,9 @@ class Interpreter:
         self._python = {
             m.name: PythonRunner(m, actuators[m.actuator] if m.actuator else None)
             for m in program.modules
-            if isinstance(m, ir.PythonModule)
+            if isinstance(m, ir.PythonModule) and not answered
         }
+        self._answers: Mapping[str, Answer] = {}
         self._moment: Moment | None = None
         self._lost: frozenset[str] = frozenset()
         self._silent: set[str] = set()
@@ -55,7 +58,7 @@ class Interpreter:
         """Go on from what another executor remembered; before the first frame only.
 
         Raises:
-            ValueError: the memory has what the program has not, or there are modules in Python, which have
+            ValueError: the memory has what the program has not, or it runs modules in Python, which have
                 memory of their own. `Resuming` checks the rest.
         """
         if self._python:
@@ -65,12 +68,18 @@ class Interpreter:
         self._memory, self._dominated, self._states = recalled(self.program, memory, self._states)
         self._moment = Moment(t_ns=memory.first_ns, first_ns=memory.first_ns, states=self._states)
 
-    def step(self, frame: Frame, lost: frozenset[str] = frozenset()) -> Outcome:
-        """One frame, its readings in declared units.
+    def step(
+        self, frame: Frame, lost: frozenset[str] = frozenset(), answers: Mapping[str, Answer] | None = None
+    ) -> Outcome:
+        """Step through one frame, its readings in declared units.
 
         The network does not hear the modules in `lost`: what actuators with `on_loss degrade` make of it.
+        `answers` are those of all Python modules, where they are not run.
+
+        Raises:
+            KeyError: one of them is missing.
         """
-        self._lost = lost
+        self._lost, self._answers = lost, answers or {}
         sensors = self.program.robot.sensors
         readings = {s.name: aged(s, frame.readings.get(s.name), frame) for s in sensors}
         return self._frame(frame.t_ns, readings, {s.name: s.factor for s in sensors})
@@ -208,7 +217,8 @@ class Interpreter:
             return None
         values = {r.name: evaluate(r.expression, moment, self._memory) for r in module.reads}
         frame = ModuleFrame((moment.t_ns - moment.first_ns) / 1e9, values)
-        command, failed = self._python[module.name].step(moment.t_ns, frame)
+        runner = self._python.get(module.name)
+        command, failed = self._answers[module.name] if runner is None else runner.step(moment.t_ns, frame)
         if failed:
             records.append(Record("python error", module.name))
         return command

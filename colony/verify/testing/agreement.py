@@ -11,10 +11,10 @@ from types import MappingProxyType
 
 from colony.compile.backends.python.generate import generate, load
 from colony.compile.pipeline import Compilation, compile_program
-from colony.execute.executor import ClientExecutor, ClientListExecutor, ClientStep
+from colony.execute.executor import ClientExecutor, ClientListExecutor, ClientStep, ModuleExecutor
+from colony.execute.intake import converted
 from colony.ir.frame import Decision, Executor, Frame, Outcome
-from colony.ir.program import Program
-from colony.verify.reference.boundary import declared_command
+from colony.ir.program import Program, in_declared_units
 from colony.verify.reference.interpreter import Interpreter
 
 Factory = Callable[[Compilation], Executor]
@@ -121,8 +121,8 @@ class ClientsAlone:
 
     Every client runs alone, as in the runtime, on the slice of the program that it needs. A decision is what
     the server would make of their requests: in each frame exactly the winner must be active by its own
-    knowledge, with its command, or the reason why it has none. The activity of Python modules elsewhere is
-    told to those who ask, as the runtime does. Records and breaches are the reference's: clients know none.
+    knowledge, with its command, or the reason why it has none. Python modules run alone, too, and their
+    answers are given to the clients. Records and breaches are the reference's: clients know none.
 
     Raises:
         Failure: a Python module's class cannot be imported or built.
@@ -135,14 +135,16 @@ class ClientsAlone:
             (actuator, module): ClientExecutor(compilation.artifact, actuator, module)
             for actuator, module, _ in compilation.artifact.clients
         }
+        self._modules = {
+            module: ModuleExecutor(compilation.artifact, module) for module in compilation.artifact.announced
+        }
 
     def step(self, frame: Frame) -> Outcome:
         """One frame."""
-        expected, is_active = self._interpreter.step(frame), self._interpreter.is_active
-        steps = {
-            key: client.step(frame, {m: is_active(m) for m in client.outside})
-            for key, client in self._clients.items()
-        }
+        expected = self._interpreter.step(frame)
+        inside = in_base_units(self._program, frame)
+        answers = {name: module.step(inside) for name, module in self._modules.items()}
+        steps = {key: client.step(inside, answers) for key, client in self._clients.items()}
         return expected._replace(
             decisions=tuple(_decided(self._program, d, steps) for d in expected.decisions)
         )
@@ -152,6 +154,18 @@ class ClientsAlone:
         self._interpreter = Interpreter(self._program)
         for client in self._clients.values():
             client.restart()
+        for module in self._modules.values():
+            module.restart()
+
+
+def in_base_units(program: Program, frame: Frame) -> Frame:
+    """Return a frame in base units, as the executors of clients take it."""
+    factors = {s.name: s.factor for s in program.robot.sensors if s.factor != 1.0}
+    readings = {
+        name: converted(reading, factors[name].__mul__) if name in factors else reading
+        for name, reading in frame.readings.items()
+    }
+    return frame._replace(readings=readings)  # type: ignore[arg-type]
 
 
 ALL_EXECUTORS: Mapping[str, Factory] = MappingProxyType({**EXECUTORS, "clients alone": ClientsAlone})
@@ -170,5 +184,5 @@ def _decided(program: Program, like: Decision, steps: Mapping[tuple[str, str], C
     winner = " and ".join(m for m, _ in active) or None
     values = active[0][1].values if len(active) == 1 else None
     sent = actuator.idle if values is None else values
-    leaving = None if sent is None else declared_command(actuator, sent)
-    return Decision(actuator.name, winner, leaving, active[0][1].fault if active else None)
+    declared = in_declared_units(sent, actuator.fields)
+    return Decision(actuator.name, winner, declared, active[0][1].fault if active else None)

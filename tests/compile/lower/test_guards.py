@@ -6,7 +6,7 @@ from colony.compile.clients import ClientList
 from colony.compile.guards import Always, And, Guard, ModuleActive, Never, Not, Or
 from colony.compile.lower.builder import Builder
 from colony.compile.lower.guards import GuardLowering
-from colony.execute.code import Apply, Kind, Literal, OutsideActive
+from colony.execute.code import Apply, Kind, Literal, PythonActive
 from colony.execute.operators import Operator
 
 
@@ -20,7 +20,7 @@ class Lowered:
 
     def _active(self, module: str) -> int:
         self.asked.append(module)
-        return self.builder.add(OutsideActive(module), Kind.BOOL)
+        return self.builder.add(PythonActive(module), Kind.BOOL)
 
 
 def test_constants() -> None:

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from colony.ir.program import Actuator, ActuatorField
 from colony.runtime.arbitration.arbiter import Arbiter, Timing
+from colony.runtime.protocol.bindings import ActuatorBinding
+from colony.runtime.protocol.deployment import ActuatorTable, actuator_table
 from colony.runtime.protocol.fields import SPEED
 from colony.runtime.protocol.messages import Request, Tick
 
@@ -23,13 +25,26 @@ DRIVE = Actuator(
 COMMANDS = {"back_off": (-200.0, 15.0), "avoid": (80.0, 30.0), "cruise": (300.0, 0.0)}
 
 
+def ranked(*clients: str) -> tuple[tuple[str, int], ...]:
+    """Return clients with priorities that count down to one."""
+    return tuple(zip(clients, range(len(clients), 0, -1), strict=True))
+
+
+def table(actuator: Actuator, *clients: str) -> ActuatorTable:
+    """Return an actuator with these clients, as it is deployed."""
+    binding = ActuatorBinding(
+        actuator=actuator.name, server=actuator.server, command=actuator.command, places=()
+    )
+    return actuator_table(actuator, binding, ranked(*clients))
+
+
 def request(client: str, bid: str = "silent", k: int = 0) -> Request:
     values = COMMANDS.get(client, (1.0, 1.0)) if bid == "command" else None
     return Request(k=k, actuator="drive", client=client, bid=bid, values=values)  # type: ignore[arg-type]
 
 
 def arbiter() -> Arbiter:
-    return Arbiter(DRIVE, PLACES, TIMES)
+    return Arbiter(table(DRIVE, *PLACES), TIMES)
 
 
 def tick(k: int = 0) -> Tick:

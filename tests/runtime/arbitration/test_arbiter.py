@@ -19,7 +19,7 @@ from colony.runtime.arbitration.arbiter import (
 from colony.runtime.arbitration.ballot import Ballot, Others, Outside, Places, malformed
 from colony.runtime.protocol.fields import SPEED
 from colony.runtime.protocol.messages import Request, Tick, Verdict
-from tests.runtime.arbitration.drive import COMMANDS, DRIVE, MS, PLACES, TIMES, arbiter, request, tick
+from tests.runtime.arbitration.drive import COMMANDS, DRIVE, MS, PLACES, TIMES, arbiter, request, table, tick
 
 
 def run(*bids: tuple[str, str], lost: tuple[str, ...] = ()) -> tuple[list[Dispatch], list[Verdict]]:
@@ -68,7 +68,7 @@ def test_frames(bids: str, lost: str, winner: str | None, fates: str) -> None:
 
 @pytest.mark.parametrize("told_ns", [-10_000 * MS, 0, 10_000 * MS])
 def test_in_lockstep_the_deadline_counts_from_when_the_tick_came(told_ns: int) -> None:
-    one = Arbiter(DRIVE, PLACES, timing(50 * MS, lockstep=True))
+    one = Arbiter(table(DRIVE, *PLACES), timing(50 * MS, lockstep=True))
     came_ns = 20_000 * MS
     assert one.open(Tick(k=0, t_ns=came_ns + told_ns), frozenset(), came_ns) == ()
     assert one.wake_at == came_ns + 40 * MS
@@ -152,7 +152,7 @@ def test_a_frame_without_a_wake_ends_with_the_next_tick(one: Arbiter) -> None:
 
 
 def test_a_command_that_is_not_finite_wins_and_sends_the_idle_command() -> None:
-    one = Arbiter(DRIVE, ("cruise",), TIMES)
+    one = Arbiter(table(DRIVE, "cruise"), TIMES)
     one.open(tick(), frozenset(), 0)
     bad = Request(k=0, actuator="drive", client="cruise", bid="command", fault="not finite")
     dispatch, verdict = one.receive(bad, MS)
@@ -162,7 +162,7 @@ def test_a_command_that_is_not_finite_wins_and_sends_the_idle_command() -> None:
 
 
 def test_an_actuator_that_nothing_is_wired_to_idles_at_once() -> None:
-    dispatch, verdict = Arbiter(DRIVE, (), TIMES).open(tick(), frozenset(), 0)
+    dispatch, verdict = Arbiter(table(DRIVE), TIMES).open(tick(), frozenset(), 0)
     assert isinstance(dispatch, Dispatch)
     assert isinstance(verdict, Verdict)
     assert verdict.fates == ()
@@ -170,7 +170,7 @@ def test_an_actuator_that_nothing_is_wired_to_idles_at_once() -> None:
 
 def test_idle_hold_dispatches_nothing_to_send() -> None:
     hold = Actuator(name="say", fields=DRIVE.fields, server="DServer", command="Say", idle=None)
-    dispatch, verdict = Arbiter(hold, (), TIMES).open(tick(), frozenset(), 0)
+    dispatch, verdict = Arbiter(table(hold), TIMES).open(tick(), frozenset(), 0)
     assert isinstance(dispatch, Dispatch)
     assert dispatch.values is None
     assert isinstance(verdict, Verdict)
@@ -192,7 +192,7 @@ BAD = [
 @pytest.mark.parametrize(("client", "values", "fault", "text"), BAD)
 def test_nothing_malformed_moves_a_robot(client: str, values: object, fault: str | None, text: str) -> None:
     bad = Request(k=0, actuator="drive", client=client, bid="command", values=values, fault=fault)  # type: ignore[arg-type]
-    assert text in (malformed(bad, DRIVE, PLACES) or "")
+    assert text in (malformed(bad, table(DRIVE), PLACES) or "")
     one = arbiter()
     one.open(tick(), frozenset(), 0)
     events = [*one.receive(bad, MS)]
@@ -215,9 +215,9 @@ def test_a_bool_field_takes_only_bools() -> None:
         idle=None,
     )
     good = Request(k=0, actuator="lamp", client="a", bid="command", values=(True,))
-    assert malformed(good, lamp, ("a",)) is None
+    assert malformed(good, table(lamp), ("a",)) is None
     bad = Request(k=0, actuator="lamp", client="a", bid="command", values=(1.0,))
-    assert malformed(bad, lamp, ("a",)) is not None
+    assert malformed(bad, table(lamp), ("a",)) is not None
 
 
 def test_values_are_told_in_declared_units() -> None:
@@ -228,7 +228,7 @@ def test_values_are_told_in_declared_units() -> None:
         command="drive",
         idle=(0.0,),
     )
-    one = Arbiter(meters, ("go",), TIMES)
+    one = Arbiter(table(meters, "go"), TIMES)
     one.open(tick(), frozenset(), 0)
     go = Request(k=0, actuator="drive", client="go", bid="command", values=(300.0,))
     dispatch, verdict = one.receive(go, 0)
@@ -244,7 +244,7 @@ def outside(priority: int, *values: float, connection: str = "ann/1") -> Outside
 
 def choice(came: str, others: Others, lost: str = "") -> tuple[str | None, bool]:
     """Who would act, by the bids of the three clients as in the table above, and whether that is settled."""
-    ballot = Ballot(Places(PLACES, (6, 4, 2)), lost.split())
+    ballot = Ballot(Places(tuple(zip(PLACES, (6, 4, 2), strict=True))), lost.split())
     for client, letter in zip(PLACES, came, strict=True):
         if letter == "x":
             ballot.without(client)
@@ -318,7 +318,7 @@ def test_the_rule_is_the_same_however_it_is_computed() -> None:
             bids = dict(zip(PLACES, by_client, strict=True))
             came = {c: b.split()[-1] for c, b in bids.items() if b not in ("absent", "lost")}
             lost = {c for c, b in bids.items() if b.startswith("lost")}
-            ballot = Ballot(Places(PLACES, (6, 4, 2)), lost)
+            ballot = Ballot(Places(tuple(zip(PLACES, (6, 4, 2), strict=True))), lost)
             for client in reversed([c for c in PLACES if c in came]):
                 ballot.take(request(client, came[client]))
             by, acts, settled = ballot.choose(Others(() if priority is None else (outside(priority),)))
@@ -369,7 +369,7 @@ def test_notes_are_few_and_short_whatever_comes(one: Arbiter) -> None:
 
 
 def test_a_remark_after_the_frame_is_in_the_next_verdict() -> None:
-    one = Arbiter(DRIVE, (), TIMES)
+    one = Arbiter(table(DRIVE), TIMES)
     one.remark("before")
     _, first = one.open(tick(0), frozenset(), 0)
     one.remark("after")

@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import pytest
+from msgspec import structs
 
-from colony.ir.program import ActuatorField
+from colony.ir.program import ActuatorField, in_declared_units
 from colony.ir.types import BOOL
 from colony.runtime.arbitration.arbiter import (
     AHEAD,
@@ -15,13 +14,12 @@ from colony.runtime.arbitration.arbiter import (
     Arbiter,
     Dispatch,
     Timing,
-    declared_units,
     timing,
 )
 from colony.runtime.arbitration.ballot import Ballot, Choice, Others, Outside, Places, malformed
 from colony.runtime.protocol.fields import SPEED
 from colony.runtime.protocol.messages import Request, Tick, Verdict
-from tests.runtime.arbitration.drive import DRIVE, MS, PLACES, TIMES, arbiter, request, tick
+from tests.runtime.arbitration.drive import DRIVE, MS, PLACES, TIMES, arbiter, ranked, request, table, tick
 
 
 def outside(priority: int) -> Outside:
@@ -31,10 +29,9 @@ def outside(priority: int) -> Outside:
 # --- who counts --------------------------------------------------------------------------------------
 
 
-def test_priorities_are_those_given_or_count_down_to_one() -> None:
-    assert Places(("a", "b", "c")).priorities == (3, 2, 1)
-    assert [Places(("a", "b"), (10, 5)).above(p) for p in (4, 5, 9, 10)] == [2, 1, 1, 0]
-    one = Arbiter(DRIVE, ("a", "b"), TIMES, priorities=(10, 5))
+def test_priorities_are_those_given() -> None:
+    assert [Places((("a", 10), ("b", 5))).above(p) for p in (4, 5, 9, 10)] == [2, 1, 1, 0]
+    one = Arbiter(structs.replace(table(DRIVE), clients=(("a", 10), ("b", 5))), TIMES)
     one.open(tick(), frozenset(), 0, Others(commands=(outside(7),)))
     dispatch, *_ = one.receive(
         Request(k=0, actuator="drive", client="a", bid="command", values=(3.0, 4.0)), MS
@@ -160,9 +157,8 @@ def test_only_what_has_a_unit_changes_on_its_way_out() -> None:
         ActuatorField(name="count", type=SPEED),
         ActuatorField(name="way", type=SPEED, factor=1000.0),
     )
-    robot = replace(DRIVE, fields=fields)
-    assert repr(declared_units(robot, (True, 3, 1500.0))) == repr((True, 3, 1.5))
-    assert declared_units(robot, None) is None
+    assert repr(in_declared_units((True, 3, 1500.0), fields)) == repr((True, 3, 1.5))
+    assert in_declared_units(None, fields) is None
 
 
 @pytest.mark.parametrize(
@@ -171,7 +167,7 @@ def test_only_what_has_a_unit_changes_on_its_way_out() -> None:
 def test_both_ends_of_a_range_are_in_it(velocity: float, taken: bool) -> None:
     command = Request(k=0, actuator="drive", client="cruise", bid="command", values=(velocity, 0.0))
     wrong = None if taken else f"`cruise` gave velocity = {velocity!r}"
-    assert malformed(command, DRIVE, PLACES) == wrong
+    assert malformed(command, table(DRIVE), PLACES) == wrong
 
 
 # --- ahead of time -----------------------------------------------------------------------------------
@@ -254,7 +250,7 @@ def test_a_remark_while_dispatched_is_of_this_frame_and_one_after_it_of_the_next
 
 
 def test_a_lost_client_that_commands_counts_neither_as_command_nor_as_heard() -> None:
-    ballot = Ballot(Places(PLACES), ["back_off"])
+    ballot = Ballot(Places(ranked(*PLACES)), ["back_off"])
     ballot.take(request("back_off", "command"))
     assert (ballot.commands, ballot.complete) == (0, False)
     assert ballot.choose(Others()) == Choice(None, None, False)
@@ -269,14 +265,14 @@ def test_a_lost_client_that_commands_counts_neither_as_command_nor_as_heard() ->
 
 def test_of_two_that_are_gone_the_higher_keeps_a_command_from_outside_out() -> None:
     for gone in (("back_off", "cruise"), ("cruise", "back_off")):
-        ballot = Ballot(Places(PLACES), gone)
+        ballot = Ballot(Places(ranked(*PLACES)), gone)
         ballot.take(request("avoid"))
         assert ballot.choose(Others(commands=(outside(2),))) == Choice(None, None, True)
         assert ballot.choose(Others(commands=(outside(4),))) == Choice(None, outside(4), True)
 
 
 def test_the_highest_of_several_commands_counts() -> None:
-    ballot = Ballot(Places(PLACES, (30, 20, 10)), ())
+    ballot = Ballot(Places(tuple(zip(PLACES, (30, 20, 10), strict=True))), ())
     for client in ("avoid", "cruise"):
         ballot.take(request(client, "command"))
     assert ballot.choose(Others()) == Choice("avoid", None, False)
@@ -287,7 +283,7 @@ def test_the_highest_of_several_commands_counts() -> None:
 
 
 def test_while_locked_only_the_command_of_the_holder_acts() -> None:
-    ballot = Ballot(Places(PLACES), ())
+    ballot = Ballot(Places(ranked(*PLACES)), ())
     other = Outside("other/1", 9, (0.0, 0.0))
     for holder, found in (("user/1", outside(3)), ("other/1", other), ("third/1", None), (None, None)):
         others = Others(commands=(other, outside(3)), hold="locked", holder=holder)

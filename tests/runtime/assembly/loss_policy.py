@@ -32,7 +32,7 @@ from random import Random
 from typing import Literal, NamedTuple
 
 from colony.execute.executor import ClientExecutor
-from colony.ir.frame import Decision, Frame, Reading
+from colony.ir.frame import Answer, Decision, Frame, Reading
 from colony.ir.program import Program
 from colony.robots.scripted import SENSING, Sent
 from colony.runtime.clients.client import ClientNode
@@ -42,6 +42,7 @@ from colony.runtime.protocol.messages import Message, Tick
 from colony.runtime.protocol.topics import module_of
 from colony.runtime.transport.faults import Faults, Rates
 from colony.verify.reference.interpreter import Interpreter
+from colony.verify.testing.agreement import in_base_units
 from colony.verify.testing.strategies import run_of_seed
 from tests.runtime.assembly.loss_stage import Robot, Seen
 
@@ -119,12 +120,16 @@ def run(seed: int, *, degrade: bool = False) -> Counter[str]:
 # --- what should have been -------------------------------------------------------------------------
 
 
+ANYTHING = (0.0,) * 8
+"""The fields of a command that nobody looks at: memory depends on who is active alone."""
+
+
 class Path(NamedTuple):
-    """The frames of an epoch, what the interpreter decides in them, and which modules are active then."""
+    """The frames of an epoch, what the interpreter decides in them, and what modules in Python answer."""
 
     frames: dict[int, Frame]
     decisions: dict[int, dict[str, Decision]]
-    active: dict[int, dict[str, bool]]
+    answers: dict[int, dict[str, Answer]]
 
 
 def epochs(ticks: Mapping[int, Tick]) -> Iterable[list[Tick]]:
@@ -164,7 +169,9 @@ def path_of(robot: Robot, epoch: list[Tick], *, void_counts: bool) -> Path:
         lost = frozenset(map(module_of, tick.lost)) if degrading else frozenset[str]()
         outcome = interpreter.step(frame, lost)
         path.decisions[tick.k] = {d.actuator: d for d in outcome.decisions}
-        path.active[tick.k] = {m: interpreter.is_active(m) for m in robot.artifact.announced}
+        path.answers[tick.k] = {
+            m: Answer(ANYTHING if interpreter.is_active(m) else None) for m in robot.artifact.announced
+        }
     return path
 
 
@@ -235,9 +242,9 @@ def check_memory(robot: Robot, epoch: list[Tick], paths: list[Path], counts: Cou
                 if tick.k > ends:
                     break
                 lost = frozenset(map(module_of, tick.lost)) if degrading else frozenset[str]()
-                executor.step(path.frames[tick.k], path.active[tick.k], lost)
+                executor.step(in_base_units(robot.program, path.frames[tick.k]), path.answers[tick.k], lost)
                 if tick.k in saved or tick.k == at_end[1]:
-                    allowed.setdefault(tick.k, set()).add(repr(executor.memory._replace(answers=None)))
+                    allowed.setdefault(tick.k, set()).add(repr(executor.memory))
         for k, data in saved.items():
             counts["checkpoints"] += 1
             found = repr(decode_memory(data))

@@ -50,10 +50,10 @@ def test_variables_are_read_in_the_next_frame_and_grow_old() -> None:
     assert stage.world.speed(0).velocity_mm_s < 200.0  # it is stopping again
 
 
-def test_readings_are_in_declared_units_and_lists_are_no_numbers() -> None:
+def test_readings_are_in_base_units_and_lists_are_no_numbers() -> None:
     stage = Stage(_set_once("Wanted", [1.0, 2.0], 0.0), x_mm=1500.0)
     stage.run(3)
-    assert stage.reading("x") == [1.5] * 3
+    assert stage.reading("x") == [1500.0] * 3
     assert stage.reading("wanted")[1] == (1.0, 2.0)
     assert stage.frames[1][1].decisions[0].by is None
     assert ("sensor fault", "wanted") in [tuple(record) for record in stage.frames[1][1].records]

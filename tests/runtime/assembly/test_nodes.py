@@ -22,7 +22,7 @@ def test_members_of_a_program() -> None:
     assert compiled.places == {"drive": ("back_off", "avoid", "cruise")}
 
 
-def test_modules_in_python_are_announced_where_another_guard_needs_them_and_not_imported() -> None:
+def test_each_module_in_python_is_a_process_of_its_own_and_no_other_imports_it() -> None:
     program = pulsing()
     pulse = program.modules[0]
     assert isinstance(pulse, PythonModule)
@@ -32,8 +32,8 @@ def test_modules_in_python_are_announced_where_another_guard_needs_them_and_not_
     assert compiled.places == {"drive": ("pulse", "cruise")}
     bindings = bind(program.robot)
     assert build_client(compiled, bindings, "drive", "cruise", "run").address == "drive/cruise"
-    with pytest.raises(Failure, match="P001"):
-        build_client(compiled, bindings, "drive", "pulse", "run")
+    assert build_client(compiled, bindings, "drive", "pulse", "run").address == "drive/pulse"
+    assert "DServer/activity/pulse/frames" in build_observer(compiled, bindings, (), "run").listens
     with pytest.raises(Failure, match="P001"):
         build_announcer(compiled, bindings, "pulse", "run")
     with pytest.raises(KeyError):

@@ -3,7 +3,7 @@ for a new epoch."""
 
 from __future__ import annotations
 
-from colony.ir.frame import Frame
+from colony.ir.frame import Answer, Frame
 from colony.runtime.clients.announcer import Announcer
 from colony.runtime.frames.assembly import FrameAssembler
 from colony.runtime.protocol.messages import Announcement, Fetch, Message, Ready, Restart, Send, Sent, Tick
@@ -13,14 +13,14 @@ KEEP = 4
 
 
 class Third:
-    """Active in every third step."""
+    """Commands in every third step."""
 
     def __init__(self) -> None:
         self.steps = 0
 
-    def step(self, frame: Frame) -> bool:
+    def step(self, frame: Frame) -> Answer:
         self.steps += 1
-        return self.steps % 3 == 0
+        return Answer((50.0,) if self.steps % 3 == 0 else None)
 
     def restart(self) -> None:
         self.steps = 0
@@ -39,7 +39,7 @@ def tick(k: int, start: int = 0) -> Tick:
 
 
 def told(k: int, active: bool) -> Announcement:
-    return Announcement(k=k, module="pulse", active=active)
+    return Announcement(k=k, module="pulse", answer=Answer((50.0,) if active else None))
 
 
 def test_every_frame_is_told_once_also_those_that_it_is_late_for() -> None:

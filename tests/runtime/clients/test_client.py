@@ -210,8 +210,11 @@ def test_one_that_fell_behind_too_far_asks_for_a_new_epoch_at_once(node: ClientN
     assert bids(got) == {}
 
 
-def test_the_memory_of_an_object_in_python_cannot_be_had() -> None:
-    node = back_off(pulsing(), "pulse")
-    assert not only(Checkpoint, run(node, range(30)))
+def test_the_client_of_a_module_in_python_takes_answers_and_has_memory_as_any_other() -> None:
     late = back_off(pulsing(), "pulse")
-    assert take(late, tick(60)) == [Restart(client="drive/pulse", start=0)]
+    assert take(late, tick(60)) == [Recall(client="drive/pulse")]
+    node = back_off(pulsing(), "pulse")
+    for k, command in enumerate((Sample((50.0, 0.0), 0), None)):
+        answer = ServerFrame(server="DServer/activity/pulse", k=k, fields={"command": command})
+        (request,) = only(Request, take(node, tick(k), answer))
+        assert (request.bid, request.values) == (("command", (50.0, 0.0)) if command else ("silent", None))

@@ -31,10 +31,6 @@ def test_kinds_stay_apart() -> None:
     assert math.copysign(1.0, back["d"]) == -1.0
 
 
-def test_answers_of_a_module_in_python_stay_where_they_are() -> None:
-    assert decode_memory(encode_memory(ClientMemory(5, {}, (1, None, None)))) == ClientMemory(5, {})
-
-
 BAD = [
     b"",
     b"\xc1",

@@ -41,8 +41,8 @@ CLIENTS = ("drive/back_off", "drive/avoid", "drive/cruise")
 
 def deployed(run: str = "run", program: Program | None = None, **options: object) -> Deployment:
     program = roam() if program is None else program
-    compiled = compile_program(program).artifact
-    return deployment(compiled, bind(program.robot), run=run, seed=1, **options)  # type: ignore[arg-type]
+    made = deployment(compile_program(program).artifact, bind(program.robot), run=run, seed=1)
+    return msgspec.structs.replace(made, **options)  # type: ignore[arg-type]
 
 
 class Stage:

@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import itertools
-from typing import Any
+import math
+from dataclasses import replace
+from typing import Any, Literal
 
 import pytest
 
-from colony.ir.frame import Frame
+from colony.ir.frame import Answer, Frame
 from colony.runtime.frames.assembly import FrameAssembler
 from colony.runtime.protocol.bindings import SensorBinding
 from colony.runtime.protocol.messages import Fetch, Sample, Send, ServerFrame, Tick
@@ -224,7 +226,9 @@ PULSE = "DServer/activity/pulse"
 
 
 def active(k: int, value: bool = True) -> ServerFrame:
-    return ServerFrame(server=PULSE, k=k, fields={"active": Sample(value, k)})
+    """What DServer publishes of a module in Python."""
+    command = Sample((float(k), True), k) if value else None
+    return ServerFrame(server=PULSE, k=k, fields={"command": command, "error": Sample(not value, k)})
 
 
 def test_the_activity_of_a_module_is_waited_for_whoever_is_down() -> None:
@@ -236,17 +240,24 @@ def test_the_activity_of_a_module_is_waited_for_whoever_is_down() -> None:
     assert list(assembler.complete()) == []
     for k in range(3):
         assembler.take(active(k, k == 1))
-    assert [a.active for a in assembler.complete()] == [{"pulse": k == 1} for k in range(3)]
+    wrong = Answer(None, error=True)
+    assert [a.answers for a in assembler.complete()] == [
+        {"pulse": Answer((1.0, True)) if k == 1 else wrong} for k in range(3)
+    ]
 
 
-def test_with_degrade_a_module_of_which_nothing_is_known_is_not_active() -> None:
-    assembler = FrameAssembler((), ("pulse",), degrade=True)
+@pytest.mark.parametrize("awaited", ["degrade", "living"])
+def test_a_module_that_does_not_live_is_left_out_where_it_is_not_awaited(
+    awaited: Literal["degrade", "living"],
+) -> None:
+    assembler = FrameAssembler((), ("pulse",), awaited=awaited)
     assembler.take(active(0))
     assembler.take(tick(0))
     assembler.take(tick(1))
     assembler.take(tick(2, down=(PULSE,), void=((PULSE, 1),)))
     assembler.take(tick(3, down=("DServer",)))
-    assert [a.active["pulse"] for a in assembler.complete()] == [True, False, False, False]
+    left_out: list[list[str]] = [[]] * (3 if awaited == "degrade" else 2)
+    assert [[*a.answers] for a in assembler.complete()] == [["pulse"], *left_out]
 
 
 def test_a_new_epoch_is_not_asked_for_while_the_module_is_down() -> None:
@@ -262,6 +273,24 @@ def test_without_sensors_every_tick_is_a_frame() -> None:
     assert frames(FrameAssembler(()), tick(0), tick(1)) == [Frame(0, {}), Frame(50 * MS, {})]
 
 
-def test_values_enter_in_the_declared_unit() -> None:
-    (frame,) = frames(FrameAssembler((METERS,)), tick(0), proximity(0, (1500.0, 250.0)))
-    assert frame.readings == {"m": (1.5, 0.25)}
+def test_values_enter_in_base_units_and_for_people_in_the_declared_unit() -> None:
+    for declared, values in ((False, (1500.0, 250.0)), (True, (1.5, 0.25))):
+        assembler = FrameAssembler((METERS,), declared=declared)
+        (frame,) = frames(assembler, tick(0), proximity(0, (1500.0, 250.0)))
+        assert frame.readings == {"m": values}
+
+
+def test_variables_are_in_the_declared_unit_already() -> None:
+    for declared, values in ((False, (1500.0, 250.0)), (True, (1.5, 0.25))):
+        assembler = FrameAssembler((replace(METERS, declared=True),), declared=declared)
+        (frame,) = frames(assembler, tick(0), proximity(0, (1.5, 0.25)))
+        assert frame.readings == {"m": values}
+
+
+@pytest.mark.parametrize("value", [True, "far", None, math.nan])
+def test_what_is_no_number_stays_what_it_is_and_is_a_fault(value: Any) -> None:
+    for binding in (METERS, replace(METERS, declared=True)):
+        assert repr(binding.in_base_units((2.0, value))) == repr(
+            (2.0 if not binding.declared else 2000.0, value)
+        )
+        assert repr(binding.in_base_units(value)) == repr(binding.in_declared_unit(value)) == repr(value)

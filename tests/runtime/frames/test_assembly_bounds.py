@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 from colony.runtime.frames import assembly
-from colony.runtime.frames.assembly import FrameAssembler, frames_kept
+from colony.runtime.frames.assembly import Awaited, FrameAssembler, frames_kept
 from colony.runtime.protocol.bindings import SensorBinding
 from colony.runtime.protocol.messages import Fetch, Sample, Send, ServerFrame, Tick
 from tests.runtime.frames.test_assembly import BUMPER, MS, PULSE, SONAR, active, base, frames, proximity, tick
@@ -86,11 +86,14 @@ def test_what_is_void_before_the_epoch_or_of_a_server_that_is_not_read_does_not_
 
 
 def test_with_degrade_a_module_is_not_active_where_the_server_that_hands_it_on_said_nothing() -> None:
-    assembler = FrameAssembler((), ("pulse",), degrade=True)
-    assembler.take(tick(0))
-    assert list(assembler.complete()) == []
-    assembler.take(tick(1, void=(("DServer", 0),)))
-    assert [a.active for a in assembler.complete()] == [{"pulse": False}]
+    ways: tuple[Awaited, ...] = ("degrade", "living")
+    for awaited in ways:
+        assembler = FrameAssembler((), ("pulse",), awaited=awaited)
+        assembler.take(tick(0))
+        assert list(assembler.complete()) == []
+        assembler.take(tick(1, void=(("DServer", 0),)))
+        answers = [a.answers for a in assembler.complete()]
+        assert answers == ([{}] if awaited == "degrade" else []), "an observer waits for those that live"
 
 
 def test_a_module_that_is_down_is_waited_for_where_the_sensors_are_there() -> None:
@@ -152,10 +155,10 @@ def test_how_many_frames_are_kept() -> None:
     assert [frames_kept(ns) for ns in (50 * MS, 10**12, 1, 200_000)] == [40, 2, 10_000, 10_000]
 
 
-def test_a_single_value_enters_in_the_declared_unit() -> None:
+def test_a_single_value_enters_in_base_units() -> None:
     meters = SensorBinding(sensor="m", server="P", field="sonar", within_ns=None, factor=1000.0)
     message = ServerFrame(server="P", k=0, fields={"sonar": Sample(1500.0, 0)})
-    assert [f.readings for f in frames(FrameAssembler((meters,)), tick(0), message)] == [{"m": 1.5}]
+    assert [f.readings for f in frames(FrameAssembler((meters,)), tick(0), message)] == [{"m": 1500.0}]
 
 
 def test_what_did_not_come_is_asked_for_in_portions() -> None:

@@ -8,6 +8,7 @@ from dataclasses import replace
 import msgspec
 import pytest
 
+from colony.ir.frame import Answer
 from colony.runtime.frames.clock import GATHER_NS, IDLE_FRAME_NS
 from colony.runtime.frames.liveness import Answers, Liveness, lease
 from colony.runtime.protocol.deployment import Deployment
@@ -317,7 +318,7 @@ def test_modules_in_python_are_watched_by_what_they_announce() -> None:
     stage.ready(clients=("DServer/activity/pulse",))
     assert [t.run for t in stage.ticks] == ["run"]
     for k in range(3):
-        stage.take(Announcement(k=k, module="pulse", active=True))
+        stage.take(Announcement(k=k, module="pulse", answer=Answer((300.0, 5.0))))
         stage.until(k * 50 * MS + 50 * MS)
     stage.until(500 * MS)
     assert stage.ticks[5].down == ()

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import msgspec
 
+from colony.ir.frame import Answer
 from colony.ir.program import Actuator, Program
 from colony.runtime.frames.clock import GATHER_NS, IDLE_FRAME_NS, Clock
 from colony.runtime.frames.liveness import Answers, Liveness
@@ -84,7 +85,7 @@ def test_what_is_announced_is_not_asked_for_and_what_is_not_is() -> None:
     stage.ready(clients=(*CLIENTS, "DServer/activity/pulse"))
     for k in range(20):
         if k not in (0, 4):
-            stage.take(Announcement(k=k, module="pulse", active=False))
+            stage.take(Announcement(k=k, module="pulse", answer=Answer()))
         stage.until((k + 1) * 50 * MS)
     asked = [s for s in stage.sent if isinstance(s.message, Fetch)]
     assert {(s.topic, s.message.server) for s in asked} == {("DServer/fetches", "DServer/activity/pulse")}

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+
 import pytest
 
-from colony.ir.frame import Decision, Frame, Outcome
+from colony.ir.frame import Answer, Decision, Frame, Outcome
 from colony.runtime.observe.monitor import Monitor
 from colony.runtime.protocol.messages import Verdict
 
@@ -14,8 +16,12 @@ EXPECTED = Decision("drive", "avoid", (80.0, 30.0))
 class Always:
     restarts = 0
 
-    def step(self, frame: Frame) -> Outcome:
+    def step(self, frame: Frame, answers: Mapping[str, Answer]) -> Outcome:
         return Outcome((EXPECTED,))
+
+    @property
+    def memory(self) -> None:
+        return None
 
     def restart(self) -> None:
         self.restarts += 1
@@ -86,6 +92,18 @@ def test_after_a_frame_that_was_missed_nothing_is_compared_until_memory_begins_a
     assert monitor.check(Frame(0, {}), wrong) == (Outcome(()), ())
     monitor.restart()
     assert monitor.check(Frame(1, {}), wrong).disagreements
+
+
+def test_from_where_a_module_in_python_told_no_answer_nothing_is_compared_until_memory_begins_anew() -> None:
+    monitor = Monitor(Always(), modules=("p", "q"))
+    wrong = {"drive": verdict(by="cruise")}
+    both = {"p": Answer(), "q": Answer((1.0,))}
+    assert monitor.check(Frame(0, {}), wrong, answers=both).disagreements
+    assert monitor.check(Frame(1, {}), wrong, answers={"p": Answer()}) == (Outcome(()), ())
+    assert monitor.check(Frame(2, {}), wrong, answers=both) == (Outcome(()), ())
+    assert monitor.keyframe().memory is None
+    monitor.restart()
+    assert monitor.check(Frame(3, {}), wrong, answers=both).disagreements
 
 
 def test_with_degrade_lesser_ones_may_command_from_when_one_is_lost() -> None:

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+
 import pytest
 
-from colony.ir.frame import Decision, Frame, Outcome
+from colony.ir.frame import Answer, Decision, Frame, Outcome
 from colony.ir.memory import ProgramMemory
 from colony.runtime.frames.assembly import KEPT_NS, FrameAssembler
 from colony.runtime.observe.monitor import Monitor
@@ -37,7 +39,7 @@ class Counting:
     def memory(self) -> ProgramMemory:
         return ProgramMemory(first_ns=0, cells={"state n": self.frames})
 
-    def step(self, frame: Frame) -> Outcome:
+    def step(self, frame: Frame, answers: Mapping[str, Answer]) -> Outcome:
         self.frames += 1
         return Outcome((Decision("drive", "go", (float(self.frames),)),))
 

@@ -5,13 +5,16 @@ from __future__ import annotations
 from dataclasses import replace
 
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
 from colony.ir.program import Actuator, ActuatorField, Program, Sensor
 from colony.ir.types import BOOL, DEGREES, DISTANCE, PLAIN, Array, Enum, Type
-from colony.runtime.protocol.bindings import bind, nearest
+from colony.runtime.protocol.bindings import SensorBinding, bind, nearest
 from colony.runtime.protocol.fields import SPEED, TURN_RATE
 from colony.text.diagnostics import Failure, render
 from colony.text.source import Source, Span
+from colony.text.units import parse_unit
 from tests.runtime.programs import drive, roam, robot
 
 
@@ -74,9 +77,32 @@ def test_errors_are_at_the_declaration_and_all_are_told() -> None:
 
 def test_dserver_has_every_field_and_plain_numbers_take_base_units() -> None:
     bound = bind(with_sensor(DISTANCE, "DServer", "Anything", factor=1000.0).robot).sensors[-1]
-    assert (bound.field, bound.factor) == ("Anything", 1.0)
+    assert (bound.field, bound.factor, bound.declared) == ("Anything", 1000.0, True)
     assert bind(with_sensor(PLAIN, "RServer", "x").robot).sensors[-1].factor == 1.0
-    assert bind(with_sensor(DISTANCE, "RServer", "x", factor=1000.0).robot).sensors[-1].factor == 1000.0
+    hardware = bind(with_sensor(DISTANCE, "RServer", "x", factor=1000.0).robot).sensors[-1]
+    assert (hardware.factor, hardware.declared) == (1000.0, False)
+
+
+ANY_NUMBERS = st.floats(allow_nan=False, allow_infinity=False)
+UNITS = ("m", "cm", "inch", "ft", "rad", "min", "ms", "m/s", "rad/s", "ft^2")
+
+
+@given(ANY_NUMBERS, st.sampled_from(UNITS), st.booleans())
+def test_executors_compute_with_what_a_reading_in_the_declared_unit_means(
+    value: float, unit: str, declared: bool
+) -> None:
+    """What is recorded, times the factor, is what executors of the runtime got, bit for bit."""
+    factor = float(parse_unit(unit).factor)
+    binding = SensorBinding(
+        sensor="s", server="S", field="f", within_ns=None, factor=factor, declared=declared
+    )
+    recorded = binding.in_declared_unit((value, True, -value))
+    assert isinstance(recorded, tuple)
+    inside = binding.in_base_units((value, True, -value))
+    assert repr(inside) == repr(tuple(x if x is True else x * factor for x in recorded))
+    assert recorded[1] is True
+    if declared:
+        assert recorded[0] == value
 
 
 def command_to(command: str, *fields: ActuatorField, server: str = "RServer") -> Program:

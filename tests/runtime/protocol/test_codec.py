@@ -11,6 +11,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from colony.ir.frame import Answer
 from colony.runtime.protocol.codec import LARGEST, VERSION, NotAMessage, decode, encode, largest
 from colony.runtime.protocol.messages import (
     Alive,
@@ -37,7 +38,7 @@ MESSAGES: tuple[Sent, ...] = (
     Tick(k=3, t_ns=150_000_000, start=1, run="r", down=("PServer",), lost=("drive/avoid",)),
     ServerFrame(server="PServer", k=3, fields={"sonar": Sample((1.5, 2.0), 7), "infrared": None}),
     Fetch(server="PServer", k=2),
-    Announcement(k=3, module="learned", active=True),
+    Announcement(k=3, module="learned", answer=Answer((300.0, 5.0))),
     Request(k=3, actuator="drive", client="avoid", bid="command", values=(200.0, True)),
     Verdict(k=3, t_ns=5, actuator="drive", by=None, values=None, fates=(("avoid", "late"),), notes=("n",)),
     Ready(client="drive/avoid"),

@@ -5,6 +5,7 @@ from __future__ import annotations
 import msgspec
 import pytest
 
+from colony.ir.frame import Answer
 from colony.runtime.protocol.codec import NotAMessage
 from colony.runtime.protocol.messages import (
     Announcement,
@@ -30,7 +31,7 @@ MESSAGES: list[Sent] = [
     ServerFrame(server="RServer", k=5, fields={}, since=4, stopped=STOP),
     Fetch(server="RServer", k=5),
     Request(k=5, actuator="drive", client="cruise", bid="silent"),
-    Announcement(k=5, module="m", active=True),
+    Announcement(k=5, module="m", answer=Answer((300.0, 5.0))),
     Verdict(k=5, t_ns=0, actuator="drive", by=None, values=None, fates=()),
     Ready(client="drive/cruise", k=-1),
     Checkpoint(client="drive/cruise", k=-1, start=-1, memory=b""),

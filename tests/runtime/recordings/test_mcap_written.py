@@ -13,14 +13,13 @@ from typing import Any
 import pytest
 
 from colony.runtime.recordings.mcap_reader import McapReader
-from colony.runtime.recordings.mcap_writer import McapRecording
 from tests.runtime.recordings.mcap_files import (
     PROGRAM,
     SOURCES,
     lenient,
     trace,
 )
-from tests.verify.audit.recorded_runs import Kept, as_mcap, logs, read_mcap, run_info, written
+from tests.verify.audit.recorded_runs import Kept, as_mcap, logs, mcap_to, read_mcap, run_info, written
 
 ROOT = Path(__file__).parents[3]
 
@@ -44,7 +43,7 @@ def test_a_full_disk() -> None:
     right = logs(PROGRAM, trace(20))
     whole = as_mcap(PROGRAM, right).writes
     file = Full(sum(map(len, whole[:2])) + 150)
-    recording = McapRecording(PROGRAM, run_info(PROGRAM), file)
+    recording = mcap_to(file, PROGRAM)
     for log in right[:15]:
         recording.take(log)
     with pytest.raises(OSError, match="No space left"):
@@ -58,7 +57,7 @@ def test_a_full_disk() -> None:
 def test_a_disk_that_is_full_at_once() -> None:
     file = Full(10)
     with pytest.raises(OSError, match="No space left"):
-        McapRecording(PROGRAM, run_info(PROGRAM), file)
+        mcap_to(file, PROGRAM)
     assert file.closed
 
 
@@ -66,7 +65,7 @@ def test_a_disk_that_is_full_in_the_end() -> None:
     right = logs(PROGRAM, trace())
     file = Full(len(as_mcap(PROGRAM, right).content) - 1)
     with pytest.raises(OSError, match="No space left"):
-        written(McapRecording(PROGRAM, run_info(PROGRAM), file), right)
+        written(mcap_to(file, PROGRAM), right)
     assert file.closed
     assert len(read_mcap(PROGRAM, file.content)[0]) == 6
 
@@ -79,9 +78,9 @@ import msgspec
 from colony.files import open_alone
 from colony.runtime.recordings.mcap_writer import McapRecording
 from tests.runtime.recordings.mcap_files import PROGRAM, SOURCES, trace
-from tests.verify.audit.recorded_runs import logs, run_info
+from tests.verify.audit.recorded_runs import logs, mcap_to
 
-recording = McapRecording(PROGRAM, run_info(PROGRAM, *SOURCES), open_alone(sys.argv[1]))
+recording = mcap_to(open_alone(sys.argv[1]), PROGRAM, *SOURCES)
 [log] = logs(PROGRAM, trace(1))
 for k in count():
     verdicts = {name: msgspec.structs.replace(v, k=k) for name, v in log.verdicts.items()}

@@ -6,6 +6,7 @@ from typing import Any
 
 import pytest
 
+from colony.ir.frame import Answer
 from colony.runtime.library import data
 from colony.runtime.library.ask import Ask
 from colony.runtime.protocol.calls import Nothing, Status
@@ -166,12 +167,12 @@ def test_in_frames_of_another_run_nothing_is_decided(stage: DataStage) -> None:
 
 def test_activities_of_announced_modules_are_handed_on(stage: DataStage) -> None:
     stage.connect().do(deploy(program("run", announced=("pulse",))))
-    (sent,) = stage.handle(Announcement(k=3, module="pulse", active=True))
+    (sent,) = stage.handle(Announcement(k=3, module="pulse", answer=Answer((300.0, 5.0))))
     assert isinstance(sent, Send)
     assert isinstance(sent.message, ServerFrame)
     assert sent.message.server == "DServer/activity/pulse"
     assert stage.handle(Fetch(server="DServer/activity/pulse", k=3)) == [sent]
-    assert stage.handle(Announcement(k=3, module="stranger", active=True)) == []
+    assert stage.handle(Announcement(k=3, module="stranger", answer=Answer((300.0, 5.0)))) == []
 
 
 # --- checkpoints ---------------------------------------------------------------------------------

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 
+from colony.ir.frame import Answer
 from colony.runtime.protocol.messages import Announcement, Effect, Fetch, Sample, Send, ServerFrame, Tick
 from colony.runtime.servers.publishing import (
     KEPT_BYTES,
@@ -64,16 +65,17 @@ def test_of_what_came_before_its_first_tick_it_knows_nothing() -> None:
     assert frame_of(server.handle(tick(6))).since == 5
 
 
-def test_the_activity_of_modules_is_handed_on_once_and_kept() -> None:
+def test_the_answers_of_modules_are_handed_on_once_and_kept() -> None:
     relay = ActivityRelay("D", ("pulse",), keep=2)
     name = "D/activity/pulse"
-    for k, active in ((0, True), (2, False), (1, True)):
-        told = Announcement(k=k, module="pulse", active=active)
+    for k, answer in ((0, Answer((50.0, True))), (2, Answer()), (1, Answer((), error=True))):
+        told = Announcement(k=k, module="pulse", answer=answer)
         (sent,) = relay.announce(told, 7)
-        frame = ServerFrame(server=name, k=k, fields={"active": Sample(active, 7)})
+        command = None if answer.values is None else Sample(answer.values, 7)
+        frame = ServerFrame(server=name, k=k, fields={"command": command, "error": Sample(answer.error, 7)})
         assert sent == Send("D/activity/pulse/frames", frame)
         assert relay.announce(told, 8) == ()
-    assert relay.announce(Announcement(k=0, module="stranger", active=True), 7) == ()
+    assert relay.announce(Announcement(k=0, module="stranger", answer=Answer((300.0, 5.0))), 7) == ()
     assert relay.fetch(Fetch(server=name, k=0)) == ()
     assert relay.fetch(Fetch(server=name, k=1)) == (Send("D/activity/pulse/frames", frame),)
     relay.deploy(("other",))
@@ -164,10 +166,23 @@ def test_fields_that_frames_share_count_once() -> None:
     assert server.reached == (), "what was forgotten leaves its room"
 
 
+def test_what_is_kept_of_answers_is_bounded_in_bytes() -> None:
+    relay = ActivityRelay("D", ("pulse", "other"), keep=1_000_000)
+    large = tuple(float(i) for i in range(7_000))
+    for k in range(400):
+        relay.announce(Announcement(k=k, module="pulse", answer=Answer(large)), 7)
+    again = []
+    for k in range(400):
+        relay.tick()
+        again += [k] if relay.fetch(Fetch(server="D/activity/pulse", k=k)) else []
+    assert again[-1] == 399
+    assert len(again) * 9 * len(large) <= KEPT_BYTES // 2 < (len(again) + 2) * 9 * len(large)
+
+
 def test_activities_are_handed_on_again_at_a_bounded_rate() -> None:
     relay = ActivityRelay("D", ("pulse",), keep=1000)
     for k in range(200):
-        relay.announce(Announcement(k=k, module="pulse", active=True), 7)
+        relay.announce(Announcement(k=k, module="pulse", answer=Answer((300.0, 5.0))), 7)
     name = "D/activity/pulse"
 
     def again(ks: Iterable[int]) -> int:

@@ -8,18 +8,19 @@ from typing import Any
 
 from colony.compile.pipeline import compile_program
 from colony.execute.compiled import SourceFile
-from colony.execute.executor import ClientListExecutor
+from colony.execute.executor import ClientListExecutor, ModuleExecutor
 from colony.ir.frame import Frame
 from colony.ir.program import Program
 from colony.runtime.observe.monitor import Monitor
 from colony.runtime.observe.observer import KEYFRAME_NS, FrameLog, Sink
 from colony.runtime.protocol.messages import Fate, Tick, Verdict
-from colony.runtime.recordings.lines import Recording
+from colony.runtime.recordings.lines import ByteFile, Recording
 from colony.runtime.recordings.mcap_reader import McapReader
 from colony.runtime.recordings.mcap_writer import McapRecording
 from colony.runtime.recordings.reader import LinesReader
 from colony.runtime.recordings.recorded import RecordedFrame, RunInfo
 from colony.verify.reference.interpreter import Interpreter
+from colony.verify.testing.agreement import in_base_units
 
 MS = 1_000_000
 
@@ -44,10 +45,10 @@ def logs(program: Program, trace: Sequence[Frame], restarts: Iterable[int] = ())
     """A run in which nothing goes wrong; all memory begins anew at the frames in `restarts`."""
     restarts, start, out = frozenset(restarts), 0, []
     interpreter = Interpreter(program)
-    monitor, keyframe_ns = (
-        Monitor(ClientListExecutor(compile_program(program).artifact, simplified=False)),
-        trace[0].t_ns - KEYFRAME_NS if trace else 0,
-    )
+    compiled = compile_program(program).artifact
+    monitor = Monitor(ClientListExecutor(compiled, simplified=False, answered=True))
+    keyframe_ns = trace[0].t_ns - KEYFRAME_NS if trace else 0
+    modules = {name: ModuleExecutor(compiled, name) for name in compiled.announced}
     clients = {
         a.name: [m.name for m in program.modules if m.actuator == a.name] for a in program.robot.actuators
     }
@@ -55,10 +56,13 @@ def logs(program: Program, trace: Sequence[Frame], restarts: Iterable[int] = ())
         if k in restarts:
             interpreter, start = Interpreter(program), k
             monitor.restart()
+            for module in modules.values():
+                module.restart()
         keyframe = None
         if k in restarts or frame.t_ns + program.robot.frame_ns - keyframe_ns > KEYFRAME_NS:
             keyframe, keyframe_ns = monitor.keyframe(), frame.t_ns
-        monitor.check(frame, {})
+        answers = {name: module.step(in_base_units(program, frame)) for name, module in modules.items()}
+        monitor.check(frame, {}, answers=answers)
         outcome = interpreter.step(frame)
         verdicts = {
             d.actuator: Verdict(
@@ -82,6 +86,7 @@ def logs(program: Program, trace: Sequence[Frame], restarts: Iterable[int] = ())
                 disagreements=(),
                 restart=k in restarts,
                 keyframe=keyframe,
+                answers=answers,
             )
         )
     return out
@@ -113,15 +118,19 @@ def written(sink: Sink, frames: Iterable[FrameLog]) -> None:
     sink.close()
 
 
+def mcap_to(file: ByteFile, program: Program, *sources: SourceFile) -> McapRecording:
+    return McapRecording(compile_program(program).artifact, run_info(program, *sources), file)
+
+
 def as_mcap(program: Program, frames: Iterable[FrameLog], *sources: SourceFile) -> Kept:
     file = Kept()
-    written(McapRecording(program, run_info(program, *sources), file), frames)
+    written(mcap_to(file, program, *sources), frames)
     return file
 
 
 def as_lines(program: Program, frames: Iterable[FrameLog]) -> Kept:
     file = Kept()
-    written(Recording(program, file), frames)
+    written(Recording(compile_program(program).artifact, file), frames)
     return file
 
 

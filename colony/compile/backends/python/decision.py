@@ -15,9 +15,7 @@ from colony.compile.backends.python.plan import ActuatorPlan
 from colony.compile.backends.python.ranges import Range
 from colony.compile.backends.python.text import Binding, literal
 from colony.execute.code import LimitCode
-from colony.execute.decisions import field_bounds
-from colony.execute.settle import leave
-from colony.ir.program import ActuatorField
+from colony.ir.program import ActuatorField, in_declared_units
 from colony.ir.types import Bool
 
 
@@ -59,7 +57,7 @@ class DecisionText:
     def idle(self, by: bool) -> list[str]:
         """The idle command, or nothing for `idle hold`."""
         idle = self.actuator.idle
-        leaving = None if idle is None else leave(idle, field_bounds(self.actuator))
+        leaving = in_declared_units(idle, self.actuator.fields)
         shown = "None" if leaving is None else values(leaving)
         lines = [f"{self.target} = ({self.name!r}, None, {shown}, None)"]
         if by:
@@ -72,11 +70,8 @@ class DecisionText:
 
     def command(self, checks: list[str]) -> list[str]:
         """The winner's command: as it is where the checks hold, else by `settle`."""
-        leaving = [
-            field if of.factor == 1.0 or isinstance(of.type, Bool) else f"{field} / {literal(of.factor).text}"
-            for field, of in zip(self.fields, self.actuator.fields, strict=True)
-        ]
-        usual = [f"{self.target} = ({self.name!r}, {self.by}, {_tuple(leaving)}, None)"]
+        leaving = self.leaving(self.fields)
+        usual = [f"{self.target} = ({self.name!r}, {self.by}, {leaving}, None)"]
         if self.observed:
             usual.append(f"{self.names.commanded[self.name]} = True")
         if not checks:
@@ -84,6 +79,15 @@ class DecisionText:
         alone = checks[0][1:-1] if checks[0].startswith("(") else checks[0]
         whole = " and ".join(checks) if len(checks) > 1 else alone
         return [f"if {whole}:", *_indented(usual), "else:", *_indented(self.settled())]
+
+    def leaving(self, fields: list[str]) -> str:
+        """Return a command in declared units."""
+        return _tuple(
+            [
+                field if of.factor == 1.0 else f"{field} / {literal(of.factor).text}"
+                for field, of in zip(fields, self.actuator.fields, strict=True)
+            ]
+        )
 
     def constants(self) -> list[str]:
         """What `settle` is given, as a statement of the module."""
@@ -95,9 +99,17 @@ class DecisionText:
         idle = "None" if self.actuator.idle is None else values(self.actuator.idle)
         bounds = self.names.bounds[self.name]
         arguments = f"{self.name!r}, {self.by}, {_tuple(self.fields)}, {bounds}, {limits}, {idle}, records"
-        lines = [f"{self.target}, settled, records = settle({arguments})"]
+        leaving = "settled"
+        if any(of.factor != 1.0 for of in self.actuator.fields):
+            leaving = self.leaving([f"settled[{i}]" for i in range(len(self.fields))])
+            if self.actuator.idle is None:
+                leaving = f"None if settled is None else {leaving}"
+        lines = [
+            f"fault, settled, records = settle({arguments})",
+            f"{self.target} = ({self.name!r}, {self.by}, {leaving}, fault)",
+        ]
         if self.observed:
-            lines.append(f"{self.names.commanded[self.name]} = {self.target}[3] is None")
+            lines.append(f"{self.names.commanded[self.name]} = fault is None")
         if self.observed and self.fields:
             unpacked = f"{', '.join(self.fields)}{',' if len(self.fields) == 1 else ''} = settled"
             if self.actuator.idle is None:

@@ -15,7 +15,6 @@ from colony.execute.code import (
     Lost,
     OldCell,
     Op,
-    OutsideActive,
     PythonActive,
     PythonField,
     SensorElement,
@@ -93,9 +92,9 @@ class Expressions:
                 return Text(names.fresh[sensor])
             case FrameTime():
                 return Text("t")
-            case PythonActive(module=module):
+            case PythonActive(module=module) if module in names.python_active:
                 return Text(names.python_active[module])
-            case PythonField(module=module, index=index):
+            case PythonField(module=module, index=index) if module in names.python_active:
                 return Text(f"{names.python_fields[module]}[{index}]")
             case Winner(actuator=actuator, module=module):
                 return Text(f"{names.by[actuator]} == {module!r}", Binding.COMPARISON)
@@ -103,7 +102,7 @@ class Expressions:
                 return Text(names.commanded[actuator])
             case Sent(actuator=actuator, index=index):
                 return Text(names.field[actuator, index])
-            case OutsideActive() | Lost():
+            case PythonActive() | PythonField() | Lost():
                 raise ValueError("the code of a single client is not for this backend")
             case _:
                 raise AssertionError(f"{op} is no atom")

@@ -23,6 +23,7 @@ _OURS = frozenset(
         "breaches",
         "reading",
         "settled",
+        "fault",
     }
 )
 

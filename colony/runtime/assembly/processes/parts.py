@@ -4,7 +4,7 @@ soon."""
 from __future__ import annotations
 
 import sys
-from contextlib import ExitStack
+from contextlib import ExitStack, suppress
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, assert_never
@@ -44,12 +44,8 @@ def at_once(part: NodePart, nodes: tuple[Node, ...]) -> bool:
     """Whether the part's nodes handle any message of a frame in no time to speak of: without images, disks,
     and code in Python that somebody wrote for a module."""
     match part:
-        case ClockPart() | RServerPart() | PServerPart():
+        case ClockPart() | RServerPart() | PServerPart() | ClientPart():
             return True
-        case ClientPart():
-            from colony.runtime.clients.client import ClientNode
-
-            return all(isinstance(node, ClientNode) and node.part.portable for node in nodes)
         case CServerPart() | DServerPart() | AnnouncerPart():
             return False
         case _:
@@ -146,6 +142,8 @@ def _client(part: ClientPart) -> Node:
 def _announcer(part: AnnouncerPart) -> Node:
     from colony.runtime.assembly.nodes import build_announcer
 
+    with suppress(OSError):  # elsewhere than on Linux there is no such file
+        Path("/proc/self/oom_score_adj").write_text("1000")
     return build_announcer(*_program(part.told), part.module, part.told.run)
 
 

@@ -12,7 +12,7 @@ from colony.compile.backends.python.ranges import ranges
 from colony.compile.lower.lower import lower
 from colony.compile.pipeline import compile_program
 from colony.dsl.load import load_text
-from colony.execute.code import Lost, OutsideActive
+from colony.execute.code import Lost, PythonActive
 from colony.execute.views import of_client
 
 TEXT = """
@@ -27,7 +27,7 @@ network { out = %s suppresses m }
 """
 
 
-@pytest.mark.parametrize(("above", "kind"), [("p", OutsideActive), ("n", Lost)])
+@pytest.mark.parametrize(("above", "kind"), [("p", PythonActive), ("n", Lost)])
 def test_what_others_do_has_no_text(above: str, kind: type) -> None:
     program = load_text(TEXT % above)
     code = of_client(lower(program, compile_program(program).clients).code, "out", "m")

@@ -41,7 +41,7 @@ def names(*taken: str) -> Names:
         ("sqrt", "sqrt_2"),
         ("match", "match_2"),
         *((ours, f"{ours}_2") for ours in "self first_ns step t t_ns readings records".split()),
-        *((ours, f"{ours}_2") for ours in "breaches reading settled".split()),
+        *((ours, f"{ours}_2") for ours in "breaches reading settled fault".split()),
         ("helper", "helper_2"),
     ],
 )

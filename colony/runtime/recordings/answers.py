@@ -1,0 +1,50 @@
+"""The answers of modules in Python in a recording, which holds them so that no reader has to run a module.
+
+    {"seeks": {"command": [300.0, -2.5]}, "rests": {}, "fails": {"error": true}}
+
+`command` has the fields in the order declared, in base units (mm, s, deg), as the module answered; it is
+absent where the module was not applicable. A module whose answer is not known is absent.
+"""
+
+from __future__ import annotations
+
+import json
+import math
+from collections.abc import Mapping
+from typing import Literal
+
+import msgspec
+
+from colony.ir.frame import Answer
+
+
+class AnswerMessage(msgspec.Struct, frozen=True, kw_only=True):
+    """An answer as it is written; JSON has no number for these three texts."""
+
+    command: tuple[float | bool | Literal["nan", "inf", "-inf"], ...] | None = None
+    error: bool = False
+
+
+def answers_text(answers: Mapping[str, Answer]) -> str:
+    """Return the JSON object of the answers of a frame."""
+    return json.dumps({module: _members(answer) for module, answer in answers.items()})
+
+
+def _members(answer: Answer) -> dict[str, object]:
+    members: dict[str, object] = {} if answer.values is None else {"command": [*map(_value, answer.values)]}
+    return {**members, "error": True} if answer.error else members
+
+
+def _value(x: float | bool) -> float | bool | str:
+    return x if math.isfinite(x) else repr(x)
+
+
+def read_answers(found: Mapping[str, AnswerMessage]) -> dict[str, Answer]:
+    """Return the answers that are told of a frame."""
+    return {module: Answer(_values(told), told.error) for module, told in found.items()}
+
+
+def _values(told: AnswerMessage) -> tuple[float | bool, ...] | None:
+    if told.command is None:
+        return None
+    return tuple([float(x) if isinstance(x, str) else x for x in told.command])
