@@ -26,7 +26,7 @@ from colony.runtime.protocol.calls import Nothing, Open
 from colony.runtime.protocol.deployment import Deployment
 from colony.runtime.protocol.fields import DSERVER
 from colony.runtime.protocol.messages import Alive, Call, Effect, Fetch, Reply, Send, Tick, Wake
-from colony.runtime.servers.data_calls import MOST_AT_ONCE, MOST_NAMES, MOST_VALUES
+from colony.runtime.servers.data_methods import MOST_AT_ONCE, MOST_NAMES, MOST_VALUES
 from colony.runtime.servers.dserver import DServer
 from colony.runtime.servers.semaphores import MOST as MOST_SEMAPHORES
 from colony.runtime.servers.semaphores import MOST_HELD, MOST_WAITING

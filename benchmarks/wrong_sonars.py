@@ -20,16 +20,18 @@ import numpy as np
 from benchmarks.arguments import whole_number
 from colony.experiment.behavior import behavior_of
 from colony.experiment.lists import PUBLISHED_MAP, published_list
-from colony.experiment.local_cameras import CeilingShot, LocalCamera
-from colony.experiment.loop import Loop
 from colony.experiment.variants import CEILING_CAMERA, OURS, PLANNER
 from colony.nav.maps.building import Building
 from colony.nav.maps.stickrep.reader import load_map
 from colony.nav.plan.plan import Plan
 from colony.nav.plan.route import plan
+from colony.runtime.assembly.loop import Loop
+from colony.runtime.transport.virtual import VirtualClock
 from colony.sim.cameras.ceiling import CeilingCamera
 from colony.sim.config import RobotConfig
+from colony.sim.drivers import Plant, SimulatedCamera, simulated_drivers
 from colony.sim.hazards.hazards import Hazards, draw
+from colony.sim.shots import CeilingShot
 from colony.sim.world.world import World
 
 ROBOTS: Mapping[str, RobotConfig] = {
@@ -69,15 +71,19 @@ def drive(config: RobotConfig, way: Plan, seed: int) -> Errors:
         seed=seed,
     )
     ceiling = CeilingCamera(scenery)
-    camera = LocalCamera(CEILING_CAMERA, lambda now_ns: CeilingShot(ceiling, world, now_ns))
+    clock = VirtualClock()
+    plant = Plant(world, clock)
+    camera = SimulatedCamera(plant, lambda now_ns: CeilingShot(ceiling, world, 0, now_ns))
+    drivers = simulated_drivers(plant, cameras={CEILING_CAMERA: camera})
     scripts = OURS.scripts(way, Building(maps=(floor,)))
-    loop = Loop(behavior_of(OURS.behavior), world, scripts, cameras=(camera,), seed=seed)
+    loop = Loop(behavior_of(OURS.behavior), drivers, scripts, clock=clock, advance=plant.catch_up, seed=seed)
     off_mm: list[float] = []
     off_deg: list[float] = []
     while not loop.scripts.ended(PLANNER) and loop.now_ns < LONGEST_S * 1e9:
         loop.frame()
         if loop.k % LOOK_FRAMES == 0:
-            true, believed = world.true_pose(0), loop.base.believed(loop.now_ns)
+            loop.base.look()
+            true, believed = world.true_pose(0), loop.base.pose
             off_mm.append(math.hypot(true.x_mm - believed.x, true.y_mm - believed.y))
             off_deg.append(abs(math.remainder(true.heading_deg - believed.heading, 360.0)))
     loop.close()

@@ -10,7 +10,9 @@ from __future__ import annotations
 import errno
 import os
 import stat
+import sys
 from collections.abc import Iterator
+from io import FileIO
 from pathlib import Path
 from typing import BinaryIO
 
@@ -128,3 +130,34 @@ def _check(found: os.stat_result, path: StrPath) -> None:
         raise UnfitFile(errno.EISDIR, os.strerror(errno.EISDIR), path)
     if not stat.S_ISREG(found.st_mode):
         raise UnfitFile(errno.EINVAL, "it is not a regular file", path)
+
+
+def open_alone(path: str) -> FileIO:
+    """An unbuffered file to append to, empty at first, that no other run is writing.
+
+    Raises:
+        OSError: it cannot be opened, or another run has it open this way (`BlockingIOError`).
+    """
+    file = FileIO(path, "a")
+    try:
+        if stat.S_ISREG(os.fstat(file.fileno()).st_mode):
+            _lock(file)
+            file.truncate(0)
+    except BaseException:
+        file.close()
+        raise
+    return file
+
+
+def _lock(file: FileIO) -> None:
+    """Take the file until it is closed, where the system has such locks."""
+    if sys.platform == "win32":
+        return
+    import fcntl
+
+    try:
+        fcntl.flock(file.fileno(), fcntl.LOCK_EX | fcntl.LOCK_NB)
+    except BlockingIOError:
+        raise
+    except OSError:  # a file system without locks
+        return

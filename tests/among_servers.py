@@ -10,7 +10,6 @@ from colony.runtime.assembly.virtual import VirtualSession
 from colony.runtime.kit.script import Script
 from colony.runtime.kit.script_node import ScriptNode
 from colony.runtime.observe.observer import Sink
-from colony.runtime.servers.cserver import CServer
 from colony.runtime.servers.images import Image
 from colony.runtime.transport.virtual import VirtualClock
 from colony.sim.drivers import Plant, SimulatedCamera, simulated_drivers
@@ -38,19 +37,17 @@ def run_among_servers(
     """
     clock = VirtualClock()
     plant = Plant(world, lambda: clock() // FRAME_NS * FRAME_NS)
-    eyes = [
-        CServer(SimulatedCamera(plant, take), keep=40, address=at) for at, take in (cameras or {}).items()
-    ]
+    eyes = {at: SimulatedCamera(plant, take) for at, take in (cameras or {}).items()}
     servers = ("DServer", "RServer", "PServer", *(cameras or {}))
     nodes = [ScriptNode(name, script, servers, delay_ns=1) for name, script in scripts.items()]
     session = VirtualSession(
         compile_program(load_text(text)).artifact,
-        simulated_drivers(plant),
+        simulated_drivers(plant, cameras=eyes),
         clock=clock,
         seed=seed,
         sinks=sinks,
         order_seed=order,
-        nodes=(*eyes, *nodes),
+        nodes=tuple(nodes),
     )
     session.run(run_ns)
     for node in nodes:

@@ -2,37 +2,45 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
-from colony.experiment.local_cameras import LocalCamera
-from colony.experiment.local_scripts import LocalScripts
-from colony.experiment.local_servers import Granted, Handler, LocalData, LocalServer, answer
+from colony.runtime.assembly.loop import LocalCamera, LocalData
 from colony.runtime.kit.script import Script
+from colony.runtime.kit.script_local import LocalScripts, LocalServer
 from colony.runtime.library import data
 from colony.runtime.library.ask import Ask
-from colony.runtime.protocol.calls import Asked
+from colony.runtime.protocol.calls import Asked, Handler
 from colony.runtime.protocol.connections import Caller
+from colony.runtime.servers.images import Shot
 
 FRAME_NS = 50_000_000
 ASKED = Asked(Caller("local/test", "test", 0, "local"), 1)
 
 
-class Server:
-    """A server that a test makes up. Mutable: `granted`, which nobody fills."""
+class Server(LocalServer):
+    """A server that a test makes up."""
 
     def __init__(self, address: str, handlers: Mapping[str, Handler]) -> None:
-        self.address, self.handlers = address, handlers
-        self.granted: Granted = []
+        super().__init__(address, ())
+        self.handlers = handlers
+
+
+class Shutter:
+    """A camera driver that gives what `take` gives."""
+
+    def __init__(self, take: Callable[[], Shot]) -> None:
+        self.grab = take
 
 
 class ScriptStage:
     """Scripts, a data server and other servers. Mutable: the time, and all of them."""
 
+    now_ns: int = 0
+
     def __init__(
         self, scripts: Mapping[str, Script], *servers: LocalServer, cameras: Sequence[LocalCamera] = ()
     ) -> None:
-        self.now_ns = 0
         self.data = LocalData()
         self._cameras = cameras
         self._servers = [self.data, *servers, *cameras]
@@ -56,7 +64,7 @@ class ScriptStage:
 
     def ask(self, asked: Ask[Any]) -> Any:
         """Ask the data server, as another script does."""
-        return answer(self.data, ASKED, asked, self.now_ns)
+        return self.data.do(ASKED, asked, self.now_ns)
 
     def tell(self, name: str, value: object) -> None:
         """Set a variable."""

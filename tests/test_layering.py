@@ -25,6 +25,7 @@ ALLOWED: dict[str, set[str]] = {
     "sim": {"runtime", "nav", "ir"},
     "view": {"ir", "compile", "nav"},
     "experiment": {"ir", "dsl", "execute", "compile", "verify", "runtime", "nav", "vision", "sim", "view"},
+    "robots": {"ir", "dsl", "execute", "compile", "verify", "runtime", "nav", "sim", "experiment"},
     "cli": {
         "ir",
         "dsl",
@@ -37,6 +38,7 @@ ALLOWED: dict[str, set[str]] = {
         "sim",
         "view",
         "experiment",
+        "robots",
     },
 }
 """The packages that a package may import, besides itself, `text` and the base."""

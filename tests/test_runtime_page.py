@@ -23,8 +23,10 @@ from colony.runtime.library.ask import Ask
 from colony.runtime.protocol import calls, codec, deployment
 from colony.runtime.protocol.messages import Request, ServerFrame
 from colony.runtime.servers import (
+    base,
     checkpoints,
     data_calls,
+    data_methods,
     dserver,
     publishing,
     rserver,
@@ -108,7 +110,7 @@ def test_the_behavior_is_right() -> None:
         ("| clients of a program | 2000 |", deployment.MOST_CLIENTS == 2000),
         (
             "| a position that is set at the base | 10 km from the origin, and a heading of 36000 deg |",
-            (rserver.FARTHEST_MM, rserver.MOST_TURNED_DEG) == (1e7, 36_000.0),
+            (base.FARTHEST_MM, base.MOST_TURNED_DEG) == (1e7, 36_000.0),
         ),
         ("| calls of one connection that wait | 256 |", waiting.CALLS_EACH == 256),
         ("| the value of a variable, in msgpack | 1 MiB |", variables.VALUE_BYTES == 1 << 20),
@@ -117,10 +119,10 @@ def test_the_behavior_is_right() -> None:
         ("| variables | 20000 |", variables.MOST == 20_000),
         (
             "| variables that one call sets, gets, watches or publishes | 1000 |",
-            data_calls.MOST_AT_ONCE == 1000,
+            data_methods.MOST_AT_ONCE == 1000,
         ),
-        ("| the values that one call sets | 1 MiB |", data_calls.SET_BYTES == (1 << 20) + 1024),
-        ("| values of a history in one reply | 2000 |", data_calls.MOST_VALUES == 2000),
+        ("| the values that one call sets | 1 MiB |", data_methods.SET_BYTES == (1 << 20) + 1024),
+        ("| values of a history in one reply | 2000 |", data_methods.MOST_VALUES == 2000),
         (
             "| the values in one of DServer's frames that the program reads | 64 KiB |",
             showing.FRAME_SPACE == 64 << 10,
@@ -132,8 +134,8 @@ def test_the_behavior_is_right() -> None:
         ("| prefixes of them | 50 |", watching.MOST_PREFIXES_EACH == 50),
         ("| variables that a connection publishes | 1000 |", showing.MOST_EACH == 1000),
         ("| variables that all connections publish | 10000 |", showing.MOST_ASKED == 10_000),
-        ("| names in the arguments of one call | 256 KiB |", data_calls.NAMES_BYTES == 256 << 10),
-        ("| names in one reply | 5000 |", data_calls.MOST_NAMES == 5000),
+        ("| names in the arguments of one call | 256 KiB |", data_methods.NAMES_BYTES == 256 << 10),
+        ("| names in one reply | 5000 |", data_methods.MOST_NAMES == 5000),
         ("| names and prefixes that a connection watches | 2000 |", watching.MOST == 2000),
         (
             "| names, and prefixes, that all connections watch; of one user half | 20000 and 1000 |",

@@ -72,7 +72,7 @@ def command(recording: str, file: str | None, format_: str) -> None:
 def _program(reader: RecordingReader, recording: str, file: str | None, folder: Path) -> Program:
     if file is not None:
         return load_program(file)
-    from colony.cli.recorded_program import recorded_program, unusable
+    from colony.robots.recorded_program import recorded_program, unusable
     from colony.text.diagnostics import Failure
 
     if reader.run is None:

@@ -4,10 +4,7 @@ from __future__ import annotations
 
 import os
 import shutil
-import stat
-import sys
 from collections.abc import Iterable
-from io import FileIO
 from pathlib import Path
 from typing import NoReturn
 
@@ -94,34 +91,3 @@ def _replace(target: Path, data: bytes) -> None:
     except BaseException:
         beside.unlink(missing_ok=True)
         raise
-
-
-def open_alone(path: str) -> FileIO:
-    """An unbuffered file to append to, empty at first, that no other run is writing.
-
-    Raises:
-        OSError: it cannot be opened, or another run has it open this way (`BlockingIOError`).
-    """
-    file = FileIO(path, "a")
-    try:
-        if stat.S_ISREG(os.fstat(file.fileno()).st_mode):
-            _lock(file)
-            file.truncate(0)
-    except BaseException:
-        file.close()
-        raise
-    return file
-
-
-def _lock(file: FileIO) -> None:
-    """Take the file until it is closed, where the system has such locks."""
-    if sys.platform == "win32":
-        return
-    import fcntl
-
-    try:
-        fcntl.flock(file.fileno(), fcntl.LOCK_EX | fcntl.LOCK_NB)
-    except BlockingIOError:
-        raise
-    except OSError:  # a file system without locks
-        return

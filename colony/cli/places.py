@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, TypeVar
@@ -14,7 +14,6 @@ from colony.cli.exit_codes import EXIT_MISUSE
 from colony.cli.reporting import say
 
 if TYPE_CHECKING:
-    from colony.runtime.kit.connection import Session
     from colony.runtime.transport.live.place import Place
 
 F = TypeVar("F", bound=Callable[..., object])
@@ -57,20 +56,6 @@ def place_of(robot: str, connect: str | None, security: Path | None) -> Place:
     return Remote(robot=robot, endpoint=connect, credentials=read_credentials(security))
 
 
-def session_with(place: Place) -> Session:
-    """A session with a robot.
-
-    Raises:
-        LiveError, ServerNotFound: it cannot be reached, or is not there.
-    """
-    from colony.runtime.kit.connection import Session
-    from colony.runtime.transport.live.place import Remote
-
-    if isinstance(place, Remote):
-        return Session.open(place.robot, gateway=place.endpoint, credentials=place.credentials)
-    return Session.open(place.robot)
-
-
 def expect_robot_with_endpoint(robot: str | None, connect: str | None) -> None:
     """Check that a command which was given a gateway was given the robot behind it, too.
 
@@ -92,12 +77,3 @@ def problems_told() -> Iterator[None]:
     except (LiveError, ConnectionProblem) as problem:
         say(f"colony: error: {problem}")
         raise click.exceptions.Exit(EXIT_MISUSE) from None
-
-
-def running_robots(environment: Mapping[str, str] = os.environ) -> dict[str, Mapping[str, int]]:
-    """The robots of this machine of which something runs: the names of that, with the ids of processes."""
-    from colony.runtime.transport.live.run_directory import RunDirectory
-
-    directory = RunDirectory.find(environment)
-    found = {name: directory.robot(name).running() for name in directory.robots()}
-    return {name: running for name, running in found.items() if running}

@@ -6,11 +6,11 @@ import os
 import sys
 from pathlib import Path
 
-from colony.cli.recorded_program import program_sources
-from colony.cli.reporting import check_to_run, expect_program, refuse
+from colony.cli.reporting import check_to_run, expect_program, refuse, say
 from colony.compile.pipeline import Compilation, compile_program
 from colony.execute.artifact import SUFFIX, read
 from colony.execute.compiled import Compiled
+from colony.robots.recorded_program import program_sources
 from colony.text.diagnostics import Failure
 
 
@@ -33,5 +33,5 @@ def compile_file(path: str) -> Compilation:
     """Compile a behavior; its artifact has the sources. Exits as `load_compiled`."""
     checked = check_to_run(path)
     program = expect_program(checked)
-    root, sources = program_sources(path, program, checked.tree)
+    root, sources = program_sources(path, program, checked.tree, say)
     return compile_program(program, sources, root)

@@ -4,12 +4,16 @@ from __future__ import annotations
 
 import os
 from pathlib import Path
+from typing import TYPE_CHECKING, Any
 
 import click
 
 from colony.cli.exit_codes import EXIT_ERRORS, EXIT_MISUSE
 from colony.cli.places import problems_told
 from colony.cli.reporting import refuse, say
+
+if TYPE_CHECKING:
+    from colony.robots.serving import Settings
 
 ALL = "all"
 
@@ -48,18 +52,7 @@ NAMES = ("Clock", "RServer", "PServer", "DServer", "CServer", "Simulator", "Gate
     metavar="FILE",
     help="With --listen: the table of users, in TOML.",
 )
-def command(
-    server: str,
-    robot: str,
-    map_path: str | None,
-    seed: int,
-    hazards: int | None,
-    camera_texts: tuple[str, ...],
-    state: Path | None,
-    fsync: bool,
-    listen: str | None,
-    security: Path | None,
-) -> None:
+def command(server: str, **given: Any) -> None:
     """Serve a robot until Ctrl-C, for programs that come and go: `colony run FILE --connect --robot NAME`.
 
     SERVER is Clock (the frames), RServer (the base), PServer (sonars and infrared detectors), DServer
@@ -75,32 +68,30 @@ def command(
       colony serve Simulator --robot rome --map maps/loop.stickrep
       colony serve RServer --robot rome
     """
-    from colony.cli.run.options import BadOption, BrokenOff, Misuse, cameras
+    from colony.cli.interruption import interruptible
+    from colony.cli.run.options import BadOption, cameras
+    from colony.robots.request import BrokenOff, Misuse
+    from colony.robots.serving import Settings, serve_all, serve_one
     from colony.runtime.transport.live.place import local
     from colony.text.diagnostics import Failure
 
-    _check_choice(server, map_path, hazards, camera_texts, listen, security)
+    robot, texts = given.pop("robot"), given.pop("camera_texts")
     try:
-        looking = cameras(camera_texts)
+        looking = cameras(texts)
+        settings = Settings(**given | {"cameras": looking, "state": given["state"] or _state_folder(robot)})
+        wrong = objection(server, settings)
     except BadOption as bad:
-        raise click.UsageError(str(bad), click.get_current_context()) from None
-    from colony.cli.serving import Settings, serve_all, serve_one
-
-    settings = Settings(
-        map_path=map_path,
-        seed=seed,
-        cameras=looking,
-        state=state or _state_folder(robot),
-        fsync=fsync,
-        listen=listen,
-        security=security,
-        hazards=hazards,
-    )
+        wrong = str(bad)
+    if wrong is not None:
+        raise click.UsageError(wrong, click.get_current_context())
     try:
         with problems_told():
             place = local(robot, os.environ)
             place.directory.prepare()
-            serve_all(place, settings) if server == ALL else serve_one(server, place, settings)
+            if server == ALL:
+                serve_all(place, settings, say, interruptible("ending the servers"))
+            else:
+                serve_one(server, place, settings, say)
     except Misuse as misuse:
         say(str(misuse))
         raise click.exceptions.Exit(EXIT_MISUSE) from None
@@ -111,30 +102,21 @@ def command(
         raise click.exceptions.Exit(EXIT_ERRORS) from None
 
 
-def _check_choice(
-    server: str,
-    map_path: str | None,
-    hazards: int | None,
-    cameras: tuple[str, ...],
-    listen: str | None,
-    security: Path | None,
-) -> None:
-    """Options that are missing, or make no sense for this server."""
-    wrong = None
-    if server in ("Simulator", ALL) and map_path is None:
-        wrong = f"{server} also wants --map MAP: where is the robot?"
-    elif server not in ("Simulator", ALL) and hazards is not None:
-        wrong = f"--hazards goes with Simulator or all, not with {server}: it is of the building"
-    elif server == "CServer" and len(cameras) != 1:
-        wrong = "CServer also wants one --camera [NAME=]DEGREES|up: that of the Simulator which it serves"
-    elif server == "Gateway" and listen is None:
-        wrong = "Gateway also wants --listen tls/HOST:PORT"
-    elif (listen is None) != (security is None):
-        wrong = "--listen and --security go together: others are let in by a table of users"
-    elif listen is not None and server not in ("Gateway", ALL):
-        wrong = f"--listen goes with Gateway or all, not with {server}"
-    if wrong is not None:
-        raise click.UsageError(wrong, click.get_current_context())
+def objection(server: str, settings: Settings) -> str | None:
+    """Return what is missing, or makes no sense for this server; None if nothing does."""
+    if server in ("Simulator", ALL) and settings.map_path is None:
+        return f"{server} also wants --map MAP: where is the robot?"
+    if server not in ("Simulator", ALL) and settings.hazards is not None:
+        return f"--hazards goes with Simulator or all, not with {server}: it is of the building"
+    if server == "CServer" and len(settings.cameras) != 1:
+        return "CServer also wants one --camera [NAME=]DEGREES|up: that of the Simulator which it serves"
+    if server == "Gateway" and settings.listen is None:
+        return "Gateway also wants --listen tls/HOST:PORT"
+    if (settings.listen is None) != (settings.security is None):
+        return "--listen and --security go together: others are let in by a table of users"
+    if settings.listen is not None and server not in ("Gateway", ALL):
+        return f"--listen goes with Gateway or all, not with {server}"
+    return None
 
 
 def _state_folder(robot: str) -> Path:

@@ -13,11 +13,10 @@ from colony.cli.places import (
     expect_robot_with_endpoint,
     place_of,
     problems_told,
-    running_robots,
     security_option,
-    session_with,
 )
 from colony.cli.reporting import say
+from colony.robots.finding import running_robots, session_with
 
 if TYPE_CHECKING:
     from colony.runtime.kit.connection import Session

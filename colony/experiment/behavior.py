@@ -1,8 +1,8 @@
-"""A behavior ready to be run by the thousand: compiled once a process, its sensors and actuators bound."""
+"""Behaviors ready to be run by the thousand: compiled once a process."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import lru_cache
 from pathlib import Path
 
@@ -10,24 +10,23 @@ from colony.compile.backends.python.executor import PythonExecutor
 from colony.compile.backends.python.generate import generate, load
 from colony.compile.pipeline import compile_program
 from colony.dsl.load import load_file
-from colony.ir.program import Program
-from colony.runtime.protocol.bindings import Bindings, bind
+from colony.ir.program import Program, Robot, in_base_units
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Behavior:
-    """A program, where its sensors and actuators are, and its generated Python: `source`, and loaded.
+    """A robot, its program in base units, and the generated Python of that: `source`, and loaded.
 
     `first` is never stepped: `executor` makes another one like it, in the initial memory.
     """
 
+    robot: Robot
     program: Program
-    bindings: Bindings
     source: str
     first: PythonExecutor
 
     def executor(self) -> PythonExecutor:
-        """One in the initial memory."""
+        """Return one in the initial memory."""
         return PythonExecutor(type(self.first.program)())
 
 
@@ -36,7 +35,7 @@ def behavior_of(path: Path) -> Behavior:
     """Load and compile a behavior.
 
     Raises:
-        Failure: it has errors, or is bound to what no server has.
+        Failure: it has errors, or a module in Python cannot be built.
     """
     return behavior_from(load_file(path))
 
@@ -45,7 +44,8 @@ def behavior_from(program: Program) -> Behavior:
     """Compile a program.
 
     Raises:
-        Failure: it is bound to what no server has, or a module in Python cannot be built.
+        Failure: a module in Python cannot be built.
     """
-    source = generate(compile_program(program).artifact)
-    return Behavior(program=program, bindings=bind(program.robot), source=source, first=load(source))
+    in_base = replace(program, robot=in_base_units(program.robot))
+    source = generate(compile_program(in_base).artifact)
+    return Behavior(robot=program.robot, program=in_base, source=source, first=load(source))

@@ -1,24 +1,24 @@
-"""The cameras of the robot of a run, each a server."""
+"""The cameras of the robot of a run."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable
 
-from colony.experiment.local_cameras import CeilingShot, LevelShot, LocalCamera, Shot
 from colony.experiment.variants import CEILING_CAMERA, FRONT_CAMERA, SIDE_CAMERA
 from colony.runtime.servers.drivers import CameraDriver
-from colony.runtime.servers.images import Image
+from colony.runtime.servers.images import Shot
 from colony.sim.cameras.camera import Camera, CameraConfig
 from colony.sim.cameras.scene import scene_of
 from colony.sim.drivers import Plant, SimulatedCamera
+from colony.sim.shots import CeilingShot, LevelShot
 from colony.sim.world.site import Site
 from colony.vision.level_camera import AHEAD, SIDE
 
 _LEVEL = {SIDE_CAMERA: SIDE, FRONT_CAMERA: AHEAD}
 
 
-def run_cameras(site: Site, names: Iterable[str], *, seed: int) -> tuple[LocalCamera, ...]:
-    """The cameras of these names: the one that looks up, the one to the left and the one ahead.
+def run_cameras(plant: Plant, site: Site, names: Iterable[str], *, seed: int) -> dict[str, CameraDriver]:
+    """Return the cameras of these names: the one that looks up, the one to the left, the one ahead.
 
     Args:
         seed: of the noise of those that look along the floor.
@@ -26,29 +26,14 @@ def run_cameras(site: Site, names: Iterable[str], *, seed: int) -> tuple[LocalCa
     Raises:
         ValueError: a robot has no such camera.
     """
-    return tuple(LocalCamera(name, _shutter(site, name, seed)) for name in sorted(names))
-
-
-def camera_driver(plant: Plant, site: Site, name: str, *, seed: int) -> CameraDriver:
-    """The same camera for the real server.
-
-    Raises:
-        ValueError: a robot has no such camera.
-    """
-    shutter = _shutter(site, name, seed)
-
-    def take(now_ns: int) -> Image:
-        shot = shutter(now_ns)
-        return shot.rows(0, shot.height)
-
-    return SimulatedCamera(plant, take)
+    return {name: SimulatedCamera(plant, _shutter(site, name, seed)) for name in sorted(names)}
 
 
 def _shutter(site: Site, name: str, seed: int) -> Callable[[int], Shot]:
     if name == CEILING_CAMERA:
-        return lambda now_ns: CeilingShot(site.ceiling(), site.world, now_ns)
+        return lambda now_ns: CeilingShot(site.ceiling(), site.world, 0, now_ns)
     eye = _level_eye(site, name, seed)
-    return lambda now_ns: LevelShot(eye(), site.world, now_ns)
+    return lambda now_ns: LevelShot(eye(), site.world, 0, now_ns)
 
 
 def _level_eye(site: Site, name: str, seed: int) -> Callable[[], Camera]:

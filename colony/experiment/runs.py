@@ -18,8 +18,6 @@ from colony.experiment.behavior import behavior_of
 from colony.experiment.expected import expected_s
 from colony.experiment.hazards_met import hazards_met
 from colony.experiment.lists import PUBLISHED
-from colony.experiment.local_scripts import ScriptFailed
-from colony.experiment.loop import Loop, Watch
 from colony.experiment.record import Failure, RunKey, RunResult
 from colony.experiment.run_cameras import run_cameras
 from colony.experiment.variants import CEILING_CAMERA, PLANNER, VARIANTS, Variant
@@ -29,7 +27,11 @@ from colony.nav.maps.building import Building, load_building
 from colony.nav.plan.plan import Plan
 from colony.nav.plan.route import plan
 from colony.nav.pose.tracker import ALL, Source
+from colony.runtime.assembly.loop import Loop, Watch
 from colony.runtime.kit.script import Script
+from colony.runtime.kit.script_local import ScriptFailed
+from colony.runtime.transport.virtual import VirtualClock
+from colony.sim.drivers import Plant, simulated_drivers
 from colony.sim.hazards.hazards import Hazards
 from colony.sim.hazards.scenery import Scenery
 from colony.sim.world.operator import operator
@@ -119,9 +121,13 @@ class Run:
         self.world = self.site.world
         presses = {OPERATOR: operator(self.site.elevators, self.world, seed=seed)}
         begun: list[int] = []
+        clock = VirtualClock()
+        plant = Plant(self.world, clock, [self.site.elevators.advance])
+        behavior = behavior_of(self.variant.behavior)
         self.loop = Loop(
-            behavior_of(self.variant.behavior),
-            self.world,
+            behavior.robot,
+            behavior.executor(),
+            simulated_drivers(plant, cameras=run_cameras(plant, self.site, spec.cameras, seed=seed)),
             {
                 **self.variant.scripts(
                     self.plan,
@@ -134,12 +140,12 @@ class Run:
                 **(presses if len(self.plan.floors) > 1 else {}),
                 **more,
             },
-            cameras=run_cameras(self.site, spec.cameras, seed=seed),
+            clock=clock,
+            advance=plant.catch_up,
             seed=seed,
             watch=watch,
-            moving=(self.site.elevators.advance,),
         )
-        self.watcher = Watcher(self.plan, self.loop, self.expected_s, begun)
+        self.watcher = Watcher(self.plan, self.loop, self.world, self.expected_s, begun)
         self.failure: Failure | None = None
         self.remark = ""
 

@@ -6,11 +6,12 @@ import math
 from collections.abc import Sequence
 
 from colony.experiment.expected import PATIENCE
-from colony.experiment.loop import Loop
 from colony.experiment.record import MODES, Contacts, Failure, LightCount, Mode, ModeCount
 from colony.nav.maps.stickrep.model import Pose
 from colony.nav.plan.plan import Plan, Segment
 from colony.nav.shared import CEILING_LIGHT, GoalKind
+from colony.runtime.assembly.loop import Loop
+from colony.sim.world.world import World
 
 STUCK_NS = 60_000_000_000
 """For how long a robot may stay in one place on one goal: people stand before it for a quarter of that."""
@@ -47,30 +48,30 @@ class Watcher:
     Args:
         plan: what is driven.
         loop: the run.
+        world: where its robot is number 0.
         expected_s: how long the plan takes where nothing goes wrong.
         begun: the numbers of the segments that the planner has begun, from 0; it goes on growing.
     """
 
-    def __init__(self, plan: Plan, loop: Loop, expected_s: float, begun: Sequence[int]) -> None:
-        self._plan, self._loop, self._begun = plan, loop, begun
+    def __init__(self, plan: Plan, loop: Loop, world: World, expected_s: float, begun: Sequence[int]) -> None:
+        self._plan, self._loop, self._world, self._begun = plan, loop, world, begun
         self._limit_ns = round(PATIENCE * expected_s * 1e9)
         self._seen = 0
         self._began_mm: dict[int, float] = {}
         self.done = False
-        self._place = loop.world.true_pose(0)
+        self._place = world.true_pose(0)
         self._since_ns = 0
         self._light = 0
         self._counted: dict[int, set[float]] = {}
         self._false = 0
-        self._pose, self._counts = loop.world.true_pose(0), loop.world.odometry(0)
+        self._pose, self._counts = world.true_pose(0), world.odometry(0)
         self.slips = 0
         self.top_mm_s = 0.0
         self.path: list[tuple[int, int]] = []
 
     def look(self) -> Failure:
         """Take in what the frame that is over has brought; gives why it makes no sense to go on."""
-        loop = self._loop
-        now_ns, world = loop.now_ns, loop.world
+        now_ns, world = self._loop.now_ns, self._world
         self.top_mm_s = max(self.top_mm_s, abs(world.speed(0).velocity_mm_s))
         pose, counts = world.true_pose(0), world.odometry(0)
         drifted = abs(_apart(pose, self._pose) - _apart(counts, self._counts))
@@ -98,7 +99,7 @@ class Watcher:
     @property
     def contacts(self) -> Contacts:
         """What it touched so far."""
-        world = self._loop.world
+        world = self._world
         return Contacts(world.bumps(0), world.contact_speed(0))
 
     @property
@@ -108,7 +109,7 @@ class Watcher:
         for number in self._begun:
             segment, counted = self._plan.segments[number], self._counted.get(number, set())
             over = number != self._segment or self.done
-            upto = math.inf if over else _along(segment, self._loop) - BELOW_LIGHT_MM
+            upto = math.inf if over else _along(segment, self._world) - BELOW_LIGHT_MM
             due = {light for light in segment.lights_mm if self._began_mm.get(number, 0.0) < light < upto}
             seen += len(counted)
             missed += len(due - counted)
@@ -146,7 +147,7 @@ class Watcher:
         if new:
             self._seen, self._light = len(self._begun), 0
             segment = self._plan.segments[self._segment]
-            self._began_mm[self._segment] = _along(segment, self._loop)
+            self._began_mm[self._segment] = _along(segment, self._world)
         counted = self._loop.data.present(CEILING_LIGHT)
         light = int(counted) if isinstance(counted, (int, float)) else 0
         if new and light:
@@ -163,7 +164,7 @@ class Watcher:
         segment = self._plan.segments[number] if number >= 0 else None
         if segment is None or segment.kind is not GoalKind.LIGHTS:
             return
-        along, counted = _along(segment, self._loop), self._counted.setdefault(number, set())
+        along, counted = _along(segment, self._world), self._counted.setdefault(number, set())
         nearest = min(segment.lights_mm, key=lambda light: abs(light - along))
         if abs(nearest - along) < BELOW_LIGHT_MM and nearest not in counted:
             counted.add(nearest)
@@ -187,8 +188,8 @@ def _apart(one: Pose, other: Pose) -> float:
     return math.hypot(one.x_mm - other.x_mm, one.y_mm - other.y_mm)
 
 
-def _along(segment: Segment, loop: Loop) -> float:
+def _along(segment: Segment, world: World) -> float:
     """How far the robot really is from a segment's start, along it, in mm."""
-    heading, pose = math.radians(segment.heading_deg), loop.world.true_pose(0)
+    heading, pose = math.radians(segment.heading_deg), world.true_pose(0)
     dx, dy = pose.x_mm - segment.start.x_mm, pose.y_mm - segment.start.y_mm
     return -math.sin(heading) * dx + math.cos(heading) * dy

@@ -7,7 +7,7 @@ state of a module `module.name`. Durations are whole nanoseconds; constants are 
 from __future__ import annotations
 
 from collections.abc import Iterable
-from dataclasses import field
+from dataclasses import field, replace
 from typing import Literal, Protocol
 
 from colony.ir.expression import Expression
@@ -103,6 +103,18 @@ class Robot(Declared):
     frame_ns: int = DEFAULT_FRAME_NS
     sensors: tuple[Sensor, ...] = ()
     actuators: tuple[Actuator, ...] = ()
+
+
+def in_base_units(robot: Robot) -> Robot:
+    """Return the same robot with every sensor and every field of a command declared in base units."""
+    return replace(
+        robot,
+        sensors=tuple(replace(sensor, factor=1.0) for sensor in robot.sensors),
+        actuators=tuple(
+            replace(actuator, fields=tuple(replace(field, factor=1.0) for field in actuator.fields))
+            for actuator in robot.actuators
+        ),
+    )
 
 
 # --- derived values ------------------------------------------------------------------------------

@@ -6,11 +6,11 @@ its devices is read or commanded, so that time passes for all of them alike.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 
 from colony.runtime.protocol.messages import Sample
-from colony.runtime.servers.drivers import BaseState, Drivers
-from colony.runtime.servers.images import Image
+from colony.runtime.servers.drivers import BaseState, CameraDriver, Drivers
+from colony.runtime.servers.images import Image, Shot
 from colony.sim.compiled import Bytes2
 from colony.sim.config import limits_of
 from colony.sim.world.world import MAX_STEP_S, World
@@ -60,13 +60,14 @@ def base_state(world: World, robot: int, t_ns: int) -> BaseState:
 
 
 class SimulatedBase:
-    """The base of robot number `robot`."""
+    """The base of robot number `robot`, whose state changes only with time. Mutable: the newest one."""
 
     register_bits: int | None = None
 
     def __init__(self, plant: Plant, robot: int) -> None:
         self._plant = plant
         self._robot = robot
+        self._state: BaseState | None = None
         self.limits = limits_of(plant.world.config)
 
     def drive(self, velocity: float, turn: float) -> None:
@@ -78,7 +79,9 @@ class SimulatedBase:
 
     def state(self) -> BaseState:
         now = self._plant.catch_up()
-        return base_state(self._plant.world, self._robot, now)
+        if self._state is None or self._state.t_ns != now:
+            self._state = base_state(self._plant.world, self._robot, now)
+        return self._state
 
 
 class SimulatedProximity:
@@ -102,14 +105,14 @@ class SimulatedCamera:
 
     Args:
         plant: the world and its clock.
-        take: takes an image of the present; its argument is the time.
+        take: takes an image of the present; its argument is the time. The image may be drawn when it is read.
     """
 
-    def __init__(self, plant: Plant, take: Callable[[int], Image]) -> None:
+    def __init__(self, plant: Plant, take: Callable[[int], Shot]) -> None:
         self._plant = plant
         self._take = take
 
-    def grab(self) -> Image:
+    def grab(self) -> Shot:
         return self._take(self._plant.catch_up())
 
 
@@ -121,6 +124,9 @@ def image_of(pixels: Bytes2, t_ns: int, first_row: int = 0) -> Image:
     )
 
 
-def simulated_drivers(plant: Plant, robot: int = 0) -> Drivers:
-    """All devices of one simulated robot."""
-    return Drivers(base=SimulatedBase(plant, robot), proximity=SimulatedProximity(plant, robot))
+def simulated_drivers(
+    plant: Plant, robot: int = 0, *, cameras: Mapping[str, CameraDriver] | None = None
+) -> Drivers:
+    """Return all devices of one simulated robot; `cameras` by the names of their servers."""
+    base, proximity = SimulatedBase(plant, robot), SimulatedProximity(plant, robot)
+    return Drivers(base=base, proximity=proximity, cameras=cameras or {})

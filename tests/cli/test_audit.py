@@ -273,11 +273,12 @@ def test_the_same_seed_gives_the_same_recording(recorded: Callable[..., Ran]) ->
 
 def test_texts_are_those_that_were_run(colony: Colony, behavior: Path) -> None:
     """A file that is saved after it was checked, and before the recording begins, is not recorded."""
-    from colony.cli.recorded_program import program_sources
     from colony.dsl.load import check_file
+    from colony.robots.recorded_program import program_sources
 
     text, checked = behavior.read_text(), check_file(behavior)
     behavior.write_text("# gone")
+    assert checked.program is not None
     root, (source,) = program_sources(str(behavior), checked.program, checked.tree)
     assert (root, source.place, source.data.decode()) == ("b.colony", "b.colony", text)
 

@@ -8,7 +8,8 @@ from pathlib import Path
 import click
 import pytest
 
-from colony.cli.outputs import check_output, open_alone, write_whole
+from colony.cli.outputs import check_output, write_whole
+from colony.files import open_alone
 from tests.cli.conftest import Colony
 from tests.paths import ROOT
 

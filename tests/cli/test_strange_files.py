@@ -13,13 +13,14 @@ from typing import Any
 
 import pytest
 
-from colony.cli import compile, python_sources
+from colony.cli import compile
 from colony.cli.experiment import outputs as experiment_outputs
 from colony.dsl import files as dsl_files
 from colony.execute import artifact
 from colony.experiment import lists
 from colony.files import size_text
 from colony.nav.maps.stickrep import file as stickrep_file
+from colony.robots import python_sources
 from colony.runtime.recordings import mcap_reader, replay
 from colony.runtime.transport.live import security
 from colony.vision import image_files

@@ -5,15 +5,16 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 
 from colony.dsl.load import load_text
+from colony.execute.intake import converted
 from colony.experiment.behavior import behavior_from
-from colony.experiment.local_cameras import LocalCamera
-from colony.experiment.loop import Loop
-from colony.ir.frame import Decision, Frame
+from colony.ir.frame import Decision, Frame, Outcome
+from colony.ir.program import in_declared_units
 from colony.runtime.kit.script import Script
 from colony.runtime.observe.observer import FrameLog
 from colony.runtime.servers.images import Image
 from colony.sim.world.world import World
 from tests.among_servers import FRAME_NS, run_among_servers
+from tests.experiment.loops import loop_of
 
 PROGRAM = """
 robot tester {
@@ -49,7 +50,7 @@ WALLS = [(-3e3, -2e3, 9e3, -2e3), (9e3, -2e3, 9e3, 2e3), (9e3, 2e3, -3e3, 2e3), 
 CAMERA = "CServerUp"
 
 Decided = tuple[Frame, tuple[Decision, ...]]
-"""What the network read in a frame, and what it decided."""
+"""What the network read in a frame, in base units, and what it decided, in declared ones."""
 
 Log = list[tuple[object, ...]]
 Scripts = Callable[[Mapping[str, Log]], Mapping[str, Script]]
@@ -73,15 +74,20 @@ def _image(t_ns: int, x_mm: float) -> Image:
 def in_loop(make: Scripts, logs: Mapping[str, Log], frames: int) -> list[Decided]:
     """What the network decided, frame by frame."""
     decided: list[Decided] = []
-    world = _world()
-    camera = LocalCamera(CAMERA, lambda now_ns: _image(now_ns, world.true_pose(0).x_mm))
-    loop = Loop(
-        behavior_from(load_text(PROGRAM)),
+    world, behavior = _world(), behavior_from(load_text(PROGRAM))
+
+    def watch(frame: Frame, outcome: Outcome) -> None:
+        pairs = zip(outcome.decisions, behavior.robot.actuators, strict=True)
+        declared = (d._replace(values=in_declared_units(d.values, a.fields)) for d, a in pairs)
+        decided.append((frame, tuple(declared)))
+
+    loop = loop_of(
+        behavior,
         world,
         make(logs),
-        cameras=(camera,),
+        cameras={CAMERA: lambda now_ns: _image(now_ns, world.true_pose(0).x_mm)},
         seed=3,
-        watch=lambda frame, outcome: decided.append((frame, outcome.decisions)),
+        watch=watch,
     )
     for _ in range(frames):
         loop.frame()
@@ -92,10 +98,15 @@ def in_loop(make: Scripts, logs: Mapping[str, Log], frames: int) -> list[Decided
 class _Decisions:
     def __init__(self) -> None:
         self.decided: list[Decided] = []
+        self._factors = {s.name: s.factor for s in load_text(PROGRAM).robot.sensors}
 
     def take(self, log: FrameLog) -> None:
         assert not log.disagreements
-        self.decided.append((log.frame, log.expected.decisions))
+        readings = {
+            name: converted(reading, self._factors[name].__mul__)
+            for name, reading in log.frame.readings.items()
+        }
+        self.decided.append((log.frame._replace(readings=readings), log.expected.decisions))
 
     def close(self) -> None:
         """It holds nothing."""

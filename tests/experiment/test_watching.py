@@ -10,7 +10,6 @@ import pytest
 
 from colony.dsl.load import load_text
 from colony.experiment.behavior import behavior_from
-from colony.experiment.loop import Loop
 from colony.experiment.record import Contacts, LightCount
 from colony.experiment.watching import Watcher, mode_of
 from colony.nav.plan.plan import Place, Plan, Segment
@@ -21,6 +20,7 @@ from colony.sim.config import IDEAL
 from colony.sim.hazards.scenery import Joint, Scenery, Slip, bare
 from colony.sim.world.world import World
 from tests.experiment.conformance_stage import PROGRAM
+from tests.experiment.loops import loop_of
 
 
 def _segment(kind: GoalKind, start: float, end: float, *lights: float) -> Segment:
@@ -59,14 +59,14 @@ class Stage:
     ) -> None:
         begun: list[int] = []
         walls = [(wall_mm, -2e3, wall_mm, 2e3), (-5e3, 2e3, -5e3, -2e3)]
-        world = World(walls=scenery or walls, poses=[(east_mm, 0.0, 270.0)], config=IDEAL)
-        self.loop = Loop(
+        world = self.world = World(walls=scenery or walls, poses=[(east_mm, 0.0, 270.0)], config=IDEAL)
+        self.loop = loop_of(
             behavior_from(load_text(PROGRAM)),
             world,
             {"leader": _leader(steps, begun)},
             variables={"Wanted": 500.0},
         )
-        self.watcher = Watcher(PLAN, self.loop, 100.0, begun)
+        self.watcher = Watcher(PLAN, self.loop, world, 100.0, begun)
 
     def drive(self, until: Callable[[], bool], most: int = 8000) -> str:
         for _ in range(most):
@@ -169,7 +169,7 @@ def test_slips_are_noticed_where_wheels_count_what_is_not_driven() -> None:
     joints = tuple(Joint(x0_mm=x, y0_mm=-2e3, x1_mm=x, y1_mm=2e3) for x in (2e3, 4e3, 7e3))
     scenery = Scenery(seed=1, walls=plain.walls, silent=plain.silent, joints=joints, slip=slip)
     stage = Stage(scenery=scenery)
-    stage.drive(lambda: stage.loop.world.true_pose(0).x_mm > 8000.0)
+    stage.drive(lambda: stage.world.true_pose(0).x_mm > 8000.0)
     assert stage.watcher.slips == 3
 
 

@@ -7,11 +7,10 @@ from typing import Any
 
 import msgspec
 
-from colony.experiment.local_servers import Handler
 from colony.runtime.kit.script import Script
 from colony.runtime.library import data
 from colony.runtime.library.robot import PoseArguments, Position
-from colony.runtime.protocol.calls import Asked
+from colony.runtime.protocol.calls import Asked, Handler
 from tests.script_stage import FRAME_NS, ScriptStage, Server
 
 
@@ -54,16 +53,16 @@ class Stage(ScriptStage):
         self.ask(data.signal(semaphore))
 
     def _heard(self, method: str, handler: Handler) -> Handler:
-        def hear(asked: Asked, arguments: Any, reply: Any, now_ns: int) -> object:
+        def hear(asked: Asked, arguments: Any, now_ns: int) -> object:
             self.calls.append((asked.caller.name, method, _told(arguments)))
-            return handler(asked, arguments, reply, now_ns)
+            return handler(asked, arguments, now_ns)
 
         return hear
 
-    def _position(self, asked: Asked, arguments: object, reply: Any, now_ns: int) -> Position:
+    def _position(self, asked: Asked, arguments: object, now_ns: int) -> Position:
         return Position(x=self.x, y=self.y, heading=self.heading % 360.0, t_ns=now_ns)
 
-    def _adjust(self, asked: Asked, arguments: PoseArguments, reply: Any, now_ns: int) -> None:
+    def _adjust(self, asked: Asked, arguments: PoseArguments, now_ns: int) -> None:
         self.x, self.y = self.x + arguments.x, self.y + arguments.y
         self.heading += arguments.heading
 

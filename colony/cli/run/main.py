@@ -7,23 +7,19 @@ import json
 import sys
 from collections.abc import Iterator
 from contextlib import contextmanager, redirect_stdout
-from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import click
 
 from colony.cli.exit_codes import EXIT_ERRORS, EXIT_INTERRUPTED, EXIT_MISUSE
 from colony.cli.places import connect_option, place_of, problems_told, security_option
 from colony.cli.reporting import refuse, report, say
-from colony.cli.run.options import Arrival, BadOption, BrokenOff, Misuse, Options
+from colony.cli.run.options import DURATION, BadOption, Options, objection, request_of
+from colony.robots.request import BrokenOff, Misuse
 
 if TYPE_CHECKING:
     from colony.execute.compiled import Compiled
-    from colony.runtime.observe.summary import RunSummary
-    from colony.runtime.transport.live.place import Place
-
-DURATION = "60"
-"""Seconds that a run in a building takes where nothing is said."""
+    from colony.robots.request import Driven, RunRequest
 
 PICTURE = "run.png"
 
@@ -73,27 +69,7 @@ PICTURE = "run.png"
 )
 @click.option("--fsync", is_flag=True, help="With --processes: DServer's data outlives a loss of power.")
 @click.option("--format", "format_", type=click.Choice(["text", "json"]), default="text", show_default=True)
-def command(
-    file: str,
-    map_path: str | None,
-    processes: bool,
-    connect: str | None,
-    security: Path | None,
-    robot: str | None,
-    seed: int,
-    duration: str | None,
-    realtime: bool,
-    record: str | None,
-    picture: str | None,
-    no_picture: bool,
-    settings: tuple[str, ...],
-    cameras: tuple[str, ...],
-    origin: str | None,
-    goal: str | None,
-    hazards: int | None,
-    fsync: bool,
-    format_: str,
-) -> None:
+def command(**given: Any) -> None:
     """Run a behavior on a robot that is simulated in the building of a map, or on a real one.
 
     FILE is a behavior, or what `colony compile` made of one (`-o NAME.colonyc`).
@@ -129,96 +105,43 @@ def command(
       colony run behaviors/wander.colony --connect --robot rome
       colony run behaviors/wander.colony --connect tls/rome.lab:7447 --security ada.toml
     """
-    _check_choice(map_path, processes, connect, realtime, cameras, fsync, security, driven=goal is not None)
-    _check_way(origin, goal, hazards, there=connect is not None)
+    options = Options(**given)
+    wrong = objection(options)
+    if wrong is not None:
+        raise click.UsageError(wrong, click.get_current_context())
     from colony.cli.programs import load_compiled
 
-    compiled = load_compiled(file)
-    options = Options(
-        file=file,
-        map_path=map_path,
-        seed=seed,
-        duration=duration or (None if connect is not None or goal is not None else DURATION),
-        realtime=realtime,
-        record=record,
-        picture=None if no_picture or connect is not None else picture or PICTURE,
-        settings=settings,
-        cameras=cameras,
-        fsync=fsync,
-        origin=origin,
-        goal=goal,
-        hazards=hazards,
-    )
+    compiled = load_compiled(options.file)
+    picture = None if options.no_picture or options.connect is not None else options.picture or PICTURE
     with _failures_told(), redirect_stdout(sys.stderr):  # for what modules in Python print
-        if processes or connect is not None:
-            with problems_told():
-                place = place_of(compiled.name if robot is None else robot, connect, security)
-                summary, arrival = _run_processes(compiled, place, options, simulated=connect is None)
-        else:
-            summary, arrival = _run_simulated(compiled, options)
-    _tell(summary, arrival, options, format_)
+        from colony.cli.run.outputs import check_outputs, drawn
+
+        request = request_of(compiled.robot, options)
+        check_outputs(options.record, picture, [p for p in (options.file, options.map_path) if p is not None])
+        driven = _driven(compiled, request, options)
+        if picture is not None:
+            driven = drawn(driven, compiled.name, picture)
+    _tell(driven, options.record, picture, options.format_)
 
 
-def _run_simulated(compiled: Compiled, options: Options) -> tuple[RunSummary, Arrival | None]:
-    from colony.cli.run.progress import told_if_slow
+def _driven(compiled: Compiled, request: RunRequest, options: Options) -> Driven:
+    from colony.cli.run.attending import ATTENDANT
 
-    with told_if_slow("compiling the simulator: some seconds, once where the result can be kept"):
-        from colony.cli.run.simulated import run
-    return run(compiled, options)
+    if not options.processes and options.connect is None:
+        from colony.cli.run.progress import told_if_slow
 
+        with told_if_slow("compiling the simulator: some seconds, once where the result can be kept"):
+            from colony.robots.building_run import run_in_building
+        return run_in_building(compiled, request, ATTENDANT)
+    with problems_told():
+        from colony.robots.process_run import run_here, run_there
+        from colony.runtime.transport.live.place import Local
 
-def _run_processes(
-    compiled: Compiled, place: Place, options: Options, *, simulated: bool
-) -> tuple[RunSummary, Arrival | None]:
-    from colony.cli.run.processes import run_here, run_there
-    from colony.runtime.transport.live.place import Local
-
-    if simulated and isinstance(place, Local):
-        return run_here(compiled, place, options)
-    return run_there(compiled, place, options)
-
-
-def _check_choice(
-    map_path: str | None,
-    processes: bool,
-    connect: str | None,
-    realtime: bool,
-    cameras: tuple[str, ...],
-    fsync: bool,
-    security: Path | None,
-    *,
-    driven: bool,
-) -> None:
-    """Options that make no sense together; `driven` where there is a goal."""
-    wrong = None
-    if connect is None and map_path is None:
-        wrong = "found neither --map nor --connect: where is the robot?"
-    elif connect is not None and processes:
-        wrong = "--connect is for a robot that is there: it goes without --processes"
-    elif connect is not None and map_path is not None and not driven:
-        wrong = "--connect is for a robot that is there: --map goes with it for --from and --to alone"
-    elif connect is not None and map_path is None and driven:
-        wrong = "found --to without --map: through which building?"
-    elif connect is None and security is not None:
-        wrong = "--security goes with --connect"
-    elif realtime and connect is not None:
-        wrong = "--realtime is for a run in a building: a robot that is there knows no other time"
-    elif not processes and (cameras or fsync):
-        wrong = f"{'--camera' if cameras else '--fsync'} goes with --processes"
-    if wrong is not None:
-        raise click.UsageError(wrong, click.get_current_context())
-
-
-def _check_way(origin: str | None, goal: str | None, hazards: int | None, *, there: bool) -> None:
-    wrong = None
-    if (origin is None) != (goal is None):
-        wrong = f"found {'--to' if origin is None else '--from'} alone; expected --from ROOM --to ROOM"
-    elif goal is None and hazards is not None:
-        wrong = "--hazards goes with --from and --to"
-    elif there and hazards is not None:
-        wrong = "--hazards is of a simulated building: `colony serve` takes it, not a run with --connect"
-    if wrong is not None:
-        raise click.UsageError(wrong, click.get_current_context())
+        name = compiled.name if options.robot is None else options.robot
+        place = place_of(name, options.connect, options.security)
+        if options.connect is None and isinstance(place, Local):
+            return run_here(compiled, place, request, ATTENDANT)
+        return run_there(compiled, place, request, ATTENDANT)
 
 
 @contextmanager
@@ -243,9 +166,10 @@ def _failures_told() -> Iterator[None]:
         raise click.exceptions.Exit(EXIT_ERRORS) from None
 
 
-def _tell(summary: RunSummary, arrival: Arrival | None, options: Options, format_: str) -> None:
+def _tell(driven: Driven, record: str | None, picture: str | None, format_: str) -> None:
+    summary, arrival = driven.summary, driven.arrival
     if format_ == "json":
-        written: dict[str, object] = {"recording": options.record, "picture": options.picture}
+        written: dict[str, object] = {"recording": record, "picture": picture}
         if arrival is not None:
             written["arrival"] = arrival._asdict()
         click.echo(json.dumps(summary.as_json() | written, indent=2))
@@ -253,7 +177,7 @@ def _tell(summary: RunSummary, arrival: Arrival | None, options: Options, format
         from colony.runtime.observe.summary import render
 
         click.echo(render(summary))
-        for path in (options.record, options.picture, *(() if arrival is None else arrival.pictures)):
+        for path in (record, picture, *(() if arrival is None else arrival.pictures)):
             if path is not None and path not in summary.unwritten:
                 click.echo(f"  wrote {path}")
         if arrival is not None:

@@ -5,10 +5,12 @@ from __future__ import annotations
 import math
 import re
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, NamedTuple
+from pathlib import Path
+from typing import TYPE_CHECKING, Literal
 
 from colony.ir.program import Robot, Sensor
 from colony.ir.types import Array, Bool, Enum, Quantity, Scalar, ScalarValue, Value
+from colony.robots.request import RunRequest
 from colony.runtime.protocol.bindings import nearest
 from colony.text.units import ANGLE, TIME, BadUnit, Dimension, nanoseconds, parse_unit
 
@@ -18,48 +20,88 @@ if TYPE_CHECKING:
 _QUANTITY = re.compile(r"([-+]?(?:[0-9]+\.?[0-9]*|\.[0-9]+)(?:[eE][-+]?[0-9]+)?)\s*(.*)")
 
 
+DURATION = "60"
+"""Seconds that a run in a building takes where nothing is said."""
+
+
 class BadOption(ValueError):
     """An option's value makes no sense; the message says what was found and what was expected."""
 
 
-class Misuse(Exception):
-    """What was named cannot be used; the message is one line that begins with it."""
-
-
-class BrokenOff(Exception):
-    """A run of processes could not begin, or broke off; the message, of one line or several, tells why."""
-
-
-class Arrival(NamedTuple):
-    """Whether a robot that was sent somewhere arrived, what to say of it, and the files in which its way on
-    other floors than the first is drawn."""
-
-    arrived: bool
-    text: str
-    pictures: tuple[str, ...] = ()
-
-
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Options:
-    """The command line of `colony run`, as given.
-
-    `map_path` is None where the robot is there already, `duration` for a run until it is interrupted,
-    `record` and `picture` where there is to be none; so are `origin`, `goal` and the seed of `hazards`.
-    """
+    """The command line of `colony run`, as given."""
 
     file: str
     map_path: str | None
+    processes: bool
+    connect: str | None
+    security: Path | None
+    robot: str | None
     seed: int
     duration: str | None
     realtime: bool
     record: str | None
     picture: str | None
+    no_picture: bool
     settings: tuple[str, ...]
     cameras: tuple[str, ...]
+    origin: str | None
+    goal: str | None
+    hazards: int | None
     fsync: bool
-    origin: str | None = None
-    goal: str | None = None
-    hazards: int | None = None
+    format_: Literal["text", "json"]
+
+
+def request_of(robot: Robot, options: Options) -> RunRequest:
+    """Return the run that the options ask for.
+
+    Raises:
+        BadOption: an option's value makes no sense.
+    """
+    endless = options.connect is not None or options.goal is not None
+    duration = options.duration or (None if endless else DURATION)
+    return RunRequest(
+        file=options.file,
+        map_path=options.map_path,
+        seed=options.seed,
+        length_ns=None if duration is None else duration_ns(duration),
+        held=variables(robot, options.settings),
+        realtime=options.realtime,
+        record=options.record,
+        cameras=cameras(options.cameras),
+        fsync=options.fsync,
+        origin=options.origin,
+        goal=options.goal,
+        hazards=options.hazards,
+    )
+
+
+def objection(options: Options) -> str | None:
+    """Return why options make no sense together, None if they do."""
+    there, mapped = options.connect is not None, options.map_path is not None
+    driven = options.goal is not None
+    if not there and not mapped:
+        return "found neither --map nor --connect: where is the robot?"
+    if there and options.processes:
+        return "--connect is for a robot that is there: it goes without --processes"
+    if there and mapped and not driven:
+        return "--connect is for a robot that is there: --map goes with it for --from and --to alone"
+    if there and not mapped and driven:
+        return "found --to without --map: through which building?"
+    if not there and options.security is not None:
+        return "--security goes with --connect"
+    if options.realtime and there:
+        return "--realtime is for a run in a building: a robot that is there knows no other time"
+    if not options.processes and (options.cameras or options.fsync):
+        return f"{'--camera' if options.cameras else '--fsync'} goes with --processes"
+    if (options.origin is None) != (options.goal is None):
+        return f"found {'--to' if options.origin is None else '--from'} alone; expected --from ROOM --to ROOM"
+    if not driven and options.hazards is not None:
+        return "--hazards goes with --from and --to"
+    if there and options.hazards is not None:
+        return "--hazards is of a simulated building: `colony serve` takes it, not a run with --connect"
+    return None
 
 
 def duration_ns(text: str) -> int:

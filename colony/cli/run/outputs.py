@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -13,7 +14,7 @@ from colony.cli.outputs import check_output, write_whole
 from colony.cli.run.options import BadOption
 
 if TYPE_CHECKING:
-    from colony.nav.maps.stickrep.model import Map
+    from colony.robots.request import Driven
 
 
 def check_outputs(record: str | None, picture: str | None, inputs: Iterable[str]) -> None:
@@ -37,25 +38,27 @@ def check_outputs(record: str | None, picture: str | None, inputs: Iterable[str]
             check_output(path, list(inputs))
 
 
-def draw_paths(
-    floors: Sequence[Map], places: Mapping[str, Sequence[tuple[float, float]]], robot: str, path: str
-) -> tuple[str, ...] | None:
-    """Each floor with the way of a robot on it: the first one into `path`, the others beside it, by their
-    names: run.png and run.msu_engineering_2.png. These others are given; None where a picture could not be
-    written, which has been said."""
+def drawn(driven: Driven, robot: str, path: str) -> Driven:
+    """Draw each floor with the way of a robot on it: the first one into `path`, the others beside it.
+
+    The others go by their names: run.png and run.msu_engineering_2.png. What is returned tells of them, or of
+    a picture that could not be written, which has been said.
+    """
     import numpy as np
 
     from colony.view.map_picture import draw_map, encode_picture, picture_format
 
     target = Path(path)
     others: list[str] = []
-    for number, floor in enumerate(floors):
-        way = np.array(places.get(floor.name, ()), dtype=np.float64).reshape(-1, 2)
+    for number, floor in enumerate(driven.floors):
+        way = np.array(driven.places.get(floor.name, ()), dtype=np.float64).reshape(-1, 2)
         picture = draw_map(floor, [way], names=[robot])
-        drawn = target if number == 0 else target.with_suffix(f".{floor.name}{target.suffix}")
+        file = target if number == 0 else target.with_suffix(f".{floor.name}{target.suffix}")
         try:
-            write_whole(drawn, encode_picture(picture, picture_format(path)))
+            write_whole(file, encode_picture(picture, picture_format(path)))
         except click.exceptions.Exit:
-            return None
-        others += [str(drawn)] if number else []
-    return tuple(others)
+            return driven._replace(summary=replace(driven.summary, unwritten=(path,)))
+        others += [str(file)] if number else []
+    if driven.arrival is None:
+        return driven
+    return driven._replace(arrival=driven.arrival._replace(pictures=tuple(others)))

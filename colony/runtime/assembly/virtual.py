@@ -19,11 +19,12 @@ from colony.runtime.frames.assembly import frames_kept
 from colony.runtime.frames.clock import Clock
 from colony.runtime.observe.closing import close_all
 from colony.runtime.observe.observer import Sink
-from colony.runtime.protocol.bindings import bind
-from colony.runtime.protocol.deployment import deployment
+from colony.runtime.protocol.bindings import Bindings, bind
+from colony.runtime.protocol.deployment import Deployment, deployment
 from colony.runtime.protocol.fields import DSERVER, PSERVER, RSERVER, RUNTIME
 from colony.runtime.protocol.messages import Node
 from colony.runtime.protocol.topics import CLOCK, activity, client_address
+from colony.runtime.servers.cserver import CServer
 from colony.runtime.servers.drivers import Drivers
 from colony.runtime.servers.dserver import DServer
 from colony.runtime.servers.pserver import PServer
@@ -33,25 +34,116 @@ from colony.runtime.store.store import MemoryStore
 from colony.runtime.transport.virtual import Link, VirtualClock, VirtualTransport, perfect
 
 RUN = "run"
-"""What the run of a session is called."""
+"""The name of a run in virtual time."""
+
+Builders = Mapping[str, Callable[[], Node]]
+"""Nodes by their addresses, each with how to build it, and build it again."""
+
+Servers = Callable[[Deployment, int], Builders]
+"""Gives the servers of a robot, for what is deployed, and for the number of frames that they keep."""
 
 
-class VirtualSession:
-    """One robot and one run of it. Mutable: everything below it.
+class VirtualRobot:
+    """The nodes of one run, joined by a transport in virtual time. Mutable: everything below it.
 
-    `restart`, and `transport` with `kill`, `freeze` and `thaw`, do to a process what may happen to one;
+    `transport` with `kill`, `freeze`, `restart` and `revive` does to a process what may happen to one;
     `transport.at` does it at a time. What a store keeps survives, as it would on a disk.
 
     Args:
         compiled: what is run.
-        drivers: the devices; they tell time by `clock`.
+        bindings: where its sensors and actuators are.
+        servers: all servers but the Clock.
+        clock: the time, which the transport moves on.
         seed: of `Runtime.random`.
-        variables: DServer's, held as they are (see `DServer`), in declared units.
         sinks: who takes the frames.
+        ticking: whether there is a Clock; without one, whoever drives the robot injects ticks.
         order_seed: of the order in which messages of one moment arrive; no result depends on it.
         link: faults of the transport.
         requests: whether frames come with what the clients asked for.
         nodes: who else takes part, such as camera servers and scripts; started last, in this order.
+
+    Raises:
+        Failure: a module in Python cannot be imported or built.
+    """
+
+    def __init__(
+        self,
+        compiled: Compiled,
+        bindings: Bindings,
+        servers: Servers,
+        *,
+        clock: VirtualClock,
+        seed: int,
+        sinks: tuple[Sink, ...] = (),
+        ticking: bool = True,
+        order_seed: int | None = None,
+        link: Link = perfect,
+        requests: bool = False,
+        nodes: tuple[Node, ...] = (),
+    ) -> None:
+        keep = frames_kept(compiled.frame_ns)
+        self.deployed = deployed = deployment(compiled, bindings, run=RUN, seed=seed)
+        built = servers(deployed, keep)
+        builders: dict[str, Callable[[], Node]] = {}
+        if ticking:  # the Clock comes first: whoever says that it is ready is to be heard
+            builders[CLOCK] = lambda: Clock(servers=tuple(built), keep=keep, deployment=deployed)
+        builders.update(built)
+        for actuator, module, _ in compiled.clients:
+            builders[client_address(actuator, module)] = partial(
+                build_client, compiled, bindings, actuator, module, RUN
+            )
+        for module in compiled.announced:
+            builders[activity(DSERVER.name, module)] = partial(
+                build_announcer, compiled, bindings, module, RUN
+            )
+        self.observer = build_observer(compiled, bindings, sinks, RUN, requests=requests)
+        self._builders = builders
+        self.nodes: dict[str, Node] = {address: build() for address, build in builders.items()}
+        self.nodes[self.observer.address] = self.observer
+        self.nodes.update((node.address, node) for node in nodes)
+        self.transport = VirtualTransport(clock, seed=seed if order_seed is None else order_seed, link=link)
+
+    @property
+    def addresses(self) -> tuple[str, ...]:
+        """The addresses of the processes that can be started again."""
+        return tuple(self._builders)
+
+    def start(self) -> None:
+        """Start all nodes."""
+        for node in self.nodes.values():
+            self.transport.add(node)
+
+    def kill(self, address: str) -> None:
+        """Kill a process as SIGKILL would; one that does not live stays dead."""
+        if address in self.transport.addresses:
+            self.transport.kill(address)
+
+    def freeze(self, address: str) -> None:
+        """Stop a process as SIGSTOP would, if it lives."""
+        if address in self.transport.addresses:
+            self.transport.freeze(address)
+
+    def revive(self, address: str) -> None:
+        """Let a frozen process go on, and start a new one in the place of one that was killed."""
+        if address in self.transport.addresses:
+            self.transport.thaw(address)
+        else:
+            self.restart(address)
+
+    def restart(self, address: str) -> None:
+        """Put a new process in the place of one, which is killed if it still lives; not of the observer."""
+        self.kill(address)
+        node = self.nodes[address] = self._builders[address]()
+        self.transport.add(node)
+
+
+class VirtualSession(VirtualRobot):
+    """One robot with the servers that every robot has, and one run of it.
+
+    Args:
+        drivers: the devices; they tell time by `clock`.
+        variables: DServer's, held as they are (see `DServer`), in declared units.
+        others: as of `VirtualRobot`.
 
     Raises:
         Failure: a sensor or an actuator is bound to what no server has, or a module in Python cannot be
@@ -72,43 +164,35 @@ class VirtualSession:
         requests: bool = False,
         nodes: tuple[Node, ...] = (),
     ) -> None:
-        bindings = bind(compiled.robot)
-        deployed = deployment(compiled, bindings, run=RUN, seed=seed)
-        keep, store = frames_kept(compiled.frame_ns), MemoryStore()
-        builders: dict[str, Callable[[], Node]] = {
-            RSERVER.name: lambda: RServer(drivers.base, deployment=deployed, keep=keep),
-            PSERVER.name: lambda: PServer(drivers.proximity, keep=keep),
-            DSERVER.name: lambda: DServer(variables, deployment=deployed, keep=keep, store=store),
-            RUNTIME.name: lambda: RuntimeServer(seed, keep=keep),
-        }
-        servers = tuple(builders)
-        for actuator, module, _ in compiled.clients:
-            builders[client_address(actuator, module)] = partial(
-                build_client, compiled, bindings, actuator, module, RUN
-            )
-        for module in compiled.announced:
-            builders[activity(DSERVER.name, module)] = partial(
-                build_announcer, compiled, bindings, module, RUN
-            )
-        self._observer = build_observer(compiled, bindings, sinks, RUN, requests=requests)
-        builders[CLOCK] = lambda: Clock(servers=servers, keep=keep, deployment=deployed)
-        self._builders = builders
-        self._nodes: dict[str, Node] = {address: build() for address, build in builders.items()}
-        self._nodes[self._observer.address] = self._observer
-        self._nodes.update((node.address, node) for node in nodes)
-        self.transport = VirtualTransport(clock, seed=seed if order_seed is None else order_seed, link=link)
+        store = MemoryStore()
+
+        def servers(deployed: Deployment, keep: int) -> Builders:
+            return {
+                RSERVER.name: lambda: RServer(drivers.base, deployment=deployed, keep=keep),
+                PSERVER.name: lambda: PServer(drivers.proximity, keep=keep),
+                DSERVER.name: lambda: DServer(variables, deployment=deployed, keep=keep, store=store),
+                RUNTIME.name: lambda: RuntimeServer(seed, keep=keep),
+            }
+
+        keep = frames_kept(compiled.frame_ns)
+        cameras = (CServer(driver, keep=keep, address=name) for name, driver in drivers.cameras.items())
+        super().__init__(
+            compiled,
+            bind(compiled.robot),
+            servers,
+            clock=clock,
+            seed=seed,
+            sinks=sinks,
+            order_seed=order_seed,
+            link=link,
+            requests=requests,
+            nodes=(*cameras, *nodes),
+        )
         self._closed = False
 
     def add(self, sink: Sink) -> None:
-        """One more sink, before `run`."""
-        self._observer.add(sink)
-
-    def restart(self, address: str) -> None:
-        """Put a new process in the place of one, which is killed if it still lives; not of the observer."""
-        if address in self.transport.addresses:
-            self.transport.kill(address)
-        node = self._nodes[address] = self._builders[address]()
-        self.transport.add(node)
+        """Add one more sink, before `run`."""
+        self.observer.add(sink)
 
     def run(
         self,
@@ -122,10 +206,7 @@ class VirtualSession:
         `stop` is asked, and `pace` is told the time, before every moment in which something happens.
         """
         try:
-            self.transport.add(self._nodes[CLOCK])  # who says that it is ready is to be heard
-            for address, node in self._nodes.items():
-                if address != CLOCK:
-                    self.transport.add(node)
+            self.start()
             return self.transport.run_until(duration_ns, stop=stop, pace=pace)
         finally:
             self.close()
@@ -135,4 +216,5 @@ class VirtualSession:
         if self._closed:
             return
         self._closed = True
-        close_all(self._nodes.values())  # RServer is the first
+        base_first = sorted(self.nodes, key=lambda address: address != RSERVER.name)
+        close_all(self.nodes[address] for address in base_first)

@@ -255,6 +255,14 @@ class CallDesk:
         """The same for a call that is not done after all."""
         yield from self._reply(asked, _problem(asked, refused.problem))
 
+    def settle(self, answers: Iterable[tuple[Asked, object]]) -> Iterator[Effect]:
+        """Answer calls whose handlers said `LATER`; a result of the type `Refused` refuses its call."""
+        for asked, result in answers:
+            if isinstance(result, Refused):
+                yield from self.refuse(asked, result)
+            else:
+                yield from self.answer(asked, result)
+
     def notify(self, caller: Caller, subject: str, body: object) -> Iterator[Effect]:
         """Tell a caller something, if it is still there."""
         if caller.connection in self._connections:

@@ -52,11 +52,6 @@ class BaseActuator:
     def name(self) -> str:
         return self.commanded.name
 
-    def speeds(self, values: tuple[ScalarValue, ...]) -> Speeds:
-        """What an actuator's values, in base units, say; a parameter that it does not have is 0."""
-        velocity, turn = (0.0 if i is None else float(values[i]) for i in self.commanded.places)
-        return Speeds(velocity, turn)
-
     def values(self, speeds: Speeds) -> tuple[float, ...]:
         """Speeds as an actuator's values; what it has no field for is left out."""
         values = [0.0] * len(self.commanded.fields)
@@ -64,6 +59,12 @@ class BaseActuator:
             if i is not None:
                 values[i] = speed
         return tuple(values)
+
+
+def speeds_of(actuator: ActuatorTable, values: tuple[ScalarValue, ...]) -> Speeds:
+    """Return what a command, in base units, says; a parameter that the actuator does not have is 0."""
+    velocity, turn = (0.0 if i is None else float(values[i]) for i in actuator.places)
+    return Speeds(velocity, turn)
 
 
 def base_actuator(deployed: Deployment | None, limits: BaseLimits) -> BaseActuator:

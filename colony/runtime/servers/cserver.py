@@ -13,7 +13,16 @@ from collections.abc import Iterable, Iterator
 
 from colony.runtime.arbitration.locks import LockQueue
 from colony.runtime.library.camera import GrabRows, ImageSize, LockImage, SetPeriod
-from colony.runtime.protocol.calls import LATER, Asked, CallDesk, Later, Nothing, Refused, method
+from colony.runtime.protocol.calls import (
+    LATER,
+    Asked,
+    CallDesk,
+    Later,
+    Method,
+    Nothing,
+    Refused,
+    method,
+)
 from colony.runtime.protocol.codec import LARGEST
 from colony.runtime.protocol.connections import Caller
 from colony.runtime.protocol.messages import (
@@ -28,7 +37,7 @@ from colony.runtime.protocol.messages import (
     WakeAt,
 )
 from colony.runtime.servers.drivers import CameraDriver
-from colony.runtime.servers.images import Image
+from colony.runtime.servers.images import Image, Shot
 from colony.runtime.servers.publishing import Publisher
 
 CSERVER = "CServer"
@@ -44,98 +53,78 @@ _LARGEST_PIXELS = LARGEST - 4096
 """What fits into one message besides all else that a reply has."""
 
 
-class CServer:
-    """Mutable: the image, its lock, the period.
+class Camera:
+    """A camera as its server keeps it. Mutable: the newest shot, its lock, the period, and `answers`.
 
     Args:
+        address: the server's name.
         driver: the camera.
-        address: the server's name, an identifier.
         period_ns: from one image to the next.
-        keep: how many frames are kept for who missed one.
+
+    Attributes:
+        answers: results, or refusals, of calls that waited for the lock; whoever sends them empties the list.
     """
 
-    def __init__(
-        self, driver: CameraDriver, *, keep: int, address: str = CSERVER, period_ns: int = PERIOD_NS
-    ) -> None:
+    def __init__(self, address: str, driver: CameraDriver, period_ns: int = PERIOD_NS) -> None:
         self.address = address
         self._driver = driver
         self._period_ns = period_ns
-        self._publisher = Publisher(address, lambda tick: {}, keep=keep)
-        self._desk = CallDesk(
-            address,
-            (
-                method("size", Nothing, self._size, right="read"),
-                method("grab", Nothing, self._grab, right="read"),
-                method("grab_rows", GrabRows, self._grab_rows, right="read"),
-                method("lock", LockImage, self._take_lock),
-                method("unlock", Nothing, self._give_lock),
-                method("period", Nothing, lambda *_: self._period_ns, right="read"),
-                method("set_period", SetPeriod, self._set_period),
-            ),
-            lost=self._lost,
-        )
         self._lock = LockQueue()
-        self._granted: list[Asked] = []
-        self._image: Image | None = None
+        self._shot: Shot | None = None
         self._due_ns = 0
-        self._alarm: int | None = None
-        self.listens = (*self._publisher.listens, *self._desk.listens)
+        self.answers: list[tuple[Asked, object]] = []
 
-    def start(self, now_ns: int) -> Iterable[Effect]:
-        self._due_ns = now_ns
-        return tuple(self._keep_time(now_ns))
+    @property
+    def methods(self) -> tuple[Method, ...]:
+        """The methods of its server."""
+        return (
+            method("size", Nothing, self._size, right="read"),
+            method("grab", Nothing, self._grab, right="read"),
+            method("grab_rows", GrabRows, self._grab_rows, right="read"),
+            method("lock", LockImage, self._take_lock),
+            method("unlock", Nothing, self._give_lock),
+            method("period", Nothing, lambda *_: self._period_ns, right="read"),
+            method("set_period", SetPeriod, self._set_period),
+        )
 
-    def handle(self, message: Message, now_ns: int) -> Iterable[Effect]:
-        match message:
-            case Tick() | Fetch():
-                yield from self._publisher.handle(message)
-            case Call() | Alive() | Malformed() | Wake():
-                yield from self._desk.handle(message, now_ns)
-                yield from self._keep_time(now_ns)
-            case _:
-                pass
-
-    def close(self) -> None:
-        """It holds nothing."""
-
-    # --- time ----------------------------------------------------------------------------------------
-
-    def _keep_time(self, now_ns: int) -> Iterator[Effect]:
-        """Grab when it is time, answer those who waited for the lock, and see to it that a wake comes."""
-        if self._granted or self._lock.holder is None:  # a lock that changes hands does not freeze what was
-            self._refresh(now_ns)
-        granted, self._granted = self._granted, []
-        for asked in granted:
-            yield from self._desk.answer(asked, None)
-        for asked in self._lock.expire(now_ns):
-            yield from self._desk.refuse(asked, self._lock.refusal())
+    @property
+    def wake_at(self) -> int | None:
+        """The time of the next image, or of the end of somebody's patience."""
         dues = (self._lock.wake_at, self._due_ns if self._lock.holder is None else None)
-        due = min((due for due in dues if due is not None), default=None)
-        if due is not None and (self._alarm is None or due < self._alarm or now_ns >= self._alarm):
-            self._alarm = due
-            yield WakeAt(due)
+        return min((due for due in dues if due is not None), default=None)
 
-    def _refresh(self, now_ns: int) -> None:
-        if now_ns >= self._due_ns:
-            self._image = self._driver.grab()
+    def start(self, now_ns: int) -> None:
+        """Grab the first image now."""
+        self._due_ns = now_ns
+        self.tend(now_ns)
+
+    def tend(self, now_ns: int) -> None:
+        """Grab when it is time, and refuse the calls that waited too long for the lock."""
+        frozen = self._lock.holder is not None and not self.answers  # one that changes hands freezes nothing
+        if now_ns >= self._due_ns and not frozen:
+            self._shot = self._driver.grab()
             self._due_ns += self._period_ns * (1 + (now_ns - self._due_ns) // self._period_ns)
+        self.answers += [(asked, self._lock.refusal()) for asked in self._lock.expire(now_ns)]
 
-    # --- calls ---------------------------------------------------------------------------------------
+    def lost(self, caller: Caller) -> None:
+        """Take the lock, and the places in its queue, from a connection that has ended."""
+        self._grant(self._lock.drop(caller))
 
-    def _present(self) -> Image:
-        """The image; where there is none yet, the camera is asked once more."""
-        if self._image is None:
-            self._image = self._driver.grab()
-        if self._image is None:
+    def _present(self) -> Shot:
+        """The shot; where there is none yet, the camera is asked once more."""
+        if self._shot is None:
+            self._shot = self._driver.grab()
+        if self._shot is None:
             raise Refused("no image", f"{self.address}: the camera has no image to give")
-        return self._image
+        return self._shot
 
     def _size(self, asked: Asked, arguments: Nothing, now_ns: int) -> ImageSize:
-        image = self._present()
-        return ImageSize(height=image.height, width=image.width, channels=image.channels)
+        shot = self._present()
+        return ImageSize(height=shot.height, width=shot.width, channels=shot.channels)
 
     def _grab(self, asked: Asked, arguments: Nothing, now_ns: int) -> Image:
-        return self._sendable(self._present())
+        shot = self._present()
+        return self._sendable(shot.rows(0, shot.height))
 
     def _grab_rows(self, asked: Asked, arguments: GrabRows, now_ns: int) -> Image:
         try:
@@ -153,11 +142,10 @@ class CServer:
         return None if self._lock.ask(asked, now_ns, wait_ns=arguments.wait_ns) else LATER
 
     def _give_lock(self, asked: Asked, arguments: Nothing, now_ns: int) -> None:
-        self._granted += self._lock.release(asked.caller)
+        self._grant(self._lock.release(asked.caller))
 
-    def _lost(self, caller: Caller, now_ns: int) -> tuple[Effect, ...]:
-        self._granted += self._lock.drop(caller)
-        return ()
+    def _grant(self, granted: Iterable[Asked]) -> None:
+        self.answers += [(asked, None) for asked in granted]
 
     def _set_period(self, asked: Asked, arguments: SetPeriod, now_ns: int) -> None:
         period_ns, least, most = arguments.period_ns, SHORTEST_PERIOD_NS, LONGEST_PERIOD_NS
@@ -166,3 +154,55 @@ class CServer:
             raise Refused("arguments", f"{found}; expected {least / 1e9:g} to {most / 1e9:g} s")
         self._period_ns = period_ns
         self._due_ns = min(self._due_ns, now_ns + period_ns)
+
+
+class CServer:
+    """Serves a camera. Mutable: the camera's image, its lock, the period.
+
+    Args:
+        driver: the camera.
+        address: the server's name, an identifier.
+        period_ns: from one image to the next.
+        keep: how many frames are kept for who missed one.
+    """
+
+    def __init__(
+        self, driver: CameraDriver, *, keep: int, address: str = CSERVER, period_ns: int = PERIOD_NS
+    ) -> None:
+        self.address = address
+        self._camera = Camera(address, driver, period_ns)
+        self._publisher = Publisher(address, lambda tick: {}, keep=keep)
+        self._desk = CallDesk(address, self._camera.methods, lost=self._lost)
+        self._alarm: int | None = None
+        self.listens = (*self._publisher.listens, *self._desk.listens)
+
+    def start(self, now_ns: int) -> Iterable[Effect]:
+        self._camera.start(now_ns)
+        return tuple(self._keep_time(now_ns))
+
+    def handle(self, message: Message, now_ns: int) -> Iterable[Effect]:
+        match message:
+            case Tick() | Fetch():
+                yield from self._publisher.handle(message)
+            case Call() | Alive() | Malformed() | Wake():
+                yield from self._desk.handle(message, now_ns)
+                self._camera.tend(now_ns)
+                yield from self._keep_time(now_ns)
+            case _:
+                pass
+
+    def close(self) -> None:
+        """It holds nothing."""
+
+    def _keep_time(self, now_ns: int) -> Iterator[Effect]:
+        """Answer the calls that waited for the lock, and see to it that a wake comes."""
+        answers, self._camera.answers = self._camera.answers, []
+        yield from self._desk.settle(answers)
+        due = self._camera.wake_at
+        if due is not None and (self._alarm is None or due < self._alarm or now_ns >= self._alarm):
+            self._alarm = due
+            yield WakeAt(due)
+
+    def _lost(self, caller: Caller, now_ns: int) -> tuple[Effect, ...]:
+        self._camera.lost(caller)
+        return ()

@@ -7,68 +7,32 @@ commits before any effect leaves.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator
-from itertools import islice
 from typing import Any
 
 import msgspec
 
 from colony.runtime.library.data import (
-    CreateSemaphore,
-    Dated,
-    Get,
-    GetMany,
-    History,
-    ListNames,
-    Named,
     Publish,
-    SemaphoreState,
-    Set,
-    SetHistory,
-    SetMany,
-    Wait,
     Watch,
 )
-from colony.runtime.protocol.calls import LATER, Asked, CallDesk, Handler, Later, Method, Refused, method
+from colony.runtime.protocol.calls import Asked, CallDesk, Handler, Later, Method, Refused, method
 from colony.runtime.protocol.connections import Caller
 from colony.runtime.protocol.fields import DSERVER
 from colony.runtime.protocol.messages import Effect, Message, Wake, WakeAt
-from colony.runtime.servers.naming import Names, named
+from colony.runtime.servers.data_methods import NAMES_BYTES, DataMethods, few
+from colony.runtime.servers.naming import named
 from colony.runtime.servers.once import Answers
-from colony.runtime.servers.semaphores import Semaphores, timed_out
+from colony.runtime.servers.semaphores import Semaphores
 from colony.runtime.servers.showing import Wanted
 from colony.runtime.servers.telling import PAUSE_NS, Telling
 from colony.runtime.servers.variables import (
-    READ_BYTES,
-    VALUE_BYTES,
-    Dating,
-    Prepared,
     Variables,
-    prepared,
-    unknown,
 )
 from colony.runtime.servers.watching import Watches
 
 RETURN_NS = 2_000_000_000
 """After a restart, what a connection holds is kept for so long, for it to come back. Shorter than that, and
 somebody who is about to return might find that another has it too."""
-
-REPLY_BYTES = 3 << 20
-"""Bytes of values in one reply, so that it fits into a message."""
-
-MOST_NAMES = 5000
-"""Names in one reply."""
-
-MOST_VALUES = 2000
-"""Values of a history in one reply."""
-
-MOST_AT_ONCE = 1000
-"""Variables that one call sets, gets, watches or publishes."""
-
-SET_BYTES = VALUE_BYTES + 1024
-"""Bytes of the arguments of `set` and `set_many`: one value of the largest size, with its name."""
-
-NAMES_BYTES = 1 << 18
-"""Bytes of the arguments of calls that list names: `MOST_AT_ONCE` names of 255 bytes."""
 
 
 class DataCalls:
@@ -104,6 +68,7 @@ class DataCalls:
         self._watches = watches
         self._wanted = wanted
         self._telling = Telling(variables, watches, self._notify)
+        self._data = DataMethods(variables, semaphores, self._telling.changed)
         self._next_slice: int | None = None
         self._desk = CallDesk(
             DSERVER.name,
@@ -116,7 +81,6 @@ class DataCalls:
         self._tell_lost = lost
         self._callers: dict[str, Caller] = {}
         self._opened: list[str] = []
-        self._effects: list[Effect] = []
         self._alarm: int | None = None
         self._return_by: int | None = None
         self.listens = self._desk.listens
@@ -135,8 +99,7 @@ class DataCalls:
         yield from self._desk.handle(message, now_ns)
         if self._opened:
             self._greet()
-        if self._effects:
-            yield from self._flush()
+        yield from self._settle(now_ns)
         if self._telling.waiting:
             yield from self._tell(now_ns)
 
@@ -147,27 +110,19 @@ class DataCalls:
         yield from self._tell(now_ns)
 
     def _methods(self) -> tuple[Method, ...]:
-        once = self._once
         return (
-            method("set", Set, once(self._set), largest=SET_BYTES),
-            method("set_many", SetMany, once(self._set_many), largest=SET_BYTES),
-            method("get", Get, self._get, right="read"),
-            method("get_many", GetMany, self._get_many, right="read", largest=NAMES_BYTES),
-            method("history", History, self._history, right="read"),
-            method("set_history", SetHistory, once(self._set_history)),
-            method("delete", Named, once(self._delete)),
-            method("names", ListNames, self._names, right="read"),
+            *(
+                m if m.right == "read" else m._replace(handler=self._once(m.handler))
+                for m in self._data.methods
+            ),
             method("publish", Publish, self._publish, right="read", lasting=True, largest=NAMES_BYTES),
-            method("create_semaphore", CreateSemaphore, once(self._create_semaphore)),
-            method("wait", Wait, once(self._wait)),
-            method("signal", Named, once(self._signal)),
-            method("release", Named, once(self._release)),
-            method("semaphore", Named, self._semaphore, right="read"),
-            method("semaphores", ListNames, self._semaphore_names, right="read"),
-            method("delete_semaphore", Named, once(self._delete_semaphore)),
             method("watch", Watch, self._watch, right="read", lasting=True, largest=NAMES_BYTES),
             method("unwatch", Watch, self._unwatch, right="read", lasting=True, largest=NAMES_BYTES),
         )
+
+    def _noted(self, known: Method) -> Method:
+        """Return a method whose answers are noted if it changes something."""
+        return known if known.right == "read" else known._replace(handler=self._once(known.handler))
 
     def _once(self, handler: Handler) -> Handler:
         """A handler that gives the answer noted to a call that it has done before."""
@@ -202,108 +157,17 @@ class DataCalls:
 
     # --- variables -----------------------------------------------------------------------------------
 
-    def _set(self, asked: Asked, arguments: Set, now_ns: int) -> None:
-        name = named(arguments.name)
-        self._variables.set((prepared(name, arguments.value),), now_ns)
-        self._telling.changed(name)
-
-    def _set_many(self, asked: Asked, arguments: SetMany, now_ns: int) -> None:
-        values = several(arguments)
-        self._variables.set(values, now_ns)
-        for value in values:
-            self._telling.changed(value.name)
-
-    def _get(self, asked: Asked, arguments: Get, now_ns: int) -> msgspec.Raw:
-        try:
-            return msgspec.Raw(self._variables.value(arguments.name, arguments.back).data)
-        except Refused:
-            if not self._variables.has(arguments.name) and self._semaphores.has(arguments.name):
-                raise Refused("unknown", f"DServer: `{arguments.name}` is a semaphore") from None
-            raise
-
-    def _get_many(self, asked: Asked, arguments: GetMany, now_ns: int) -> dict[str, msgspec.Raw]:
-        _few(len(arguments.names))
-        missing = [name for name in arguments.names if not self._variables.has(name)]
-        if missing:
-            raise unknown("`, `".join(missing[:10]))
-        found = {name: self._variables.value(name) for name in arguments.names}
-        _fit(found.values(), "fewer variables")
-        return {name: msgspec.Raw(dating.data) for name, dating in found.items()}
-
-    def _history(self, asked: Asked, arguments: History, now_ns: int) -> tuple[Dated, ...]:
-        limit = arguments.limit
-        if not 1 <= limit <= MOST_VALUES or arguments.back > 0:
-            wrong = f"{limit} values of a history, from value {arguments.back} on"
-            expected = f"1 to {MOST_VALUES}, from value 0 or an older one on"
-            raise Refused("arguments", f"DServer: {wrong}; expected {expected}")
-        found = tuple(islice(self._variables.history(arguments.name, arguments.back), limit))
-        _fit(found, "fewer values, or single ones by `get`")
-        return tuple(_dated(dating) for dating in found)
-
-    def _set_history(self, asked: Asked, arguments: SetHistory, now_ns: int) -> None:
-        self._variables.set_history(named(arguments.name), arguments.length)
-
-    def _delete(self, asked: Asked, arguments: Named, now_ns: int) -> bool:
-        deleted = self._variables.delete(arguments.name)
-        if deleted:
-            self._telling.changed(arguments.name)
-        return deleted
-
-    def _names(self, asked: Asked, arguments: ListNames, now_ns: int) -> tuple[str, ...]:
-        return _page(self._variables.names, arguments)
-
     def _publish(self, asked: Asked, arguments: Publish, now_ns: int) -> None:
-        _few(len(arguments.names))
+        few(len(arguments.names))
         names = dict.fromkeys(named(name) for name in arguments.names)
         self._variables.expect_frames_with(names)
         self._variables.show(self._wanted.ask(asked.caller.connection, names))
-
-    # --- semaphores ----------------------------------------------------------------------------------
-
-    def _create_semaphore(self, asked: Asked, arguments: CreateSemaphore, now_ns: int) -> bool:
-        return self._semaphores.create(named(arguments.name), arguments.value)
-
-    def _wait(self, asked: Asked, arguments: Wait, now_ns: int) -> Later | None:
-        name, hold = arguments.name, arguments.hold
-        waiter = self._semaphores.wait(asked, name, arguments.wait_ns, now_ns, hold=hold)
-        if waiter is None:
-            return None
-        self._wake_by(waiter.until_ns)
-        return LATER
-
-    def _signal(self, asked: Asked, arguments: Named, now_ns: int) -> None:
-        self._grant(self._semaphores.signal(arguments.name, asked.caller.connection))
-
-    def _release(self, asked: Asked, arguments: Named, now_ns: int) -> None:
-        self._grant(self._semaphores.release(arguments.name, asked.caller.connection))
-
-    def _semaphore(self, asked: Asked, arguments: Named, now_ns: int) -> SemaphoreState:
-        return self._semaphores.state(arguments.name)
-
-    def _semaphore_names(self, asked: Asked, arguments: ListNames, now_ns: int) -> tuple[str, ...]:
-        return _page(self._semaphores.names, arguments)
-
-    def _delete_semaphore(self, asked: Asked, arguments: Named, now_ns: int) -> bool:
-        deleted, waited = self._semaphores.delete(arguments.name)
-        for waiter in waited:
-            self._refuse(waiter, Refused("deleted", f"DServer: `{arguments.name}` was deleted"))
-        return deleted
-
-    def _grant(self, asked: Asked | None) -> None:
-        """Answer a call that waited for a semaphore and has got it."""
-        if asked is not None:
-            self._answers.note(asked.caller.connection, asked.number, _NIL)
-            self._effects += self._desk.answer(asked, None)
-
-    def _refuse(self, asked: Asked, refused: Refused) -> None:
-        self._answers.settle(asked.caller.connection, asked.number)
-        self._effects += self._desk.refuse(asked, refused)
 
     # --- changes -------------------------------------------------------------------------------------
 
     def _watch(self, asked: Asked, arguments: Watch, now_ns: int) -> None:
         self._expect_room()
-        _few(len(arguments.names) + len(arguments.prefixes))
+        few(len(arguments.names) + len(arguments.prefixes))
         for one in (*arguments.names, *arguments.prefixes):
             named(one or "-")  # a prefix may be empty
         connection = asked.caller.connection
@@ -311,7 +175,7 @@ class DataCalls:
         self._telling.greet(connection, arguments.names, arguments.prefixes)
 
     def _unwatch(self, asked: Asked, arguments: Watch, now_ns: int) -> None:
-        _few(len(arguments.names) + len(arguments.prefixes))
+        few(len(arguments.names) + len(arguments.prefixes))
         if arguments.names or arguments.prefixes:
             self._watches.remove(asked.caller.connection, arguments.names, arguments.prefixes)
         else:
@@ -356,11 +220,8 @@ class DataCalls:
 
     def _give_up(self, connection: str) -> None:
         """Free a connection's places in queues, and the semaphores that it holds, for others."""
-        held, granted = self._semaphores.drop(connection)
-        for number in held:
+        for number in self._data.drop(connection):
             self._answers.undo(connection, number)
-        for asked in granted:
-            self._grant(asked)
 
     def _wake(self, now_ns: int) -> None:
         self._watches.expire(now_ns)
@@ -368,63 +229,24 @@ class DataCalls:
             self._return_by = None
             for connection in self._semaphores.holders_but(self._callers):
                 self._give_up(connection)
-        if self._alarm is not None and now_ns >= self._alarm:
-            self._alarm = None
-            for waiter in self._semaphores.expire(now_ns):
-                self._refuse(waiter.asked, timed_out(waiter.name))
-            self._wake_by(self._semaphores.wake_at)
+        self._data.expire(now_ns)
 
-    def _wake_by(self, due_ns: int | None) -> None:
-        if due_ns is not None and (self._alarm is None or due_ns < self._alarm):
-            self._alarm = due_ns
-            self._effects.append(WakeAt(due_ns))
-
-    def _flush(self) -> Iterator[Effect]:
-        effects, self._effects = self._effects, []
-        yield from effects
+    def _settle(self, now_ns: int) -> Iterator[Effect]:
+        """Answer the calls that have waited, and see to it that a wake comes for those that still wait."""
+        answers, self._data.answers = self._data.answers, []
+        for asked, result in answers:
+            if isinstance(result, Refused):
+                self._answers.settle(asked.caller.connection, asked.number)
+            else:
+                self._answers.note(asked.caller.connection, asked.number, _NIL)
+        yield from self._desk.settle(answers)
+        due = self._data.wake_at
+        if due is None or due == self._alarm:
+            return
+        if self._alarm is None or due < self._alarm or now_ns >= self._alarm:
+            self._alarm = due
+            yield WakeAt(due)
 
 
 _encode = msgspec.msgpack.Encoder().encode
 _NIL = _encode(None)
-
-
-def _dated(dating: Dating) -> Dated:
-    return Dated(t_ns=dating.t_ns, value=msgspec.Raw(dating.data))
-
-
-def _fit(datings: Iterable[Dating], instead: str) -> None:
-    size = sum(len(dating.data) + 16 for dating in datings)
-    if size > REPLY_BYTES:
-        text = f"DServer: {size} bytes of values are too many for one reply; ask for {instead}"
-        raise Refused("size", text)
-
-
-def several(arguments: SetMany) -> list[Prepared]:
-    """Return the values, checked, that a call of `set_many` sets.
-
-    Raises:
-        Refused: "arguments" or "size".
-    """
-    _few(arguments.count)
-    try:
-        values = arguments.read()
-    except (msgspec.DecodeError, UnicodeDecodeError) as problem:
-        raise Refused("arguments", f"DServer.set_many: {problem} of the values") from None
-    readable = len(memoryview(arguments.values)) <= READ_BYTES
-    return [prepared(named(name), value, readable=readable) for name, value in values.items()]
-
-
-def _few(count: int) -> None:
-    if count > MOST_AT_ONCE:
-        raise Refused("size", f"DServer: {count} names in one call; expected at most {MOST_AT_ONCE}")
-
-
-def _page(names: Names, wanted: ListNames) -> tuple[str, ...]:
-    """Return the names that a call asks for.
-
-    Raises:
-        Refused: "arguments".
-    """
-    if not 1 <= wanted.limit <= MOST_NAMES:
-        raise Refused("arguments", f"DServer: a limit of {wanted.limit} names; expected 1 to {MOST_NAMES}")
-    return names.page(wanted.prefix, wanted.after, wanted.limit)

@@ -7,11 +7,12 @@ What must stop a robot whose control program is gone sits below the driver, in t
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, field
 from typing import Protocol
 
 from colony.runtime.protocol.messages import Sample
-from colony.runtime.servers.images import Image
+from colony.runtime.servers.images import Shot
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -84,14 +85,15 @@ class ProximityDriver(Protocol):
 class CameraDriver(Protocol):
     """A camera (thesis section 4.6.4)."""
 
-    def grab(self) -> Image | None:
-        """The newest image, or None."""
+    def grab(self) -> Shot | None:
+        """Take the newest image; None where there is none yet."""
         ...
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Drivers:
-    """The devices of one robot."""
+    """The devices of one robot; `cameras` by the names of their servers."""
 
     base: BaseDriver
     proximity: ProximityDriver
+    cameras: Mapping[str, CameraDriver] = field(default_factory=dict)

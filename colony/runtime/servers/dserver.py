@@ -15,7 +15,6 @@ from collections.abc import Callable, Iterable, Mapping
 
 import msgspec
 
-from colony.ir.program import in_declared_units
 from colony.ir.types import ScalarValue, Value
 from colony.runtime.arbitration.arbiter import timing
 from colony.runtime.arbitration.ballot import NOBODY, STOPPED
@@ -50,13 +49,14 @@ from colony.runtime.protocol.messages import (
 from colony.runtime.servers.checkpoints import Checkpoints
 from colony.runtime.servers.commanding import CommandDesk
 from colony.runtime.servers.data_calls import DataCalls
+from colony.runtime.servers.data_methods import command
 from colony.runtime.servers.leadership import Leadership
 from colony.runtime.servers.once import Answers
 from colony.runtime.servers.publishing import Fields, Publisher
 from colony.runtime.servers.relaying import ActivityRelay
 from colony.runtime.servers.semaphores import Semaphores
 from colony.runtime.servers.showing import Wanted
-from colony.runtime.servers.variables import Variables, encoded, prepared
+from colony.runtime.servers.variables import Variables
 from colony.runtime.servers.watching import Watches
 from colony.runtime.store.store import Journal, Key, MemoryStore, Store, StoreError
 
@@ -265,12 +265,8 @@ class DServer:
     # --- what is published and set -------------------------------------------------------------------
 
     def _set(self, actuator: ActuatorTable, values: tuple[ScalarValue, ...], now_ns: int) -> None:
-        declared = in_declared_units(values, actuator.fields)
-        assert declared is not None
-        name = actuator.command
-        value = declared[0] if len(declared) == 1 else declared
-        self._variables.put(prepared(name, encoded(value)), now_ns)
-        self._changed.append(name)
+        command(self._variables, actuator, values, now_ns)
+        self._changed.append(actuator.command)
 
     def _deploy(self, asked: Asked, deployed: Deployment, now_ns: int) -> None:
         if not self._leadership.take(asked.caller, deployed):

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Protocol
+
 import msgspec
 
 
@@ -45,3 +47,24 @@ class Image(msgspec.Struct, frozen=True, kw_only=True, array_like=True):
             pixels=self.pixels[first * line : (first + count) * line],
             first_row=self.first_row + first,
         )
+
+
+class Shot(Protocol):
+    """An image that was taken, whether its pixels exist already (`Image`) or are drawn when they are read."""
+
+    @property
+    def height(self) -> int: ...
+
+    @property
+    def width(self) -> int: ...
+
+    @property
+    def channels(self) -> int: ...
+
+    def rows(self, first: int, count: int) -> Image:
+        """Return the band of `count` rows from row `first` on.
+
+        Raises:
+            ValueError: the image does not have these rows.
+        """
+        ...

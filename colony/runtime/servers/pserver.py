@@ -35,16 +35,13 @@ class PServer:
         self._driver = driver
         self._publisher = Publisher(self.address, self._read, keep=keep)
         self._timeouts: tuple[float, ...] | None = None
-        self._desk = CallDesk(
-            self.address,
-            (
-                method("sonar", Nothing, self._tell_sonar, right="read"),
-                method("infrared", Nothing, self._tell_infrared, right="read"),
-                method("timeouts", Nothing, lambda *_: self._timeouts, right="read"),
-                method("set_timeouts", SetTimeouts, self._set_timeouts),
-            ),
-            full=lambda: self._publisher.reached,
+        self.methods = (
+            method("sonar", Nothing, self._tell_sonar, right="read"),
+            method("infrared", Nothing, self._tell_infrared, right="read"),
+            method("timeouts", Nothing, lambda *_: self._timeouts, right="read"),
+            method("set_timeouts", SetTimeouts, self._set_timeouts),
         )
+        self._desk = CallDesk(self.address, self.methods, full=lambda: self._publisher.reached)
         self.listens = (*self._publisher.listens, *self._desk.listens)
 
     def start(self, now_ns: int) -> Iterable[Effect]:
@@ -62,27 +59,32 @@ class PServer:
     def close(self) -> None:
         """It holds nothing."""
 
-    def _sonar(self) -> Sample | None:
+    def sonar(self) -> Sample | None:
+        """Return 24 ranges in mm, up to the time-outs."""
         sample = self._driver.sonar()
         if sample is None or self._timeouts is None:
             return sample
         assert isinstance(sample.value, tuple)
         return Sample(tuple(map(min, sample.value, self._timeouts)), sample.t_ns)
 
+    def infrared(self) -> Sample | None:
+        """Return 24 bools: whether the detector sees something."""
+        return self._driver.infrared()
+
     def _read(self, tick: Tick) -> Fields:
-        return {"sonar": self._sonar(), "infrared": self._driver.infrared()}
+        return {"sonar": self.sonar(), "infrared": self.infrared()}
 
     # --- calls ---------------------------------------------------------------------------------------
 
     def _tell_sonar(self, asked: Asked, arguments: Nothing, now_ns: int) -> SonarReading | None:
-        sample = self._sonar()
+        sample = self.sonar()
         if sample is None:
             return None
         assert isinstance(sample.value, tuple)
         return SonarReading(t_ns=sample.t_ns, ranges=tuple(map(float, sample.value)))
 
     def _tell_infrared(self, asked: Asked, arguments: Nothing, now_ns: int) -> InfraredReading | None:
-        sample = self._driver.infrared()
+        sample = self.infrared()
         if sample is None:
             return None
         assert isinstance(sample.value, tuple)

@@ -12,12 +12,11 @@ connections alone.
 
 from __future__ import annotations
 
-import math
 from collections.abc import Iterable, Iterator
 
 from colony.ir.types import ScalarValue
 from colony.runtime.arbitration.arbiter import Dispatch, timing
-from colony.runtime.arbitration.motion import STILL, Seen, Speeds
+from colony.runtime.arbitration.motion import Seen, Speeds
 from colony.runtime.arbitration.stop_latch import StopFollower
 from colony.runtime.library import robot
 from colony.runtime.protocol import topics
@@ -33,19 +32,18 @@ from colony.runtime.protocol.messages import (
     Malformed,
     Message,
     Request,
-    Sample,
     Stopped,
     Tick,
     Wake,
     WakeAt,
 )
-from colony.runtime.servers.base_actuator import base_actuator, misfit
+from colony.runtime.servers.base import Base
+from colony.runtime.servers.base_actuator import base_actuator, misfit, speeds_of
 from colony.runtime.servers.commanding import ActuatorCounts, CommandDesk
-from colony.runtime.servers.drivers import BaseDriver, BaseState
+from colony.runtime.servers.drivers import BaseDriver
 from colony.runtime.servers.leadership import Leadership
 from colony.runtime.servers.piloting import Bumper, Pilot
 from colony.runtime.servers.publishing import Fields, Publisher
-from colony.runtime.servers.virtual_position import Odometer, OdometerPose
 
 KEPT = 2000
 """How many frames are kept for who missed one: two seconds of them, be they as short as a millisecond."""
@@ -55,13 +53,6 @@ WATCHDOG_FRAMES = 2
 STALE_FRAMES = 2
 """Frames after which a tick is too old to move the base by: this process stood still, and what waited for it
 since may have been overtaken by a stop that it has not heard of yet."""
-
-FARTHEST_MM = 1e7
-"""Largest x and y of a position that a call may set: 10 km. With much larger numbers a step of dead reckoning
-would be lost in rounding, and the position would stand still while the base moves."""
-
-MOST_TURNED_DEG = 36_000.0
-"""Largest heading, in either direction, that a call may set, for the same reason."""
 
 
 class RServer:
@@ -85,27 +76,22 @@ class RServer:
         watchdog_ns: int | None = None,
         keep: int = KEPT,
     ) -> None:
-        self._driver = driver
+        self._base = Base(driver)
         self._emergency = StopFollower()
-        self._odometer = Odometer(driver.register_bits)
-        self._pose = OdometerPose(0.0, 0.0, 0.0)
-        self._state: BaseState | None = None
         self._publisher = Publisher(
             self.address, self._read, keep=keep, stopped=lambda: self._emergency.stopped
         )
-        self._pilot = Pilot(driver.limits, self._emergency, self._values)
+        self._pilot = Pilot(self._base.limits, self._emergency, self._values)
         self._leadership = Leadership(self.address)
         self._leader: str | None = None
-        methods = (*self._pilot.methods, *self._methods())
+        methods = (*self._pilot.methods, *self._base.methods, *self._methods())
         self._calls = CallDesk(self.address, methods, lost=self._lost, stop=self._stop, full=self._full)
         self._watchdog_given = watchdog_ns
         self._use(deployment)
         self._k = -1
         self._tick_ns = 0
-        self._watching = True
         self._outside_speeds: Speeds | None = None
         self._acting: str | None = None
-        self._setting = STILL
         self._commanded_at: int | None = None
         self._bark_at: int | None = None
         self._patience: int | None = None
@@ -155,11 +141,11 @@ class RServer:
         if new:
             self._k, self._tick_ns = tick.k, tick.t_ns
             self._follow_stop(tick)
-            self._look()
+            self._base.look()
         yield from self._publisher.handle(tick)
         if not new:
             return
-        if tick.run != self._base.run:
+        if tick.run != self._actuator.run:
             yield from self._desk.finish(now_ns)
             self._halt()
             self._acting = None
@@ -168,39 +154,13 @@ class RServer:
         yield from self._desk.tick(tick, now_ns, others)
 
     def _read(self, tick: Tick) -> Fields:
-        settings = {
-            "speed_setting": Sample(self._setting.velocity, tick.t_ns),
-            "turn_setting": Sample(self._setting.turn, tick.t_ns),
-        }
-        state = self._state
-        if state is None:
-            return settings
-        t = state.t_ns
-        return {
-            "bumper": Sample(state.front_bumper or state.rear_bumper, t),
-            "front_bumper": Sample(state.front_bumper, t),
-            "rear_bumper": Sample(state.rear_bumper, t),
-            "x": Sample(self._pose.x, t),
-            "y": Sample(self._pose.y, t),
-            "heading": Sample(self._pose.heading, t),
-            "speed": Sample(state.speed, t),
-            "turn_rate": Sample(state.turn_rate, t),
-            "wheel_speed": Sample(state.wheel_speed, t),
-            **settings,
-        }
-
-    def _look(self) -> BaseState | None:
-        """The newest state of the base; every one goes through the odometer."""
-        state = self._state = self._driver.state()
-        if state is not None:
-            self._pose = self._odometer.observe(state)
-        return state
+        return self._base.fields(tick.t_ns)
 
     def _seen(self, now_ns: int) -> Seen:
         """What motions go by."""
-        frame_ns = self._base.frame_ns
+        frame_ns = self._actuator.frame_ns
         since = frame_ns if self._commanded_at is None else now_ns - self._commanded_at
-        return Seen(self._odometer.track, self._setting, min(max(since, 0), 2 * frame_ns) / 1e9)
+        return self._base.seen(min(max(since, 0), 2 * frame_ns) / 1e9)
 
     # --- what is sent to the base --------------------------------------------------------------------
 
@@ -218,34 +178,32 @@ class RServer:
             return
         if self._stale(now_ns):
             self._halt()
-            self._desk.remark(self._base.name, f"frame {self._k}: nothing was sent, its tick came too late")
+            note = f"frame {self._k}: nothing was sent, its tick came too late"
+            self._desk.remark(self._actuator.name, note)
             return
         speeds = self._outside_speeds
-        wanted = self._base.speeds(values) if speeds is None else speeds
-        self._setting = self._reflex(wanted, now_ns) if self._watching and wanted.velocity else wanted
-        self._driver.drive(*self._setting)
+        wanted = speeds_of(actuator, values) if speeds is None else speeds
+        if wanted.velocity:
+            self._base.look()
+        bumper = self._base.pressed(wanted.velocity)
+        self._base.drive(wanted if bumper is None else self._reflex(wanted, bumper, now_ns))
         self._commanded_at = now_ns
 
     def _stale(self, now_ns: int) -> bool:
         """Return whether the present frame is long over. In lockstep the times of ticks only count frames."""
-        return not self._base.lockstep and now_ns - self._tick_ns > STALE_FRAMES * self._base.frame_ns
+        return not self._actuator.lockstep and now_ns - self._tick_ns > STALE_FRAMES * self._actuator.frame_ns
 
-    def _reflex(self, wanted: Speeds, now_ns: int) -> Speeds:
-        """Not into a bumper that is pressed."""
-        state = self._look()
-        if state is None or not (state.front_bumper if wanted.velocity > 0.0 else state.rear_bumper):
-            return wanted
-        bumper: Bumper = "front" if wanted.velocity > 0.0 else "rear"
+    def _reflex(self, wanted: Speeds, bumper: Bumper, now_ns: int) -> Speeds:
+        """Keep the base from driving into a bumper that is pressed."""
         note = f"frame {self._k}: {wanted.velocity:g} mm/s was not sent, the {bumper} bumper is pressed"
-        self._desk.remark(self._base.name, note)
+        self._desk.remark(self._actuator.name, note)
         if self._outside_speeds is not None and self._acting is not None:
             self._pilot.bumped(self._acting, bumper, self._seen(now_ns))
         return Speeds(0.0, wanted.turn)
 
     def _halt(self) -> None:
         self._commanded_at = self._bark_at = None
-        self._setting = STILL
-        self._driver.stop()
+        self._base.stop()
 
     def _watch(self, now_ns: int) -> Iterator[Effect]:
         """Stop a base that nobody commands any more; while one does, one wake for this is on its way."""
@@ -264,17 +222,13 @@ class RServer:
         if pilot.changed:
             pilot.changed = False
             others = pilot.others(self._seen(now_ns), now_ns)
-            yield from self._desk.intervene(self._base.name, others, now_ns)
+            yield from self._desk.intervene(self._actuator.name, others, now_ns)
         if self._outbox:
             effects, self._outbox = self._outbox, []
             yield from effects
         if pilot.answers:
             answers, pilot.answers = pilot.answers, []
-            for asked, result in answers:
-                if isinstance(result, Refused):
-                    yield from self._calls.refuse(asked, result)
-                else:
-                    yield from self._calls.answer(asked, result)
+            yield from self._calls.settle(answers)
         due = pilot.lock.wake_at
         if due is not None and (self._patience is None or due < self._patience or now_ns >= self._patience):
             self._patience = due
@@ -284,8 +238,8 @@ class RServer:
 
     def _use(self, deployed: Deployment | None) -> None:
         """From the next tick on, arbitrate among the clients of this program."""
-        base = base_actuator(deployed, self._driver.limits)
-        self._base = base
+        base = base_actuator(deployed, self._base.limits)
+        self._actuator = base
         self._watchdog_ns = self._watchdog_given or WATCHDOG_FRAMES * base.frame_ns
         self._pilot.allowed, self._pilot.places = base.allowed, base.places
         times = timing(base.frame_ns, lockstep=base.lockstep)
@@ -301,12 +255,12 @@ class RServer:
         wrong = misfit(deployed)
         if wrong is not None:
             raise Refused("deployment", f"{where}: {wrong}")
-        tie = self._pilot.outsiders.tied(base_actuator(deployed, self._driver.limits).places)
+        tie = self._pilot.outsiders.tied(base_actuator(deployed, self._base.limits).places)
         if tie is not None:
             raise Refused("tie", f"{where}: {tie}")
         self._leadership.take(asked.caller, deployed)
         self._leader = asked.caller.connection
-        if deployed.run != self._base.run:
+        if deployed.run != self._actuator.run:
             self._change(deployed, now_ns)
 
     def _lost(self, caller: Caller, now_ns: int) -> Iterable[Effect]:
@@ -318,19 +272,12 @@ class RServer:
         return ()
 
     def _values(self, speeds: Speeds) -> tuple[float, ...]:
-        return self._base.values(speeds)
+        return self._actuator.values(speeds)
 
     # --- calls ---------------------------------------------------------------------------------------
 
     def _methods(self) -> tuple[Method, ...]:
         return (
-            method("bumper", Nothing, self._bumper, right="read"),
-            method("position", Nothing, self._position, right="read"),
-            method("speed_setting", Nothing, lambda *_: self._setting.velocity, right="read"),
-            method("wheel_speed", Nothing, lambda *_: self._present().wheel_speed, right="read"),
-            method("set_bumper", robot.SetBumper, self._set_bumper),
-            method("set_position", robot.PoseArguments, self._set_position),
-            method("adjust_position", robot.PoseArguments, self._adjust_position),
             method("arbitration", Nothing, self._arbitration, right="read"),
             method("deploy", Deployment, self._deploy, largest=DEPLOYMENT_BYTES),
         )
@@ -349,41 +296,16 @@ class RServer:
             self._halt()
             self._stopped(after.by)
         elif before is not None and after is None:
-            self._desk.remark(self._base.name, "the emergency stop was released")
+            self._desk.remark(self._actuator.name, "the emergency stop was released")
 
     def _stopped(self, by: str) -> None:
         self._pilot.stop()
-        self._desk.remark(self._base.name, f"emergency stop by {by}")
-
-    def _present(self) -> BaseState:
-        state = self._look()
-        if state is None:
-            raise Refused("no value", f"{self.address}: the base has given nothing yet")
-        return state
-
-    def _bumper(self, asked: Asked, arguments: Nothing, now_ns: int) -> robot.Bumpers:
-        state = self._present()
-        return robot.Bumpers(front=state.front_bumper, rear=state.rear_bumper)
-
-    def _position(self, asked: Asked, arguments: Nothing, now_ns: int) -> robot.Position:
-        state = self._present()
-        return robot.Position(x=self._pose.x, y=self._pose.y, heading=self._pose.heading, t_ns=state.t_ns)
-
-    def _set_bumper(self, asked: Asked, arguments: robot.SetBumper, now_ns: int) -> None:
-        self._watching = arguments.setting != 0
-
-    def _set_position(self, asked: Asked, arguments: robot.PoseArguments, now_ns: int) -> None:
-        self._odometer.set(self._present(), _pose(arguments))
-
-    def _adjust_position(self, asked: Asked, arguments: robot.PoseArguments, now_ns: int) -> None:
-        delta = _pose(arguments)
-        _check_pose(OdometerPose(self._pose.x + delta.x, self._pose.y + delta.y, delta.heading))
-        self._odometer.adjust(self._present(), delta)
+        self._desk.remark(self._actuator.name, f"emergency stop by {by}")
 
     def _arbitration(self, asked: Asked, arguments: Nothing, now_ns: int) -> robot.Arbitration:
         lock = self._pilot.lock
         return robot.Arbitration(
-            run=self._base.run,
+            run=self._actuator.run,
             leader=self._leader,
             acting=self._acting,
             actuators=tuple(_report(counts) for counts in self._desk.counts()),
@@ -392,20 +314,6 @@ class RServer:
             lock_waiting=tuple(c.connection for c in lock.waiting),
             stopped=self._emergency.stopped,
         )
-
-
-def _pose(arguments: robot.PoseArguments) -> OdometerPose:
-    pose = OdometerPose(arguments.x, arguments.y, arguments.heading)
-    _check_pose(pose)
-    return pose
-
-
-def _check_pose(pose: OdometerPose) -> None:
-    if not all(map(math.isfinite, pose)):
-        raise Refused("arguments", f"the pose is {tuple(pose)}; expected finite numbers")
-    if max(abs(pose.x), abs(pose.y)) > FARTHEST_MM or abs(pose.heading) > MOST_TURNED_DEG:
-        expected = f"at most {FARTHEST_MM:g} mm from the origin, and {MOST_TURNED_DEG:g} deg"
-        raise Refused("arguments", f"the pose is {tuple(pose)}; expected {expected}")
 
 
 def _report(counts: ActuatorCounts) -> robot.ActuatorReport:

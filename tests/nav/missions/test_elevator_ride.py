@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from pathlib import Path
 
 import pytest
 
 from colony.experiment.behavior import behavior_of
-from colony.experiment.local_cameras import CeilingShot, LevelShot, LocalCamera
-from colony.experiment.loop import Loop
 from colony.nav.maps.building import Building
 from colony.nav.maps.signs import markers_of
 from colony.nav.maps.stickrep.model import Map
@@ -20,15 +19,18 @@ from colony.nav.plan.route import plan
 from colony.nav.shared import GoalKind
 from colony.runtime.kit.script import Script, do
 from colony.runtime.library import robot
+from colony.runtime.servers.images import Shot
 from colony.sim.cameras.camera import Camera, CameraConfig
 from colony.sim.cameras.scene import scene_of
 from colony.sim.hazards.hazards import Hazards
 from colony.sim.hazards.scenery import Scenery
+from colony.sim.shots import CeilingShot, LevelShot
 from colony.sim.world.elevators import CABIN_DEPTH_MM, cabin_of
 from colony.sim.world.operator import operator
 from colony.sim.world.site import Site
 from colony.vision.lights.tracker import light_tracker
 from colony.vision.markers.finder import marker_finder
+from tests.experiment.loops import loop_of
 from tests.nav.floors import two_floors
 from tests.paths import ROOT
 
@@ -51,8 +53,11 @@ class Ride:
         self.in_doors: list[float] = []  # how far from their middle
         self.site = Site(building, planned, Hazards.none(), seed=seed)
         self._cabins = {floor.name: cabin_of(floor, "liftL") for floor in building.maps}
-        ceiling, world = self.site.ceiling, self.site.world
-        cameras = [LocalCamera("CServerUp", lambda now_ns: CeilingShot(ceiling(), world, now_ns))]
+        world = self.site.world
+        above = self.site.ceiling
+        sight: dict[str, Callable[[int], Shot]] = {
+            "CServerUp": lambda now_ns: CeilingShot(above(), world, 0, now_ns)
+        }
         scripts = {
             "misleader": _mislead(aside_mm),
             "clerk": clerk(),
@@ -62,13 +67,13 @@ class Ride:
         }
         if eyes:
             ahead = self.site.eyes(_camera_ahead)
-            cameras.append(LocalCamera("CServerFront", lambda now_ns: LevelShot(ahead(), world, now_ns)))
+            sight["CServerFront"] = lambda now_ns: LevelShot(ahead(), world, 0, now_ns)
             scripts["markers"] = marker_finder({floor.name: markers_of(floor) for floor in building.maps})
-        self.loop = Loop(
+        self.loop = loop_of(
             behavior_of(NAVIGATOR),
             world,
             scripts,
-            cameras=cameras,
+            cameras=sight,
             seed=seed,
             moving=[self.site.elevators.advance],
         )

@@ -5,19 +5,20 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable, Sequence
 from itertools import pairwise
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from colony.experiment.local_servers import LocalBase
 from colony.nav.maps.stickrep.model import EdgeKind
 from colony.nav.maps.walls import Walls
 from colony.runtime.kit.script import Script
+from colony.runtime.kit.script_local import LocalServer
 from colony.runtime.library.proximity import SonarReading
 from colony.runtime.library.robot import PoseArguments
 from colony.runtime.protocol.calls import Asked
+from colony.runtime.servers.base import Base
 from colony.runtime.servers.virtual_position import OdometerPose
+from colony.sim.drivers import Plant, SimulatedBase
 from colony.sim.world.world import World
 from tests.script_stage import ASKED, FRAME_NS, ScriptStage, Server
 
@@ -33,18 +34,20 @@ class Bench(ScriptStage):
         """`lag`: the sonars give what they read a frame ago."""
         self.world, self.adjusted = world, 0
         self._cross_talk, self._random = cross_talk, np.random.default_rng(seed)
-        self._base = LocalBase(world)
-        self._adjust = self._base.handlers["adjust_position"]
-        self._base.handlers = {**self._base.handlers, "adjust_position": self._counted}
+        self._base = Base(SimulatedBase(Plant(world, lambda: self.now_ns), 0))
+        server = LocalServer("RServer", self._base.methods)
+        self._adjust = server.handlers["adjust_position"]
+        server.handlers = {**server.handlers, "adjust_position": self._counted}
         ring = Server("PServer", {"sonar": lambda *_: self._scans[0 if lag else 1]})
-        super().__init__({"script": script}, self._base, ring)
-        self._base.believed(0)
+        super().__init__({"script": script}, server, ring)
+        self._base.look()
         self._scans = [self._scan()] * 2
 
     @property
     def believed(self) -> OdometerPose:
         """Where RServer says that the robot is."""
-        return self._base.believed(self.now_ns)
+        self._base.look()
+        return self._base.pose
 
     @property
     def heading_error_deg(self) -> float:
@@ -57,7 +60,7 @@ class Bench(ScriptStage):
 
     def adjust(self, dx: float, dy: float, dheading: float) -> None:
         """As somebody else adjusts the position."""
-        self._adjust(ASKED, PoseArguments(x=dx, y=dy, heading=dheading), None, self.now_ns)
+        self._adjust(ASKED, PoseArguments(x=dx, y=dy, heading=dheading), self.now_ns)
 
     def slip(self, turn_deg: float, back_mm: float = 0.0) -> None:
         """Turn and set back the robot without its odometry noticing."""
@@ -69,15 +72,14 @@ class Bench(ScriptStage):
     def frame(self, velocity: float, turn: float) -> None:
         """Drive for a frame, and let the script go on."""
         self.world.command(0, velocity, turn)
-        self.world.advance(FRAME_NS / 1e9)
         self.now_ns += FRAME_NS
-        self._base.believed(self.now_ns)
+        self._base.look()
         self._scans = [self._scans[-1], self._scan()]
         self.settle()
 
-    def _counted(self, asked: Asked, arguments: PoseArguments, reply: Any, now_ns: int) -> object:
+    def _counted(self, asked: Asked, arguments: PoseArguments, now_ns: int) -> object:
         self.adjusted += 1
-        return self._adjust(asked, arguments, reply, now_ns)
+        return self._adjust(asked, arguments, now_ns)
 
     def _scan(self) -> SonarReading:
         ranges = self.world.sonar(0)

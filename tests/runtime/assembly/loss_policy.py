@@ -31,10 +31,10 @@ from itertools import pairwise
 from random import Random
 from typing import Literal, NamedTuple
 
-from colony.cli.virtual_robot import SENSING, Sent
 from colony.execute.executor import ClientExecutor
 from colony.ir.frame import Answer, Decision, Frame, Reading
 from colony.ir.program import Program
+from colony.robots.scripted import SENSING, Sent
 from colony.runtime.clients.client import ClientNode
 from colony.runtime.clients.memory import decode_memory
 from colony.runtime.protocol import topics

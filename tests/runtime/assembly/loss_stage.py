@@ -3,27 +3,23 @@ announcers and observer, two servers that read sensors from a trace, and one tha
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
-from functools import partial
 
-from colony.cli.virtual_robot import SERVERS, Sent, VirtualRobot
 from colony.compile.pipeline import compile_program
 from colony.ir.frame import Frame
 from colony.ir.program import Program
-from colony.runtime.frames.clock import Clock
-from colony.runtime.protocol import topics
+from colony.robots.scripted import ScriptedRobot, Sent
 from colony.runtime.protocol.fields import DSERVER
 from colony.runtime.protocol.messages import (
     Checkpoint,
     Message,
-    Node,
     Restart,
     ServerFrame,
     Tick,
     Verdict,
 )
-from colony.runtime.transport.virtual import Delay, Link, VirtualClock, VirtualTransport
+from colony.runtime.transport.virtual import Delay, Link, VirtualClock
 
 
 @dataclass(frozen=True, slots=True)
@@ -68,7 +64,7 @@ def _values(frame: ServerFrame) -> str:
     return repr({name: None if s is None else s.value for name, s in frame.fields.items()})
 
 
-class Robot:
+class Robot(ScriptedRobot):
     """One run of a program over a trace. Mutable: the nodes that live."""
 
     def __init__(
@@ -85,14 +81,15 @@ class Robot:
         self.artifact = compile_program(self.program).artifact
         self._link = link
         self._clock = VirtualClock()
-        self.transport = VirtualTransport(self._clock, seed=seed, link=self._noting)
-        virtual = VirtualRobot(self.artifact, lambda tick: trace[tick.k % len(trace)].readings, seed=seed)
-        self.seen, self.log, self.observer = Seen(sent=virtual.sent), virtual.log, virtual.observer
-        clock = partial(Clock, servers=SERVERS, keep=virtual.keep, deployment=virtual.deployed)
-        self._builders: dict[str, Callable[[], Node]] = {topics.CLOCK: clock, **virtual.builders}
-        self.nodes = {address: build() for address, build in self._builders.items()}
-        for node in (*self.nodes.values(), self.observer):
-            self.transport.add(node)
+        super().__init__(
+            self.artifact,
+            lambda tick: trace[tick.k % len(trace)].readings,
+            clock=self._clock,
+            seed=seed,
+            link=self._noting,
+        )
+        self.seen = Seen(sent=self.sent)
+        self.start()
 
     def _noting(self, sender: str, receiver: str, message: Message) -> Delay:
         self.seen.note(sender, message)
@@ -101,29 +98,6 @@ class Robot:
     @property
     def now_ns(self) -> int:
         return self._clock.now_ns
-
-    @property
-    def addresses(self) -> tuple[str, ...]:
-        """Of all processes but the observer's."""
-        return tuple(self._builders)
-
-    def kill(self, address: str) -> None:
-        """As SIGKILL would; again is nothing."""
-        if address in self.transport.addresses:
-            self.transport.kill(address)
-
-    def freeze(self, address: str) -> None:
-        """As SIGSTOP would; of one that does not live it is nothing."""
-        if address in self.transport.addresses:
-            self.transport.freeze(address)
-
-    def revive(self, address: str) -> None:
-        """Start a new process if there is none, and let a frozen one go on."""
-        if address in self.transport.addresses:
-            self.transport.thaw(address)
-        else:
-            self.nodes[address] = self._builders[address]()
-            self.transport.add(self.nodes[address])
 
     def run(self, frames: int) -> None:
         """For so many frames."""

@@ -75,7 +75,8 @@ import os, sys
 from dataclasses import replace
 from itertools import count
 import msgspec
-from colony.cli.outputs import open_alone
+from colony.files import open_alone
+from colony.runtime.recordings.mcap_writer import McapRecording
 from tests.runtime.recordings.mcap_files import PROGRAM, SOURCES, trace
 from tests.verify.audit.recorded_runs import logs, mcap_to
 

@@ -113,7 +113,7 @@ class Crowd:
     def frame(self) -> None:
         stage, chance = self.stage, self.chance
         if chance.random() < 0.9:
-            stage.run = str(stage.server._base.run)  # the Clock goes with the leader, mostly
+            stage.run = str(stage.server._actuator.run)  # the Clock goes with the leader, mostly
         stage.tick(lost=[f"drive/{c}" for c, _ in CLIENTS if chance.random() < 0.05])
         requests = [
             msgspec.structs.replace(request, k=stage.k + chance.choice((0, 0, 0, 0, 1, -1)))

@@ -16,8 +16,6 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from colony.experiment.local_cameras import LocalCamera
-from colony.experiment.local_servers import Granted, Handler
 from colony.nav.shared import (
     CEILING_LIGHT,
     END_L_MODE,
@@ -27,13 +25,14 @@ from colony.nav.shared import (
     OVERSHOOT,
     TRACK_DATA,
 )
+from colony.runtime.assembly.loop import LocalCamera
 from colony.runtime.kit.errors import CallRefused
 from colony.runtime.kit.script import Script, do, sleep
 from colony.runtime.library import data, robot
 from colony.runtime.protocol.calls import Asked, Refused
 from colony.runtime.servers.images import Image
 from colony.vision.lights.ceiling_camera import UPWARD, CeilingCamera
-from tests.script_stage import ASKED, FRAME_NS, ScriptStage
+from tests.script_stage import ASKED, FRAME_NS, ScriptStage, Server, Shutter
 
 FRAME_S = FRAME_NS / 1e9
 _SAMPLES = 4  # a pixel
@@ -101,19 +100,16 @@ class Robot:
     silent: tuple[float, float] = (math.inf, math.inf)
 
 
-class Base:
+class Base(Server):
     """RServer of the robot. Mutable: where it is, and where it is believed to be; what was corrected."""
 
-    address: str = "RServer"
-
     def __init__(self, moves: Robot) -> None:
+        super().__init__("RServer", {"position": self._position, "adjust_position": self._adjust})
         self._moves = moves
         self.along_mm = moves.along_mm
         self.x, self.y, self.heading = 0.0, moves.along_mm + moves.off_mm, moves.believed_deg
         self.corrections: list[tuple[float, float, float]] = []
         self._slips, self._stands = list(moves.slips), list(moves.stands)
-        self.granted: Granted = []
-        self.handlers: Mapping[str, Handler] = {"position": self._position, "adjust_position": self._adjust}
 
     def advance(self) -> None:
         """Go on for a frame."""
@@ -129,12 +125,12 @@ class Base:
         if self._slips and self.along_mm >= self._slips[0][0]:
             self.y += self._slips.pop(0)[1]
 
-    def _position(self, asked: Asked, arguments: Any, reply: Any, now_ns: int) -> robot.Position:
+    def _position(self, asked: Asked, arguments: Any, now_ns: int) -> robot.Position:
         if self._moves.silent[0] <= self.along_mm < self._moves.silent[1]:
             raise Refused("no value", "the base does not answer")
         return robot.Position(x=self.x, y=self.y, heading=self.heading % 360.0, t_ns=now_ns)
 
-    def _adjust(self, asked: Asked, arguments: robot.PoseArguments, reply: Any, now_ns: int) -> None:
+    def _adjust(self, asked: Asked, arguments: robot.PoseArguments, now_ns: int) -> None:
         self.corrections.append((arguments.x, arguments.y, arguments.heading))
         self.x, self.y = self.x + arguments.x, self.y + arguments.y
         self.heading += arguments.heading
@@ -174,7 +170,7 @@ class Stage(ScriptStage):
         self.base = Base(moves)
         self.log = Log()
         eyes = [
-            LocalCamera(name, partial(self._image, geometry))
+            LocalCamera(name, Shutter(partial(self._image, geometry)))
             for name, geometry in (cameras or {"CServerUp": UPWARD}).items()
         ]
         super().__init__({**scripts, "planner": self._planner(goals)}, self.base, cameras=eyes)
@@ -182,7 +178,7 @@ class Stage(ScriptStage):
     def camera_period_s(self, name: str) -> float:
         """How often a camera takes an image."""
         (camera,) = (camera for camera in self._cameras if camera.address == name)
-        period_ns = camera.handlers["period"](ASKED, None, int, 0)
+        period_ns = camera.handlers["period"](ASKED, None, 0)
         assert isinstance(period_ns, int)
         return period_ns / 1e9
 
@@ -219,7 +215,7 @@ class Stage(ScriptStage):
             over = yield from do("DServer", data.get(OVERSHOOT, type=float))
             self.log.overshoots.append((self.base.along_mm, over))
 
-    def _image(self, geometry: CeilingCamera, now_ns: int) -> Image:
+    def _image(self, geometry: CeilingCamera) -> Image:
         """Mounted to the left, a camera is where a robot further to the left would have it."""
         at = replace(geometry, left_mm=0.0, ahead_mm=0.0)
         lines = rendered(
@@ -233,5 +229,9 @@ class Stage(ScriptStage):
         pixels = np.zeros((geometry.rows, geometry.columns), dtype=np.uint8)
         pixels[list(geometry.scan_rows)] = lines
         return Image(
-            t_ns=now_ns, height=geometry.rows, width=geometry.columns, channels=1, pixels=pixels.tobytes()
+            t_ns=self.now_ns,
+            height=geometry.rows,
+            width=geometry.columns,
+            channels=1,
+            pixels=pixels.tobytes(),
         )

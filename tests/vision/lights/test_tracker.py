@@ -7,7 +7,6 @@ from typing import Any
 import numpy as np
 import pytest
 
-from colony.experiment.local_scripts import ScriptFailed
 from colony.nav.maps.walls import Walls
 from colony.nav.pose.estimate import pose_estimator
 from colony.nav.pose.fixes import fix_of
@@ -26,6 +25,7 @@ from colony.nav.shared import (
 )
 from colony.runtime.kit.errors import CallRefused
 from colony.runtime.kit.script import Script, sleep
+from colony.runtime.kit.script_local import ScriptFailed
 from colony.runtime.library.robot import Position
 from colony.vision.lights.ceiling_camera import UPWARD
 from colony.vision.lights.tracker import light_tracker, position_at

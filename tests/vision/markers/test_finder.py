@@ -9,9 +9,6 @@ from typing import Any
 
 import pytest
 
-from colony.experiment.local_cameras import LevelShot, LocalCamera
-from colony.experiment.local_scripts import ScriptFailed
-from colony.experiment.local_servers import LocalBase
 from colony.nav.maps.signs import Marker, markers_of
 from colony.nav.maps.stickrep.geometry import Point
 from colony.nav.maps.stickrep.reader import load_map
@@ -27,10 +24,15 @@ from colony.nav.shared import (
     MARKER_FIX,
     GoalKind,
 )
+from colony.runtime.assembly.loop import LocalCamera
+from colony.runtime.kit.script_local import LocalServer, ScriptFailed
 from colony.runtime.protocol.calls import Refused
+from colony.runtime.servers.base import Base
 from colony.sim.cameras.camera import Camera, CameraConfig
 from colony.sim.cameras.scene import scene_of
+from colony.sim.drivers import Plant, SimulatedBase, SimulatedCamera
 from colony.sim.hazards.hazards import Hazards, draw
+from colony.sim.shots import LevelShot
 from colony.sim.world.world import World
 from colony.vision.level_camera import AHEAD, LevelCamera
 from colony.vision.markers.finder import marker_finder
@@ -68,18 +70,21 @@ class Stand(ScriptStage):
         y = MARKERS[0].middle.y - ahead_mm * math.cos(heading) - aside_mm * math.sin(heading)
         self.world = World(walls=scenery, poses=[(x, y, MARKERS[0].heading_deg + turned_deg)], seed=1)
         eye = Camera(scene_of(MAP, scenery), CameraConfig(), robot_radius_mm=400.0, seed=1)
-        shutter = LocalCamera("CServerFront", lambda now_ns: LevelShot(eye, self.world, now_ns))
+        self._plant = Plant(self.world, lambda: self.now_ns)
+        base = LocalServer("RServer", Base(SimulatedBase(self._plant, 0)).methods)
+        front = SimulatedCamera(self._plant, lambda now_ns: LevelShot(eye, self.world, 0, now_ns))
+        shutter = LocalCamera("CServerFront", front)
         known = {NAME: MARKERS} if markers is None else markers
         finder = marker_finder(known, geometry=geometry)
-        super().__init__({"markers": finder}, LocalBase(self.world), cameras=[shutter] if camera else [])
+        super().__init__({"markers": finder}, base, cameras=[shutter] if camera else [])
         for name, value in variables.items():
             self.tell(name, value)
 
     def run(self, seconds: float) -> None:
         for _ in range(round(seconds * 1e9 / FRAME_NS)):
             self.settle()
-            self.world.advance(FRAME_NS / 1e9)
             self.now_ns += FRAME_NS
+            self._plant.catch_up()
 
 
 RIDE = {GOAL_TYPE: int(GoalKind.ELEVATOR), GOAL_DIRECTION: MARKERS[0].heading_deg}

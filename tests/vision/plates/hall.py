@@ -7,17 +7,16 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
-from colony.experiment.local_cameras import LocalCamera
-from colony.experiment.local_servers import Handler
 from colony.nav.maps.signs import Plate
 from colony.nav.maps.stickrep.geometry import Point
+from colony.runtime.assembly.loop import LocalCamera
 from colony.runtime.kit.script import Script
 from colony.runtime.library import proximity, robot
-from colony.runtime.protocol.calls import Asked, Refused
+from colony.runtime.protocol.calls import Asked, Handler, Refused
 from colony.runtime.servers.images import Image
 from colony.vision.level_camera import SIDE
 from colony.vision.plates.geometry import WallView
-from tests.script_stage import FRAME_NS, ScriptStage, Server
+from tests.script_stage import FRAME_NS, ScriptStage, Server, Shutter
 from tests.vision.plates.walls import Board, wall_image
 
 
@@ -55,7 +54,7 @@ class Stage(ScriptStage):
 
     def __init__(self, hall: Hall, **scripts: Script) -> None:
         self._hall = hall
-        self.camera = LocalCamera("CServerSide", lambda now_ns: self._image(now_ns))
+        self.camera = LocalCamera("CServerSide", Shutter(lambda: self._image(self.now_ns)))
         self.asked: list[str] = []
         self.camera.handlers = {
             name: self._counted(name, handler) for name, handler in self.camera.handlers.items()
@@ -75,10 +74,10 @@ class Stage(ScriptStage):
         return self._hall.start_mm + self._hall.speed_mm_s * t_ns / 1e9
 
     def _counted(self, name: str, handler: Handler) -> Handler:
-        def counted(asked: Asked, arguments: Any, reply: Any, now_ns: int) -> object:
+        def counted(asked: Asked, arguments: Any, now_ns: int) -> object:
             self.asked.append(name)
             self._answers(now_ns)
-            return handler(asked, arguments, reply, now_ns)
+            return handler(asked, arguments, now_ns)
 
         return counted
 
@@ -87,13 +86,13 @@ class Stage(ScriptStage):
         if low <= now_ns / 1e9 < high:
             raise Refused("no value", "the device does not answer")
 
-    def _position(self, asked: Asked, arguments: Any, reply: Any, now_ns: int) -> robot.Position:
+    def _position(self, asked: Asked, arguments: Any, now_ns: int) -> robot.Position:
         self._answers(now_ns)
         east, north = self._hall.off_mm
         heading = self._hall.tilt_deg % 360.0
         return robot.Position(x=east, y=self.place(now_ns) + north, heading=heading, t_ns=now_ns)
 
-    def _sonar(self, asked: Asked, arguments: Any, reply: Any, now_ns: int) -> proximity.SonarReading:
+    def _sonar(self, asked: Asked, arguments: Any, now_ns: int) -> proximity.SonarReading:
         self._answers(now_ns)
         ranges = [10_000.0] * 24
         ranges[18] = self._hall.wall_mm - 360.0 if self._hall.sonar_mm is None else self._hall.sonar_mm

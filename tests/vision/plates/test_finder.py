@@ -5,9 +5,9 @@ from typing import Any
 
 import pytest
 
-from colony.experiment.local_scripts import ScriptFailed
 from colony.nav.pose.fixes import fix_of
 from colony.nav.shared import FLOOR, GOAL_DIRECTION, PLATE_FIX, PLATE_SEEN
+from colony.runtime.kit.script_local import ScriptFailed
 from colony.runtime.library import camera as cameras
 from colony.runtime.protocol.calls import Asked, Nothing, Refused
 from colony.runtime.protocol.connections import Caller
@@ -102,10 +102,10 @@ def test_a_camera_that_was_started_anew_is_told_its_period_again(away_s: float) 
     if away_s:
         stage.camera.handlers = dict.fromkeys(present, _away)
     stage.run(away_s)
-    present["set_period"](ASKED, cameras.SetPeriod(period_ns=PERIOD_NS), type(None), stage.now_ns)
+    present["set_period"](ASKED, cameras.SetPeriod(period_ns=PERIOD_NS), stage.now_ns)
     stage.camera.handlers = present
     stage.run(1.0)
-    assert stage.camera.handlers["period"](ASKED, Nothing(), int, 0) == 250_000_000
+    assert stage.camera.handlers["period"](ASKED, Nothing(), 0) == 250_000_000
 
 
 def test_a_plate_that_is_found_while_dserver_is_away_is_told_later() -> None:

@@ -21,7 +21,7 @@ from typing import NamedTuple
 
 import zenoh
 
-from colony.cli.run.processes import PLANT_S
+from colony.robots.process_run import PLANT_S
 from colony.runtime.protocol import codec, topics
 from colony.runtime.protocol.messages import Tick, Verdict
 from colony.runtime.transport.live.network import ZenohSession, local_time

@@ -1,12 +1,10 @@
-"""The run behind `colony run --processes` and `--connect`: clients as processes, and servers that are either
-started with them or there already."""
+"""A run of a program by processes: its clients, and servers that are started with them or there already."""
 
 from __future__ import annotations
 
 import math
 import os
 import shutil
-import sys
 import time
 from collections.abc import Callable, Iterator
 from contextlib import AbstractContextManager, ExitStack, contextmanager, suppress
@@ -15,16 +13,12 @@ from pathlib import Path
 from tempfile import mkdtemp
 from typing import TYPE_CHECKING
 
-from colony.cli.interruption import interruptible
-from colony.cli.places import running_robots, session_with
-from colony.cli.recordings import RunRecording, recording_into
-from colony.cli.reporting import say
-from colony.cli.run.options import Arrival, BrokenOff, Misuse, Options, cameras, duration_ns, variables
-from colony.cli.run.outputs import check_outputs, draw_paths
-from colony.cli.run.progress import Progress
 from colony.execute.compiled import Compiled
 from colony.ir.program import Robot
 from colony.os_errors import naming
+from colony.robots.finding import running_robots, session_with
+from colony.robots.recording import RunRecording, recording_into
+from colony.robots.request import Arrival, Attendant, BrokenOff, Driven, Misuse, RunRequest
 from colony.runtime.assembly.nodes import build_observer
 from colony.runtime.assembly.processes.children import Job
 from colony.runtime.assembly.processes.crew import client_jobs, expect_room, fresh_folder, keep_logs
@@ -40,48 +34,45 @@ from colony.runtime.transport.live.place import Local, Place
 from colony.runtime.transport.live.run_directory import in_run_directory
 
 if TYPE_CHECKING:  # planning and leading are not for every run
-    from colony.cli.run.way import Way
     from colony.experiment.live_mission import LiveMission
+    from colony.robots.way import Way
 
 PLANT_S = 120.0
 """For how long the simulator may take to start: once, where nothing is kept of it, it is compiled."""
 
 
-def run_here(compiled: Compiled, place: Local, options: Options) -> tuple[RunSummary, Arrival | None]:
+def run_here(compiled: Compiled, place: Local, request: RunRequest, attendant: Attendant) -> Driven:
     """Run a program on a simulated robot: servers, clients and the plant are started, and end with the run.
-    What came of it, and of the way, if it was to be driven somewhere.
 
     Raises:
-        BadOption: an option makes no sense.
-        Misuse: there is no such way.
+        Misuse: there is no such way, or no recording can be written.
         Failure: the map is bad (its codes begin with M), or the program asks for what the robot lacks.
         LiveError: the robot's processes cannot be joined: another run of it goes on, for one.
         BrokenOff: the run could not begin, or broke off.
-        click.exceptions.Exit: a file cannot be written, which has been said.
     """
-    from colony.cli.simulated_robot import SimulatedRobot, TruthLog, jobs_of
     from colony.nav.maps.stickrep.reader import load_map
+    from colony.robots.simulated import SimulatedRobot, TruthLog, jobs_of
 
-    assert options.map_path is not None
-    way = _way_here(options) if options.goal is not None else None
-    run = _Run(compiled, place, options, way)
-    looking = cameras(options.cameras)
+    assert request.map_path is not None
+    way = _way_here(request) if request.goal is not None else None
+    run = _Run(compiled, place, request, attendant, way)
+    looking = dict(request.cameras)
     if way is not None:
         from colony.experiment.variants import CEILING_CAMERA
 
         looking = {CEILING_CAMERA: "up", **looking}
-    building = load_map(options.map_path)
+    building = load_map(request.map_path)
     truth = TruthLog(place)
     with run.led() as led:
         robot = SimulatedRobot(
-            map_path=options.map_path,
-            seed=options.seed,
+            map_path=request.map_path,
+            seed=request.seed,
             state=run.folder,
             cameras=looking,
-            fsync=options.fsync,
+            fsync=request.fsync,
             start=None if way is None else way.start,
-            hazards=options.hazards,
-            held=run.held,
+            hazards=request.hazards,
+            held=request.held,
         )
         with in_run_directory(run.folder):
             jobs = (*jobs_of(place, robot, run.folder), *run.client_jobs())
@@ -91,15 +82,11 @@ def run_here(compiled: Compiled, place: Local, options: Options) -> tuple[RunSum
         interrupted = not begun or run.follow(led, meanwhile=truth.look)
         travel = truth.travel
         truth.close()
-    summary = run.summary(interrupted, travel)
-    if options.picture is not None:
-        places = {building.name: truth.places}
-        if draw_paths([building], places, compiled.name, options.picture) is None:
-            summary = replace(summary, unwritten=(options.picture,))
-    return summary, run.arrival(truth.places[-1] if truth.places else None)
+    arrival = run.arrival(truth.places[-1] if truth.places else None)
+    return Driven(run.summary(interrupted, travel), arrival, (building,), {building.name: truth.places})
 
 
-def run_there(compiled: Compiled, place: Place, options: Options) -> tuple[RunSummary, Arrival | None]:
+def run_there(compiled: Compiled, place: Place, request: RunRequest, attendant: Attendant) -> Driven:
     """Run a program on a robot whose servers run already, here or behind a gateway.
 
     Raises:
@@ -113,30 +100,30 @@ def run_there(compiled: Compiled, place: Place, options: Options) -> tuple[RunSu
             f"start it with `colony serve all --robot {place.robot} --map MAP`"
         )
     way = None
-    if options.goal is not None:
-        from colony.cli.run.way import way_of
+    if request.goal is not None:
+        from colony.robots.way import way_of
 
-        way = way_of(options)
-    run = _Run(compiled, place, options, way)
+        way = way_of(request)
+    run = _Run(compiled, place, request, attendant, way)
     with run.led() as led:
         with _in_folder(place, run.folder):
             jobs = run.client_jobs()
             expect_room(run.folder, len(jobs))
         led.start(jobs)
-        led.hold(run.held)
+        led.hold(request.held)
         interrupted = run.follow(led)
-    return run.summary(interrupted, None), run.arrival(None)
+    return Driven(run.summary(interrupted, None), run.arrival(None))
 
 
-def _way_here(options: Options) -> Way:
-    """The way to drive, on the one floor that the simulator of processes has."""
-    from colony.cli.run.way import way_of
+def _way_here(request: RunRequest) -> Way:
+    """Return the way to drive, on the one floor that the simulator of processes has."""
+    from colony.robots.way import way_of
 
-    way = way_of(options)
+    way = way_of(request)
     if len(way.plan.floors) > 1:
         floors = " to ".join(way.plan.floors)
         raise Misuse(
-            f"{options.map_path}: error: the way leads from {floors}, and a simulated robot of processes "
+            f"{request.map_path}: error: the way leads from {floors}, and a simulated robot of processes "
             "stays on its floor; leave out --processes to ride elevators"
         )
     return way
@@ -145,30 +132,29 @@ def _way_here(options: Options) -> Way:
 class _Run:
     """What both ways have in common. Mutable: what was seen of the run."""
 
-    def __init__(self, compiled: Compiled, place: Place, options: Options, way: Way | None) -> None:
+    def __init__(
+        self, compiled: Compiled, place: Place, request: RunRequest, attendant: Attendant, way: Way | None
+    ) -> None:
         self._place = place
-        self._options = options
+        self._request = request
+        self._attendant = attendant
         self._way = way
         self._mission: LiveMission | None = None
-        self._length_ns = None if options.duration is None else duration_ns(options.duration)
-        self.held = variables(compiled.robot, options.settings)
-        inputs = [options.file, *([options.map_path] if options.map_path is not None else [])]
-        check_outputs(options.record, options.picture, inputs)
         self._compiled, more = compiled, _more_servers(compiled.robot, place)
         self._bindings = bind(compiled.robot, (*SERVERS, *more))
         self._deployed = deployment(
             compiled,
             self._bindings,
             run=f"{time.strftime('%Y%m%d-%H%M%S')}-{os.getpid()}",
-            seed=options.seed,
+            seed=request.seed,
             servers=tuple(server.name for server in more),
         )
         self._tally = Tally(compiled)
-        self._standings = Standings(self._deployed, file=os.path.abspath(options.file))
+        self._standings = Standings(self._deployed, file=os.path.abspath(request.file))
         self._window = Window(
-            self._length_ns,
+            request.length_ns,
             frame_ns=compiled.frame_ns,
-            sinks=(self._tally, self._standings, Progress(self._length_ns)),
+            sinks=(self._tally, self._standings, attendant.progress(request.length_ns)),
         )
         self._folder: Path | None = None
         self._recording: RunRecording | None = None
@@ -177,11 +163,11 @@ class _Run:
     @contextmanager
     def led(self) -> Iterator[LedRun]:
         """Lead the run, to the end of the block; its processes have ended then."""
-        with interruptible() as self._interrupted, ExitStack() as holds:
+        with self._attendant.interruptible() as self._interrupted, ExitStack() as holds:
             led = holds.enter_context(self._lead())
             self._folder = self._fresh_folder()
-            if self._options.record is not None:
-                self._recording = self._begin_recording(self._options.record)
+            if self._request.record is not None:
+                self._recording = self._begin_recording(self._request.record)
                 self._window.record(self._recording)
             try:
                 yield led
@@ -207,20 +193,18 @@ class _Run:
 
     def client_jobs(self) -> tuple[Job, ...]:
         """How its clients are started; modules in Python are looked for where this process looks for them."""
-        search = (str(Path(self._options.file).resolve().parent), os.getcwd())
+        search = (str(Path(self._request.file).resolve().parent), os.getcwd())
         return client_jobs(self._place, self._deployed, self._compiled, self._bindings, self.folder, search)
 
     def follow(self, led: LedRun, *, meanwhile: Callable[[], object] = lambda: None) -> bool:
         """Lead it to its end, or to that of its way; whether it was interrupted before."""
         if self._way is None:
             return not led.follow(self.stop, meanwhile=meanwhile)
-        from colony.cli.terminal import Terminal
         from colony.experiment.live_mission import LiveMission
-        from colony.nav.missions.elevator_prompt import elevator_prompt
 
         way, operator = self._way, None
         if len(way.plan.floors) > 1:
-            operator = elevator_prompt(way.building, Terminal(sys.__stdin__), say=say)
+            operator = self._attendant.operator(way.building)
         with session_with(self._place) as session:
             self._mission = LiveMission(session, way.building, way.plan, operator=operator)
             with self._mission as mission:
@@ -232,7 +216,7 @@ class _Run:
         known."""
         if self._way is None or self._mission is None:
             return None
-        from colony.cli.run.way import TOLD_OF_PLATE
+        from colony.robots.way import TOLD_OF_PLATE
 
         mission, name = self._mission, self._way.name
         off_mm, by = mission.off_mm, " as it reckons"
@@ -250,7 +234,7 @@ class _Run:
     def summary(self, interrupted: bool, travel: Travel | None) -> RunSummary:
         """What came of it."""
         found = self._tally.summary(
-            seed=self._options.seed,
+            seed=self._request.seed,
             duration_s=self._window.shown_ns / 1e9,
             interrupted=interrupted and self._interrupted(),
             travel=travel,
@@ -258,7 +242,7 @@ class _Run:
         return replace(found, broke_off=self._broke_off)
 
     def _lead(self) -> LedRun:
-        recorded = self._options.record is not None
+        recorded = self._request.record is not None
         observer = build_observer(
             self._compiled, self._bindings, (self._window,), self._deployed.run, requests=recorded
         )
@@ -271,7 +255,7 @@ class _Run:
             window=self._window,
             standings=self._standings,
             ended=self._tidy,
-            report=say,
+            report=self._attendant.report,
         )
 
     def _fresh_folder(self) -> Path:
@@ -292,7 +276,7 @@ class _Run:
 
     def _begin_recording(self, path: str) -> RunRecording:
         run, started = self._deployed.run, time.strftime("%Y-%m-%dT%H:%M:%S%z")
-        return recording_into(path, self._compiled, seed=self._options.seed, run=run, started=started)
+        return recording_into(path, self._compiled, seed=self._request.seed, run=run, started=started)
 
 
 def _in_folder(place: Place, folder: Path) -> AbstractContextManager[None]:

@@ -1,20 +1,20 @@
-"""`colony run --from ROOM --to ROOM`: the clients that lead a robot through a building, among its servers."""
+"""The scripts that lead a robot through a building, among its servers in virtual time."""
 
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 
-from colony.cli.run.options import Arrival, Options
-from colony.cli.run.way import TOLD_OF_PLATE, Way
-from colony.experiment.run_cameras import camera_driver
+from colony.experiment.run_cameras import run_cameras
 from colony.experiment.runs import AT_GOAL_MM
 from colony.experiment.variants import CEILING_CAMERA, FRONT_CAMERA, OURS, PLANNER, SIDE_CAMERA
 from colony.nav.missions.goal_verification import Verdict
-from colony.runtime.frames.assembly import frames_kept
+from colony.robots.request import Arrival, RunRequest
+from colony.robots.way import TOLD_OF_PLATE, Way
 from colony.runtime.kit.script_node import ScriptNode
 from colony.runtime.protocol.fields import DSERVER, PSERVER, RSERVER
 from colony.runtime.protocol.messages import Node
-from colony.runtime.servers.cserver import CServer
+from colony.runtime.servers.drivers import CameraDriver
 from colony.sim.drivers import Plant
 from colony.sim.hazards.hazards import Hazards
 from colony.sim.world.operator import operator
@@ -29,35 +29,35 @@ _AFTER_NS = 1_000_000
 class Mission:
     """A way through a building that is to be driven. Mutable: the building, and how far its scripts are."""
 
-    def __init__(self, way: Way, options: Options, frame_ns: int) -> None:
+    def __init__(self, way: Way, request: RunRequest) -> None:
         self._way, self.plan = way, way.plan
         self.site = Site(
             way.building,
             way.plan,
-            Hazards.none() if options.hazards is None else Hazards(),
-            seed=options.hazards or 0,
-            noise_seed=options.seed,
+            Hazards.none() if request.hazards is None else Hazards(),
+            seed=request.hazards or 0,
+            noise_seed=request.seed,
         )
-        self._seed = options.seed
-        self._keep = frames_kept(frame_ns)
+        self._seed = request.seed
         self._verdict = Verdict.UNSEEN
         scripts = {
             **OURS.scripts(
                 way.plan, self.site.building, cameras=frozenset(_CAMERAS), on_verdict=self._verified
             ),
-            "operator": operator(self.site.elevators, self.site.world, seed=options.seed),
+            "operator": operator(self.site.elevators, self.site.world, seed=request.seed),
         }
         self._scripts = {
             name: ScriptNode(name, script, _SERVERS, delay_ns=_AFTER_NS) for name, script in scripts.items()
         }
 
-    def nodes(self, plant: Plant) -> tuple[Node, ...]:
-        """The cameras and the scripts."""
-        cameras = [
-            CServer(camera_driver(plant, self.site, name, seed=self._seed), keep=self._keep, address=name)
-            for name in _CAMERAS
-        ]
-        return (*cameras, *self._scripts.values())
+    @property
+    def nodes(self) -> tuple[Node, ...]:
+        """The scripts as nodes."""
+        return tuple(self._scripts.values())
+
+    def cameras(self, plant: Plant) -> Mapping[str, CameraDriver]:
+        """Return the cameras that the scripts look through."""
+        return run_cameras(plant, self.site, _CAMERAS, seed=self._seed)
 
     @property
     def problem(self) -> str:

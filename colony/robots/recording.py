@@ -6,9 +6,9 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from colony import __version__
-from colony.cli.outputs import cannot_write, open_alone
-from colony.files import reason
+from colony.files import open_alone, reason
 from colony.os_errors import limit_advice
+from colony.robots.request import Misuse
 
 if TYPE_CHECKING:
     from colony.execute.compiled import Compiled
@@ -67,14 +67,22 @@ class RunRecording:
         return f"the recording {self._path} has only the first {seconds:.2f} s: {_why(self._problem)}"
 
     def expect_frames(self) -> None:
-        """Exit with 2, and say why, if it broke off before its first frame was written."""
+        """Check that the first frame was written.
+
+        Raises:
+            Misuse: the recording broke off before.
+        """
         if self._problem is not None and self._sink.written_ns is None:
-            cannot_write(self._path, _why(self._problem))
+            raise _cannot_write(self._path, _why(self._problem))
 
 
 def _why(problem: OSError) -> str:
     advice = limit_advice(problem)
     return reason(problem) if advice is None else f"{reason(problem)}: {advice}"
+
+
+def _cannot_write(path: str, why: str) -> Misuse:
+    return Misuse(f"{path}: error: cannot write: {why}")
 
 
 def recording_into(
@@ -85,9 +93,12 @@ def recording_into(
     run: str = "",
     started: str = "",
 ) -> RunRecording:
-    """Return a sink that records a run into `path`; exits with 2 where it cannot be written.
+    """Return a sink that records a run into `path`.
 
     `run` names a run on a real robot, `started` when it was.
+
+    Raises:
+        Misuse: the file cannot be written, or another run is recording into it.
     """
     try:
         opened = open_alone(path)
@@ -111,6 +122,6 @@ def recording_into(
         )
         return RunRecording(McapRecording(compiled, info, opened), path)
     except BlockingIOError:
-        cannot_write(path, "another run is recording into it")
+        raise _cannot_write(path, "another run is recording into it") from None
     except OSError as problem:
-        cannot_write(path, _why(problem))
+        raise _cannot_write(path, _why(problem)) from None

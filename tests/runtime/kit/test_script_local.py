@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import pytest
 
-from colony.experiment.local_scripts import ScriptFailed
 from colony.runtime.kit.errors import CallRefused, ServerNotFound
 from colony.runtime.kit.script import Script, do, sleep
+from colony.runtime.kit.script_local import ScriptFailed
 from colony.runtime.library import data, robot
 from tests.script_stage import FRAME_NS, ScriptStage
 
@@ -78,7 +78,7 @@ def test_strange_servers_and_methods_are_refused() -> None:
         except ServerNotFound as problem:
             found.append(str(problem))
         try:
-            yield from do("DServer", data.delete("X"))
+            yield from do("DServer", data.publish(("X",)))
         except CallRefused as refused:
             found.append(refused.code)
 

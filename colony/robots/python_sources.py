@@ -7,11 +7,10 @@ from __future__ import annotations
 
 import ast
 import sysconfig
-from collections.abc import Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from importlib.machinery import ModuleSpec, PathFinder
 from pathlib import Path
 
-from colony.cli.reporting import say
 from colony.execute.compiled import SourceFile
 from colony.files import read_file, reason
 
@@ -23,8 +22,11 @@ _INSTALLED = tuple(
 )
 
 
-def python_sources(names: Iterable[str]) -> tuple[SourceFile, ...]:
-    """The sources of these modules (dotted names) and of all that they import, as `sys.path` stands."""
+def python_sources(names: Iterable[str], report: Callable[[str], None]) -> tuple[SourceFile, ...]:
+    """Return the sources of these modules (dotted names) and of all that they import, as `sys.path` stands.
+
+    `report` is told of files that cannot be read, which are left out.
+    """
     found: dict[str, SourceFile] = {}
     waiting, seen = list(names), set[str]()
     while waiting:
@@ -35,7 +37,7 @@ def python_sources(names: Iterable[str]) -> tuple[SourceFile, ...]:
         if "." in name:
             waiting.append(name.rpartition(".")[0])
         spec = _find(name)
-        source = None if spec is None else _own(spec)
+        source = None if spec is None else _own(spec, report)
         if spec is not None and source is not None:
             found[source.place] = source
             waiting += _imports(source.data, name, is_package=spec.submodule_search_locations is not None)
@@ -57,8 +59,8 @@ def _find(name: str) -> ModuleSpec | None:
     return spec
 
 
-def _own(spec: ModuleSpec) -> SourceFile | None:
-    """Return the source of a module that is a file of the user's; say so where it cannot be recorded."""
+def _own(spec: ModuleSpec, report: Callable[[str], None]) -> SourceFile | None:
+    """Return the source of a module that is a file of the user's; report one that cannot be read."""
     origin = Path(spec.origin) if spec.origin else None
     if origin is None or origin.suffix != ".py" or any(map(origin.resolve().is_relative_to, _INSTALLED)):
         return None
@@ -67,7 +69,7 @@ def _own(spec: ModuleSpec) -> SourceFile | None:
     try:
         return SourceFile(kind="python", place=place, data=read_file(origin, SOURCE_BYTES))
     except OSError as problem:
-        say(f"{origin}: warning: not in the recording: {reason(problem)}")
+        report(f"{origin}: warning: not in the recording: {reason(problem)}")
         return None
 
 

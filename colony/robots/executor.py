@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from colony.cli.virtual_robot import RUN, VirtualRobot
 from colony.compile.pipeline import Compilation
 from colony.ir.frame import Decision, Frame, Outcome
+from colony.robots.scripted import ScriptedRobot
+from colony.runtime.assembly.virtual import RUN
 from colony.runtime.observe.observer import FrameLog
 from colony.runtime.protocol import topics
 from colony.runtime.protocol.messages import Tick
-from colony.runtime.transport.virtual import VirtualClock, VirtualTransport
+from colony.runtime.transport.virtual import VirtualClock
 
 _BETWEEN_NS = 1_000_000_000
 """From the last frame of a trace to the first one of the next."""
@@ -37,12 +38,16 @@ class VirtualExecutor:
 
     def _begin(self) -> None:
         self._frame = Frame(0, {})
-        self._robot = VirtualRobot(self._compiled, lambda tick: self._frame.readings, seed=self._seed)
         self._clock = VirtualClock()
-        self._transport = VirtualTransport(self._clock, seed=self._seed)
-        for build in self._robot.builders.values():
-            self._transport.add(build())
-        self._transport.add(self._robot.observer)
+        self._robot = ScriptedRobot(
+            self._compiled,
+            lambda tick: self._frame.readings,
+            clock=self._clock,
+            seed=self._seed,
+            ticking=False,
+        )
+        self._transport = self._robot.transport
+        self._robot.start()
         self._k, self._start = -1, 0
         self._ahead_ns: int | None = None  # how much the robot's time is ahead of that of the trace
 

@@ -1,6 +1,7 @@
-"""Scripts (`runtime/kit/script.py`) among the servers of this process, each moment in one fixed order.
+"""Scripts (`script.py`) that call the methods of servers in the same process, each moment in one fixed order.
 
-A script that sleeps goes on in the first frame at or after the time that it asked for; one that waits for a
+A call goes to the server's own method, without messages, connections or a store, and is answered at once. A
+script that sleeps goes on in the first frame at or after the time that it asked for; one that waits for a
 semaphore, in the very moment in which somebody signals it, behind those that are ready already.
 """
 
@@ -10,12 +11,15 @@ import heapq
 from collections import deque
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
+from functools import lru_cache
 from typing import Any
 
-from colony.experiment.local_servers import LocalServer, answer
+import msgspec
+
 from colony.runtime.kit.errors import CallRefused, ServerNotFound
 from colony.runtime.kit.script import Do, Script, Sleep
-from colony.runtime.protocol.calls import LATER, Asked, Refused
+from colony.runtime.library.ask import Ask
+from colony.runtime.protocol.calls import LATER, Asked, Handler, Method, Refused
 from colony.runtime.protocol.connections import Caller
 
 STEPS_IN_A_MOMENT = 20_000
@@ -28,6 +32,51 @@ class ScriptFailed(Exception):
     def __init__(self, name: str, problem: BaseException) -> None:
         super().__init__(f"the script `{name}` raised {type(problem).__name__}: {problem}")
         self.name = name
+
+
+class LocalServer:
+    """A server that is called in this process. Mutable: `answers`.
+
+    `handlers` are its methods by name.
+
+    Args:
+        address: its name.
+        methods: its methods; there are no others.
+        answers: results, or refusals, of calls that said `LATER`; the scripts' runner empties the list.
+    """
+
+    def __init__(
+        self,
+        address: str,
+        methods: Iterable[Method],
+        answers: list[tuple[Asked, object]] | None = None,
+    ) -> None:
+        self.address = address
+        self.answers = [] if answers is None else answers
+        self.handlers: Mapping[str, Handler] = {one.name: one.handler for one in methods}
+
+    def do(self, asked: Asked, ask: Ask[Any], now_ns: int) -> Any:
+        """Return the result of a call, `LATER` if the call has to wait.
+
+        Raises:
+            Refused: the server refuses the call.
+        """
+        handler = self.handlers.get(ask.method)
+        if handler is None:
+            known = ", ".join(sorted(self.handlers))
+            raise Refused("method", f"{self.address} has no method `{ask.method}` here; expected {known}")
+        result = handler(asked, ask.arguments, now_ns)
+        if isinstance(result, msgspec.Raw):
+            return _decoder(ask.reply).decode(result)
+        if isinstance(result, dict):
+            decode = _decoder(Any).decode
+            return {name: decode(value) for name, value in result.items()}
+        return result
+
+
+@lru_cache(maxsize=64)
+def _decoder(reply: Any) -> msgspec.msgpack.Decoder[Any]:
+    return msgspec.msgpack.Decoder(reply)
 
 
 @dataclass(frozen=False, slots=True, kw_only=True, eq=False)
@@ -85,13 +134,15 @@ class LocalScripts:
             running.script.close()
 
     def _collect(self) -> None:
-        """Those who waited and have their answer."""
+        """Let the scripts go on that waited and have their answer."""
+        if not self._waiting:
+            return
         for server in self._servers.values():
-            if server.granted:
-                for asked, refused in server.granted:
-                    running = self._waiting.pop(asked)
-                    self._ready.append((running, None, None if refused is None else _raised(refused)))
-                server.granted.clear()
+            if server.answers:
+                for asked, result in server.answers:
+                    refused = _raised(result) if isinstance(result, Refused) else None
+                    self._ready.append((self._waiting.pop(asked), None, refused))
+                server.answers.clear()
 
     def _go_on(self, running: _Running, value: object, problem: Exception | None, now_ns: int) -> None:
         script = running.script
@@ -129,7 +180,7 @@ class LocalScripts:
             known = ", ".join(self._servers)
             raise ServerNotFound(f"there is no server `{step.server}` in this run; there is {known}")
         try:
-            return answer(server, asked, step.ask, now_ns)
+            return server.do(asked, step.ask, now_ns)
         except Refused as refused:
             raise _raised(refused) from None
 

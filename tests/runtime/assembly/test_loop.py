@@ -6,13 +6,13 @@ import pytest
 
 from colony.dsl.load import load_text
 from colony.experiment.behavior import behavior_from
-from colony.experiment.loop import Loop
 from colony.ir.frame import Frame, Outcome
 from colony.runtime.kit.script import Script, do, sleep
 from colony.runtime.library import data, robot
 from colony.sim.config import IDEAL
 from colony.sim.world.world import World
 from tests.experiment.conformance_stage import PROGRAM, WALLS
+from tests.experiment.loops import loop_of
 
 
 class Stage:
@@ -21,7 +21,7 @@ class Stage:
     def __init__(self, *scripts: Script, x_mm: float = 0.0) -> None:
         self.frames: list[tuple[Frame, Outcome]] = []
         self.world = World(walls=WALLS, poses=[(x_mm, 0.0, 270.0)], config=IDEAL)
-        self.loop = Loop(
+        self.loop = loop_of(
             behavior_from(load_text(PROGRAM)),
             self.world,
             {str(i): script for i, script in enumerate(scripts)},
@@ -50,10 +50,10 @@ def test_variables_are_read_in_the_next_frame_and_grow_old() -> None:
     assert stage.world.speed(0).velocity_mm_s < 200.0  # it is stopping again
 
 
-def test_readings_are_in_declared_units_and_lists_are_no_numbers() -> None:
+def test_readings_are_in_base_units_and_lists_are_no_numbers() -> None:
     stage = Stage(_set_once("Wanted", [1.0, 2.0], 0.0), x_mm=1500.0)
     stage.run(3)
-    assert stage.reading("x") == [1.5] * 3
+    assert stage.reading("x") == [1500.0] * 3
     assert stage.reading("wanted")[1] == (1.0, 2.0)
     assert stage.frames[1][1].decisions[0].by is None
     assert ("sensor fault", "wanted") in [tuple(record) for record in stage.frames[1][1].records]

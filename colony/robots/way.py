@@ -1,14 +1,14 @@
-"""What `--from`, `--to` and `--map` of `colony run` mean: a way through a building."""
+"""The way through a building that a run is to drive."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
 
-from colony.cli.run.options import Misuse, Options
 from colony.nav.maps.building import Building, load_building
 from colony.nav.missions.goal_verification import Verdict
 from colony.nav.plan.plan import Plan
 from colony.nav.plan.route import NoPlan, plan
+from colony.robots.request import Misuse, RunRequest
 
 TOLD_OF_PLATE = {
     Verdict.UNSEEN: "",
@@ -39,18 +39,18 @@ class Way:
         return f"from {self.plan.origin} to {self.plan.goal}{floor} ({self.plan.modes})"
 
 
-def way_of(options: Options) -> Way:
-    """The way that the options ask for.
+def way_of(request: RunRequest) -> Way:
+    """Return the way that is asked for.
 
     Raises:
         Misuse: there is no such way.
         Failure: the map, or one to which its elevators lead, is bad.
     """
-    assert options.map_path is not None
-    assert options.origin is not None
-    assert options.goal is not None
-    building = load_building(options.map_path)
+    assert request.map_path is not None
+    assert request.origin is not None
+    assert request.goal is not None
+    building = load_building(request.map_path)
     try:
-        return Way(building=building, plan=plan(building, options.origin, options.goal))
+        return Way(building=building, plan=plan(building, request.origin, request.goal))
     except NoPlan as problem:
-        raise Misuse(f"{options.map_path}: error: {problem}") from None
+        raise Misuse(f"{request.map_path}: error: {problem}") from None

@@ -14,17 +14,16 @@ from dataclasses import dataclass, field, replace
 from functools import partial
 from random import Random
 
-from colony.cli.virtual_robot import SENSING, SERVERS, Sent, VirtualRobot
 from colony.compile.pipeline import Compilation
 from colony.execute.compiled import Compiled
 from colony.ir.frame import Decision, Frame, Outcome, Reading
 from colony.ir.program import Actuator, Program, in_declared_units
-from colony.runtime.frames.clock import Clock
+from colony.robots.scripted import SENSING, ScriptedRobot, Sent
 from colony.runtime.protocol.fields import DSERVER
 from colony.runtime.protocol.messages import Message, ServerFrame, Tick
-from colony.runtime.protocol.topics import CLOCK, activity, module_of
+from colony.runtime.protocol.topics import activity, module_of
 from colony.runtime.transport.faults import Faults, Rates
-from colony.runtime.transport.virtual import Delay, VirtualClock, VirtualTransport
+from colony.runtime.transport.virtual import Delay, VirtualClock
 from colony.verify.reference.interpreter import Interpreter
 from colony.verify.testing.agreement import Disagreement
 
@@ -41,14 +40,14 @@ def with_faults(compilation: Compilation, trace: Sequence[Frame], seed: int) -> 
     """
     random = Random(seed)
     frame_ns = random.choice((250, 250, 100)) * MS
-    robot = _Robot(replace(compilation.artifact, frame_ns=frame_ns), trace, seed, random)
+    stage = _Stage(replace(compilation.artifact, frame_ns=frame_ns), trace, seed, random)
     try:
-        robot.run()
+        stage.run()
     except Exception as raised:  # whatever a process raises is what it is tested for
-        frame = Frame(robot.now_ns, {})
+        frame = Frame(stage.now_ns, {})
         found = f"a process raised {type(raised).__name__}: {raised}"
         return Disagreement(executor="", trace=(frame,), expected=Outcome(()), found=found)
-    return _judged(compilation.program, robot)
+    return _judged(compilation.program, stage)
 
 
 # --- the run ---------------------------------------------------------------------------------------
@@ -73,26 +72,23 @@ class _Seen:
                 pass
 
 
-class _Robot:
+class _Stage:
     """One run. Mutable: the processes that live, and what was seen of them."""
 
     def __init__(self, compiled: Compiled, trace: Sequence[Frame], seed: int, random: Random) -> None:
         self._frame_ns = compiled.frame_ns
         self._faulty_ns = (FRAMES - QUIET) * self._frame_ns
-        virtual = VirtualRobot(compiled, lambda tick: trace[tick.k % len(trace)].readings, seed=seed)
-        self.sent, self.log, self._observer = virtual.sent, virtual.log, virtual.observer
-        self.announced = virtual.deployed.announced
-        self._builders = {
-            CLOCK: lambda: Clock(servers=SERVERS, keep=virtual.keep, deployment=virtual.deployed),
-            **virtual.builders,
-        }
         self.seen = _Seen()
         self._clock = VirtualClock()
         self._faults = self._link(seed, random)
-        self._transport = VirtualTransport(self._clock, seed=seed, link=self._noting)
-        for build in self._builders.values():
-            self._transport.add(build())
-        self._transport.add(self._observer)
+        self.robot = ScriptedRobot(
+            compiled,
+            lambda tick: trace[tick.k % len(trace)].readings,
+            clock=self._clock,
+            seed=seed,
+            link=self._noting,
+        )
+        self.robot.start()
         self._plan(random)
 
     @property
@@ -100,8 +96,8 @@ class _Robot:
         return self._clock.now_ns
 
     def run(self) -> None:
-        self._transport.run_until(FRAMES * self._frame_ns)
-        self._observer.close()
+        self.robot.transport.run_until(FRAMES * self._frame_ns)
+        self.robot.observer.close()
 
     def _link(self, seed: int, random: Random) -> Faults:
         """Faults until the quiet frames, and none on the way to the observer."""
@@ -109,7 +105,7 @@ class _Robot:
         rates = Rates(lost=0.02 * share, doubled=0.02 * share, late=0.03 * share, reordered=0.1 * share)
 
         def spared(sender: str, receiver: str, message: Message) -> bool:
-            return receiver == self._observer.address or self._clock.now_ns >= self._faulty_ns
+            return receiver == self.robot.observer.address or self._clock.now_ns >= self._faulty_ns
 
         return Faults(seed, rates, spares=spared)
 
@@ -119,28 +115,14 @@ class _Robot:
 
     def _plan(self, random: Random) -> None:
         """Kill or freeze some processes, and let them come back."""
-        addresses = [*self._builders]
+        addresses = self.robot.addresses
         for _ in range(random.choice((0, 1, 1, 2, 3, 5))):
             address = random.choice(addresses)
             at = random.randrange(self._faulty_ns)
             back = min(self._faulty_ns, at + random.choice((0, 30, 200, 600, 1500, 4000)) * MS)
-            do = self._kill if random.random() < 0.6 else self._freeze
-            self._transport.at(at, partial(do, address))
-            self._transport.at(back, partial(self._revive, address))
-
-    def _kill(self, address: str) -> None:
-        if address in self._transport.addresses:
-            self._transport.kill(address)
-
-    def _freeze(self, address: str) -> None:
-        if address in self._transport.addresses:
-            self._transport.freeze(address)
-
-    def _revive(self, address: str) -> None:
-        if address in self._transport.addresses:
-            self._transport.thaw(address)
-        else:
-            self._transport.add(self._builders[address]())
+            do = self.robot.kill if random.random() < 0.6 else self.robot.freeze
+            self.robot.transport.at(at, partial(do, address))
+            self.robot.transport.at(back, partial(self.robot.revive, address))
 
 
 # --- what should have been -------------------------------------------------------------------------
@@ -154,18 +136,18 @@ class _Path:
     outcomes: tuple[Outcome, ...]
 
 
-def _judged(program: Program, robot: _Robot) -> Disagreement | None:
+def _judged(program: Program, stage: _Stage) -> Disagreement | None:
     """The first command that the reference would not have sent, or the first thing that the monitor says."""
     actuators = {a.name: a for a in program.robot.actuators}
     sent: dict[int, list[Sent]] = {}
-    for one in robot.sent:
+    for one in stage.robot.sent:
         sent.setdefault(one.k, []).append(one)
     places: dict[int, tuple[_Path, int, frozenset[str]]] = {}
-    for epoch in _epochs(robot.seen.ticks):
-        paths = [_path(program, robot.seen, epoch, void_counts=True)]
-        if any((s, t.k) in robot.seen.void & robot.seen.frames.keys() for t in epoch for s in SENSING):
-            paths.append(_path(program, robot.seen, epoch, void_counts=False))
-        unjudged = _unjudged(robot, actuators.values(), epoch)
+    for epoch in _epochs(stage.seen.ticks):
+        paths = [_path(program, stage.seen, epoch, void_counts=True)]
+        if any((s, t.k) in stage.seen.void & stage.seen.frames.keys() for t in epoch for s in SENSING):
+            paths.append(_path(program, stage.seen, epoch, void_counts=False))
+        unjudged = _unjudged(stage, actuators.values(), epoch)
         for i, tick in enumerate(epoch):
             places[tick.k] = paths[0], i, unjudged
             for one in sent.get(tick.k, ()):
@@ -174,7 +156,7 @@ def _judged(program: Program, robot: _Robot) -> Disagreement | None:
                 due = [d for p in paths for d in p.outcomes[i].decisions if d.actuator == one.actuator]
                 if not _allowed(one, due, actuators[one.actuator]):
                     return _disagreement(paths[0], i, f"{one.actuator}: {_shown(one)} left arbitration")
-    for log in robot.log.frames:
+    for log in stage.robot.log.frames:
         if log.tick.k in places:
             path, i, unjudged = places[log.tick.k]
             said = [text for text in log.disagreements if text.partition(":")[0] not in unjudged]
@@ -183,11 +165,11 @@ def _judged(program: Program, robot: _Robot) -> Disagreement | None:
     return None
 
 
-def _unjudged(robot: _Robot, actuators: Iterable[Actuator], epoch: list[Tick]) -> frozenset[str]:
+def _unjudged(stage: _Stage, actuators: Iterable[Actuator], epoch: list[Tick]) -> frozenset[str]:
     """Actuators of which it is not known what is due: with `on_loss degrade` a module in Python of which
     nothing is known counts as not active for others, and somebody was down who would tell them."""
-    tellers = {DSERVER.name, *(activity(DSERVER.name, module) for module in robot.announced)}
-    blind = robot.announced and any(tellers & set(tick.down) for tick in epoch)
+    tellers = {DSERVER.name, *(activity(DSERVER.name, module) for module in stage.robot.deployed.announced)}
+    blind = stage.robot.deployed.announced and any(tellers & set(tick.down) for tick in epoch)
     return frozenset(a.name for a in actuators if blind and a.on_loss == "degrade")
 
 

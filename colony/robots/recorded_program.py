@@ -3,23 +3,27 @@
 from __future__ import annotations
 
 import os
+from collections.abc import Callable
 from pathlib import Path
 
-from colony.cli.python_sources import python_sources
 from colony.dsl.check.program import check_program
 from colony.dsl.files import SourceTree, load_tree
 from colony.execute.compiled import SourceFile
 from colony.ir.program import Program, PythonModule
 from colony.os_errors import naming
+from colony.robots.python_sources import python_sources
 from colony.runtime.recordings.recorded import RunInfo
 from colony.text.diagnostics import Diagnostic, Failure, error, has_errors, headline
 from colony.text.source import Source, Span
 
 
-def program_sources(path: str, program: Program, tree: SourceTree) -> tuple[str, tuple[SourceFile, ...]]:
+def program_sources(
+    path: str, program: Program, tree: SourceTree, report: Callable[[str], None] = lambda text: None
+) -> tuple[str, tuple[SourceFile, ...]]:
     """Return the place of the file at `path`, and all files that `program` was made of.
 
-    Places are relative to the folder that has all of them.
+    Places are relative to the folder that has all of them. `report` is told of modules in Python that cannot
+    be read, which are left out.
     """
     places = _places(path, tree)
     base = os.path.commonpath([os.path.dirname(place) for place in places.values()]) if places else "."
@@ -29,7 +33,7 @@ def program_sources(path: str, program: Program, tree: SourceTree) -> tuple[str,
         root = place if file.is_root else root
         sources.append(SourceFile(kind="behavior", place=place, data=file.source.text.encode()))
     modules = (m.module_path for m in program.modules if isinstance(m, PythonModule))
-    return root, (*sources, *python_sources(modules))
+    return root, (*sources, *python_sources(modules, report))
 
 
 def _places(path: str, tree: SourceTree) -> dict[str, str]:

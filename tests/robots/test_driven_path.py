@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 
-from colony.cli.run.driven_path import SPACING_MM, DrivenPath
+from colony.robots.driven_path import SPACING_MM, DrivenPath
 
 
 def test_a_short_path_has_its_first_and_its_newest_place() -> None:

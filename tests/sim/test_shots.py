@@ -5,12 +5,13 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from colony.experiment.local_cameras import CeilingShot, LevelShot, Shot
+from colony.runtime.servers.images import Shot
 from colony.sim.cameras.camera import Camera, CameraConfig
 from colony.sim.cameras.ceiling import CeilingCamera
 from colony.sim.cameras.scene import scene_of
 from colony.sim.config import IDEAL
 from colony.sim.hazards.hazards import Hazards, draw
+from colony.sim.shots import CeilingShot, LevelShot
 from colony.sim.world.world import World
 from tests.buildings import LOOP
 
@@ -24,7 +25,7 @@ def staged() -> tuple[World, Camera]:
 
 def shots() -> list[Shot]:
     world, camera = staged()
-    return [LevelShot(camera, world, 5), CeilingShot(CeilingCamera(SCENERY), world, 5)]
+    return [LevelShot(camera, world, 0, 5), CeilingShot(CeilingCamera(SCENERY), world, 0, 5)]
 
 
 @pytest.mark.parametrize("shot", shots(), ids=["level", "ceiling"])
@@ -45,7 +46,7 @@ def test_rows_that_an_image_does_not_have(shot: Shot, first: int, count: int) ->
 
 def test_a_shot_shows_the_moment_in_which_it_was_taken() -> None:
     world, camera = staged()
-    shot = LevelShot(camera, world, 5)
+    shot = LevelShot(camera, world, 0, 5)
     at_once = camera.see(world, 0, 5)
     world.command(0, 400.0, 10.0)
     for _ in range(60):

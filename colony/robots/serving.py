@@ -1,16 +1,15 @@
-"""What `colony serve` does: one server in this process, or all of them as processes that are watched over."""
+"""Serving a robot: one server in this process, or all of them as processes that are watched over."""
 
 from __future__ import annotations
 
 import time
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
+from contextlib import AbstractContextManager
 from dataclasses import dataclass
 from pathlib import Path
 
-from colony.cli.interruption import interruptible
-from colony.cli.reporting import say
-from colony.cli.run.options import BrokenOff, Misuse
-from colony.cli.simulated_robot import SimulatedRobot, device_of, jobs_of, plant_spec
+from colony.robots.request import BrokenOff, Misuse
+from colony.robots.simulated import SimulatedRobot, device_of, jobs_of, plant_spec
 from colony.runtime.assembly.processes import child
 from colony.runtime.assembly.processes.children import Children, told
 from colony.runtime.assembly.processes.crew import SERVERS, expect_room, fresh_folder, job_of, server_parts
@@ -23,13 +22,16 @@ from colony.runtime.transport.live.run_directory import in_run_directory
 from colony.sim.plant.child import SIMULATOR, Look, NoRoom, serve
 from colony.sim.plant.servers import PlantDevices
 
+Report = Callable[[str], None]
+"""Told what happens, a line or several."""
+
 SUPERVISOR = "Supervisor"
 """Under what name `serve all` claims a robot."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Settings:
-    """The command line of `colony serve`; `cameras` by server, each with where it looks;
+    """What is served, and how; `cameras` by server, each with where it looks;
     `hazards` is their seed, None for none."""
 
     map_path: str | None
@@ -42,7 +44,7 @@ class Settings:
     hazards: int | None = None
 
 
-def serve_one(server: str, place: Local, settings: Settings) -> None:
+def serve_one(server: str, place: Local, settings: Settings, report: Report) -> None:
     """Be one server until a signal comes.
 
     Raises:
@@ -54,32 +56,37 @@ def serve_one(server: str, place: Local, settings: Settings) -> None:
     ending = Ending()
     with on_signals(ending):
         if server == SIMULATOR:
-            _simulate(place, settings, ending)
+            _simulate(place, settings, ending, report)
         else:
-            _serve(_part(server, place, settings), place, settings, ending)
+            _serve(_part(server, place, settings), place, settings, ending, report)
 
 
-def _simulate(place: Local, settings: Settings, ending: Ending) -> None:
+def _simulate(place: Local, settings: Settings, ending: Ending, report: Report) -> None:
     told = f"{SIMULATOR} of {place.robot} runs; Ctrl-C ends it"
     try:
-        serve(plant_spec(place, _robot(settings)), ending, ready=lambda: say(told))
+        serve(plant_spec(place, _robot(settings)), ending, ready=lambda: report(told))
     except NoRoom as problem:
         raise Misuse(str(problem)) from None
 
 
-def _serve(part: Part, place: Local, settings: Settings, ending: Ending) -> None:
+def _serve(part: Part, place: Local, settings: Settings, ending: Ending, report: Report) -> None:
     name = name_of(part)
     where = settings.listen if isinstance(part, GatewayPart) else place.directory.socket(name)
     told = f"{name} of {place.robot} listens at {where}; Ctrl-C ends it"
     spec = Spec(place=said_of(place), part=part)
     try:
-        child.run(spec, ending, devices=PlantDevices(), ready=lambda: say(told))
+        child.run(spec, ending, devices=PlantDevices(), ready=lambda: report(told))
     except (child.CannotBegin, StoreError) as problem:
         raise BrokenOff(str(problem)) from None
 
 
-def serve_all(place: Local, settings: Settings) -> None:
-    """Start all servers and the plant, and start again who dies, until a signal comes.
+def serve_all(
+    place: Local,
+    settings: Settings,
+    report: Report,
+    attending: AbstractContextManager[Callable[[], bool]],
+) -> None:
+    """Start all servers and the plant, and start again who dies, until `attending` says that it is over.
 
     Raises:
         LiveError: all of them are served already.
@@ -90,7 +97,7 @@ def serve_all(place: Local, settings: Settings) -> None:
 
     assert settings.map_path is not None
     load_map(settings.map_path)
-    with interruptible("ending the servers") as stop, place.directory.claim(SUPERVISOR):
+    with attending as stop, place.directory.claim(SUPERVISOR):
         robot, folder = _robot(settings), place.directory.path / "served"
         with in_run_directory(folder):
             jobs = [*jobs_of(place, robot, fresh_folder(folder))]
@@ -101,12 +108,12 @@ def serve_all(place: Local, settings: Settings) -> None:
         try:
             for job in jobs:
                 children.start(job)
-            say(f"{place.robot}: {', '.join(job.name for job in jobs)}; Ctrl-C ends them")
+            report(f"{place.robot}: {', '.join(job.name for job in jobs)}; Ctrl-C ends them")
             while not stop():
                 for death in children.poll():
                     if death.pause_s is None:
                         raise BrokenOff(told(death))
-                    say(told(death))
+                    report(told(death))
                 time.sleep(LOOK_S)
         finally:
             children.stop(ENDING_S)

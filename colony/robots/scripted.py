@@ -16,23 +16,21 @@ from colony.ir.frame import Reading
 from colony.ir.program import Robot, in_declared_units
 from colony.ir.types import ScalarValue
 from colony.runtime.arbitration.arbiter import Dispatch, timing
-from colony.runtime.assembly.nodes import build_announcer, build_client, build_observer
-from colony.runtime.frames.assembly import frames_kept
-from colony.runtime.observe.observer import FrameLog, Observer
+from colony.runtime.assembly.virtual import Builders, VirtualRobot
+from colony.runtime.observe.observer import FrameLog
 from colony.runtime.protocol import topics
 from colony.runtime.protocol.bindings import ActuatorBinding, Bindings, SensorBinding
-from colony.runtime.protocol.deployment import ActuatorTable, Deployment, commanded_by, deployment
+from colony.runtime.protocol.deployment import ActuatorTable, Deployment, commanded_by
 from colony.runtime.protocol.fields import DSERVER
 from colony.runtime.protocol.messages import Effect, Fetch, Message, Node, Request, Sample, Tick, Wake
 from colony.runtime.servers.commanding import CommandDesk
 from colony.runtime.servers.dserver import DServer
 from colony.runtime.servers.publishing import Fields, Publisher
 from colony.runtime.store.store import MemoryStore
+from colony.runtime.transport.virtual import Link, VirtualClock, perfect
 
-RUN = "examples"
 SENSING = ("Sensors0", "Sensors1")
 ACTING = "Actuators"
-SERVERS = (*SENSING, ACTING, DSERVER.name)
 
 Readings = Callable[[Tick], Mapping[str, Reading]]
 """What the sensors have in the frame of a tick."""
@@ -131,36 +129,52 @@ class Log:
         """It holds nothing."""
 
 
-class VirtualRobot:
-    """All processes of a run but the Clock, each with how to build it. Mutable: `sent` and `log`.
+class ScriptedRobot(VirtualRobot):
+    """A robot for any program. Mutable: `sent`, `log`, and the nodes.
+
+    Args:
+        readings: gives what the sensors have in the frame of a tick.
+        others: as of `VirtualRobot`.
 
     Raises:
         Failure: a module in Python cannot be imported or built.
     """
 
-    def __init__(self, compiled: Compiled, readings: Readings, *, seed: int = 0) -> None:
+    def __init__(
+        self,
+        compiled: Compiled,
+        readings: Readings,
+        *,
+        clock: VirtualClock,
+        seed: int = 0,
+        ticking: bool = True,
+        link: Link = perfect,
+    ) -> None:
         self.sent: list[Sent] = []
         self.log = Log()
-        self.keep = keep = frames_kept(compiled.frame_ns)
-        bindings = _bindings(compiled.robot)
-        self.deployed = deployment(compiled, bindings, run=RUN, seed=seed)
-        store = MemoryStore()
-        self.builders: dict[str, Callable[[], Node]] = {
-            ACTING: lambda: Actor(self.deployed, keep, self.sent),
-            DSERVER.name: lambda: DServer(deployment=self.deployed, keep=keep, store=store),
-        }
-        for server in SENSING:
-            names = tuple(b.sensor for b in bindings.sensors if b.server == server)
-            self.builders[server] = partial(SensorServer, server, readings, names, keep)
-        for actuator, module, _ in compiled.clients:
-            self.builders[topics.client_address(actuator, module)] = partial(
-                build_client, compiled, bindings, actuator, module, RUN
-            )
-        for module in compiled.announced:
-            self.builders[topics.activity(DSERVER.name, module)] = partial(
-                build_announcer, compiled, bindings, module, RUN
-            )
-        self.observer: Observer = build_observer(compiled, bindings, (self.log,), RUN)
+        bindings, store = _bindings(compiled.robot), MemoryStore()
+
+        def servers(deployed: Deployment, keep: int) -> Builders:
+            builders: dict[str, Callable[[], Node]] = {
+                ACTING: lambda: Actor(deployed, keep, self.sent),
+                DSERVER.name: lambda: DServer(deployment=deployed, keep=keep, store=store),
+            }
+            for server in SENSING:
+                names = tuple(b.sensor for b in bindings.sensors if b.server == server)
+                builders[server] = partial(SensorServer, server, readings, names, keep)
+            return builders
+
+        sinks = (self.log,)
+        super().__init__(
+            compiled,
+            bindings,
+            servers,
+            clock=clock,
+            seed=seed,
+            sinks=sinks,
+            ticking=ticking,
+            link=link,
+        )
 
 
 def _bindings(robot: Robot) -> Bindings:

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from colony.cli.simulated_robot import TruthLog
+from colony.robots.simulated import TruthLog
 from colony.runtime.observe.summary import Travel
 from colony.runtime.transport.live.place import Local
 from colony.runtime.transport.live.run_directory import RobotDirectory

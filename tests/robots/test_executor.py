@@ -11,11 +11,11 @@ from random import Random
 
 import pytest
 
-from colony.cli.virtual_executor import VirtualExecutor
-from colony.cli.virtual_faults import with_faults
 from colony.compile.pipeline import Compilation, compile_program
 from colony.dsl.load import load_file
 from colony.ir.frame import Frame
+from colony.robots.executor import VirtualExecutor
+from colony.robots.faults import with_faults
 from colony.runtime.arbitration.arbiter import Arbiter
 from colony.runtime.frames.assembly import Assembled, FrameAssembler
 from colony.runtime.servers.publishing import Publisher

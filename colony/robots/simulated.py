@@ -8,8 +8,8 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from colony.cli.run.driven_path import DrivenPath
 from colony.ir.types import Value
+from colony.robots.driven_path import DrivenPath
 from colony.runtime.assembly.processes.children import Job
 from colony.runtime.assembly.processes.crew import HARDWARE, server_jobs, server_parts
 from colony.runtime.assembly.processes.spec import Device, write_spec

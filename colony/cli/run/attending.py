@@ -1,0 +1,27 @@
+"""How `colony run` attends a run: what happens goes to standard error, and Ctrl-C ends it."""
+
+from __future__ import annotations
+
+import sys
+from typing import TYPE_CHECKING
+
+from colony.cli.interruption import interruptible
+from colony.cli.reporting import say
+from colony.cli.run.progress import Progress
+from colony.robots.request import Attendant
+
+if TYPE_CHECKING:
+    from colony.nav.maps.building import Building
+    from colony.runtime.kit.script import Script
+
+
+def _operator(building: Building) -> Script:
+    """Ask at the terminal for the buttons of elevators."""
+    from colony.cli.terminal import Terminal
+    from colony.nav.missions.elevator_prompt import elevator_prompt
+
+    return elevator_prompt(building, Terminal(sys.__stdin__), say=say)
+
+
+ATTENDANT = Attendant(report=say, interruptible=interruptible, progress=Progress, operator=_operator)
+"""The terminal at which a command was given."""

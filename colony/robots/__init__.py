@@ -1,0 +1,1 @@
+"""Whole robots, put together from all packages: what runs a program on one, simulated or real."""

@@ -1,0 +1,153 @@
+"""A run of a program on a robot that is simulated in a building, in one process and in virtual time."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+from dataclasses import replace
+from typing import TYPE_CHECKING
+
+from colony.execute.compiled import Compiled
+from colony.experiment.expected import longest_ns
+from colony.experiment.variants import OURS
+from colony.nav.maps.stickrep.model import Map
+from colony.nav.maps.stickrep.reader import load_map
+from colony.nav.maps.walls import walls_of
+from colony.robots.recording import RunRecording, is_mcap, recording_into
+from colony.robots.request import Attendant, Driven, Misuse, RunRequest
+from colony.runtime.assembly.virtual import VirtualSession
+from colony.runtime.observe.observer import FrameLog
+from colony.runtime.observe.summary import Tally, Travel
+from colony.runtime.transport.virtual import VirtualClock
+from colony.sim.drivers import Plant, simulated_drivers
+from colony.sim.world.world import World
+
+if TYPE_CHECKING:
+    from colony.robots.mission import Mission
+
+
+def run_in_building(compiled: Compiled, request: RunRequest, attendant: Attendant) -> Driven:
+    """Run a program to the end, or until it is interrupted; what came of it, and of the way, if any.
+
+    Raises:
+        Misuse: the robot has no room in the building, there is no such way, or no recording can be written.
+        Failure: the map is bad (its codes begin with M), or the program asks for what the robot lacks.
+    """
+    mission = None
+    if request.goal is not None:
+        from colony.robots.mission import Mission
+        from colony.robots.way import way_of
+
+        mission = Mission(way_of(request), request)
+    clock = VirtualClock()
+    floors, plant, path = _building(request, mission, clock)
+    tally = Tally(compiled)
+    session = VirtualSession(
+        compiled,
+        simulated_drivers(plant, cameras=None if mission is None else mission.cameras(plant)),
+        clock=clock,
+        seed=request.seed,
+        variables=request.held,
+        sinks=(tally, path),
+        requests=is_mcap(request.record),
+        nodes=() if mission is None else mission.nodes,
+    )
+    recording = None
+    if request.record is not None:
+        recording = recording_into(request.record, compiled, seed=request.seed)
+        session.add(recording)
+    interrupted = _run(session, request, attendant, mission, recording)
+    summary = tally.summary(
+        seed=request.seed,
+        duration_s=clock() / 1e9,
+        interrupted=interrupted,
+        travel=Travel(bumps=plant.world.bumps(0), distance_mm=plant.world.distance(0)),
+    )
+    if recording is not None:
+        summary = replace(summary, broke_off=recording.broken_off)
+    return Driven(summary, None if mission is None else mission.arrival(clock()), floors, path.places)
+
+
+def _building(
+    request: RunRequest, mission: Mission | None, clock: VirtualClock
+) -> tuple[tuple[Map, ...], Plant, Path]:
+    """Return the floors, the robot on one of them, and its way."""
+    if mission is not None:
+        site = mission.site
+        plant = Plant(site.world, clock, [site.elevators.advance])
+        return tuple(site.maps.values()), plant, Path(plant.world, lambda: site.elevators.floor)
+    assert request.map_path is not None
+    floor = load_map(request.map_path)
+    start = floor.start
+    pose = (start.x_mm, start.y_mm, start.heading_deg)
+    try:
+        world = World(walls=walls_of(floor).segments, poses=[pose], seed=request.seed)
+    except ValueError as problem:
+        raise Misuse(f"{request.map_path}: error: the robot cannot start there: {problem}") from None
+    return (floor,), Plant(world, clock), Path(world, lambda: floor.name)
+
+
+def _run(
+    session: VirtualSession,
+    request: RunRequest,
+    attendant: Attendant,
+    mission: Mission | None,
+    recording: RunRecording | None,
+) -> bool:
+    """Return whether the run was interrupted; it ends by itself when a mission is over, or its recording
+    breaks off."""
+    length_ns = request.length_ns
+    if length_ns is None:
+        assert mission is not None
+        length_ns = longest_ns(mission.plan, OURS.mm_s)
+    session.add(attendant.progress(length_ns))
+
+    def over() -> bool:
+        broken_off = recording is not None and recording.broken_off is not None
+        return broken_off or (mission is not None and mission.is_over())
+
+    with attendant.interruptible() as interrupted:
+        try:
+            pace = wall_clock() if request.realtime else None
+            session.run(length_ns, stop=lambda: interrupted() or over(), pace=pace)
+        except KeyboardInterrupt:
+            return True
+        if recording is not None:
+            recording.expect_frames()
+        return interrupted()
+
+
+# --- time ----------------------------------------------------------------------------------------
+
+
+def wall_clock() -> Callable[[int], None]:
+    """Return a pace that sleeps until the moment has come by the wall clock."""
+    start = time.monotonic_ns()
+
+    def pace(t_ns: int) -> None:
+        ahead = start + t_ns - time.monotonic_ns()
+        if ahead > 0:
+            time.sleep(ahead / 1e9)
+
+    return pace
+
+
+# --- the way -------------------------------------------------------------------------------------
+
+
+class Path:
+    """The true way of the robot, a place a frame. A sink; mutable: the places so far, by floor."""
+
+    def __init__(self, world: World, floor: Callable[[], str]) -> None:
+        self._world, self._floor = world, floor
+        self.places: dict[str, list[tuple[float, float]]] = {}
+
+    def take(self, log: FrameLog) -> None:
+        self._here()
+
+    def close(self) -> None:
+        self._here()
+
+    def _here(self) -> None:
+        pose = self._world.true_pose(0)
+        self.places.setdefault(self._floor(), []).append((pose.x_mm, pose.y_mm))

@@ -1,0 +1,158 @@
+"""The base as RServer computes it, whoever commands: its state, its virtual position and its bumpers."""
+
+from __future__ import annotations
+
+import math
+
+from colony.runtime.arbitration.motion import STILL, Seen, Speeds
+from colony.runtime.library import robot
+from colony.runtime.protocol.calls import Asked, Method, Nothing, Refused, method
+from colony.runtime.protocol.fields import RSERVER
+from colony.runtime.protocol.messages import Sample
+from colony.runtime.servers.drivers import BaseDriver, BaseLimits, BaseState
+from colony.runtime.servers.piloting import Bumper
+from colony.runtime.servers.publishing import Fields
+from colony.runtime.servers.virtual_position import Odometer, OdometerPose
+
+FARTHEST_MM = 1e7
+"""Largest x and y of a position that a call may set: 10 km. With much larger numbers a step of dead reckoning
+would be lost in rounding, and the position would stand still while the base moves."""
+
+MOST_TURNED_DEG = 36_000.0
+"""Largest heading, in either direction, that a call may set, for the same reason."""
+
+
+class Base:
+    """Keeps the newest state of a base. Mutable: that, the virtual position, and the speeds sent last."""
+
+    def __init__(self, driver: BaseDriver) -> None:
+        self._driver = driver
+        self._odometer = Odometer(driver.register_bits)
+        self._pose = OdometerPose(0.0, 0.0, 0.0)
+        self._state: BaseState | None = None
+        self._guarded = True
+        self._setting = STILL
+
+    @property
+    def limits(self) -> BaseLimits:
+        """The limits of its speeds."""
+        return self._driver.limits
+
+    @property
+    def methods(self) -> tuple[Method, ...]:
+        """The methods that ask for the state of the base, and correct its position."""
+        return (
+            method("bumper", Nothing, self._bumper, right="read"),
+            method("position", Nothing, self._position, right="read"),
+            method("speed_setting", Nothing, lambda *_: self._setting.velocity, right="read"),
+            method("wheel_speed", Nothing, lambda *_: self._present().wheel_speed, right="read"),
+            method("set_bumper", robot.SetBumper, self._set_bumper),
+            method("set_position", robot.PoseArguments, self._set_position),
+            method("adjust_position", robot.PoseArguments, self._adjust_position),
+        )
+
+    @property
+    def pose(self) -> OdometerPose:
+        """The virtual position at the last `look`."""
+        return self._pose
+
+    def look(self) -> BaseState | None:
+        """Read the newest state of the base; the odometer observes every state that is read."""
+        before, self._state = self._state, self._driver.state()
+        if self._state is not None and self._state is not before:
+            self._pose = self._odometer.observe(self._state)
+        return self._state
+
+    def fields(self, t_ns: int) -> Fields:
+        """Return what a frame of `t_ns` shows of the base, as it was at the last `look`."""
+        settings = {
+            "speed_setting": Sample(self._setting.velocity, t_ns),
+            "turn_setting": Sample(self._setting.turn, t_ns),
+        }
+        state = self._state
+        if state is None:
+            return settings
+        t = state.t_ns
+        return {
+            "bumper": Sample(state.front_bumper or state.rear_bumper, t),
+            "front_bumper": Sample(state.front_bumper, t),
+            "rear_bumper": Sample(state.rear_bumper, t),
+            "x": Sample(self._pose.x, t),
+            "y": Sample(self._pose.y, t),
+            "heading": Sample(self._pose.heading, t),
+            "speed": Sample(state.speed, t),
+            "turn_rate": Sample(state.turn_rate, t),
+            "wheel_speed": Sample(state.wheel_speed, t),
+            **settings,
+        }
+
+    def seen(self, elapsed_s: float) -> Seen:
+        """Return what motions go by, `elapsed_s` after the last command."""
+        return Seen(self._odometer.track, self._setting, elapsed_s)
+
+    def pressed(self, velocity: float) -> Bumper | None:
+        """Return the bumper, pressed at the last `look`, that `velocity` would drive into.
+
+        None where the way is free, or bumpers are ignored.
+        """
+        state = self._state
+        if state is None or not velocity or not self._guarded:
+            return None
+        if not (state.front_bumper if velocity > 0.0 else state.rear_bumper):
+            return None
+        return "front" if velocity > 0.0 else "rear"
+
+    def drive(self, speeds: Speeds) -> None:
+        """Send these speeds to the base."""
+        self._setting = speeds
+        self._driver.drive(*speeds)
+
+    def stop(self) -> None:
+        """Stop the base."""
+        self._setting = STILL
+        self._driver.stop()
+
+    # --- calls ---------------------------------------------------------------------------------------
+
+    def _present(self) -> BaseState:
+        state = self.look()
+        if state is None:
+            raise Refused("no value", f"{RSERVER.name}: the base has given nothing yet")
+        return state
+
+    def _bumper(self, asked: Asked, arguments: Nothing, now_ns: int) -> robot.Bumpers:
+        state = self._present()
+        return robot.Bumpers(front=state.front_bumper, rear=state.rear_bumper)
+
+    def _position(self, asked: Asked, arguments: Nothing, now_ns: int) -> robot.Position:
+        state = self._present()
+        return robot.Position(x=self._pose.x, y=self._pose.y, heading=self._pose.heading, t_ns=state.t_ns)
+
+    def _set_bumper(self, asked: Asked, arguments: robot.SetBumper, now_ns: int) -> None:
+        self._guarded = arguments.setting != 0
+
+    def _set_position(self, asked: Asked, arguments: robot.PoseArguments, now_ns: int) -> None:
+        state = self._present()
+        self._odometer.set(state, _pose(arguments))
+        self._pose = self._odometer.observe(state)
+
+    def _adjust_position(self, asked: Asked, arguments: robot.PoseArguments, now_ns: int) -> None:
+        delta = _pose(arguments)
+        _check_pose(OdometerPose(self._pose.x + delta.x, self._pose.y + delta.y, delta.heading))
+        state = self._present()
+        self._odometer.adjust(state, delta)
+        self._pose = self._odometer.observe(state)
+
+
+def _pose(arguments: robot.PoseArguments) -> OdometerPose:
+    pose = OdometerPose(arguments.x, arguments.y, arguments.heading)
+    _check_pose(pose)
+    return pose
+
+
+def _check_pose(pose: OdometerPose) -> None:
+    if not all(map(math.isfinite, pose)):
+        raise Refused("arguments", f"the pose is {tuple(pose)}; expected finite numbers")
+    if max(abs(pose.x), abs(pose.y)) > FARTHEST_MM or abs(pose.heading) > MOST_TURNED_DEG:
+        expected = f"at most {FARTHEST_MM:g} mm from the origin, and {MOST_TURNED_DEG:g} deg"
+        raise Refused("arguments", f"the pose is {tuple(pose)}; expected {expected}")

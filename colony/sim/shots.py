@@ -1,0 +1,46 @@
+"""Images of simulated cameras: taken at once, and drawn when their rows are read, only the rows that are."""
+
+from __future__ import annotations
+
+from colony.runtime.servers.images import Image
+from colony.sim.cameras.camera import Camera
+from colony.sim.cameras.ceiling import CeilingCamera
+from colony.sim.drivers import image_of
+from colony.sim.world.world import World
+
+
+class CeilingShot:
+    """What a camera of a robot saw of the ceiling at `t_ns`."""
+
+    channels = 1
+
+    def __init__(self, ceiling: CeilingCamera, world: World, robot: int, t_ns: int) -> None:
+        self._ceiling = ceiling
+        self._pose = world.true_pose(robot)
+        self._t_ns = t_ns
+        self.height, self.width = ceiling.config.height, ceiling.config.width
+
+    def rows(self, first: int, count: int) -> Image:
+        if first < 0 or count <= 0 or first + count > self.height:
+            raise ValueError(
+                f"{count} rows from row {first} on; expected at least 1 of rows 0 to {self.height - 1}"
+            )
+        pixels = self._ceiling.rows(self._pose, self._t_ns, range(first, first + count))
+        return image_of(pixels, self._t_ns, first)
+
+
+class LevelShot:
+    """What a camera of a robot that looks along the floor saw at `t_ns`.
+
+    Robots, people and doors are remembered as they were when the shot was taken.
+    """
+
+    channels = 1
+
+    def __init__(self, camera: Camera, world: World, robot: int, t_ns: int) -> None:
+        self._draw = camera.shot(world, robot, t_ns)
+        self._t_ns = t_ns
+        self.height, self.width = camera.config.height, camera.config.width
+
+    def rows(self, first: int, count: int) -> Image:
+        return image_of(self._draw(first, count), self._t_ns, first)

@@ -1,0 +1,94 @@
+"""A run in a building as a library: whoever starts it hears of it, and may end it."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from functools import cache
+from pathlib import Path
+
+import pytest
+
+from colony.compile.pipeline import compile_program
+from colony.dsl.load import load_file
+from colony.execute.compiled import Compiled
+from colony.nav.maps.building import Building
+from colony.robots.building_run import run_in_building
+from colony.robots.request import Attendant, Misuse, RunRequest
+from colony.runtime.kit.script import Script
+from colony.runtime.observe.observer import FrameLog
+from tests.buildings import BEHAVIORS, MAPS
+
+WANDER = BEHAVIORS / "wander.colony"
+
+
+class Watcher:
+    """Ends a run after `most` frames. Mutable: the frames, and the length that was told."""
+
+    def __init__(self, most: int) -> None:
+        self.most, self.frames = most, 0
+        self.length_ns: int | None = None
+
+    def take(self, log: FrameLog) -> None:
+        self.frames += 1
+
+    def close(self) -> None:
+        """It holds nothing."""
+
+    def follow(self, length_ns: int | None) -> Watcher:
+        self.length_ns = length_ns
+        return self
+
+    @contextmanager
+    def interruptible(self) -> Iterator[Callable[[], bool]]:
+        yield lambda: self.frames >= self.most
+
+    @property
+    def attendant(self) -> Attendant:
+        return Attendant(
+            report=print, interruptible=self.interruptible, progress=self.follow, operator=_nobody
+        )
+
+
+def _nobody(building: Building) -> Script:
+    raise AssertionError("the loop has no elevators")
+
+
+@cache
+def wander() -> Compiled:
+    return compile_program(load_file(WANDER)).artifact
+
+
+def request(record: Path | None = None) -> RunRequest:
+    return RunRequest(
+        file=str(WANDER),
+        map_path=str(MAPS / "loop.stickrep"),
+        seed=1,
+        length_ns=2_000_000_000,
+        held={},
+        cameras={},
+        record=None if record is None else str(record),
+    )
+
+
+def test_a_run_tells_what_came_of_it() -> None:
+    watcher = Watcher(10_000)
+    driven = run_in_building(wander(), request(), watcher.attendant)
+    assert watcher.length_ns == 2_000_000_000
+    assert driven.summary.frames == watcher.frames > 10
+    assert not driven.summary.interrupted
+    assert driven.arrival is None
+    (floor,) = driven.floors
+    assert len(driven.places[floor.name]) == watcher.frames + 1
+
+
+def test_whoever_attends_a_run_may_end_it() -> None:
+    watcher = Watcher(5)
+    driven = run_in_building(wander(), request(), watcher.attendant)
+    assert driven.summary.interrupted
+    assert driven.summary.frames == watcher.frames == 5
+
+
+def test_a_recording_that_cannot_be_written_is_misuse(tmp_path: Path) -> None:
+    with pytest.raises(Misuse, match=r"gone/run\.jsonl: error: cannot write: No such file or directory"):
+        run_in_building(wander(), request(tmp_path / "gone" / "run.jsonl"), Watcher(5).attendant)
