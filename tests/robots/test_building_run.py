@@ -17,9 +17,9 @@ from colony.robots.building_run import run_in_building
 from colony.robots.request import Attendant, Misuse, RunRequest
 from colony.runtime.kit.script import Script
 from colony.runtime.observe.observer import FrameLog
-from tests.buildings import BEHAVIORS, MAPS
+from tests.paths import MAPS, ROOT
 
-WANDER = BEHAVIORS / "wander.colony"
+WANDER = ROOT / "behaviors" / "wander.colony"
 
 
 class Watcher:
