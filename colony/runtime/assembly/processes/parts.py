@@ -144,11 +144,11 @@ def _announcer(part: AnnouncerPart) -> Node:
 
     with suppress(OSError):  # elsewhere than on Linux there is no such file
         Path("/proc/self/oom_score_adj").write_text("1000")
+    sys.path += part.told.search
     return build_announcer(*_program(part.told), part.module, part.told.run)
 
 
 def _program(told: ProgramOfRun) -> tuple[Compiled, Bindings]:
     from colony.execute.artifact import read
 
-    sys.path += told.search
     return read(told.program), read_bindings(Path(told.program))
