@@ -16,7 +16,7 @@ ALLOWED: dict[str, set[str]] = {
     "text": set(),
     "ir": set(),
     "dsl": {"ir"},
-    "execute": {"ir", "compile"},
+    "execute": {"ir"},
     "compile": {"ir", "execute"},
     "verify": {"ir", "execute", "compile", "dsl"},
     "runtime": {"ir", "execute"},

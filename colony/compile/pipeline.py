@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any
@@ -19,7 +19,7 @@ from colony.compile.suppression import SuppressionNetwork
 from colony.execute.compiled import Compiled, SourceFile
 from colony.ir.program import Program
 
-PASSES: tuple[Callable[[Any], object], ...] = (
+PASSES: tuple[Callable[[Any], Any], ...] = (
     elaborate,  # Program -> Network
     eliminate_inhibition,  # Network -> SuppressionNetwork     Lemma 4.1
     forward_traversal,  # SuppressionNetwork -> ClientList     definitions 4.1, 4.2, Table 4.2
@@ -60,10 +60,7 @@ class Compilation:
 def compile_program(program: Program, sources: tuple[SourceFile, ...] = (), root: str = "") -> Compilation:
     """Run all passes over a typed program. Near-linear in the size of its network."""
     with collector_at_rest():
-        network = elaborate(program)
-        suppression = eliminate_inhibition(network)
-        traversal = forward_traversal(suppression)
-        clients = simplify(traversal)
+        network, suppression, traversal, clients = _results(PASSES, program)
     return Compilation(
         program=program,
         network=network,
@@ -78,4 +75,13 @@ def compile_program(program: Program, sources: tuple[SourceFile, ...] = (), root
 def compile_network(network: Network) -> ClientList:
     """Run the passes over a network that no program describes, such as one drawn by a property test."""
     with collector_at_rest():
-        return simplify(forward_traversal(eliminate_inhibition(network)))
+        clients: ClientList = _results(PASSES[1:], network)[-1]
+    return clients
+
+
+def _results(passes: Iterable[Callable[[Any], Any]], given: object) -> list[Any]:
+    """Return what each pass gives, which is what the next one takes."""
+    results = [given]
+    for one in passes:
+        results.append(one(results[-1]))
+    return results[1:]

@@ -8,7 +8,8 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterable, Sequence
-from math import isfinite
+from math import inf, isfinite
+from pathlib import PurePosixPath
 from typing import assert_never
 
 from colony.execute.code import (
@@ -34,12 +35,16 @@ from colony.execute.compiled import Compiled
 from colony.execute.operators import Operator
 from colony.execute.signatures import result_of
 from colony.ir.program import ActuatorField, Sensor
-from colony.ir.types import Array, Bool, Type, element_type
+from colony.ir.types import Array, Bool, ScalarValue, Type, element_type
 
 LARGEST_ARRAY = 100_000
 """Elements of the largest array that a sensor may have."""
 
-_NAME = re.compile(r"[A-Za-z_][\w]*(\.[A-Za-z_]\w*)*")
+LATEST_NS = 2**62
+"""Bound of times in a program, before and after the beginning: their sums fit into 64 bits."""
+
+_NAME = re.compile(r"[A-Za-z_]\w{0,254}(\.[A-Za-z_]\w{0,254}){0,9}")
+_SIMPLE_NAME = re.compile(r"[A-Za-z_]\w{0,254}")
 
 
 class Invalid(ValueError):
@@ -74,7 +79,9 @@ class _Check:
 
     def all(self) -> None:
         code, compiled = self.code, self.compiled
-        _expect(0 < compiled.frame_ns < 2**62, f"a frame of {compiled.frame_ns} ns")
+        _expect(0 < compiled.frame_ns < LATEST_NS, f"a frame of {compiled.frame_ns} ns")
+        _expect(_SIMPLE_NAME.fullmatch(compiled.name) is not None, f"{compiled.name[:40]!r} is no name")
+        self._sources()
         _expect(len(code.kinds) == len(code.ops), "not one kind for each operation")
         _expect(0 <= code.decided <= len(code.ops), "`decided` is no operation")
         self._names()
@@ -86,7 +93,11 @@ class _Check:
             )
         for cell in code.cells:
             _expect(_is_of(cell.initial, cell.kind), f"the cell `{cell.name}` begins with another kind")
+            _expect(
+                cell.kind is not Kind.TIME or abs(cell.initial) <= LATEST_NS, f"the time of `{cell.name}`"
+            )
             self._refer(cell.name, cell.kind, cell.value)
+            _expect(not _is_difference(code.ops[cell.value]), f"the cell `{cell.name}` keeps a difference")
             self._refer(cell.name, Kind.BOOL, cell.condition)
         self._python_calls()
         for actuator in code.actuators:
@@ -104,12 +115,22 @@ class _Check:
             ("actuators", [a.actuator.name for a in code.actuators]),
             *((a.actuator.name, [c.module for c in a.clients]) for a in code.actuators),
             *((a.actuator.name, [f.name for f in a.actuator.fields]) for a in code.actuators),
-            ("the robot", [self.compiled.name]),
         ):
             _expect(len(set(names)) == len(names), f"a name twice among {what}")
             for name in names:
                 _expect(_NAME.fullmatch(name) is not None, f"{name[:40]!r} is no name")
         _expect(len({c.name for c in code.cells}) == len(code.cells), "a name twice among the cells")
+
+    def _sources(self) -> None:
+        """Each source has a place of its own, inside the folder into which a recording is unpacked."""
+        compiled = self.compiled
+        places = [(source.kind, source.place) for source in compiled.sources]
+        _expect(len(set(places)) == len(places), "a source twice")
+        for _, place in places:
+            parts = PurePosixPath(place).parts
+            relative = parts and ".." not in parts and not place.startswith("/") and place.isprintable()
+            _expect(bool(relative), f"{place[:40]!r} is no place of a source")
+        _expect(not places or ("behavior", compiled.root) in places, "its own text is not among the sources")
 
     def _refer(self, what: str, kind: Kind, *references: int, below: int | None = None) -> None:
         """Expect references to values of a kind, and to values before `below`."""
@@ -131,14 +152,12 @@ class _Check:
             case Table(elements=elements):
                 found = {code.kinds[i] if 0 <= i < at else None for i in elements}
                 return Kind.TABLE if found in ({Kind.NUMBER}, {Kind.BOOL}) else None
-            case Literal(value=value):
-                return (
-                    Kind.BOOL
-                    if isinstance(value, bool)
-                    else Kind.TIME
-                    if isinstance(value, int)
-                    else Kind.NUMBER
-                )
+            case Literal(value=bool()):
+                return Kind.BOOL
+            case Literal(value=int(time)):
+                return Kind.TIME if abs(time) <= LATEST_NS else None
+            case Literal():
+                return Kind.NUMBER
             case FrameTime():
                 return Kind.TIME
             case OldCell(cell=cell):
@@ -166,7 +185,12 @@ class _Check:
                 assert_never(op)
 
     def _fits(self, operator: Operator, arguments: Sequence[Op], given: Kind | None) -> bool:
-        """Whether a table has elements of the kind that is picked, and a sum of times cannot grow."""
+        """Return True if a table has elements of the kind that is picked, and no time can grow.
+
+        A sum of times is the present and a constant; a difference becomes seconds, and nothing else.
+        """
+        if operator is not Operator.SECONDS and any(map(_is_difference, arguments)):
+            return False
         match operator, arguments:
             case ((Operator.PICK_NUMBER | Operator.PICK_BOOL), (Table(elements=elements), _)):
                 return self.code.kinds[elements[0]] is given
@@ -199,6 +223,8 @@ class _Check:
         for values in () if actuator.idle is None else (actuator.idle,):
             fits = len(values) == len(kinds) and all(map(_is_of, values, kinds))
             _expect(fits, f"the idle command of {name} does not have its fields")
+            _expect(all(map(_is_within, values, fields)), f"the idle command of {name} is out of range")
+        _expect(actuator.idle is not None or actuator.server != "RServer", f"{name} has no idle command")
         priorities = [client.priority for client in one.clients]
         _expect(
             priorities == list(range(len(priorities), 0, -1)), f"priorities of {name} are not n, ..., 2, 1"
@@ -220,12 +246,33 @@ def _check_sensor(sensor: Sensor) -> None:
         not isinstance(sensor.type, Array) or 0 < sensor.type.size <= LARGEST_ARRAY, f"the size of {name}"
     )
     _expect(isfinite(sensor.factor) and sensor.factor != 0, f"the factor of {name}")
-    _expect(sensor.default is None or _is_of(sensor.default, _kind(sensor.type)), f"the default of {name}")
+    _check_range(sensor)
+    default = sensor.default
+    fits = default is None or (_is_of(default, _kind(sensor.type)) and _is_within(default, sensor))
+    _expect(fits, f"the default of {name}")
+    _expect(sensor.within_ns is None or 0 < sensor.within_ns <= LATEST_NS, f"`within` of {name}")
 
 
 def _check_fields(fields: Iterable[ActuatorField]) -> None:
     for field in fields:
         _expect(isfinite(field.factor) and field.factor != 0, f"the factor of {field.name}")
+        _check_range(field)
+
+
+def _check_range(of: Sensor | ActuatorField) -> None:
+    low, high = -inf if of.low is None else of.low, inf if of.high is None else of.high
+    _expect(low <= high, f"the range of {of.name}")
+
+
+def _is_within(value: ScalarValue, of: Sensor | ActuatorField) -> bool:
+    """Return True for a finite number in the range."""
+    if isinstance(value, bool):
+        return True
+    return isfinite(value) and (of.low is None or value >= of.low) and (of.high is None or value <= of.high)
+
+
+def _is_difference(op: Op) -> bool:
+    return isinstance(op, Apply) and op.operator is Operator.TIME_SUBTRACT
 
 
 def _field(fields: Sequence[ActuatorField], index: int) -> Kind | None:

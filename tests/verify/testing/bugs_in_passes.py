@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 from typing import Any
@@ -19,12 +20,22 @@ Plant = Callable[[pytest.MonkeyPatch], None]
 """Plants a mistake for as long as the monkeypatch lasts."""
 
 
+def replace_pass(
+    monkeypatch: pytest.MonkeyPatch, stage: str, change: Callable[[Callable[[Any], Any], Any], Any]
+) -> None:
+    """Have `change(pass, given)` in the place of a pass of the pipeline."""
+    names = [one.__name__ for one in pipeline.PASSES]
+    original = pipeline.PASSES[names.index(stage)]
+    changed = functools.wraps(original)(lambda given: change(original, given))
+    passes = tuple(changed if one is original else one for one in pipeline.PASSES)
+    monkeypatch.setattr(pipeline, "PASSES", passes)
+
+
 def after(stage: str, change: Callable[[Any], Any]) -> Plant:
     """`change` what a pass of the pipeline gives."""
 
     def plant(monkeypatch: pytest.MonkeyPatch) -> None:
-        original = getattr(pipeline, stage)
-        monkeypatch.setattr(pipeline, stage, lambda given: change(original(given)))
+        replace_pass(monkeypatch, stage, lambda original, given: change(original(given)))
 
     return plant
 
@@ -33,8 +44,7 @@ def before(stage: str, change: Callable[[Any], Any]) -> Plant:
     """`change` what a pass of the pipeline is given."""
 
     def plant(monkeypatch: pytest.MonkeyPatch) -> None:
-        original = getattr(pipeline, stage)
-        monkeypatch.setattr(pipeline, stage, lambda given: original(change(given)))
+        replace_pass(monkeypatch, stage, lambda original, given: original(change(given)))
 
     return plant
 
@@ -146,13 +156,12 @@ def observed_shifted(given: SuppressionNetwork) -> SuppressionNetwork:
 
 def numbered_at_first_visit(monkeypatch: pytest.MonkeyPatch) -> None:
     """A shared module gets the number of its first visit, its lowest place, not of its last."""
-    original = pipeline.forward_traversal
 
-    def traverse(given: SuppressionNetwork) -> ClientList:
+    def traverse(original: Callable[[Any], Any], given: SuppressionNetwork) -> ClientList:
         roots = dict(given.outputs)
         return in_order(original(given), lambda actuator: first_visits(given, roots[actuator]))
 
-    monkeypatch.setattr(pipeline, "forward_traversal", traverse)
+    replace_pass(monkeypatch, "forward_traversal", traverse)
 
 
 def first_visits(given: SuppressionNetwork, root: Link) -> list[str]:

@@ -15,6 +15,7 @@ from colony.verify.reference.interpreter import Interpreter
 from colony.verify.testing.agreement import EXECUTORS, client_disagreement, disagreement
 from colony.verify.testing.strategies import Run, network_runs, runs
 from tests.programs import MS, program
+from tests.verify.testing.bugs_in_passes import after
 
 
 @given(network_runs())
@@ -112,14 +113,11 @@ def test_executors_of_the_compiled_form_are_all_there() -> None:
 
 
 def test_clients_alone_that_are_both_active_are_found(monkeypatch: pytest.MonkeyPatch) -> None:
-    from colony.compile import pipeline
-
     of = program(
         "module m { when a do out(v = 1) } module n { when true do out(v = 2) }\n"
         "network { out = m suppresses n }"
     )
-    original = pipeline.simplify
-    monkeypatch.setattr(pipeline, "simplify", lambda clients: _never_exclusive(original(clients)))
+    after("simplify", _never_exclusive)(monkeypatch)
     found = client_disagreement(of, TRACE)
     assert found is not None
     assert isinstance(found.found, Outcome)
