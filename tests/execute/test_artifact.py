@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from dataclasses import replace
 from hashlib import sha256
@@ -146,6 +147,16 @@ def with_actuator(**parts: Any) -> Callable[[Code], Code]:
     return change
 
 
+def with_field(**parts: Any) -> Callable[[Code], Code]:
+    def change(code: Code) -> Code:
+        (one, *others) = code.actuators
+        fields = (replace(one.actuator.fields[0], **parts), *one.actuator.fields[1:])
+        changed = replace(one, actuator=replace(one.actuator, fields=fields))
+        return replace(code, actuators=(changed, *others))
+
+    return change
+
+
 def with_sensor(**parts: Any) -> Callable[[Code], Code]:
     return lambda code: replace(code, sensors=(replace(code.sensors[0], **parts), *code.sensors[1:]))
 
@@ -171,7 +182,15 @@ CELL = Cell(name="c", kind=Kind.NUMBER, initial=0.0, condition=0, value=0)
         with_client(module="../x"),
         with_actuator(idle=()),
         with_actuator(name="a/b"),
+        with_actuator(idle=(math.nan, 0.0)),
+        with_actuator(idle=(1e300, 0.0)),
+        with_actuator(idle=None),
+        with_field(low=1.0, high=-1.0),
+        with_field(low=math.nan),
         with_sensor(factor=0.0),
+        with_sensor(low=math.nan),
+        with_sensor(within_ns=-1),
+        with_sensor(default=-1.0),
         with_sensor(name="*"),
         lambda code: replace(code, kinds=code.kinds[1:]),
         lambda code: replace(code, decided=len(code.ops) + 1),
@@ -185,9 +204,21 @@ def test_a_forged_program_is_refused(wander: Compiled, change: Callable[[Code], 
     refused(encode(replace(wander, code=change(wander.code))))
 
 
-def test_times_of_a_forged_program_cannot_grow(wander: Compiled) -> None:
+@pytest.mark.parametrize("place", ["", ".", "..", "a/../../b", "/etc/x", "a\nb", "a\0b"])
+def test_sources_of_a_forged_program_stay_in_their_folder(wander: Compiled, place: str) -> None:
+    sources = (replace(wander.sources[0], place=place), *wander.sources[1:])
+    assert "no place of a source" in refused(encode(replace(wander, sources=sources, root=place)))
+
+
+def test_sources_of_a_forged_program_are_one_each(wander: Compiled) -> None:
+    assert "twice" in refused(encode(replace(wander, sources=wander.sources * 2)))
+    assert "not among the sources" in refused(encode(replace(wander, root="other.colony")))
+
+
+@pytest.mark.parametrize("operator", [Operator.TIME_ADD, Operator.TIME_SUBTRACT])
+def test_times_of_a_forged_program_cannot_grow(wander: Compiled, operator: Operator) -> None:
     at = len(wander.code.ops)
-    ops = (*wander.code.ops, OldCell(len(wander.code.cells)), Apply(Operator.TIME_ADD, (at, at)))
+    ops = (*wander.code.ops, OldCell(len(wander.code.cells)), Apply(operator, (at, at)))
     cell = Cell(name="more", kind=Kind.TIME, initial=1, condition=at + 2, value=at + 1)
     code = replace(
         wander.code,
