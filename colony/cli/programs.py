@@ -8,8 +8,9 @@ from pathlib import Path
 
 from colony.cli.reporting import check_to_run, expect_program, refuse, say
 from colony.compile.pipeline import Compilation, compile_program
-from colony.execute.artifact import SUFFIX, read
+from colony.execute.artifact import SUFFIX, read, unusable
 from colony.execute.compiled import Compiled
+from colony.robots.python_sources import changed_sources
 from colony.robots.recorded_program import program_sources
 from colony.text.diagnostics import Failure
 
@@ -26,6 +27,9 @@ def load_compiled(path: str) -> Compiled:
     except Failure as failure:
         refuse(failure.diagnostics)
     sys.path += [str(Path(path).resolve().parent), os.curdir]
+    changed = changed_sources(compiled)
+    if changed:
+        refuse([unusable(path, f"`{changed[0]}` has changed since it was compiled")])
     return compiled
 
 

@@ -17,7 +17,7 @@ from colony.execute.compiled import Compiled
 from colony.execute.shapes import Place, restored, shape, shaped
 from colony.execute.validity import Invalid, check
 from colony.files import COMPILED, StrPath, read_file, reason
-from colony.text.diagnostics import Failure, error
+from colony.text.diagnostics import Diagnostic, Failure, error
 from colony.text.source import NOWHERE, Source, Span
 
 VERSION = 1
@@ -26,8 +26,8 @@ VERSION = 1
 SUFFIX = ".colonyc"
 """Suffix of a file that holds a compiled program."""
 
-LARGEST = 64 * 1024 * 1024
-"""Bytes of the largest compiled program: several times that of ten thousand modules."""
+LARGEST = 16 * 1024 * 1024
+"""Bytes of the largest compiled program: many times that of ten thousand modules."""
 
 _HINT = "`colony compile FILE -o NAME.colonyc` makes one"
 _PREFIX = COMPILED + bytes([VERSION])
@@ -37,7 +37,7 @@ _decoder: msgspec.msgpack.Decoder[Any] = msgspec.msgpack.Decoder(shape(Compiled)
 
 def encode(compiled: Compiled) -> bytes:
     """Return a compiled program as bytes. Spans outside its sources are left out."""
-    numbers = {source.data: i for i, source in enumerate(compiled.sources)}
+    numbers = {source.data: i for i, source in enumerate(compiled.sources) if source.kind == "behavior"}
 
     def place(span: Span) -> Place:
         return Place(numbers.get(span.source.text.encode()), span.start, span.end)
@@ -55,7 +55,7 @@ def decode(data: bytes, name: str) -> Compiled:
     try:
         return _decoded(data)
     except (msgspec.DecodeError, ValueError, RecursionError) as problem:
-        raise _refusal(name, str(problem) or type(problem).__name__) from None
+        raise Failure([unusable(name, str(problem) or type(problem).__name__)]) from None
 
 
 def read(path: StrPath) -> Compiled:
@@ -67,7 +67,7 @@ def read(path: StrPath) -> Compiled:
     try:
         data = read_file(path, LARGEST)
     except OSError as problem:
-        raise _refusal(str(path), reason(problem)) from None
+        raise Failure([unusable(str(path), reason(problem))]) from None
     return decode(data, str(path))
 
 
@@ -80,7 +80,10 @@ def _decoded(data: bytes) -> Compiled:
     if sha256(body).digest() != data[len(_PREFIX) : _HEAD]:
         raise Invalid("it is damaged: its sum is wrong")
     read = _decoder.decode(body)
-    texts = [Source(source.place, source.data.decode()) for source in read.sources]
+    texts = [
+        Source(source.place, source.data.decode() if source.kind == "behavior" else "")
+        for source in read.sources
+    ]
 
     def span(place: Place) -> Span:
         if place.source is None:
@@ -96,6 +99,7 @@ def _decoded(data: bytes) -> Compiled:
     return compiled
 
 
-def _refusal(name: str, message: str) -> Failure:
+def unusable(name: str, message: str) -> Diagnostic:
+    """Return C001: why the compiled program in the file `name` cannot be run."""
     place = Span(Source(name, ""), 0, 0)
-    return Failure([error("C001", place, f"no compiled program that can be run: {message}", _HINT)])
+    return error("C001", place, f"no compiled program that can be run: {message}", _HINT)

@@ -11,11 +11,15 @@ from dataclasses import fields, is_dataclass
 from functools import cache, reduce
 from operator import or_
 from types import UnionType
-from typing import Any, Literal, get_args, get_origin, get_type_hints
+from typing import Annotated, Any, Literal, get_args, get_origin, get_type_hints
 
 import msgspec
+from msgspec import Meta
 
 from colony.text.source import Span
+
+MOST = 500_000
+"""The largest number of things of one kind, checked before any of them is read."""
 
 
 class Place(msgspec.Struct, frozen=True, array_like=True):
@@ -43,7 +47,8 @@ def shape(hint: Any) -> Any:
     arguments = tuple(map(shape, get_args(hint)))
     if origin is UnionType:
         return reduce(or_, arguments)
-    return origin[arguments]
+    several = origin is dict or Ellipsis in arguments
+    return Annotated[origin[arguments], Meta(max_length=MOST)] if several else origin[arguments]
 
 
 @cache

@@ -11,7 +11,7 @@ from collections.abc import Callable, Iterable, Iterator
 from importlib.machinery import ModuleSpec, PathFinder
 from pathlib import Path
 
-from colony.execute.compiled import SourceFile
+from colony.execute.compiled import Compiled, SourceFile
 from colony.files import read_file, reason
 
 SOURCE_BYTES = 4 * 1024 * 1024
@@ -42,6 +42,13 @@ def python_sources(names: Iterable[str], report: Callable[[str], None]) -> tuple
             found[source.place] = source
             waiting += _imports(source.data, name, is_package=spec.submodule_search_locations is not None)
     return tuple(found[place] for place in sorted(found))
+
+
+def changed_sources(compiled: Compiled) -> tuple[str, ...]:
+    """Return the places of modules in Python that are other ones now than when a program was compiled."""
+    now = python_sources((call.module_path for call in compiled.code.python), lambda _: None)
+    then = {source.place: source.data for source in compiled.sources if source.kind == "python"}
+    return tuple(source.place for source in now if then.get(source.place, source.data) != source.data)
 
 
 def _find(name: str) -> ModuleSpec | None:

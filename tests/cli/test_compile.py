@@ -169,6 +169,36 @@ def test_a_compiled_program_runs_as_its_behavior_does_and_its_recording_is_audit
     assert Path("sent.mcap").read_bytes() == Path("here.mcap").read_bytes()
 
 
+GOES = """
+robot rome {
+  sensor bumper : bool from RServer.bumper
+  actuator drive { velocity : mm/s, turn : deg/s } to RServer.drive idle drive(velocity = 0, turn = 0)
+}
+module go from python "goes:Go" { reads bumper commands drive }
+network { drive = go }
+"""
+
+MODULE = """# -*- coding: latin-1 -*-
+class Go:
+    \"\"\"Va tout droit, très lentement.\"\"\"
+    def step(self, frame):
+        return {"velocity": 10.0, "turn": 0.0}
+"""
+
+
+def test_a_module_in_python_that_changed_since_is_not_run(colony: Colony) -> None:
+    Path("goes.colony").write_text(GOES)
+    Path("goes.py").write_bytes(MODULE.encode("latin-1"))
+    assert colony("compile", "goes.colony", "-o", "goes.colonyc").code == 0
+    run = ("run", "goes.colonyc", "--map", MAPS / "loop.stickrep", "--duration", "0.5", "--no-picture")
+    assert colony(*run).code == 0
+    Path("goes.py").write_bytes(MODULE.replace("10.0", "-10.0").encode("latin-1"))
+    code, _, err = colony(*run)
+    assert code == 2
+    assert "error[C001]" in err
+    assert "`goes.py` has changed since it was compiled" in err
+
+
 @pytest.mark.parametrize("command", ["check", "verify", "test", "graph", "compile"])
 def test_commands_that_need_the_source_say_so(colony: Colony, behavior: Path, command: str) -> None:
     assert colony("compile", behavior, "-o", "b.colonyc", "--no-proof").code == 0

@@ -14,6 +14,7 @@ import subprocess
 import sys
 import time
 from collections.abc import Callable, Iterable, Iterator
+from contextlib import suppress
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import IO, NamedTuple
@@ -25,6 +26,9 @@ from colony.runtime.assembly.processes.restarts import Restarts
 
 TAIL_BYTES = 4096
 TAIL_LINES = 8
+LOG_BYTES = 16 * 1024 * 1024
+"""A log that has grown larger is emptied."""
+
 POLL_S = 0.005
 
 
@@ -137,6 +141,7 @@ class Children:
             return
         code = child.process.poll()
         if code is None:
+            _limit(child.job.log)
             return
         _forget(child)
         now = self._clock()
@@ -188,6 +193,15 @@ def _log(path: Path) -> IO[bytes]:
         return open(path, "ab", opener=_private)
     except OSError:
         return open(os.devnull, "ab")
+
+
+def _limit(path: Path) -> None:
+    """Empty the log of a process that prints without end; what it prints next is kept again."""
+    with suppress(OSError):
+        if path.stat().st_size > LOG_BYTES:
+            os.truncate(path, 0)
+            with open(path, "ab") as log:
+                log.write(f"earlier lines are dropped: more than {LOG_BYTES >> 20} MiB\n".encode())
 
 
 def _private(path: str, flags: int) -> int:

@@ -36,6 +36,14 @@ print("here", flush=True)
 while True: time.sleep(1)
 """
 
+FLOODS = """
+import sys, time
+print("x" * 100_000, flush=True)
+sys.stdin.buffer.raw.read(1)
+"""
+
+EMPTIED = ("earlier lines are dropped: more than 0 MiB",)
+
 FAILS = "raise OSError('no such luck')"
 
 WRONG = """
@@ -77,7 +85,14 @@ time.sleep(60)
 """
 
 
-_MODULES = (("obeys", OBEYS), ("ignores", IGNORES), ("fails", FAILS), ("wrong", WRONG), ("heaps", HEAPS))
+_MODULES = (
+    ("obeys", OBEYS),
+    ("floods", FLOODS),
+    ("ignores", IGNORES),
+    ("fails", FAILS),
+    ("wrong", WRONG),
+    ("heaps", HEAPS),
+)
 
 
 def until(condition: Callable[[], object], what: str) -> None:
@@ -143,6 +158,16 @@ def test_who_lived_for_long_is_started_at_once_again() -> None:
         assert restarts.died(now, now + STEADY_NS) == now + STEADY_NS
         now += STEADY_NS
     assert restarts.total == 3 * QUICK_DEATHS
+
+
+def test_a_log_that_grows_too_large_is_emptied(
+    children: Children, folder: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("colony.runtime.assembly.processes.children.LOG_BYTES", 50_000)
+    children.start(job(folder, "floods"))
+    log = folder / "floods.log"
+    until(lambda: (children.poll(), said(folder, "floods") == EMPTIED)[1], "it is emptied")
+    assert log.stat().st_size < 50_000
 
 
 def test_one_that_is_killed_is_started_again(children: Children, folder: Path) -> None:
