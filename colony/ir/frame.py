@@ -1,8 +1,8 @@
 """What goes into an executor in one frame, and what comes out. Every executor speaks this.
 
 Values here are in declared units, as people write them: an executor multiplies by a sensor's factor on the
-way in and divides by a field's factor on the way out. Only the executor of one client takes frames in base
-units, as they come from the servers.
+way in and divides by a field's factor on the way out. Executors of one client or module, and the fast loop,
+take frames in base units, as they come from the servers: their sensors have the factor 1.
 """
 
 from __future__ import annotations

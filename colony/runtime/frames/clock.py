@@ -9,8 +9,8 @@ Clock was restarted; when a client lost its memory for good; and when the observ
 that nobody else received. A frame's number is never used twice: a Clock that starts takes its first from the
 time, a number each `NUMBER_NS`, and no frames come faster than that.
 
-The emergency stop is latched here (`latch.py`): the Clock keeps it, repeats it in every tick, learns of stops
-that it missed from the frames of the servers that heard them, and alone releases it.
+The emergency stop is latched here (`stop_latch.py`): the Clock keeps it, repeats it in every tick, learns of
+stops that it missed from the frames of the servers that heard them, and alone releases it.
 
 A Clock that was stopped for a while leaves out the periods that it missed. In lockstep a frame begins as
 soon as the one before it is decided, at latest after a period; its time is a whole number of periods all the

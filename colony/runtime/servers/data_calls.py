@@ -120,10 +120,6 @@ class DataCalls:
             method("unwatch", Watch, self._unwatch, right="read", lasting=True, largest=NAMES_BYTES),
         )
 
-    def _noted(self, known: Method) -> Method:
-        """Return a method whose answers are noted if it changes something."""
-        return known if known.right == "read" else known._replace(handler=self._once(known.handler))
-
     def _once(self, handler: Handler) -> Handler:
         """A handler that gives the answer noted to a call that it has done before."""
 

@@ -1,7 +1,7 @@
 """RServer: the base of the robot (thesis section 4.6.3). It alone moves it, by one command a frame.
 
 Who commands is arbitrated among the clients of the program that is deployed, and connections from outside,
-by priority, lock and emergency stop (`arbitration.py`, `piloting.py`). Below that stand a reflex, which sends
+by priority, lock and emergency stop (`arbiter.py`, `piloting.py`). Below that stand a reflex, which sends
 nothing that goes into a pressed bumper, and a watchdog: when no command is decided any more, because the
 ticks stop, the base is stopped two frames after the last one; so is one whose idle command is to hold.
 

@@ -1,4 +1,4 @@
-"""The picture of a network as SVG, laid out by `graph_layout`: no other program is needed to draw it.
+"""The picture of a network as SVG, laid out by `layout.py`: no other program is needed to draw it.
 
 Modules carry `data-module` and nodes `data-node` attributes, so that a live page can light them up.
 """

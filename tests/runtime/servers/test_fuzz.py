@@ -1,7 +1,7 @@
 """Every server under fire: random bytes, and messages of every type and method that were tampered with. None
 fails, each caller hears what is wrong, nothing moves the base that may not, and no memory is lost for it.
 
-The same over real sockets and processes is in `test_fuzz_live.py`.
+The same over real sockets and processes is in `transport/live/test_fuzz.py`.
 """
 
 from __future__ import annotations
