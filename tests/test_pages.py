@@ -27,7 +27,7 @@ def _anchors(page: Path) -> set[str]:
     return {re.sub(r"[^\w\- ]", "", heading.lower()).replace(" ", "-") for heading in headings}
 
 
-FOLDERS = [ROOT, *(path for path in (ROOT / "colony").rglob("*") if path.is_dir())]
+FOLDERS = [ROOT, ROOT / "colony", *(path for path in (ROOT / "colony").rglob("*") if path.is_dir())]
 """Folders in which paths in the text of a page begin."""
 
 

@@ -83,10 +83,14 @@ def command(
     if existing is not None and (explain or no_proof or output is not None or format_ != "table"):
         message = "--prove goes with no other option but --proof-timeout"
         raise click.UsageError(message, click.get_current_context())
-    if output is not None:
-        check_output(output, [file])
     from colony.cli.programs import compile_file
     from colony.execute.artifact import SUFFIX, encode
+
+    if output is not None:
+        if output.suffix == SUFFIX and (explain or format_ != "table"):
+            message = f"a file {SUFFIX} has a format of its own: --format and --explain go with another file"
+            raise click.UsageError(message, click.get_current_context())
+        check_output(output, [file])
 
     compiled = compile_file(file)
     program = compiled.program

@@ -50,7 +50,7 @@ class DaskEngine:
         if self._address:
             try:
                 return holds.enter_context(distributed.Client(self._address, timeout=REACHED_S))
-            except OSError as problem:
+            except (OSError, ValueError) as problem:  # ValueError: no address
                 where = f"there is no Dask scheduler at {self._address}"
                 raise WorkersLost(
                     f"{where}: {problem}; expected an address such as tcp://HOST:8786"

@@ -163,17 +163,19 @@ def chosen(runs: Sequence[ListedRun], text: str) -> tuple[ListedRun, ...]:
     Raises:
         ListProblem: it names none, or others.
     """
+    most = max(run.number for run in runs)
     wanted: set[int] = set()
     for part in text.split(","):
         first, dash, last = part.strip().partition("-")
         if not first.isdecimal() or (dash and not last.isdecimal()):
             raise ListProblem(f"`{part.strip()}` names no runs; expected numbers such as 1-5,22")
-        wanted |= set(range(int(first), int(last or first) + 1))
+        end = int(last or first)
+        wanted |= {*range(int(first), min(end, most) + 1), *([end] if end > most else [])}
     known = {run.number for run in runs}
     strange = sorted(wanted - known)
     if strange or not wanted:
         shown = ", ".join(map(str, strange[:5])) or text
-        raise ListProblem(f"there is no run {shown}; expected numbers from 1 to {max(known)}")
+        raise ListProblem(f"there is no run {shown}; expected numbers from 1 to {most}")
     return tuple(run for run in runs if run.number in wanted)
 
 

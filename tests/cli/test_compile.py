@@ -199,6 +199,12 @@ def test_a_module_in_python_that_changed_since_is_not_run(colony: Colony) -> Non
     assert "`goes.py` has changed since it was compiled" in err
 
 
+@pytest.mark.parametrize("options", [["--explain"], ["--format", "json"]])
+def test_a_compiled_program_has_one_format(colony: Colony, behavior: Path, options: list[str]) -> None:
+    assert colony("compile", behavior, "-o", "b.colonyc", *options).code == 2
+    assert not Path("b.colonyc").exists()
+
+
 @pytest.mark.parametrize("command", ["check", "verify", "test", "graph", "compile"])
 def test_commands_that_need_the_source_say_so(colony: Colony, behavior: Path, command: str) -> None:
     assert colony("compile", behavior, "-o", "b.colonyc", "--no-proof").code == 0

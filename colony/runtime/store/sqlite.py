@@ -18,8 +18,8 @@ be kept. From then on the store is `full`, until there is room for the reserve a
 files, or a quota, counts as a full disk.
 
 A file that is empty or damaged is kept aside (`quarantine.py`), and the store begins with nothing; it says
-so, and DServer goes on saying so. An empty file is damaged because none is ever made: a new database is filled
-under another name. A file that is not DServer's, or is a later version's, is refused and left alone.
+so, and DServer goes on saying so. An empty file is damaged because none is ever made: a new database is
+filled under another name. A file that is not DServer's, or is a later version's, is refused and left alone.
 """
 
 from __future__ import annotations
