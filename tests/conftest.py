@@ -8,6 +8,11 @@ draws anew in every run; a failure prints the seed to repeat it with `--hypothes
 from __future__ import annotations
 
 import os
+import signal
+
+if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
+    # As in a job in the background of a script: processes that tests start would ignore it, too.
+    signal.signal(signal.SIGINT, signal.default_int_handler)
 
 # Before numpy is loaded: tests run side by side, and threads of theirs would only wait for each other.
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
