@@ -23,7 +23,7 @@ if sys.argv[2] == "unchecked":
 most = len(os.listdir("/proc/self/fd")) + int(sys.argv[3])
 resource.setrlimit(resource.RLIMIT_NOFILE, (most, most))
 try:
-    network.Network.open(place, listens=("RServer",)).close()
+    network.ZenohSession.open(place, listens=("RServer",)).close()
 except (NotReached, OSError) as problem:
     print(problem)
 else:
