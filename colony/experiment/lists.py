@@ -169,8 +169,9 @@ def chosen(runs: Sequence[ListedRun], text: str) -> tuple[ListedRun, ...]:
         first, dash, last = part.strip().partition("-")
         if not first.isdecimal() or (dash and not last.isdecimal()):
             raise ListProblem(f"`{part.strip()}` names no runs; expected numbers such as 1-5,22")
-        end = int(last or first)
-        wanted |= {*range(int(first), min(end, most) + 1), *([end] if end > most else [])}
+        if int(last or first) > most:
+            raise ListProblem(f"there is no run {last or first}; expected numbers from 1 to {most}")
+        wanted |= set(range(int(first), int(last or first) + 1))
     known = {run.number for run in runs}
     strange = sorted(wanted - known)
     if strange or not wanted:
