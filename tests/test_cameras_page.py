@@ -17,8 +17,8 @@ from colony.sim.cameras.camera import CameraConfig
 from colony.sim.cameras.optics import Optics
 from colony.sim.hazards.hazards import Hazards
 from tests.pages import COMMANDS, typed
+from tests.paths import ROOT
 
-ROOT = Path(__file__).parent.parent
 PAGE = (ROOT / "docs" / "cameras.md").read_text(encoding="utf-8")
 PICTURES = re.findall(r"!\[[^]]*\]\((cameras/([^/]+)/(\w+)\.png)\)", PAGE)
 

@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 import re
-from pathlib import Path
 from typing import get_args
 
 from colony.cli.experiment.main import command
 from colony.experiment.record import Failure
 from colony.experiment.results import RUN_TABLE
+from tests.paths import ROOT
 
-ROOT = Path(__file__).parent.parent
 PAGE = (ROOT / "docs" / "experiments.md").read_text(encoding="utf-8")
 QUOTED = set(re.findall(r"`([^`]+)`", PAGE))
 

@@ -16,6 +16,7 @@ from colony import testing
 from colony.ir.frame import Frame
 from colony.verify.contracts.results import Proved, Refuted
 from colony.verify.difference.results import Different, Same
+from tests.paths import ROOT
 
 TEXT = """
 robot toy {
@@ -29,9 +30,6 @@ network { drive = back_off suppresses cruise }
 contract never_ram: bumper implies drive.velocity <= 0 mm/s
 """
 PROGRAM = colony.loads(TEXT, name="toy.colony")
-
-
-ROOT = Path(__file__).parent.parent
 
 
 def test_the_docstring_of_the_package() -> None:

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from pathlib import Path
-
 import pytest
 
 from colony.nav.maps.building import load_building
@@ -11,8 +9,8 @@ from colony.nav.missions.elevator_calls import Call
 from colony.nav.missions.elevator_prompt import asked_for
 from colony.sim.world.operator import DELAY_S, RIDE_S, STANDS_S
 from tests.pages import COMMANDS, typed
+from tests.paths import ROOT
 
-ROOT = Path(__file__).parents[1]
 PAGE = (ROOT / "docs" / "missions.md").read_text(encoding="utf-8")
 
 

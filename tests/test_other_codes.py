@@ -15,8 +15,8 @@ import pytest
 from colony.cli.main import main
 from colony.text.codes import CODES
 from tests.dsl.test_error_page import PAGE, ROBOT, Fence, examples
+from tests.paths import ROOT
 
-ROOT = Path(__file__).parent.parent
 SOURCES = ROOT / "colony"
 EXIT_CODES = {"M": 2, "F": 2, "R": 1, "P": 1, "T": 1, "C": 2, "A": 2, "V": 1}
 """What the page says at the beginning of each part; where there are only warnings it is 0."""

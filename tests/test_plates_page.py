@@ -3,12 +3,11 @@
 from __future__ import annotations
 
 import re
-from pathlib import Path
 
 from colony.experiment.plates.record import FINDER_NAMES, PLATE_TABLE
 from colony.nav.confidence.published_plates import PUBLISHED_WALKS
+from tests.paths import ROOT
 
-ROOT = Path(__file__).parent.parent
 PAGE = (ROOT / "docs" / "plates.md").read_text(encoding="utf-8")
 
 

@@ -3,15 +3,14 @@
 from __future__ import annotations
 
 import re
-from pathlib import Path
 
 from colony.cli.experiment.main import command
 from colony.experiment.sources.run import NUMBERS
 from colony.nav.missions.goal_verification import Verdict
 from colony.nav.pose.pose import PoseEstimate
 from colony.nav.pose.tracker import Source
+from tests.paths import ROOT
 
-ROOT = Path(__file__).parent.parent
 PAGE = (ROOT / "docs" / "pose.md").read_text(encoding="utf-8")
 
 

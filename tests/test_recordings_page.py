@@ -11,8 +11,8 @@ from colony.dsl.check.robot import RESERVED_FIELDS
 from colony.runtime.recordings.replay import RESERVED
 from colony.runtime.recordings.schemas import CONTRACTS, FRAMES, KEYFRAMES, REQUESTS, VERDICTS
 from tests.pages import COMMANDS, typed
+from tests.paths import ROOT
 
-ROOT = Path(__file__).parent.parent
 PAGE = (ROOT / "docs" / "recordings.md").read_text(encoding="utf-8")
 EXAMPLES = COMMANDS.findall(PAGE)
 

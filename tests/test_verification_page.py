@@ -17,8 +17,8 @@ import pytest
 
 from colony.text.codes import CODES
 from tests.pages import COMMANDS, typed
+from tests.paths import ROOT
 
-ROOT = Path(__file__).parent.parent
 FILE = ROOT / "docs" / "verification.md"
 PAGE = FILE.read_text(encoding="utf-8")
 FILES = dict(re.findall(r"^```\w+ (\S+)\n(.*?)^```$", PAGE, re.MULTILINE | re.DOTALL))

@@ -28,8 +28,8 @@ from colony.ir.program import Program
 from colony.runtime.recordings.opening import read_recording
 from colony.text.diagnostics import Failure
 from colony.verify.audit.audit import audit_recording
+from tests.paths import ROOT
 
-ROOT = Path(__file__).parents[2]
 BEHAVIOR = ROOT / "behaviors" / "wander.colony"
 COMMAND = (sys.executable, "-m", "colony.cli.main")
 KILLED_BYTES = 40_000

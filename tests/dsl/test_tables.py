@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import random
 from collections.abc import Callable
-from pathlib import Path
 from typing import Any
 
 import pytest
@@ -16,8 +15,8 @@ from colony.dsl import tables
 from colony.dsl.build import Builder
 from colony.dsl.lalr import Parser, Token, UnexpectedInput
 from tests.dsl.texts import MODULES, ROBOT
+from tests.paths import ROOT
 
-ROOT = Path(__file__).parents[2]
 TEXTS = [ROBOT + MODULES, "", *(p.read_text() for p in sorted((ROOT / "behaviors").rglob("*.colony")))]
 SLIPS = [
     "",

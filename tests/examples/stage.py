@@ -21,8 +21,7 @@ from colony.runtime.kit.connection import Session
 from colony.runtime.transport.live.place import local
 from colony.sim.plant.child import plant_socket
 from colony.sim.plant.control import PlantControl
-
-ROOT = Path(__file__).resolve().parents[2]
+from tests.paths import ROOT
 
 PATIENCE_S = 60.0
 """Far longer than anything takes; only a failure waits for so long."""

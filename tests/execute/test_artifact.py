@@ -25,9 +25,8 @@ from colony.execute.operators import Operator
 from colony.text.diagnostics import Failure
 from colony.verify.testing.agreement import disagreement
 from colony.verify.testing.strategies import programs, traces
+from tests.paths import BEHAVIORS, ROOT
 
-ROOT = Path(__file__).parents[2]
-BEHAVIORS = sorted((ROOT / "behaviors").glob("*.colony"))
 HEAD = len(b"colonyc") + 1 + 32
 
 

@@ -13,6 +13,7 @@ from typing import Any
 import pytest
 
 from colony.runtime.recordings.mcap_reader import McapReader
+from tests.paths import ROOT
 from tests.runtime.recordings.mcap_files import (
     PROGRAM,
     SOURCES,
@@ -20,8 +21,6 @@ from tests.runtime.recordings.mcap_files import (
     trace,
 )
 from tests.verify.audit.recorded_runs import Kept, as_mcap, logs, mcap_to, read_mcap, run_info, written
-
-ROOT = Path(__file__).parents[3]
 
 
 class Full(Kept):

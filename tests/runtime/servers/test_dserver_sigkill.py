@@ -16,9 +16,9 @@ from colony.runtime.library.ask import Ask
 from colony.runtime.protocol import codec
 from colony.runtime.protocol.calls import Open
 from colony.runtime.protocol.messages import Call, Reply
+from tests.paths import ROOT
 from tests.runtime.servers.data_child import framed, split
 
-ROOT = Path(__file__).parents[3]
 SEED = 1994
 ROUNDS = 12
 CONNECTIONS = tuple(f"ada/{i}" for i in range(4))

@@ -14,10 +14,10 @@ import pytest
 
 from colony.runtime.store.reserve import RESERVE_BYTES
 from colony.runtime.store.store import Journal, Key, StoreFull, UnmadeStore
+from tests.paths import ROOT
 from tests.runtime.servers.data_stage import Cramped
 from tests.small_disk import SmallDisk, small_disk
 
-ROOT = Path(__file__).parents[3]
 X, Y, Z = (Key("value", name) for name in "XYZ")
 
 

@@ -15,9 +15,9 @@ import pytest
 from colony.runtime.store.quarantine import damages, kept_aside
 from colony.runtime.store.sqlite import SqliteStore
 from colony.runtime.store.store import Journal, Key, MemoryStore, Store, StoreError
+from tests.paths import ROOT
 from tests.small_disk import small_disk
 
-ROOT = Path(__file__).parents[3]
 X, Y = Key("value", "X", 0), Key("value", "a\0b é", 1)
 Make = Callable[[], Store]
 

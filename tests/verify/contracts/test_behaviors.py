@@ -13,9 +13,8 @@ from colony.ir.program import Contract, Program
 from colony.ir.types import BOOL
 from colony.verify.contracts.prove import prove_contracts
 from colony.verify.contracts.results import Proved, Refuted
-from tests.paths import ROOT
+from tests.paths import BEHAVIORS
 
-BEHAVIORS = sorted((ROOT / "behaviors").glob("*.colony"))
 _CANARY = "canary"
 
 

@@ -10,7 +10,7 @@ import pytest
 from colony.dsl.load import load_file, load_text
 from colony.text.diagnostics import Failure
 from colony.verify.difference import Different, Same, Undecided, difference
-from tests.paths import ROOT
+from tests.paths import BEHAVIORS, ROOT
 from tests.verify.difference.programs import QUICK, compare, program, verdict
 from tests.verify.small_robot import go
 
@@ -69,7 +69,7 @@ def test_memory_that_is_kept_otherwise() -> None:
     assert verdict(one + network, other + network) == "Same"
 
 
-@pytest.mark.parametrize("path", sorted((ROOT / "behaviors").glob("*.colony")), ids=lambda p: p.stem)
+@pytest.mark.parametrize("path", BEHAVIORS, ids=lambda p: p.stem)
 def test_every_behavior_is_the_same_as_itself(path: Path) -> None:
     one = load_file(path)
     if any(w.actuator for w in one.wires):

@@ -20,9 +20,7 @@ from colony.execute.operators import Operator
 from colony.verify.equivalence.prove import prove, prove_json, prove_python
 from colony.verify.equivalence.results import Malformed, Proved, Result, WrongWinner
 from colony.verify.testing.strategies import run_of_seed
-from tests.paths import ROOT
-
-BEHAVIORS = sorted((ROOT / "behaviors").glob("*.colony"))
+from tests.paths import BEHAVIORS, ROOT
 
 
 @cache

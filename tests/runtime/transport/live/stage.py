@@ -17,8 +17,8 @@ from pathlib import Path
 from colony.runtime.protocol.messages import Effect, Message, Node
 from colony.runtime.transport.live.host import Host
 from colony.runtime.transport.live.place import Local, local
+from tests.paths import ROOT
 
-ROOT = Path(__file__).parents[4]
 ROBOT = "rome"
 PATIENCE_S = 20.0
 """Far longer than anything takes; only a failure waits for so long."""

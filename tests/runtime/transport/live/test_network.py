@@ -9,8 +9,7 @@ from pathlib import Path
 import pytest
 
 from colony.runtime.transport.live.network import DESCRIPTORS
-
-ROOT = Path(__file__).parents[4]
+from tests.paths import ROOT
 
 OPEN = """
 import os, resource, sys
