@@ -5,11 +5,10 @@ from __future__ import annotations
 from typing import Any, NamedTuple
 
 from colony.execute.code import ActuatorCode, ClientCode
+from colony.execute.intake import Records
 from colony.execute.settle import settle
 from colony.ir.program import Actuator
 from colony.ir.types import ScalarValue
-
-Records = tuple[tuple[str, str], ...]
 
 
 class Decided(NamedTuple):

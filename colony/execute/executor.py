@@ -6,14 +6,14 @@ Plain and unhurried; what is generated from the same Code (`colony.compile.backe
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Literal, NamedTuple
+from typing import NamedTuple
 
 from colony.execute.code import ActuatorCode, ClientCode, Kind, PythonActive, PythonField
 from colony.execute.compiled import Compiled
 from colony.execute.decisions import decide
 from colony.execute.machine import Machine
 from colony.execute.views import of_client, of_module, unsimplified, whole
-from colony.ir.frame import Answer, Decision, Frame, Outcome, Record
+from colony.ir.frame import Answer, Bid, Decision, Frame, Outcome, Record
 from colony.ir.memory import ProgramMemory
 from colony.ir.program import in_declared_units
 from colony.ir.types import ScalarValue
@@ -111,9 +111,6 @@ class ClientListExecutor:
 
 
 # --- one client ----------------------------------------------------------------------------------
-
-
-Bid = Literal["command", "suppressed", "inhibited", "silent"]
 
 
 class ClientStep(NamedTuple):

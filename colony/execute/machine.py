@@ -27,8 +27,8 @@ from colony.execute.code import (
     Table,
     Winner,
 )
-from colony.execute.decisions import Decided, Records
-from colony.execute.intake import of_age
+from colony.execute.decisions import Decided
+from colony.execute.intake import Records, of_age
 from colony.execute.operators import FUNCTIONS
 from colony.execute.python_step import PythonStep
 from colony.execute.sensors import take, within

@@ -2,13 +2,11 @@
 
 from __future__ import annotations
 
-from colony.execute.intake import take_bool, take_bools, take_number, take_numbers
+from colony.execute.intake import Records, take_bool, take_bools, take_number, take_numbers
 from colony.execute.intake import within as in_range
 from colony.ir.frame import Reading
 from colony.ir.program import Sensor
 from colony.ir.types import Array, Bool, Enum, Value, element_type
-
-Records = tuple[tuple[str, str], ...]
 
 
 def stand_in(sensor: Sensor) -> Value:

@@ -22,7 +22,7 @@ from colony.execute.code import (
     remapped,
     roots,
 )
-from colony.ir.program import Sensor
+from colony.ir.program import sensors_in_base_units
 
 
 def whole(code: Code) -> Code:
@@ -54,7 +54,7 @@ def of_client(code: Code, actuator: str, module: str) -> Code:
     own = _decided_by(client, client.heard_guard, client.heard_exclusive)
     view = replace(
         code,
-        sensors=_in_base_units(code),
+        sensors=sensors_in_base_units(code.sensors),
         python=(),
         actuators=(replace(one, clients=(own,)),),
         contracts=(),
@@ -69,7 +69,9 @@ def of_module(code: Code, module: str) -> Code:
         KeyError: there is no such module.
     """
     call = {call.module: call for call in code.python}[module]
-    view = replace(code, sensors=_in_base_units(code), python=(call,), actuators=(), contracts=())
+    view = replace(
+        code, sensors=sensors_in_base_units(code.sensors), python=(call,), actuators=(), contracts=()
+    )
     return trimmed(view, every_sensor=False)
 
 
@@ -92,11 +94,6 @@ def _decided_by(client: ClientCode, guard: int, exclusive: int) -> ClientCode:
         heard_exclusive=exclusive,
         traversed=guard,
     )
-
-
-def _in_base_units(code: Code) -> tuple[Sensor, ...]:
-    """The sensors as they are read in the runtime: servers' readings are converted where frames are made."""
-    return tuple(replace(sensor, factor=1.0) for sensor in code.sensors)
 
 
 def trimmed(code: Code, *, every_sensor: bool) -> Code:

@@ -31,6 +31,15 @@ class Frame(NamedTuple):
     taken_ns: Mapping[str, int] = _OF_NOW
 
 
+Bid = Literal[
+    "command",  # active: the network lets its command through
+    "suppressed",  # its predicate holds, but by the network another one's command takes its place
+    "inhibited",  # its predicate holds, but by the network another one gates it
+    "silent",  # its predicate does not hold, or something that it reads is missing
+]
+"""What a client does in a frame, by its own knowledge."""
+
+
 class Answer(NamedTuple):
     """The answer of a module in Python in one frame.
 

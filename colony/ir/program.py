@@ -109,12 +109,17 @@ def in_base_units(robot: Robot) -> Robot:
     """Return the same robot with every sensor and every field of a command declared in base units."""
     return replace(
         robot,
-        sensors=tuple(replace(sensor, factor=1.0) for sensor in robot.sensors),
+        sensors=sensors_in_base_units(robot.sensors),
         actuators=tuple(
             replace(actuator, fields=tuple(replace(field, factor=1.0) for field in actuator.fields))
             for actuator in robot.actuators
         ),
     )
+
+
+def sensors_in_base_units(sensors: Iterable[Sensor]) -> tuple[Sensor, ...]:
+    """Return the same sensors, each declared in base units: as the runtime gives their readings."""
+    return tuple(replace(sensor, factor=1.0) for sensor in sensors)
 
 
 # --- derived values ------------------------------------------------------------------------------

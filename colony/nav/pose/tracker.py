@@ -42,9 +42,6 @@ class Source(Enum):
 
 ALL = frozenset(Source)
 
-LANDMARKS = (Source.LIGHTS, Source.PLATES, Source.MARKERS)
-"""The sources that tell fixes."""
-
 
 class Told(NamedTuple):
     """A fix, and whose it is."""

@@ -16,9 +16,10 @@ import math
 from collections.abc import Container, Iterable
 from typing import NamedTuple, get_args
 
+from colony.ir.frame import Bid
 from colony.ir.types import ScalarValue
 from colony.runtime.protocol.deployment import ActuatorTable, FieldTable
-from colony.runtime.protocol.messages import Bid, Hold, Request
+from colony.runtime.protocol.messages import Hold, Request
 
 
 class Places:

@@ -206,7 +206,6 @@ class Loop:
         readings: dict[str, Reading] = {}
         for binding in self._sensors:
             sample = published[binding.server].get(binding.field)
-            within_ns = binding.within_ns
-            if sample is not None and (within_ns is None or now_ns - sample.t_ns <= within_ns):
+            if sample is not None and binding.is_fresh(sample.t_ns, now_ns):
                 readings[binding.sensor] = binding.in_base_units(sample.value)
         return readings

@@ -25,7 +25,7 @@ from colony.ir.frame import Answer, Frame, Reading
 from colony.runtime.protocol import topics
 from colony.runtime.protocol.bindings import SensorBinding
 from colony.runtime.protocol.fields import DSERVER
-from colony.runtime.protocol.messages import Effect, Fetch, Sample, Send, ServerFrame, Tick
+from colony.runtime.protocol.messages import Effect, Fetch, Send, ServerFrame, Tick
 
 KEPT_NS = 2_000_000_000
 """For how long servers keep the frames that they published, and readers wait for one."""
@@ -273,17 +273,13 @@ class FrameAssembler:
         for b in self._bindings:
             frame = got.get(b.server)
             sample = None if frame is None else frame.fields.get(b.field)
-            if sample is not None and _fresh(sample, tick.t_ns, b.within_ns):
+            if sample is not None and b.is_fresh(sample.t_ns, tick.t_ns):
                 convert = b.in_declared_unit if self._declared else b.in_base_units
                 readings[b.sensor] = convert(sample.value)
         return Frame(tick.t_ns, readings)
 
 
 _NOBODY: frozenset[str] = frozenset()
-
-
-def _fresh(sample: Sample, now_ns: int, within_ns: int | None) -> bool:
-    return within_ns is None or now_ns - sample.t_ns <= within_ns
 
 
 def _answer(frame: ServerFrame) -> Answer:

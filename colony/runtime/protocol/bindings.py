@@ -33,6 +33,10 @@ class SensorBinding:
     factor: float = 1.0
     declared: bool = False
 
+    def is_fresh(self, taken_ns: int, now_ns: int) -> bool:
+        """Return True if a value that was taken at `taken_ns` is not too old at `now_ns`."""
+        return self.within_ns is None or now_ns - taken_ns <= self.within_ns
+
     def in_base_units(self, value: Value) -> Value:
         """Return what an executor computes with, given a value of the server.
 

@@ -33,7 +33,7 @@ from typing import Literal, NamedTuple, Protocol, runtime_checkable
 
 import msgspec
 
-from colony.ir.frame import Answer
+from colony.ir.frame import Answer, Bid
 from colony.ir.types import ScalarValue, Value
 
 
@@ -96,14 +96,6 @@ class Fetch(_Message, frozen=True, kw_only=True):
 
     server: str
     k: int
-
-
-Bid = Literal[
-    "command",  # active: the network lets its command through
-    "suppressed",  # its predicate holds, but by the network another one's command takes its place
-    "inhibited",  # its predicate holds, but by the network another one gates it
-    "silent",  # its predicate does not hold, or something that it reads is missing
-]
 
 
 class Request(_Message, frozen=True, kw_only=True):

@@ -29,10 +29,11 @@ from mcap.well_known import MessageEncoding, SchemaEncoding
 from mcap.writer import CompressionType, IndexType, Writer
 
 from colony.execute.compiled import Compiled
+from colony.ir.frame import Bid
 from colony.ir.program import Actuator, in_declared_units
 from colony.ir.types import ScalarValue
 from colony.runtime.observe.observer import KEYFRAME_NS, FrameLog
-from colony.runtime.protocol.messages import Bid, Fate, Hold, Request, Verdict
+from colony.runtime.protocol.messages import Fate, Hold, Request, Verdict
 from colony.runtime.recordings.answers import answers_text
 from colony.runtime.recordings.json_text import seconds_text, sensor_members
 from colony.runtime.recordings.keyframes import keyframe_members

@@ -17,6 +17,9 @@ REPUBLISHED_FRAMES = 64
 REPUBLISHED_BYTES = 1 << 20
 """Estimated bytes of the frames that a server publishes again between two ticks."""
 
+FRAMES_KEPT = 2000
+"""Frames that a server keeps for readers that missed one: two seconds, also of frames of a millisecond."""
+
 KEPT_BYTES = 16 << 20
 """Estimated bytes of the frames that a server keeps; fields that several frames share count once."""
 

@@ -43,10 +43,7 @@ from colony.runtime.servers.commanding import ActuatorCounts, CommandDesk
 from colony.runtime.servers.drivers import BaseDriver
 from colony.runtime.servers.leadership import Leadership
 from colony.runtime.servers.piloting import Bumper, Pilot
-from colony.runtime.servers.publishing import Fields, Publisher
-
-KEPT = 2000
-"""How many frames are kept for who missed one: two seconds of them, be they as short as a millisecond."""
+from colony.runtime.servers.publishing import FRAMES_KEPT, Fields, Publisher
 
 WATCHDOG_FRAMES = 2
 
@@ -74,7 +71,7 @@ class RServer:
         *,
         deployment: Deployment | None = None,
         watchdog_ns: int | None = None,
-        keep: int = KEPT,
+        keep: int = FRAMES_KEPT,
     ) -> None:
         self._base = Base(driver)
         self._emergency = StopFollower()
