@@ -51,7 +51,7 @@ from colony.runtime.protocol.messages import (
 )
 from colony.runtime.protocol.plausibility import NUMBER_NS
 from colony.runtime.servers.leadership import Leadership
-from colony.runtime.servers.publishing import FRAME_BYTES, FetchBudget
+from colony.runtime.servers.publishing import FRAME_BYTES, FRAMES_KEPT, FetchBudget
 
 IDLE_FRAME_NS = 50_000_000
 """The frames of a robot without a program."""
@@ -78,7 +78,7 @@ class Clock:
         self,
         *,
         servers: tuple[str, ...],
-        keep: int,
+        keep: int = FRAMES_KEPT,
         deployment: Deployment | None = None,
         told: Callable[[Deployment], None] = lambda deployed: None,
         stop_path: Path | None = None,

@@ -18,9 +18,6 @@ from colony.runtime.servers.publishing import Fields, Publisher
 
 A = TypeVar("A", bound=msgspec.Struct)
 
-KEPT = 400
-"""Frames that are kept for readers that missed one: two seconds of frames of 5 ms."""
-
 Report = Callable[[str], None]
 
 
@@ -88,7 +85,10 @@ class Service:
             methods=tuple(MethodDescription(name=m.name, right=m.right) for m in own),
         )
         telling = calls.method("describe", Nothing, lambda *_: described, right="read")
-        self._publisher = Publisher(name, self._read, keep=KEPT)
+        self._publisher = Publisher(
+            name,
+            self._read,
+        )
         self._desk = CallDesk(name, (*own, telling), full=lambda: self._publisher.reached)
         self._now_ns = 0
         self.listens = (*self._desk.listens, *(self._publisher.listens if self._fields else ()))

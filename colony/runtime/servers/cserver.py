@@ -38,7 +38,7 @@ from colony.runtime.protocol.messages import (
 )
 from colony.runtime.servers.drivers import CameraDriver
 from colony.runtime.servers.images import Image, Shot
-from colony.runtime.servers.publishing import Publisher
+from colony.runtime.servers.publishing import FRAMES_KEPT, Publisher
 
 CSERVER = "CServer"
 """The name of the only camera; where there are several, what their names begin with."""
@@ -167,7 +167,12 @@ class CServer:
     """
 
     def __init__(
-        self, driver: CameraDriver, *, keep: int, address: str = CSERVER, period_ns: int = PERIOD_NS
+        self,
+        driver: CameraDriver,
+        *,
+        keep: int = FRAMES_KEPT,
+        address: str = CSERVER,
+        period_ns: int = PERIOD_NS,
     ) -> None:
         self.address = address
         self._camera = Camera(address, driver, period_ns)

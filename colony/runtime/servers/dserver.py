@@ -19,7 +19,6 @@ from colony.ir.types import ScalarValue, Value
 from colony.runtime.arbitration.arbiter import timing
 from colony.runtime.arbitration.ballot import NOBODY, STOPPED
 from colony.runtime.arbitration.stop_latch import StopFollower
-from colony.runtime.frames.assembly import KEPT_MOST
 from colony.runtime.protocol import topics
 from colony.runtime.protocol.calls import Asked, Refused, method
 from colony.runtime.protocol.deployment import (
@@ -52,7 +51,7 @@ from colony.runtime.servers.data_calls import DataCalls
 from colony.runtime.servers.data_methods import command
 from colony.runtime.servers.leadership import Leadership
 from colony.runtime.servers.once import Answers
-from colony.runtime.servers.publishing import Fields, Publisher
+from colony.runtime.servers.publishing import FRAMES_KEPT, Fields, Publisher
 from colony.runtime.servers.relaying import ActivityRelay
 from colony.runtime.servers.semaphores import Semaphores
 from colony.runtime.servers.showing import Wanted
@@ -104,7 +103,7 @@ class DServer:
         held: Mapping[str, Value] | None = None,
         *,
         deployment: Deployment | None = None,
-        keep: int = KEPT_MOST,
+        keep: int = FRAMES_KEPT,
         store: Store | None = None,
         epoch: str = "",
         notes: Callable[[], Iterable[str]] = lambda: (),

@@ -20,7 +20,7 @@ from colony.runtime.protocol.messages import (
     Wake,
 )
 from colony.runtime.servers.drivers import ProximityDriver
-from colony.runtime.servers.publishing import Fields, Publisher
+from colony.runtime.servers.publishing import FRAMES_KEPT, Fields, Publisher
 
 
 class PServer:
@@ -31,7 +31,7 @@ class PServer:
 
     address = PSERVER.name
 
-    def __init__(self, driver: ProximityDriver, *, keep: int) -> None:
+    def __init__(self, driver: ProximityDriver, *, keep: int = FRAMES_KEPT) -> None:
         self._driver = driver
         self._publisher = Publisher(self.address, self._read, keep=keep)
         self._timeouts: tuple[float, ...] | None = None

@@ -74,7 +74,7 @@ class Publisher:
         server: str,
         read: Callable[[Tick], Fields],
         *,
-        keep: int,
+        keep: int = FRAMES_KEPT,
         stopped: Callable[[], Stopped | None] = lambda: None,
     ) -> None:
         """`stopped` gives the emergency stop that keeps the server's actuators idle."""

@@ -21,7 +21,7 @@ from colony.runtime.protocol.messages import (
     Wake,
 )
 from colony.runtime.servers.leadership import Leadership
-from colony.runtime.servers.publishing import Fields, Publisher
+from colony.runtime.servers.publishing import FRAMES_KEPT, Fields, Publisher
 
 
 class RuntimeServer:
@@ -34,7 +34,7 @@ class RuntimeServer:
 
     address = RUNTIME.name
 
-    def __init__(self, seed: int = 0, *, keep: int) -> None:
+    def __init__(self, seed: int = 0, *, keep: int = FRAMES_KEPT) -> None:
         self._seed = seed
         self._publisher = Publisher(self.address, self._read, keep=keep)
         self._leadership = Leadership(self.address)

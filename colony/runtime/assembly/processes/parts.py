@@ -24,7 +24,6 @@ from colony.runtime.assembly.processes.spec import (
     read_bindings,
 )
 from colony.runtime.protocol.messages import Node
-from colony.runtime.servers.publishing import FRAMES_KEPT
 from colony.runtime.store.store import Store, StoreFull, UnmadeStore
 from colony.runtime.transport.live.place import Local, Place
 
@@ -78,8 +77,8 @@ def _clock(servers: tuple[str, ...], stop: Path) -> tuple[Node, ...]:
     from colony.runtime.frames.clock import Clock
     from colony.runtime.servers.runtime_server import RuntimeServer
 
-    runtime = RuntimeServer(keep=FRAMES_KEPT)
-    clock = Clock(servers=servers, keep=FRAMES_KEPT, told=runtime.use, stop_path=stop, report=say)
+    runtime = RuntimeServer()
+    clock = Clock(servers=servers, told=runtime.use, stop_path=stop, report=say)
     return clock, runtime
 
 
@@ -94,16 +93,16 @@ def _driving(
             from colony.runtime.servers.rserver import RServer
 
             driver = devices.base(device, robot, base_ns, holds)
-            return RServer(driver, keep=FRAMES_KEPT)
+            return RServer(driver)
         case PServerPart():
             from colony.runtime.servers.pserver import PServer
 
-            return PServer(devices.proximity(device, robot, base_ns, holds), keep=FRAMES_KEPT)
+            return PServer(devices.proximity(device, robot, base_ns, holds))
         case CServerPart(server=server, camera=camera):
             from colony.runtime.servers.cserver import CServer
 
             eye = devices.camera(device, robot, camera, base_ns, holds)
-            return CServer(eye, address=server, keep=FRAMES_KEPT)
+            return CServer(eye, address=server)
 
 
 def _dserver(part: DServerPart, place: Place) -> Node:
@@ -114,7 +113,7 @@ def _dserver(part: DServerPart, place: Place) -> Node:
         raise ValueError("DServer runs on the robot's own machine")
     store, epoch = _store(part), str(place.directory.base_ns())
     notes = partial(damages, Path(part.store))
-    return DServer(part.held, keep=FRAMES_KEPT, store=store, epoch=epoch, notes=notes)
+    return DServer(part.held, store=store, epoch=epoch, notes=notes)
 
 
 def _store(part: DServerPart) -> Store:
