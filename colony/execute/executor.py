@@ -1,18 +1,18 @@
-"""Executes a compiled program op by op: all of its clients, or one client in the runtime.
+"""Executes a compiled program op by op: all of it, or the clients of one process of the runtime.
 
 Plain and unhurried; what is generated from the same Code (`colony.compile.backends`) is fast.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from typing import NamedTuple
+from collections.abc import Iterable, Mapping
+from typing import Any, NamedTuple
 
 from colony.execute.code import ActuatorCode, ClientCode, Kind, PythonActive, PythonField
 from colony.execute.compiled import Compiled
 from colony.execute.decisions import decide
 from colony.execute.machine import Machine
-from colony.execute.views import of_client, of_module, unsimplified, whole
+from colony.execute.views import of_clients, of_module, unsimplified, whole
 from colony.ir.frame import Answer, Bid, Decision, Frame, Outcome, Record
 from colony.ir.memory import ProgramMemory
 from colony.ir.program import in_declared_units
@@ -110,7 +110,11 @@ class ClientListExecutor:
         return holding[0] if holding else None
 
 
-# --- one client ----------------------------------------------------------------------------------
+# --- clients ---------------------------------------------------------------------------------
+
+
+ClientKey = tuple[str, str]
+"""Actuator and module of a client."""
 
 
 class ClientStep(NamedTuple):
@@ -141,24 +145,31 @@ class ClientMemory(NamedTuple):
     cells: dict[str, float | bool | int]
 
 
-class ClientExecutor:
-    """Executes the slice of a program that one client needs. Mutable: it has the client's memory.
+class ClientsExecutor:
+    """Executes some clients of a program side by side. Mutable: it has their memory.
 
-    Its frames are in base units. Modules in Python run elsewhere, also that of the client.
+    What several of them need is computed once. Frames are in base units. Modules in Python run elsewhere,
+    also those of the clients.
+
+    Args:
+        compiled: the program.
+        clients: actuator and module of each.
 
     Raises:
         KeyError: there is no such client.
     """
 
-    def __init__(self, compiled: Compiled, actuator: str, module: str) -> None:
-        self.code = of_client(compiled.code, actuator, module)
-        self._machine = Machine(self.code)
-        (self._actuator,) = self.code.actuators
-        (self._client,) = self._actuator.clients
+    def __init__(self, compiled: Compiled, clients: Iterable[ClientKey]) -> None:
+        self.clients = tuple(clients)
+        self.code = of_clients(compiled.code, self.clients)
+        by_key = {(a.actuator.name, c.module): (a, c) for a in self.code.actuators for c in a.clients}
+        self._decided_by = tuple(by_key[key] for key in self.clients)
+        self._cells = {key: _cells_of(compiled, key) for key in self.clients}
+        self.restart()
 
     @property
     def sensors(self) -> tuple[str, ...]:
-        """The sensors that it reads."""
+        """The sensors that they read."""
         return tuple(s.name for s in self.code.sensors)
 
     @property
@@ -169,8 +180,11 @@ class ClientExecutor:
 
     def step(
         self, frame: Frame, answers: Mapping[str, Answer] | None = None, lost: frozenset[str] = frozenset()
-    ) -> ClientStep:
+    ) -> tuple[ClientStep, ...]:
         """Step through a frame, given answers of modules in Python, and the modules whose clients are lost.
+
+        Returns:
+            What each client has for its server, in the order of `clients`.
 
         Raises:
             KeyError: `answers` lacks one of `python_modules`.
@@ -178,44 +192,56 @@ class ClientExecutor:
         machine = self._machine
         machine.begin(frame, answers, lost)
         machine.run(0, len(self.code.ops))
-        won = bool(machine.values[self._client.exclusive])
-        decided = decide(self._actuator, self._client if won else None, machine.values)
-        machine.decided(self._actuator.actuator.name, decided)
+        records, values = machine.records(), machine.values
         machine.commit()
-        values = decided.sent if won and decided.fault is None else None
-        return ClientStep(won, values, decided.fault, machine.records(), self._bid())
+        return tuple([_client_step(actuator, c, values, records) for actuator, c in self._decided_by])
 
     def restart(self) -> None:
         """Go on from the initial memory."""
         self._machine = Machine(self.code)
 
-    def _bid(self) -> Bid:
-        client, values = self._client, self._machine.values
-        if values[client.exclusive]:
-            return "command"
-        if not values[client.active]:
-            return "silent"
-        return "suppressed" if values[client.guard] or client.several_ways else "inhibited"
-
-    @property
-    def memory(self) -> ClientMemory:
-        """A copy of all that it remembers."""
+    def memory(self, client: ClientKey) -> ClientMemory:
+        """Return a copy of all that one client remembers."""
         machine = self._machine
-        cells = {cell.name: value for cell, value in zip(self.code.cells, machine.cells, strict=True)}
+        mine = self._cells[client]
+        cells = {cell.name: machine.cells[i] for i, cell in enumerate(self.code.cells) if cell.name in mine}
         return ClientMemory(machine.first_ns, cells)
 
-    @memory.setter
-    def memory(self, memory: ClientMemory) -> None:
-        """Go on from `memory`.
+    def recall(self, memories: Mapping[ClientKey, ClientMemory]) -> None:
+        """Go on from the memories of all of them after one frame.
 
         Raises:
-            ValueError: it is not of this client: its cells or their types differ.
+            ValueError: they are not of these clients: their cells or the types of these differ.
         """
-        machine = self._machine
-        if memory.cells.keys() != {c.name for c in self.code.cells}:
-            raise ValueError("the memory is of another client")
-        restored = [_restored(c.name, c.kind, memory.cells[c.name]) for c in self.code.cells]
-        machine.first_ns, machine.cells = memory.first_ns, restored
+        for client, mine in self._cells.items():
+            if memories[client].cells.keys() != mine:
+                raise ValueError("the memory is of another client")
+        known = {name: value for memory in memories.values() for name, value in memory.cells.items()}
+        restored = [_restored(c.name, c.kind, known[c.name]) for c in self.code.cells]
+        (first_ns,) = {memory.first_ns for memory in memories.values()}
+        self._machine.first_ns, self._machine.cells = first_ns, restored
+
+
+def _cells_of(compiled: Compiled, client: ClientKey) -> frozenset[str]:
+    return frozenset(cell.name for cell in of_clients(compiled.code, (client,)).cells)
+
+
+def _client_step(
+    actuator: ActuatorCode, client: ClientCode, values: list[Any], records: tuple[Record, ...]
+) -> ClientStep:
+    won = bool(values[client.exclusive])
+    decided = decide(actuator, client if won else None, values)
+    own = tuple(Record(kind, subject) for kind, subject in decided.records)  # type: ignore[arg-type]
+    sent = decided.sent if won and decided.fault is None else None
+    return ClientStep(won, sent, decided.fault, records + own, _bid(client, values))
+
+
+def _bid(client: ClientCode, values: list[Any]) -> Bid:
+    if values[client.exclusive]:
+        return "command"
+    if not values[client.active]:
+        return "silent"
+    return "suppressed" if values[client.guard] or client.several_ways else "inhibited"
 
 
 class ModuleExecutor:

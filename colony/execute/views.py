@@ -5,7 +5,7 @@ A view is a `Code` with numbers of its own, without what nothing in it depends o
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Collection
 from dataclasses import replace
 from typing import Any
 
@@ -41,22 +41,30 @@ def unsimplified(code: Code) -> Code:
     return _of_all(code, contracts, lambda c: (c.traversed, c.exclusive))
 
 
-def of_client(code: Code, actuator: str, module: str) -> Code:
-    """Return the view of one client: its guards as its own process evaluates them, its command, its limits.
+def of_clients(code: Code, clients: Collection[tuple[str, str]]) -> Code:
+    """Return the view of some clients, by actuator and module: their guards as their own process evaluates
+    them, their commands, the limits of these.
 
-    Its sensors are in base units. Modules in Python run elsewhere, also that of the client.
+    Sensors are in base units. Modules in Python run elsewhere, also those of the clients.
 
     Raises:
         KeyError: there is no such client.
     """
-    one = {a.actuator.name: a for a in code.actuators}[actuator]
-    client = {c.module: c for c in one.clients}[module]
-    own = _decided_by(client, client.heard_guard, client.heard_exclusive)
+    left = set(clients)
+    actuators = []
+    for one in code.actuators:
+        own = tuple(c for c in one.clients if (one.actuator.name, c.module) in left)
+        left.difference_update((one.actuator.name, c.module) for c in own)
+        if own:
+            heard = tuple(_decided_by(c, c.heard_guard, c.heard_exclusive) for c in own)
+            actuators.append(replace(one, clients=heard))
+    if left:
+        raise KeyError(min(left))
     view = replace(
         code,
         sensors=sensors_in_base_units(code.sensors),
         python=(),
-        actuators=(replace(one, clients=(own,)),),
+        actuators=tuple(actuators),
         contracts=(),
     )
     return trimmed(view, every_sensor=False)

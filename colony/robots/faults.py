@@ -115,7 +115,7 @@ class _Stage:
 
     def _plan(self, random: Random) -> None:
         """Kill or freeze some processes, and let them come back."""
-        addresses = self.robot.addresses
+        addresses = self.robot.processes
         for _ in range(random.choice((0, 1, 1, 2, 3, 5))):
             address = random.choice(addresses)
             at = random.randrange(self._faulty_ns)

@@ -194,7 +194,15 @@ class _Run:
     def client_jobs(self) -> tuple[Job, ...]:
         """How its clients are started; modules in Python are looked for where this process looks for them."""
         search = (str(Path(self._request.file).resolve().parent), os.getcwd())
-        return client_jobs(self._place, self._deployed, self._compiled, self._bindings, self.folder, search)
+        return client_jobs(
+            self._place,
+            self._deployed,
+            self._compiled,
+            self._bindings,
+            self.folder,
+            search,
+            isolate=self._request.isolate,
+        )
 
     def follow(self, led: LedRun, *, meanwhile: Callable[[], object] = lambda: None) -> bool:
         """Lead it to its end, or to that of its way; whether it was interrupted before."""

@@ -39,6 +39,7 @@ class RunRequest:
         realtime: a run in virtual time keeps pace with the wall clock.
         record: the file of the recording, if there is to be one.
         cameras: servers of cameras, each with where it looks; of processes only.
+        isolate: each client is a process of its own; of processes only.
         fsync: DServer's data outlives a loss of power; of processes only.
         origin, goal: the rooms of the way to drive, if there is one.
         hazards: the seed of what goes wrong in the building; None for nothing.
@@ -53,6 +54,7 @@ class RunRequest:
     record: str | None = None
     cameras: Mapping[str, Look]
     fsync: bool = False
+    isolate: bool = False
     origin: str | None = None
     goal: str | None = None
     hazards: int | None = None

@@ -50,6 +50,7 @@ class Options:
     goal: str | None
     hazards: int | None
     fsync: bool
+    isolate: bool
     format_: Literal["text", "json"]
 
 
@@ -71,6 +72,7 @@ def request_of(robot: Robot, options: Options) -> RunRequest:
         record=options.record,
         cameras=cameras(options.cameras),
         fsync=options.fsync,
+        isolate=options.isolate,
         origin=options.origin,
         goal=options.goal,
         hazards=options.hazards,
@@ -93,6 +95,8 @@ def objection(options: Options) -> str | None:
         return "--security goes with --connect"
     if options.realtime and there:
         return "--realtime is for a run in a building: a robot that is there knows no other time"
+    if options.isolate and not (options.processes or there):
+        return "--isolate goes with --processes or --connect"
     if not options.processes and (options.cameras or options.fsync):
         return f"{'--camera' if options.cameras else '--fsync'} goes with --processes"
     if (options.origin is None) != (options.goal is None):

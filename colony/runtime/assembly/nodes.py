@@ -3,8 +3,10 @@ its modules in Python, and the observer. Each can be built alone, in a process o
 
 from __future__ import annotations
 
+from collections.abc import Iterable
+
 from colony.execute.compiled import Compiled
-from colony.execute.executor import ClientListExecutor, ModuleExecutor
+from colony.execute.executor import ClientKey, ClientListExecutor, ModuleExecutor
 from colony.runtime.clients.announcer import Announcer
 from colony.runtime.clients.client import ClientNode
 from colony.runtime.clients.slices import ClientSlice
@@ -14,15 +16,26 @@ from colony.runtime.observe.observer import Observer, Sink
 from colony.runtime.protocol.bindings import Bindings, SensorBinding
 
 
-def build_client(compiled: Compiled, bindings: Bindings, actuator: str, module: str, run: str) -> ClientNode:
-    """The client that `module` is for `actuator`.
+def build_clients(
+    compiled: Compiled, bindings: Bindings, clients: Iterable[ClientKey], run: str
+) -> tuple[ClientNode, ...]:
+    """Build the clients of one process, by actuator and module: a node for all that wait for the same.
 
     Raises:
         KeyError: there is no such client.
     """
-    part = ClientSlice(compiled, actuator, module)
-    (server,) = (b.server for b in bindings.actuators if b.actuator == actuator)
-    (on_loss,) = (a.on_loss for a in compiled.robot.actuators if a.name == actuator)
+    on_loss = {a.name: a.on_loss for a in compiled.robot.actuators}
+    groups: dict[object, list[ClientKey]] = {}
+    for client in clients:
+        alone = ClientSlice(compiled, (client,))
+        servers = frozenset(b.server for b in _only(bindings.sensors, alone.sensors))
+        groups.setdefault((servers, alone.python_modules, on_loss[client[0]]), []).append(client)
+    return tuple(_client_node(compiled, bindings, group, run) for group in groups.values())
+
+
+def _client_node(compiled: Compiled, bindings: Bindings, clients: list[ClientKey], run: str) -> ClientNode:
+    part = ClientSlice(compiled, clients)
+    (on_loss,) = {a.on_loss for a in compiled.robot.actuators if a.name in dict(clients)}
     assembler = FrameAssembler(
         _only(bindings.sensors, part.sensors),
         part.python_modules,
@@ -30,9 +43,8 @@ def build_client(compiled: Compiled, bindings: Bindings, actuator: str, module: 
         keep=frames_kept(compiled.frame_ns),
         awaited="degrade" if on_loss == "degrade" else "all",
     )
-    return ClientNode(
-        actuator=actuator, module=module, server=server, assembler=assembler, part=part, run=run
-    )
+    server = {b.actuator: b.server for b in bindings.actuators}
+    return ClientNode(part, [server[actuator] for actuator, _ in clients], assembler, run=run)
 
 
 def build_announcer(compiled: Compiled, bindings: Bindings, module: str, run: str) -> Announcer:

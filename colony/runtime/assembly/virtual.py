@@ -14,7 +14,12 @@ from functools import partial
 
 from colony.execute.compiled import Compiled
 from colony.ir.types import Value
-from colony.runtime.assembly.nodes import build_announcer, build_client, build_observer
+from colony.runtime.assembly.nodes import (
+    build_announcer,
+    build_clients,
+    build_observer,
+)
+from colony.runtime.assembly.sharing import name_of_process, shared_clients
 from colony.runtime.frames.assembly import frames_kept
 from colony.runtime.frames.clock import Clock
 from colony.runtime.observe.closing import close_all
@@ -23,7 +28,7 @@ from colony.runtime.protocol.bindings import Bindings, bind
 from colony.runtime.protocol.deployment import Deployment, deployment
 from colony.runtime.protocol.fields import DSERVER, PSERVER, RSERVER, RUNTIME
 from colony.runtime.protocol.messages import Node
-from colony.runtime.protocol.topics import CLOCK, activity, client_address
+from colony.runtime.protocol.topics import CLOCK, activity
 from colony.runtime.servers.cserver import CServer
 from colony.runtime.servers.drivers import Drivers
 from colony.runtime.servers.dserver import DServer
@@ -61,6 +66,7 @@ class VirtualRobot:
         link: faults of the transport.
         requests: whether frames come with what the clients asked for.
         nodes: who else takes part, such as camera servers and scripts; started last, in this order.
+        isolate: whether each client is a process of its own.
 
     Raises:
         Failure: a module in Python cannot be imported or built.
@@ -80,32 +86,34 @@ class VirtualRobot:
         link: Link = perfect,
         requests: bool = False,
         nodes: tuple[Node, ...] = (),
+        isolate: bool = False,
     ) -> None:
         keep = frames_kept(compiled.frame_ns)
         self.deployed = deployed = deployment(compiled, bindings, run=RUN, seed=seed)
         built = servers(deployed, keep)
-        builders: dict[str, Callable[[], Node]] = {}
+        builders: dict[str, Callable[[], Node | tuple[Node, ...]]] = {}
         if ticking:  # the Clock comes first: whoever says that it is ready is to be heard
             builders[CLOCK] = lambda: Clock(servers=tuple(built), keep=keep, deployment=deployed)
         builders.update(built)
-        for actuator, module, _ in compiled.clients:
-            builders[client_address(actuator, module)] = partial(
-                build_client, compiled, bindings, actuator, module, RUN
-            )
+        for clients in shared_clients(compiled, isolate=isolate):
+            builders[name_of_process(clients)] = partial(build_clients, compiled, bindings, clients, RUN)
         for module in compiled.announced:
             builders[activity(DSERVER.name, module)] = partial(
                 build_announcer, compiled, bindings, module, RUN
             )
         self.observer = build_observer(compiled, bindings, sinks, RUN, requests=requests)
         self._builders = builders
-        self.nodes: dict[str, Node] = {address: build() for address, build in builders.items()}
+        self.nodes: dict[str, Node] = {}
+        self._addresses: dict[str, tuple[str, ...]] = {}
+        for process in builders:
+            self._build(process)
         self.nodes[self.observer.address] = self.observer
         self.nodes.update((node.address, node) for node in nodes)
         self.transport = VirtualTransport(clock, seed=seed if order_seed is None else order_seed, link=link)
 
     @property
-    def addresses(self) -> tuple[str, ...]:
-        """The addresses of the processes that can be started again."""
+    def processes(self) -> tuple[str, ...]:
+        """The names of the processes that can be started again: the address of the node, where it has one."""
         return tuple(self._builders)
 
     def start(self) -> None:
@@ -113,28 +121,39 @@ class VirtualRobot:
         for node in self.nodes.values():
             self.transport.add(node)
 
-    def kill(self, address: str) -> None:
+    def kill(self, process: str) -> None:
         """Kill a process as SIGKILL would; one that does not live stays dead."""
-        if address in self.transport.addresses:
+        for address in self._living(process):
             self.transport.kill(address)
 
-    def freeze(self, address: str) -> None:
+    def freeze(self, process: str) -> None:
         """Stop a process as SIGSTOP would, if it lives."""
-        if address in self.transport.addresses:
+        for address in self._living(process):
             self.transport.freeze(address)
 
-    def revive(self, address: str) -> None:
+    def revive(self, process: str) -> None:
         """Let a frozen process go on, and start a new one in the place of one that was killed."""
-        if address in self.transport.addresses:
+        living = self._living(process)
+        for address in living:
             self.transport.thaw(address)
-        else:
-            self.restart(address)
+        if not living:
+            self.restart(process)
 
-    def restart(self, address: str) -> None:
+    def restart(self, process: str) -> None:
         """Put a new process in the place of one, which is killed if it still lives; not of the observer."""
-        self.kill(address)
-        node = self.nodes[address] = self._builders[address]()
-        self.transport.add(node)
+        self.kill(process)
+        for node in self._build(process):
+            self.transport.add(node)
+
+    def _build(self, process: str) -> tuple[Node, ...]:
+        built = self._builders[process]()
+        nodes = built if isinstance(built, tuple) else (built,)
+        self.nodes.update((node.address, node) for node in nodes)
+        self._addresses[process] = tuple(node.address for node in nodes)
+        return nodes
+
+    def _living(self, process: str) -> list[str]:
+        return [a for a in self._addresses.get(process, (process,)) if a in self.transport.addresses]
 
 
 class VirtualSession(VirtualRobot):
@@ -163,6 +182,7 @@ class VirtualSession(VirtualRobot):
         link: Link = perfect,
         requests: bool = False,
         nodes: tuple[Node, ...] = (),
+        isolate: bool = False,
     ) -> None:
         store = MemoryStore()
 
@@ -187,6 +207,7 @@ class VirtualSession(VirtualRobot):
             link=link,
             requests=requests,
             nodes=(*cameras, *nodes),
+            isolate=isolate,
         )
         self._closed = False
 

@@ -42,7 +42,7 @@ class Announcer:
         self._module = module
         self._assembler = assembler
         self._executor = executor
-        self._membership = Membership(self.address, run)
+        self._membership = Membership((self.address,), run)
         self._told: dict[int, Announcement] = {}
         self._keep = keep
         self._fresh = True

@@ -1,12 +1,14 @@
-"""A client: one module for one actuator, a process of its own (thesis section 4.8.2).
+"""Clients: each is one module for one actuator (thesis section 4.8.2). Those that read the same servers may
+share a node, which puts their frames together once.
 
-It puts its frames together from what the servers publish, steps its slice of the program over every one of
-them, and sends its actuator's server one request a frame: a command, or why it has none. It talks to no other
-client. A client that is behind steps through the frames that it missed, and speaks again at the present one.
+The node steps their part of the program over every frame, and each client sends its actuator's server one
+request a frame: a command, or why it has none. Clients do not talk to each other. A node that is behind
+steps through the frames that it missed, and its clients speak again at the present one.
 
-Its memory goes to DServer every half second of the robot's time. A process that takes the place of a dead one
-steps through all frames since the epoch began, where they are still to be had; otherwise it asks DServer for
-the memory and steps through those since. When neither can be done, it asks the Clock for a new epoch.
+The memory of each client goes to DServer every half second of the robot's time. A process that takes the
+place of a dead one steps through all frames since the epoch began, where they are still to be had; otherwise
+it asks DServer for the memories and steps through those since. When neither can be done, it asks the Clock
+for a new epoch.
 """
 
 from __future__ import annotations
@@ -28,31 +30,36 @@ RECALL_NS = 1_000_000_000
 
 
 class ClientNode:
-    """Mutable: the memory of its slice, and frames that are not complete yet."""
+    """Mutable: the memory of its clients, and frames that are not complete yet.
+
+    Args:
+        part: what the clients execute. The address of the first is that of the node.
+        servers: where the requests of each client go, in the order of `part.clients`.
+        assembler: of all that they read.
+        run: the run that they take part in.
+    """
 
     def __init__(
         self,
-        *,
-        actuator: str,
-        module: str,
-        server: str,
-        assembler: FrameAssembler,
         part: ClientSlice,
+        servers: Iterable[str],
+        assembler: FrameAssembler,
+        *,
         run: str,
     ) -> None:
-        self.address = topics.client_address(actuator, module)
-        self.listens = (*assembler.listens, topics.recalled(DSERVER.name, self.address))
-        self._requests = topics.requests(server)
-        self._assembler = assembler
         self.part = part
-        self._membership = Membership(self.address, run)
+        self.address = part.clients[0]
+        self.listens = (*assembler.listens, *(topics.recalled(DSERVER.name, c) for c in part.clients))
+        self._requests = tuple(map(topics.requests, servers))
+        self._assembler = assembler
+        self._membership = Membership(part.clients, run)
         self._begin()
 
     def _begin(self) -> None:
         self._epoch = self._assembler.start
         self._caught_up = False
         self._recalling_since: int | None = None
-        self._nothing_to_recall = False
+        self._recalled: dict[str, Checkpoint] = {}
         self._saved_ns: int | None = None
 
     def start(self, now_ns: int) -> Iterable[Effect]:
@@ -72,7 +79,7 @@ class ClientNode:
                 self._assembler.take(message)
                 yield from self._go_on(now_ns)
             case Checkpoint():
-                yield from self._recalled(message, now_ns)
+                yield from self._take_back(message, now_ns)
             case _:
                 return
 
@@ -86,11 +93,11 @@ class ClientNode:
 
     def _go_on(self, now_ns: int) -> Iterator[Effect]:
         for assembled in self._assembler.complete():
-            request = self.part.step(assembled)
+            requests = self.part.step(assembled)
             if assembled.current:
                 self._caught_up = True
-                yield Send(self._requests, request)
-                yield from self._membership.requested(request.k, now_ns)
+                yield from map(Send, self._requests, requests)
+                yield from self._membership.requested(assembled.tick.k, now_ns)
                 yield from self._save(assembled)
 
     # --- memory ----------------------------------------------------------------------------------------
@@ -101,25 +108,35 @@ class ClientNode:
             self._saved_ns = tick.t_ns
         if tick.t_ns - self._saved_ns >= CHECKPOINT_NS:
             self._saved_ns = tick.t_ns
-            saved = Checkpoint(client=self.address, k=tick.k, start=tick.start, memory=self.part.memory)
-            yield Send(topics.checkpoints(DSERVER.name), saved)
+            for client in self.part.clients:
+                memory = self.part.memory(client)
+                saved = Checkpoint(client=client, k=tick.k, start=tick.start, memory=memory)
+                yield Send(topics.checkpoints(DSERVER.name), saved)
 
     def _recover(self, now_ns: int) -> Iterator[Effect]:
         """The frame that comes next cannot be had: memory must come from DServer, or begin anew."""
+        missing = [client for client in self.part.clients if client not in self._recalled]
         if self._recalling_since is None:
             self._recalling_since = now_ns
         asking = now_ns - self._recalling_since <= RECALL_NS
-        if asking and not self._caught_up and not self._nothing_to_recall:
-            yield Send(topics.checkpoints(DSERVER.name), Recall(client=self.address))
+        if asking and not self._caught_up and missing:
+            for client in missing:
+                yield Send(topics.checkpoints(DSERVER.name), Recall(client=client))
         else:
             yield self._membership.begin_anew(self._assembler.start)
 
-    def _recalled(self, saved: Checkpoint, now_ns: int) -> Iterator[Effect]:
-        if self._caught_up or self._recalling_since is None or self._nothing_to_recall:
+    def _take_back(self, saved: Checkpoint, now_ns: int) -> Iterator[Effect]:
+        """Go on from the memories of all clients, once these are here and of one frame."""
+        expected = saved.client in self.part.clients and saved.client not in self._recalled
+        if self._caught_up or self._recalling_since is None or not expected:
             return  # it was asked for twice
-        self._nothing_to_recall = True
+        self._recalled[saved.client] = saved
+        if len(self._recalled) < len(self.part.clients):
+            return
         assembler = self._assembler
+        frames = {(one.start, one.k) for one in self._recalled.values()}
         newer = saved.start == assembler.start and assembler.next <= saved.k <= assembler.latest
-        if newer and self.part.recall(saved.memory):
+        memories = {client: one.memory for client, one in self._recalled.items()}
+        if len(frames) == 1 and newer and self.part.recall(memories):
             yield from self._assembler.resume(saved.k + 1)
             yield from self._go_on(now_ns)

@@ -1,66 +1,81 @@
-"""The compiled program in the shapes in which the processes of the runtime execute it."""
+"""The part of a program that clients of one process execute: a frame in, a request of each out."""
 
 from __future__ import annotations
 
+from collections.abc import Iterable, Mapping
+
 from colony.execute.compiled import Compiled
-from colony.execute.executor import ClientExecutor
+from colony.execute.executor import ClientKey, ClientsExecutor
 from colony.ir.frame import Answer
 from colony.runtime.clients.memory import BadMemory, decode_memory, encode_memory
 from colony.runtime.frames.assembly import Assembled
-from colony.runtime.protocol import topics
 from colony.runtime.protocol.messages import Request
+from colony.runtime.protocol.topics import client_address, module_of
 
 
 class ClientSlice:
-    """The part of a program that one client executes. Mutable: its memory.
+    """What some clients execute. Mutable: their memory.
 
     Raises:
         KeyError: there is no such client.
     """
 
-    def __init__(self, compiled: Compiled, actuator: str, module: str) -> None:
-        self._executor = ClientExecutor(compiled, actuator, module)
+    def __init__(self, compiled: Compiled, clients: Iterable[ClientKey]) -> None:
+        self._executor = ClientsExecutor(compiled, clients)
+        self._keys = {client_address(*key): key for key in self._executor.clients}
         self._inactive = dict.fromkeys(self._executor.python_modules, Answer())
-        self._actuator = actuator
-        self._module = module
         self._fresh = True
 
     @property
+    def clients(self) -> tuple[str, ...]:
+        """The addresses of the clients."""
+        return tuple(self._keys)
+
+    @property
     def sensors(self) -> tuple[str, ...]:
-        """The sensors that it reads."""
+        """The sensors that they read."""
         return self._executor.sensors
 
     @property
     def python_modules(self) -> tuple[str, ...]:
-        """The modules in Python whose answers it needs; they run in processes of their own."""
+        """The modules in Python whose answers they need; these run in processes of their own."""
         return self._executor.python_modules
 
-    @property
-    def memory(self) -> bytes:
-        """All that it remembers."""
-        return encode_memory(self._executor.memory)
+    def memory(self, client: str) -> bytes:
+        """Return all that a client, by address, remembers."""
+        return encode_memory(self._executor.memory(self._keys[client]))
 
-    def recall(self, memory: bytes) -> bool:
-        """Go on from there; False, and nothing changed, if that is not the memory of this client."""
+    def recall(self, memories: Mapping[str, bytes]) -> bool:
+        """Go on from the memories of all clients after one frame; False, and nothing changed, if these are
+        not theirs."""
         try:
-            self._executor.memory = decode_memory(memory)
+            self._executor.recall({self._keys[c]: decode_memory(data) for c, data in memories.items()})
         except (BadMemory, ValueError):
             return False
         self._fresh = False
         return True
 
-    def step(self, assembled: Assembled) -> Request:
-        """What the client wants in a frame. Frames must follow each other; an epoch begins with no memory."""
+    def step(self, assembled: Assembled) -> tuple[Request, ...]:
+        """Return what the clients want in a frame. Frames must follow each other; an epoch begins with no
+        memory."""
         if assembled.restart and not self._fresh:
             self._executor.restart()
         self._fresh = False
-        lost = frozenset(map(topics.module_of, assembled.tick.lost))
-        took = self._executor.step(assembled.frame, self._inactive | {**assembled.answers}, lost)
-        return Request(
-            k=assembled.tick.k,
-            actuator=self._actuator,
-            client=self._module,
-            bid=took.bid,
-            values=took.values,
-            fault=took.fault,
+        lost = frozenset(map(module_of, assembled.tick.lost)) if assembled.tick.lost else _NOBODY
+        steps = self._executor.step(assembled.frame, self._inactive | {**assembled.answers}, lost)
+        return tuple(
+            [
+                Request(
+                    k=assembled.tick.k,
+                    actuator=actuator,
+                    client=module,
+                    bid=step.bid,
+                    values=step.values,
+                    fault=step.fault,
+                )
+                for (actuator, module), step in zip(self._executor.clients, steps, strict=True)
+            ]
         )
+
+
+_NOBODY: frozenset[str] = frozenset()

@@ -1,5 +1,5 @@
-"""How a process takes part in a run: it says that it is ready until the frames of the run come, and asks for
-a new epoch when it cannot go on."""
+"""How clients, or a module in Python, take part in a run: they say that they are ready until the frames of
+the run come, and ask for a new epoch when they cannot go on."""
 
 from __future__ import annotations
 
@@ -17,18 +17,18 @@ shorter than that. It is a small part of the shortest lease."""
 
 
 class Membership:
-    """Of one process, by address. Mutable: when it said last that it is ready, and that it lives."""
+    """Mutable: when the members, given by address, said last that they are ready, and that they live."""
 
-    def __init__(self, address: str, run: str) -> None:
+    def __init__(self, members: tuple[str, ...], run: str) -> None:
         self.run = run
-        self._address = address
+        self._members = members
         self._said_ns = 0
         self._lived_ns: int | None = None
 
     def start(self, now_ns: int) -> Iterator[Effect]:
-        """It is ready."""
+        """They are ready."""
         self._said_ns = now_ns
-        yield Send(topics.READY, Ready(client=self._address, run=self.run))
+        yield from self._say(-1)
 
     def heard(self, tick: Tick, now_ns: int) -> Iterator[Effect]:
         """A tick came. While it is not of this run, the Clock may not know yet that this process is ready:
@@ -37,11 +37,15 @@ class Membership:
             yield from self.start(now_ns)
 
     def requested(self, k: int, now_ns: int) -> Iterator[Effect]:
-        """Its request for frame `k` was sent: it lives."""
+        """Their requests for frame `k` were sent: they live."""
         if self._lived_ns is None or now_ns - self._lived_ns >= ALIVE_AGAIN_NS:
             self._lived_ns = now_ns
-            yield Send(topics.READY, Ready(client=self._address, run=self.run, k=k))
+            yield from self._say(k)
 
     def begin_anew(self, start: int) -> Effect:
-        """It cannot go on in the epoch that began with this frame."""
-        return Send(topics.RESTARTS, Restart(client=self._address, start=start))
+        """They cannot go on in the epoch that began with this frame."""
+        return Send(topics.RESTARTS, Restart(client=self._members[0], start=start))
+
+    def _say(self, k: int) -> Iterator[Effect]:
+        for member in self._members:
+            yield Send(topics.READY, Ready(client=member, run=self.run, k=k))

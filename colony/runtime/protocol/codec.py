@@ -6,10 +6,13 @@ A message that is too large, of another version, or not of its type is never hal
 
 from __future__ import annotations
 
+from typing import TypeVar
+
 import msgspec
 
 from colony.runtime.protocol.messages import (
     Announcement,
+    Batch,
     Checkpoint,
     Fetch,
     Ready,
@@ -32,6 +35,7 @@ LARGEST = 4 * 1024 * 1024
 _LARGEST: dict[type, int] = {
     **dict.fromkeys((Tick, Verdict, Checkpoint, Recall), 1024 * 1024 + 65_536),
     ServerFrame: 256 * 1024,
+    Batch: 256 * 1024,
     **dict.fromkeys((Request, Announcement, Fetch, Ready, Restart), 65_536),
 }
 """Bytes of the largest message of each kind that frames consist of: many small values take long to decode,
@@ -51,6 +55,11 @@ def largest(kind: type) -> int:
 
 _PREFIX = bytes([VERSION])
 
+_BATCH = _PREFIX + b"\x92" + msgspec.msgpack.encode("Batch")
+"""The bytes with which a batch begins: an array of two, its tag and its messages."""
+
+T = TypeVar("T")
+
 
 class NotAMessage(ValueError):
     """These bytes are no message of this version; the text says what is wrong with them."""
@@ -58,9 +67,10 @@ class NotAMessage(ValueError):
 
 _encoder = msgspec.msgpack.Encoder()
 _decoder: msgspec.msgpack.Decoder[Sent] = msgspec.msgpack.Decoder(Sent)
+_decoder_of_all: msgspec.msgpack.Decoder[Sent | Batch] = msgspec.msgpack.Decoder(Sent | Batch)
 
 
-def encode(message: Sent) -> bytes:
+def encode(message: Sent | Batch) -> bytes:
     """Encode a message.
 
     Raises:
@@ -79,13 +89,41 @@ def decode(data: bytes) -> Sent:
     Raises:
         NotAMessage: these bytes are no message, or too many for one of their kind.
     """
+    return _decoded(data, _decoder)
+
+
+def decode_all(data: bytes) -> tuple[Sent, ...]:
+    """Decode a message, or those of a batch.
+
+    Raises:
+        NotAMessage: these bytes are neither, or too many for their kind.
+    """
+    found = _decoded(data, _decoder_of_all)
+    return found.messages if isinstance(found, Batch) else (found,)
+
+
+def count(data: bytes) -> int:
+    """Return how many messages these bytes claim to be, without decoding them: 1 unless they begin a batch."""
+    if not data.startswith(_BATCH):
+        return 1
+    head = data[len(_BATCH) : len(_BATCH) + 5]
+    match head[:1]:
+        case b"\xdc":
+            return int.from_bytes(head[1:3], "big")
+        case b"\xdd":
+            return int.from_bytes(head[1:5], "big")
+        case _:
+            return head[0] & 0x0F if head else 1
+
+
+def _decoded(data: bytes, decoder: msgspec.msgpack.Decoder[T]) -> T:
     if len(data) > (most := _largest_here(data)):
         raise NotAMessage(f"{len(data)} bytes; expected at most {most}")
     if data[:1] != _PREFIX:
         found = f"version {data[0]}" if data else "nothing"
         raise NotAMessage(f"found {found}; expected a message of version {VERSION}")
     try:
-        return _decoder.decode(memoryview(data)[1:])
+        return decoder.decode(memoryview(data)[1:])
     except (msgspec.DecodeError, UnicodeDecodeError, RecursionError) as problem:
         raise NotAMessage(str(problem) or type(problem).__name__) from None
 

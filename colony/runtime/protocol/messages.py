@@ -29,7 +29,7 @@ And what scripts, operators and programs outside a network do, at any server, at
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
-from typing import Literal, NamedTuple, Protocol, runtime_checkable
+from typing import Annotated, Literal, NamedTuple, Protocol, runtime_checkable
 
 import msgspec
 
@@ -202,6 +202,19 @@ class Recall(_Message, frozen=True, kw_only=True):
     """A client asks DServer for its newest checkpoint."""
 
     client: str
+
+
+MOST_IN_BATCH = 1000
+"""Messages in one batch."""
+
+
+class Batch(_Message, frozen=True, kw_only=True):
+    """What clients of one process say to one server in a frame, each for itself, in one piece on its way.
+
+    Transports put it together and take it apart; no node sees one.
+    """
+
+    messages: Annotated[tuple[Request | Ready, ...], msgspec.Meta(max_length=MOST_IN_BATCH)]
 
 
 # --- calls -----------------------------------------------------------------------------------------

@@ -7,11 +7,12 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from functools import partial
 from types import MappingProxyType
 
 from colony.compile.backends.python.generate import generate, load
 from colony.compile.pipeline import Compilation, compile_program
-from colony.execute.executor import ClientExecutor, ClientListExecutor, ClientStep, ModuleExecutor
+from colony.execute.executor import ClientListExecutor, ClientsExecutor, ClientStep, ModuleExecutor
 from colony.execute.intake import converted
 from colony.ir.frame import Decision, Executor, Frame, Outcome
 from colony.ir.program import Program, in_declared_units
@@ -116,25 +117,24 @@ def _first_difference(
 # --- clients that know only their own slice ------------------------------------------------------
 
 
-class ClientsAlone:
-    """The clients of a program, each for itself (an `ir.frame.Executor`). Mutable: it has all of the memory.
+class Clients:
+    """The clients of a program (an `ir.frame.Executor`). Mutable: it has all of the memory.
 
-    Every client runs alone, as in the runtime, on the slice of the program that it needs. A decision is what
-    the server would make of their requests: in each frame exactly the winner must be active by its own
-    knowledge, with its command, or the reason why it has none. Python modules run alone, too, and their
+    They run as in the runtime, on what they need of the program: each alone, or all in one process. A
+    decision is what the server would make of their requests: in each frame exactly the winner must be active
+    by its own knowledge, with its command, or the reason why it has none. Python modules run alone, and their
     answers are given to the clients. Records and breaches are the reference's: clients know none.
 
     Raises:
         Failure: a Python module's class cannot be imported or built.
     """
 
-    def __init__(self, compilation: Compilation) -> None:
+    def __init__(self, compilation: Compilation, *, alone: bool) -> None:
         self._program = compilation.program
         self._interpreter = Interpreter(compilation.program)
-        self._clients = {
-            (actuator, module): ClientExecutor(compilation.artifact, actuator, module)
-            for actuator, module, _ in compilation.artifact.clients
-        }
+        keys = [(actuator, module) for actuator, module, _ in compilation.artifact.clients]
+        together = [(key,) for key in keys] if alone else [tuple(keys)]
+        self._processes = [ClientsExecutor(compilation.artifact, clients) for clients in together]
         self._modules = {
             module: ModuleExecutor(compilation.artifact, module) for module in compilation.artifact.announced
         }
@@ -144,7 +144,11 @@ class ClientsAlone:
         expected = self._interpreter.step(frame)
         inside = in_base_units(self._program, frame)
         answers = {name: module.step(inside) for name, module in self._modules.items()}
-        steps = {key: client.step(inside, answers) for key, client in self._clients.items()}
+        steps = {
+            client: step
+            for process in self._processes
+            for client, step in zip(process.clients, process.step(inside, answers), strict=True)
+        }
         return expected._replace(
             decisions=tuple(_decided(self._program, d, steps) for d in expected.decisions)
         )
@@ -152,8 +156,8 @@ class ClientsAlone:
     def restart(self) -> None:
         """Go on from the initial memory, with Python modules built anew."""
         self._interpreter = Interpreter(self._program)
-        for client in self._clients.values():
-            client.restart()
+        for process in self._processes:
+            process.restart()
         for module in self._modules.values():
             module.restart()
 
@@ -168,13 +172,18 @@ def in_base_units(program: Program, frame: Frame) -> Frame:
     return frame._replace(readings=readings)  # type: ignore[arg-type]
 
 
-ALL_EXECUTORS: Mapping[str, Factory] = MappingProxyType({**EXECUTORS, "clients alone": ClientsAlone})
-"""Those, and each client of the compiled form for itself."""
+CLIENTS: Mapping[str, Factory] = MappingProxyType(
+    {"clients alone": partial(Clients, alone=True), "clients together": partial(Clients, alone=False)}
+)
+"""The clients of the compiled form, each for itself and all in one process."""
+
+ALL_EXECUTORS: Mapping[str, Factory] = MappingProxyType({**EXECUTORS, **CLIENTS})
+"""All of them."""
 
 
 def client_disagreement(program: Program, trace: Sequence[Frame]) -> Disagreement | None:
     """The first frame in which the clients, each for itself, do not do what the reference does."""
-    return disagreement(program, trace, {"clients alone": ClientsAlone})
+    return disagreement(program, trace, CLIENTS)
 
 
 def _decided(program: Program, like: Decision, steps: Mapping[tuple[str, str], ClientStep]) -> Decision:

@@ -37,7 +37,7 @@ class Job:
     """A process to start: `module` is run with `arguments`, and what it prints goes into the file `log`.
 
     `wave` tells when it is ended: those of wave 0 first, the next ones when these are gone. Without an
-    `essential` one there is no point in going on.
+    `essential` one there is no point in going on. `clients` are those that it is, by address.
     """
 
     name: str
@@ -46,6 +46,7 @@ class Job:
     log: Path
     wave: int
     essential: bool
+    clients: tuple[str, ...] = ()
 
 
 class Death(NamedTuple):

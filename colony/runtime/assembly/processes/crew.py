@@ -14,7 +14,7 @@ from colony.ir.types import Value
 from colony.runtime.assembly.processes.children import Job
 from colony.runtime.assembly.processes.spec import (
     AnnouncerPart,
-    ClientPart,
+    ClientsPart,
     ClockPart,
     CServerPart,
     Device,
@@ -30,9 +30,11 @@ from colony.runtime.assembly.processes.spec import (
     write_private,
     write_spec,
 )
+from colony.runtime.assembly.sharing import shared_clients
 from colony.runtime.protocol.bindings import Bindings
 from colony.runtime.protocol.deployment import Deployment
 from colony.runtime.protocol.fields import DSERVER, PSERVER, RSERVER, RUNTIME
+from colony.runtime.protocol.topics import client_address
 from colony.runtime.store.reserve import Reserve
 from colony.runtime.transport.live.place import Local, Place
 
@@ -120,15 +122,19 @@ def client_jobs(
     bindings: Bindings,
     folder: Path,
     search: Iterable[str] = (),
+    *,
+    isolate: bool = False,
 ) -> tuple[Job, ...]:
-    """How the clients and announcers of a program are started; the program is written into `folder`."""
+    """How the clients and announcers of a program are started; the program is written into `folder`.
+
+    Clients share a process where they can, unless `isolate`.
+    """
     program = folder / f"{deployed.run}{SUFFIX}"
     write_private(program, encode(compiled))
     write_private(bindings_of(program), msgspec.json.encode(bindings))
     told = ProgramOfRun(run=deployed.run, program=str(program), search=tuple(search))
-    parts: list[Part] = [
-        ClientPart(told=told, actuator=actuator, module=module) for actuator, module, _ in compiled.clients
-    ]
+    processes = shared_clients(compiled, isolate=isolate)
+    parts: list[Part] = [ClientsPart(told=told, clients=clients) for clients in processes]
     parts += [AnnouncerPart(told=told, module=module) for module in compiled.announced]
     return tuple(job_of(place, part, folder, CLIENTS) for part in parts)
 
@@ -146,4 +152,5 @@ def job_of(place: Place, part: Part, folder: Path, wave: int, *, hardware: str =
         log=spec.with_suffix(".log"),
         wave=wave,
         essential=wave != CLIENTS,
+        clients=tuple(client_address(*c) for c in part.clients) if isinstance(part, ClientsPart) else (),
     )

@@ -57,10 +57,10 @@ class Standings:
         """How many were decided."""
         return self._frames
 
-    def died(self, address: str, said: str) -> None:
-        """The process of a client died, with these last words; of another process it is ignored."""
-        client = self._clients.get(address)
-        if client is not None:
+    def died(self, clients: Iterable[str], said: str) -> None:
+        """The process of these clients died, with these last words."""
+        for address in clients:
+            client = self._clients[address]
             client.restarts += 1
             client.last_error = said
 

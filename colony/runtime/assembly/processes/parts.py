@@ -13,7 +13,7 @@ from colony.runtime.assembly.processes.devices import Devices
 from colony.runtime.assembly.processes.ending import say
 from colony.runtime.assembly.processes.spec import (
     AnnouncerPart,
-    ClientPart,
+    ClientsPart,
     ClockPart,
     CServerPart,
     DServerPart,
@@ -34,14 +34,14 @@ if TYPE_CHECKING:
 
 def serves(part: NodePart) -> bool:
     """Whether others look for it by its name."""
-    return not isinstance(part, (ClientPart, AnnouncerPart))
+    return not isinstance(part, (ClientsPart, AnnouncerPart))
 
 
 def at_once(part: NodePart, nodes: tuple[Node, ...]) -> bool:
     """Whether the part's nodes handle any message of a frame in no time to speak of: without images, disks,
     and code in Python that somebody wrote for a module."""
     match part:
-        case ClockPart() | RServerPart() | PServerPart() | ClientPart():
+        case ClockPart() | RServerPart() | PServerPart() | ClientsPart():
             return True
         case CServerPart() | DServerPart() | AnnouncerPart():
             return False
@@ -65,8 +65,8 @@ def nodes_of(part: NodePart, place: Place, devices: Devices | None, holds: ExitS
             return (_driving(part, place, devices, holds),)
         case DServerPart():
             return (_dserver(part, place),)
-        case ClientPart():
-            return (_client(part),)
+        case ClientsPart():
+            return _clients(part)
         case AnnouncerPart():
             return (_announcer(part),)
         case _:
@@ -130,10 +130,10 @@ def _store(part: DServerPart) -> Store:
         return UnmadeStore(make, problem)
 
 
-def _client(part: ClientPart) -> Node:
-    from colony.runtime.assembly.nodes import build_client
+def _clients(part: ClientsPart) -> tuple[Node, ...]:
+    from colony.runtime.assembly.nodes import build_clients
 
-    return build_client(*_program(part.told), part.actuator, part.module, part.told.run)
+    return build_clients(*_program(part.told), part.clients, part.told.run)
 
 
 def _announcer(part: AnnouncerPart) -> Node:

@@ -202,7 +202,7 @@ class LedRun:
     def _look_after_children(self) -> None:
         for death in self._children.poll():
             text = told(death)
-            self._standings.died(death.job.name, death.said[-1] if death.said else death.why)
+            self._standings.died(death.job.clients, death.said[-1] if death.said else death.why)
             if death.pause_s is None and (death.job.essential or not self._window.begun):
                 raise RunFailed(text)
             self._report(text)

@@ -14,6 +14,7 @@ import msgspec
 from colony.files import read_file
 from colony.ir.types import Value
 from colony.os_errors import naming
+from colony.runtime.assembly.sharing import name_of_process
 from colony.runtime.protocol.bindings import Bindings
 from colony.runtime.transport.live.place import Credentials, Local, Place, Remote
 from colony.runtime.transport.live.run_directory import RobotDirectory
@@ -100,12 +101,11 @@ class ProgramOfRun(msgspec.Struct, frozen=True, kw_only=True):
     search: tuple[str, ...] = ()
 
 
-class ClientPart(msgspec.Struct, frozen=True, kw_only=True, tag="client"):
-    """The client that `module` is for `actuator`."""
+class ClientsPart(msgspec.Struct, frozen=True, kw_only=True, tag="clients"):
+    """One or several clients, by actuator and module."""
 
     told: ProgramOfRun
-    actuator: str
-    module: str
+    clients: tuple[tuple[str, str], ...]
 
 
 class AnnouncerPart(msgspec.Struct, frozen=True, kw_only=True, tag="announcer"):
@@ -115,7 +115,7 @@ class AnnouncerPart(msgspec.Struct, frozen=True, kw_only=True, tag="announcer"):
     module: str
 
 
-NodePart = ClockPart | RServerPart | PServerPart | CServerPart | DServerPart | ClientPart | AnnouncerPart
+NodePart = ClockPart | RServerPart | PServerPart | CServerPart | DServerPart | ClientsPart | AnnouncerPart
 Part = NodePart | GatewayPart
 
 
@@ -205,7 +205,7 @@ def place_of(said: Here | There) -> Place:
 
 
 def name_of(part: Part) -> str:
-    """What a part is called: the address of its node."""
+    """What a part is called: the address of its node, where it has one."""
     match part:
         case ClockPart():
             return "Clock"
@@ -219,7 +219,7 @@ def name_of(part: Part) -> str:
             return server
         case GatewayPart():
             return "Gateway"
-        case ClientPart(actuator=actuator, module=module):
-            return f"{actuator}/{module}"
+        case ClientsPart(clients=clients):
+            return name_of_process(clients)
         case AnnouncerPart(module=module):
             return f"activity/{module}"

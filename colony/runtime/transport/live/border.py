@@ -60,12 +60,13 @@ class Border:
         user = user_of(connection)
         return self._stops.take(connection if user == self._local else user, size, self._now())
 
-    def frame(self, kind: str, user: str, size: int) -> bool:
-        """Count a message of a frame, such as one of kind "requests"; return whether it may come in."""
+    def frame(self, kind: str, user: str, size: int, count: int = 1) -> bool:
+        """Count messages of a frame, such as those of kind "requests", of `size` bytes together; return whether
+        they may come in."""
         if user == self._local:
             return True
         meter = self._fetches if kind == "fetches" else self._programs
-        return meter.take(user, size, self._now())
+        return meter.take(user, size, self._now(), count)
 
     def refusal(self, connection: str) -> bool:
         """Count a call over the rate; return whether it gets a reply, rather than being dropped."""

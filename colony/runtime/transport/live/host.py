@@ -19,7 +19,7 @@ switches between threads. Calls always wait in the inbox, where the urgent ones 
 from __future__ import annotations
 
 import heapq
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from contextlib import ExitStack, suppress
 from threading import Event, Lock
 from types import TracebackType
@@ -240,10 +240,11 @@ class Host:
         until = self._sleeps_until
         return None if until == NEVER_NS else max(0.0, (until - self._time()) / 1e9)
 
-    def _deliver(self, topic: str, message: Message, effects: list[_Due]) -> None:
+    def _deliver(self, topic: str, messages: Iterable[Message], effects: list[_Due]) -> None:
         now = self._time()
-        for node in self._listeners[topic]:
-            effects.extend((node, effect) for effect in node.handle(message, now))
+        for message in messages:
+            for node in self._listeners[topic]:
+                effects.extend((node, effect) for effect in node.handle(message, now))
 
     def _note_wakes(self, effects: list[_Due]) -> list[Send]:
         """Note when nodes are to be woken; gives what is to be sent."""
@@ -257,9 +258,7 @@ class Host:
         return sends
 
     def _send(self, sends: list[Send], outbox: Outbox) -> None:
-        now = self._time()
-        for topic, message in sends:
-            outbox.send(topic, message, now)
+        outbox.send_all(sends, self._time())
 
     def _refuse_given_up(self) -> None:
         for topic, connection, number in self._inbox.given_up():
@@ -341,13 +340,14 @@ class Host:
         def take(sample: zenoh.Sample) -> None:
             payload = sample.payload
             size = len(payload)
-            if kind is not None and not border.frame(kind, str(sample.key_expr).rpartition("/")[2], size):
-                return  # without a reply: a reader asks again for a frame that it missed
+            data = payload.to_bytes() if size <= LARGEST else b""
+            if kind is not None:
+                user = str(sample.key_expr).rpartition("/")[2]
+                if not border.frame(kind, user, size, codec.count(data)):
+                    return  # without a reply: a reader asks again for a frame that it missed
             if size > LARGEST:
                 frame(topic, _too_large(topic, None, size))
-                return
-            data = payload.to_bytes()
-            if not (direct and self._at_once(topic, data)):
+            elif not (direct and self._at_once(topic, data)):
                 frame(topic, data)
 
         return take
@@ -403,22 +403,23 @@ class Host:
                 if self._stopping:
                     return []
                 effects: list[_Due] = []
-                self._deliver(topic, message, effects)
+                self._deliver(topic, (message,), effects)
                 self._settle()
                 return self._note_wakes(effects)
         finally:
             self._calm.set()
             self._inbox.rouse()  # a node may want to be woken earlier now
 
-    def _read(self, waiting: Waiting) -> Message:
+    def _read(self, waiting: Waiting) -> tuple[Message, ...]:
         if not isinstance(waiting.message, bytes):
-            return waiting.message
+            return (waiting.message,)
         try:
-            message = keys.check_frame(codec.decode(waiting.message), waiting.topic)
-            check_plausible(message, self._time())
+            messages = codec.decode_all(waiting.message)
+            for message in messages:
+                check_plausible(keys.check_frame(message, waiting.topic), self._time())
         except NotAMessage as problem:
-            return Malformed(topic=waiting.topic, connection=None, reason=str(problem))
-        return message
+            return (Malformed(topic=waiting.topic, connection=None, reason=str(problem)),)
+        return messages
 
 
 def _takes_stop(topic: str, lane: StopLane, border: Border, *, twice: bool) -> Callable[[zenoh.Sample], None]:

@@ -19,6 +19,7 @@ from colony.runtime.protocol.codec import NotAMessage
 from colony.runtime.protocol.messages import (
     Alive,
     Announcement,
+    Batch,
     Call,
     Checkpoint,
     Fetch,
@@ -95,7 +96,7 @@ def listening_to_calls(robot: str, topic: str, right: Right) -> str:
     return f"colony/{robot}/{topic}/{right}/*/*"
 
 
-def sending(robot: str, topic: str, message: Sent, *, user: str, least: Right = "read") -> str:
+def sending(robot: str, topic: str, message: Sent | Batch, *, user: str, least: Right = "read") -> str:
     """Return the key on which `user` sends a message to a topic.
 
     A sign of life goes under `least`, which may be any right of its sender.

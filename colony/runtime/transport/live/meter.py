@@ -40,9 +40,10 @@ class Meter:
         self._buckets: OrderedDict[str, _Bucket] = OrderedDict()
         self._lock = Lock()
 
-    def take(self, sender: str, size: int, now_ns: int) -> bool:
-        """Pay for a message of `size` bytes at a monotonic time; False where the sender is over its rate."""
-        cost = 1 + size // BYTES_A_TOKEN
+    def take(self, sender: str, size: int, now_ns: int, count: int = 1) -> bool:
+        """Pay for `count` messages of `size` bytes together at a monotonic time; False where the sender is over
+        its rate."""
+        cost = count + size // BYTES_A_TOKEN
         with self._lock:
             bucket = self._bucket(sender, now_ns)
             if bucket.tokens < cost:

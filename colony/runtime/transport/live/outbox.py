@@ -8,19 +8,24 @@ and overtakes nothing; the messages of frames overtake calls and their answers, 
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from enum import Enum
 
 import zenoh
 
 from colony.runtime.protocol import codec
 from colony.runtime.protocol.messages import (
+    MOST_IN_BATCH,
     Alive,
+    Batch,
     Call,
     Checkpoint,
     Notice,
     Problem,
+    Ready,
     Reply,
+    Request,
+    Send,
     Sent,
     ServerFrame,
     Tick,
@@ -54,7 +59,22 @@ class Outbox:
         self._lasting: dict[str, zenoh.Publisher] = {}
         self._passing: dict[str, tuple[zenoh.Publisher, int]] = {}
 
-    def send(self, topic: str, message: Sent, now_ns: int) -> None:
+    def send_all(self, sends: Iterable[Send], now_ns: int) -> None:
+        """Send messages; what clients say to one server goes in one piece."""
+        batches: dict[str, list[Request | Ready]] = {}
+        for topic, message in sends:
+            if isinstance(message, (Request, Ready)):
+                batches.setdefault(topic, []).append(message)
+            else:
+                self.send(topic, message, now_ns)
+        for topic, messages in batches.items():
+            if len(messages) == 1:
+                self.send(topic, messages[0], now_ns)
+                continue
+            for i in range(0, len(messages), MOST_IN_BATCH):
+                self.send(topic, Batch(messages=tuple(messages[i : i + MOST_IN_BATCH])), now_ns)
+
+    def send(self, topic: str, message: Sent | Batch, now_ns: int) -> None:
         """Send a message; one that is too large is reported, and a reply then says so."""
         try:
             data = codec.encode(message)
@@ -68,7 +88,7 @@ class Outbox:
         except zenoh.ZError as problem:  # a name that somebody gave cannot be part of a key
             self._report(f"to {topic}: {problem}")
 
-    def _put(self, topic: str, message: Sent, data: bytes, now_ns: int) -> None:
+    def _put(self, topic: str, message: Sent | Batch, data: bytes, now_ns: int) -> None:
         if isinstance(message, (Call, Alive, Reply, Notice, Checkpoint)):
             self._pass(keys.sending(self._robot, topic, message, user=self._user), data, message, now_ns)
             return
