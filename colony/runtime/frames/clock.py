@@ -119,6 +119,11 @@ class Clock:
             *self._desk.listens,
         )
 
+    @property
+    def deferred(self) -> tuple[str, ...]:
+        """The frames of servers: what they tell counts for the next tick."""
+        return tuple(topics.frames(server) for server in self._servers)
+
     # --- messages --------------------------------------------------------------------------------------
 
     def start(self, now_ns: int) -> Iterable[Effect]:

@@ -143,6 +143,11 @@ class Observer:
         listens = (*assembler.listens, *(modules.listens if modules else ()), topics.VERDICTS)
         self.listens = tuple(dict.fromkeys((*listens, *(topics.requests(s) for s in heeded))))
 
+    @property
+    def deferred(self) -> tuple[str, ...]:
+        """All but ticks: with the tick of a frame, the frame before it is taken, which is decided by then."""
+        return tuple(topic for topic in self.listens if topic != topics.TICKS)
+
     def add(self, sink: Sink) -> None:
         """One more sink, before the first frame."""
         self._sinks = (*self._sinks, sink)

@@ -103,7 +103,7 @@ def decode_all(data: bytes) -> tuple[Sent, ...]:
 
 
 def count(data: bytes) -> int:
-    """Return how many messages these bytes claim to be, without decoding them: 1 unless they begin a batch."""
+    """Return how many messages these bytes claim to be, without decoding them; 1 where they are no batch."""
     if not data.startswith(_BATCH):
         return 1
     head = data[len(_BATCH) : len(_BATCH) + 5]

@@ -352,6 +352,16 @@ class Node(Protocol):
 
 
 @runtime_checkable
+class Deferring(Node, Protocol):
+    """A node that is in no hurry for the messages of some topics, which servers publish in each frame."""
+
+    @property
+    def deferred(self) -> tuple[str, ...]:
+        """Topics whose messages may wait until the node is woken, or is handed another message."""
+        ...
+
+
+@runtime_checkable
 class Settling(Protocol):
     """A node with something to bring to rest before its effects may leave: a transport calls `settle` after
     it handled what was waiting, and only then carries out the effects of all of it."""

@@ -19,7 +19,9 @@ from colony.sim.drivers import base_state, image_of
 from colony.sim.plant.protocol import Rings, Truth
 from colony.sim.world.world import MAX_STEP_S, World
 
-STEP_NS = 10_000_000
+STEP_NS = 20_000_000
+"""Nanoseconds of one step of the simulation: as long as from one report of a base or a ring to the next."""
+
 WATCHDOG_NS = 500_000_000
 
 MOST_BEHIND_NS = 1_000_000_000

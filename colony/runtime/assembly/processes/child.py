@@ -14,6 +14,7 @@ from contextlib import ExitStack
 from pathlib import Path
 from typing import NoReturn
 
+from colony.collector import collector_past_startup
 from colony.os_errors import described
 from colony.runtime.assembly.processes.devices import Devices
 from colony.runtime.assembly.processes.ending import (
@@ -60,7 +61,8 @@ def run(
             host = holds.enter_context(_host(spec.part, place, devices, holds))
             ending.then(host.stop)
             ready()
-            host.run()
+            with collector_past_startup():
+                host.run()
     except GatewayFull as full:
         if ending.why is None:
             say(f"{full}; it begins again, and its users log in once more by themselves")

@@ -23,6 +23,7 @@ import colony
 from colony.files import open_regular
 from colony.runtime.assembly.processes.ending import EXIT_FINAL
 from colony.runtime.assembly.processes.restarts import Restarts
+from colony.runtime.transport.live.network import THREADS
 
 TAIL_BYTES = 4096
 TAIL_LINES = 8
@@ -217,8 +218,7 @@ ONE_THREAD = (
 """Threads of zenoh in a client of a program, as `ZENOH_RUNTIME` gives them: one for all of its tasks. A
 process that hands all to one thread of Python gains nothing from more, and each costs switches (measured,
 with direct hosts: a third of a frame's time). That thread must not wait for room at a link, which it would
-have to make itself: see `live/host.py`. Servers, and the gateway, keep zenoh's own threads: one that is
-flooded with calls has to go on telling the others that it lives, or they give up their links to it."""
+have to make itself: see `live/host.py`."""
 
 ONE_ARENA = "1"
 """Number of heaps of the C library, as `MALLOC_ARENA_MAX` says it. Threads that come and go with connections
@@ -229,8 +229,8 @@ server that saw 178 clients die)."""
 def _environment(*, one_thread: bool) -> dict[str, str]:
     """The same as here, and where this package is found also if it is not installed."""
     root = str(Path(colony.__file__).parent.parent)
-    threads = {"ZENOH_RUNTIME": ONE_THREAD} if one_thread else {}
-    environment = {**threads, "MALLOC_ARENA_MAX": ONE_ARENA, **os.environ}
+    threads = ONE_THREAD if one_thread else THREADS
+    environment = {"MALLOC_ARENA_MAX": ONE_ARENA, **os.environ, "ZENOH_RUNTIME": threads}
     if root not in site.getsitepackages():
         before = environment.get("PYTHONPATH")
         environment["PYTHONPATH"] = root if not before else os.pathsep.join((root, before))

@@ -13,6 +13,7 @@ from collections.abc import Callable, Iterable, Mapping
 from contextlib import ExitStack
 from types import TracebackType
 
+from colony.collector import collector_past_startup
 from colony.ir.types import Value
 from colony.runtime.assembly.processes.children import Children, Job, told
 from colony.runtime.assembly.processes.holding import Holding
@@ -26,8 +27,8 @@ from colony.runtime.protocol.messages import Node
 from colony.runtime.transport.live.host import Host
 from colony.runtime.transport.live.place import Local, Place
 
-LOOK_S = 0.01
-"""How often it is looked after the processes."""
+LOOK_S = 0.05
+"""Seconds between two checks of the processes."""
 
 ENDING_S = 2.5
 """For how long those of a wave may take to end before they are killed: longer than they take on their own."""
@@ -137,6 +138,7 @@ class LedRun:
             RunFailed: it cannot begin or go on.
             OSError: as raised by a sink: a recording cannot be written.
         """
+        self._holds.enter_context(collector_past_startup())
         session = Session(Hub(self._host.network))
         self._holds.callback(session.close)
         if self._held:

@@ -61,8 +61,8 @@ class Border:
         return self._stops.take(connection if user == self._local else user, size, self._now())
 
     def frame(self, kind: str, user: str, size: int, count: int = 1) -> bool:
-        """Count messages of a frame, such as those of kind "requests", of `size` bytes together; return whether
-        they may come in."""
+        """Count messages of a frame, such as those of kind "requests", of `size` bytes together; return
+        whether they may come in."""
         if user == self._local:
             return True
         meter = self._fetches if kind == "fetches" else self._programs

@@ -32,6 +32,7 @@ from colony.runtime.protocol.codec import LARGEST, NotAMessage
 from colony.runtime.protocol.messages import (
     Call,
     Checkpoint,
+    Deferring,
     Effect,
     Malformed,
     Message,
@@ -56,6 +57,10 @@ from colony.runtime.transport.live.waiting import Waiting, WaitingRoom
 
 BATCH = 64
 """How many messages are handled, at most, before nodes settle and their effects leave."""
+
+DEFERRED_MOST = 512
+"""Messages of a topic that wait to be handled with others; of more, the oldest are dropped, and asked for
+again."""
 
 NEVER_NS = 1 << 63
 """A time that does not come."""
@@ -97,6 +102,7 @@ class Host:
             for topic in dict.fromkeys(node.listens):
                 self._listeners.setdefault(topic, []).append(node)
         self._settling = tuple(node for node in nodes if isinstance(node, Settling))
+        self._deferred: list[tuple[str, _Subscriber]] = []
         self._direct = direct and not self._settling
         self._handling = Lock()
         self._calm = Event()  # cleared while an emergency stop is waiting for the nodes
@@ -156,6 +162,7 @@ class Host:
                     self._turn()
                 with self._handling:
                     later, self._later = self._later, []
+                    self._take_deferred([])
                 self._send(later, self._outbox)
         finally:
             self._handling.acquire()  # for good: from now on nobody hands the nodes anything
@@ -209,7 +216,7 @@ class Host:
     def _handle_batch(self, sends: list[Send]) -> bool:
         """Handle what is due; whether there was anything. What is to be sent is added to `sends`."""
         effects: list[_Due] = []
-        handled = self._wake(effects)
+        handled = self._take_deferred(effects) | self._wake(effects)
         for _ in range(BATCH if self._settling else 1):
             waiting = self._inbox.pop()
             if waiting is None:
@@ -221,6 +228,17 @@ class Host:
         if handled:
             self._settle()
             sends += self._note_wakes(effects)
+        return handled
+
+    def _take_deferred(self, effects: list[_Due]) -> bool:
+        """Handle the messages that may wait until others are handled; whether there were any."""
+        handled = False
+        for topic, subscriber in self._deferred:
+            while (sample := subscriber.try_recv()) is not None:
+                data = sample.payload.to_bytes()
+                waiting = Waiting(topic, data if len(data) <= LARGEST else _too_large(topic, None, len(data)))
+                self._deliver(topic, self._read(waiting), effects)
+                handled = True
         return handled
 
     def _settle(self) -> None:
@@ -279,6 +297,7 @@ class Host:
             waiting: Waiting | None = Waiting(topic, data)
             while waiting is not None:
                 effects: list[_Due] = []
+                self._take_deferred(effects)
                 self._deliver(waiting.topic, self._read(waiting), effects)
                 sends = self._note_wakes(effects)
                 self._later += filter(_may_be_large, sends)
@@ -303,8 +322,25 @@ class Host:
                         key = keys.listening_to_calls(robot, topic, right)
                         self._subscribe(key, self._takes_call(topic), declared)
                 self._listen_to_stops(topic, declared)
+            elif self._defers(topic):
+                self._listen_later(topic, declared)
             else:
                 self._subscribe(keys.listening(robot, topic), self._takes_frame(topic), declared)
+
+    def _defers(self, topic: str) -> bool:
+        """Whether all who listen to a topic are in no hurry for it. What users send is taken at once all the
+        same, because it is to be counted."""
+        listeners = self._listeners[topic]
+        waits = all(isinstance(node, Deferring) and topic in node.deferred for node in listeners)
+        return waits and keys.kind_of_users(topic) is None
+
+    def _listen_later(self, topic: str, declared: ExitStack) -> None:
+        """Have messages kept outside of Python until others are handled: no thread is woken for them."""
+        key = keys.listening(self._network.robot, topic)
+        handler: zenoh.handlers.RingChannel[zenoh.Sample] = zenoh.handlers.RingChannel(DEFERRED_MOST)
+        subscriber = self._network.session.declare_subscriber(key, handler)
+        declared.callback(subscriber.undeclare)
+        self._deferred.append((topic, subscriber))
 
     def _listen_to_stops(self, topic: str, declared: ExitStack) -> None:
         """Have a lane for what comes under the right to stop, over both sessions where there are two."""
@@ -434,6 +470,8 @@ def _takes_stop(topic: str, lane: StopLane, border: Border, *, twice: bool) -> C
 
     return take
 
+
+_Subscriber = zenoh.Subscriber[zenoh.handlers.Handler[zenoh.Sample]]
 
 _Due = tuple[Node, Effect]
 """An effect, and whose it is."""

@@ -41,8 +41,8 @@ class Meter:
         self._lock = Lock()
 
     def take(self, sender: str, size: int, now_ns: int, count: int = 1) -> bool:
-        """Pay for `count` messages of `size` bytes together at a monotonic time; False where the sender is over
-        its rate."""
+        """Pay for `count` messages of `size` bytes together at a monotonic time; False where the sender is
+        over its rate."""
         cost = count + size // BYTES_A_TOKEN
         with self._lock:
             bucket = self._bucket(sender, now_ns)

@@ -19,6 +19,14 @@ from colony.runtime.transport.live.names import local_user as local_user
 from colony.runtime.transport.live.place import Local, Place, Remote
 from colony.runtime.transport.live.probe import why_not_reached
 
+THREADS = "(rx: (worker_threads: 2), acc: (handover: rx), tx: (worker_threads: 1), net: (handover: tx))"
+"""Threads of zenoh, as `ZENOH_RUNTIME` gives them; read when the first session is opened. Receiving and
+accepting share theirs: apart, each message wakes one thread to see that it came and another to read it.
+Sending, and with it the signs of life, has a thread of its own: a server that is flooded with calls has to go
+on telling the others that it lives, or they give up their links to it."""
+
+os.environ.setdefault("ZENOH_RUNTIME", THREADS)
+
 LINKING_S = 0.1
 """After this time all sockets that are there have been tried."""
 
