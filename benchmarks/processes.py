@@ -116,7 +116,7 @@ def robot_of(clients: int, frames: int, *sinks: Sink, lockstep: bool) -> Iterato
     """A scripted robot and a run of `clients` clients on it, of which none is started yet."""
     with scratch() as folder:
         program = program_of(clients, folder)
-        compiled = compile_program(program).artifact
+        compiled = compile_program(program).compiled
         bindings = bind(compiled.robot)
         place = Local(RunDirectory(folder / "r").robot("bench"))
         deployed = deployment(compiled, bindings, run="bench", seed=1, lockstep=lockstep)

@@ -63,7 +63,7 @@ def build(program: Program, *, proof: bool = True, timeout_s: float = PROOF_TIME
     compilation = compile_program(program)
     if proof:
         _expect_proof(program, compilation, round(1000 * timeout_s))
-    return Build(program=program, compiled=compilation)
+    return Build(program=program, compilation=compilation)
 
 
 def _expect_proof(program: Program, compilation: Compilation, timeout_ms: int) -> None:
@@ -81,22 +81,22 @@ def _expect_proof(program: Program, compilation: Compilation, timeout_ms: int) -
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Build:
-    """A compiled program, in all forms. `compiled` has the result of each pass of the compiler."""
+    """A compiled program, in all forms. `compilation` has the result of each pass of the compiler."""
 
     program: Program
-    compiled: Compilation
+    compilation: Compilation
 
     def table(self) -> str:
         """Return the clients as a table for people: priorities and guards."""
         from colony.compile.backends.table import client_table
 
-        return client_table(self.compiled)
+        return client_table(self.compilation)
 
     def to_json(self) -> str:
         """Return the clients in the form `colony-clients/1`."""
         from colony.compile.backends.json import to_json
 
-        return to_json(self.compiled.clients)
+        return to_json(self.compilation.clients)
 
     def to_python(self) -> str:
         """Return a module with a class `Program`, which needs nothing of colony.
@@ -105,7 +105,7 @@ class Build:
         """
         from colony.compile.backends.python.generate import generate
 
-        return generate(self.compiled.artifact)
+        return generate(self.compilation.compiled)
 
     def graph(self) -> str:
         """Return a picture of the network, as SVG."""
@@ -121,7 +121,7 @@ class Build:
         """
         from colony.execute.executor import ClientListExecutor
 
-        return ClientListExecutor(self.compiled.artifact)
+        return ClientListExecutor(self.compilation.compiled)
 
 
 def prove(program: Program, *, seconds: float = 10.0, depth: int = 4) -> tuple[ContractResult, ...]:

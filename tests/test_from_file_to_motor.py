@@ -11,7 +11,7 @@ import pytest
 
 from colony.cli.programs import compile_file
 from colony.compile import pipeline
-from colony.execute import artifact, machine, sensors
+from colony.execute import colonyc, machine, sensors
 from colony.execute.compiled import Compiled
 from colony.execute.sensors import Records
 from colony.ir.frame import Reading
@@ -78,9 +78,9 @@ def counted(monkeypatch: pytest.MonkeyPatch) -> Counter[str]:
 def test_from_file_to_motor(counted: Counter[str], tmp_path: Path) -> None:
     path = tmp_path / "roam.colony"
     path.write_text(TEXT)
-    data = artifact.encode(compile_file(str(path)).artifact)
-    path.unlink()  # all that is needed is in the artifact
-    compiled: Compiled = artifact.decode(data, "roam.colonyc")
+    data = colonyc.encode(compile_file(str(path)).compiled)
+    path.unlink()  # all that is needed is in the compiled program
+    compiled: Compiled = colonyc.decode(data, "roam.colonyc")
     log = Log()
     script = Script(sonar_at=lambda t: Sample(FAR if t < 2 * FRAME_NS else NEAR, t))
     session = VirtualSession(

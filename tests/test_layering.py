@@ -159,7 +159,7 @@ def test_a_client_process_loads_neither_the_front_end_nor_the_compiler(tmp_path:
     from colony.runtime.transport.live.run_directory import RobotDirectory
     from tests.runtime.programs import roam
 
-    compiled = compile_program(roam()).artifact
+    compiled = compile_program(roam()).compiled
     bindings = bind(compiled.robot)
     place = Local(RobotDirectory(tmp_path, "rome"))
     job = client_jobs(place, deployment(compiled, bindings, run="r", seed=1), compiled, bindings, tmp_path)[0]

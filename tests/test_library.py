@@ -78,7 +78,7 @@ def test_every_form_of_a_build() -> None:
 
 
 def test_a_proof_that_fails_is_a_failure(monkeypatch: pytest.MonkeyPatch) -> None:
-    right = colony.build(PROGRAM).compiled.clients
+    right = colony.build(PROGRAM).compilation.clients
     swapped = right.actuators[0].clients[::-1]
     from dataclasses import replace
 
@@ -94,7 +94,7 @@ def test_a_proof_that_fails_is_a_failure(monkeypatch: pytest.MonkeyPatch) -> Non
     monkeypatch.setattr(pipeline, "compile_program", wrong)
     with pytest.raises(colony.Failure, match="V001"):
         colony.build(PROGRAM)
-    assert colony.build(PROGRAM, proof=False).compiled.clients.actuators[0].clients == swapped
+    assert colony.build(PROGRAM, proof=False).compilation.clients.actuators[0].clients == swapped
 
 
 def test_contracts_are_proved_or_refuted() -> None:

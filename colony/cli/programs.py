@@ -8,7 +8,7 @@ from pathlib import Path
 
 from colony.cli.reporting import check_to_run, expect_program, refuse, say
 from colony.compile.pipeline import Compilation, compile_program
-from colony.execute.artifact import SUFFIX, read, unusable
+from colony.execute.colonyc import SUFFIX, read, unusable
 from colony.execute.compiled import Compiled
 from colony.robots.python_sources import changed_sources
 from colony.robots.recorded_program import program_sources
@@ -21,7 +21,7 @@ def load_compiled(path: str) -> Compiled:
     Exits with 2 where the file cannot be read or is damaged, with 1 where there are errors in it.
     """
     if Path(path).suffix != SUFFIX:
-        return compile_file(path).artifact
+        return compile_file(path).compiled
     try:
         compiled = read(path)
     except Failure as failure:
@@ -34,7 +34,7 @@ def load_compiled(path: str) -> Compiled:
 
 
 def compile_file(path: str) -> Compilation:
-    """Compile a behavior; its artifact has the sources. Exits as `load_compiled`."""
+    """Compile a behavior, with its sources in the result. Exits as `load_compiled`."""
     checked = check_to_run(path)
     program = expect_program(checked)
     root, sources = program_sources(path, program, checked.tree, say)

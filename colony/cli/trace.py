@@ -199,7 +199,7 @@ def _executor(program: Program, backend: str) -> Executor:
         return Interpreter(program)
     from colony.compile.pipeline import compile_program
 
-    compiled = compile_program(program).artifact
+    compiled = compile_program(program).compiled
     if backend == "clients":
         from colony.execute.executor import ClientListExecutor
 

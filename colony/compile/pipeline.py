@@ -25,7 +25,7 @@ PASSES: tuple[Callable[[Any], Any], ...] = (
     forward_traversal,  # SuppressionNetwork -> ClientList     definitions 4.1, 4.2, Table 4.2
     simplify,  # ClientList -> ClientList
 )
-"""What compilation is, in order: each takes what the one before it gives. Then `lower` makes the artifact."""
+"""The passes in order: each takes what the one before it gives. Then `lower` makes what is executed."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -38,7 +38,7 @@ class Compilation:
         suppression: the same without inhibitors.
         traversal: its clients before simplification.
         clients: its clients.
-        sources, root: its files, for the artifact (see `Compiled`).
+        sources, root: its files (see `Compiled`).
     """
 
     program: Program
@@ -50,7 +50,7 @@ class Compilation:
     root: str = ""
 
     @cached_property
-    def artifact(self) -> Compiled:
+    def compiled(self) -> Compiled:
         """What is executed, saved and sent; lowered once, when it is first asked for."""
         with collector_at_rest():
             lowered = lower(self.program, self.clients, self.traversal)

@@ -47,5 +47,5 @@ def behavior_from(program: Program) -> Behavior:
         Failure: a module in Python cannot be built.
     """
     in_base = replace(program, robot=in_base_units(program.robot))
-    source = generate(compile_program(in_base).artifact)
+    source = generate(compile_program(in_base).compiled)
     return Behavior(robot=program.robot, program=in_base, source=source, first=load(source))

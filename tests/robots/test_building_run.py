@@ -56,7 +56,7 @@ def _nobody(building: Building) -> Script:
 
 @cache
 def wander() -> Compiled:
-    return compile_program(load_file(WANDER)).artifact
+    return compile_program(load_file(WANDER)).compiled
 
 
 def request(record: Path | None = None) -> RunRequest:

@@ -28,7 +28,7 @@ class Resuming:
             Failure: a module in Python cannot be imported or built.
         """
         self._clients = self._clients or ClientListExecutor(
-            compile_program(self._program).artifact, simplified=False, answered=self._answered
+            compile_program(self._program).compiled, simplified=False, answered=self._answered
         )
         self._clients.resume(memory)
         interpreter = Interpreter(self._program, answered=self._answered)

@@ -55,7 +55,7 @@ JSON = "JSON"
 
 def prove(
     program: Program,
-    compiled: Compilation,
+    compilation: Compilation,
     *,
     json: str | None = None,
     sent: Callable[[], Compiled] | None = None,
@@ -67,7 +67,7 @@ def prove(
     And that what was made of them is, too: `json` and `python` are the texts that are emitted, `sent` gives
     what is executed, saved and sent. z3 may think `timeout_ms` about one question; with 0 it is not asked.
     """
-    clients = compiled.clients
+    clients = compilation.clients
     results: list[Callable[[], Result]] = [lambda: prove_clients(program, clients, timeout_ms=timeout_ms)]
     if json is not None:
         results.append(lambda: _prove_json(clients, json))

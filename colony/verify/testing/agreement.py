@@ -22,15 +22,15 @@ Factory = Callable[[Compilation], Executor]
 
 
 def _clients(compilation: Compilation) -> Executor:
-    return ClientListExecutor(compilation.artifact)
+    return ClientListExecutor(compilation.compiled)
 
 
 def _exclusive_clients(compilation: Compilation) -> Executor:
-    return ClientListExecutor(compilation.artifact, exclusive=True)
+    return ClientListExecutor(compilation.compiled, exclusive=True)
 
 
 def _generated_python(compilation: Compilation) -> Executor:
-    return load(generate(compilation.artifact))
+    return load(generate(compilation.compiled))
 
 
 EXECUTORS: Mapping[str, Factory] = MappingProxyType(
@@ -132,11 +132,11 @@ class ClientsAlone:
         self._program = compilation.program
         self._interpreter = Interpreter(compilation.program)
         self._clients = {
-            (actuator, module): ClientExecutor(compilation.artifact, actuator, module)
-            for actuator, module, _ in compilation.artifact.clients
+            (actuator, module): ClientExecutor(compilation.compiled, actuator, module)
+            for actuator, module, _ in compilation.compiled.clients
         }
         self._modules = {
-            module: ModuleExecutor(compilation.artifact, module) for module in compilation.artifact.announced
+            module: ModuleExecutor(compilation.compiled, module) for module in compilation.compiled.announced
         }
 
     def step(self, frame: Frame) -> Outcome:

@@ -170,7 +170,7 @@ def path_of(robot: Robot, epoch: list[Tick], *, void_counts: bool) -> Path:
         outcome = interpreter.step(frame, lost)
         path.decisions[tick.k] = {d.actuator: d for d in outcome.decisions}
         path.answers[tick.k] = {
-            m: Answer(ANYTHING if interpreter.is_active(m) else None) for m in robot.artifact.announced
+            m: Answer(ANYTHING if interpreter.is_active(m) else None) for m in robot.compiled.announced
         }
     return path
 
@@ -226,7 +226,7 @@ def check_sent(robot: Robot, one: Sent, due: list[Decision]) -> None:
 def check_memory(robot: Robot, epoch: list[Tick], paths: list[Path], counts: Counter[str]) -> None:
     """Checkpoints, and memory at the end, are those of a client that saw every frame of the epoch once."""
     seen, degrading = robot.seen, any(a.on_loss == "degrade" for a in robot.program.robot.actuators)
-    for actuator, module, _ in robot.artifact.clients:
+    for actuator, module, _ in robot.compiled.clients:
         address = topics.client_address(actuator, module)
         node = robot.nodes[address]
         assert isinstance(node, ClientNode)
@@ -237,7 +237,7 @@ def check_memory(robot: Robot, epoch: list[Tick], paths: list[Path], counts: Cou
         ends = max([*saved, at_end[1]])
         allowed: dict[int, set[str]] = {}
         for path in paths:
-            executor = ClientExecutor(robot.artifact, actuator, module)
+            executor = ClientExecutor(robot.compiled, actuator, module)
             for tick in epoch:
                 if tick.k > ends:
                     break

@@ -44,7 +44,7 @@ HELD = "back_off held 0 until"
 def back_off(program: Program | None = None, module: str = "back_off") -> ClientNode:
     """Active for a second after the bumper was pressed."""
     program = roam() if program is None else program
-    return build_client(compile_program(program).artifact, bind(program.robot), "drive", module, "run")
+    return build_client(compile_program(program).compiled, bind(program.robot), "drive", module, "run")
 
 
 def tick(k: int, *, start: int = 0, run: str = "run") -> Tick:

@@ -45,7 +45,7 @@ def logs(program: Program, trace: Sequence[Frame], restarts: Iterable[int] = ())
     """A run in which nothing goes wrong; all memory begins anew at the frames in `restarts`."""
     restarts, start, out = frozenset(restarts), 0, []
     interpreter = Interpreter(program)
-    compiled = compile_program(program).artifact
+    compiled = compile_program(program).compiled
     monitor = Monitor(ClientListExecutor(compiled, simplified=False, answered=True))
     keyframe_ns = trace[0].t_ns - KEYFRAME_NS if trace else 0
     modules = {name: ModuleExecutor(compiled, name) for name in compiled.announced}
@@ -99,7 +99,7 @@ def _fate(client: str, by: str | None, interpreter: Interpreter) -> Fate:
 
 
 def run_info(program: Program, *sources: SourceFile) -> RunInfo:
-    clients = compile_program(program).artifact.clients
+    clients = compile_program(program).compiled.clients
     root = sources[-1].place if sources else ""
     return RunInfo(
         robot="rome",
@@ -119,7 +119,7 @@ def written(sink: Sink, frames: Iterable[FrameLog]) -> None:
 
 
 def mcap_to(file: ByteFile, program: Program, *sources: SourceFile) -> McapRecording:
-    return McapRecording(compile_program(program).artifact, run_info(program, *sources), file)
+    return McapRecording(compile_program(program).compiled, run_info(program, *sources), file)
 
 
 def as_mcap(program: Program, frames: Iterable[FrameLog], *sources: SourceFile) -> Kept:
@@ -130,7 +130,7 @@ def as_mcap(program: Program, frames: Iterable[FrameLog], *sources: SourceFile) 
 
 def as_lines(program: Program, frames: Iterable[FrameLog]) -> Kept:
     file = Kept()
-    written(Recording(compile_program(program).artifact, file), frames)
+    written(Recording(compile_program(program).compiled, file), frames)
     return file
 
 

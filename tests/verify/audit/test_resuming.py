@@ -20,7 +20,7 @@ from tests.programs import program
 def memories(run: Run) -> list[ProgramMemory]:
     """What the clients remember before each frame."""
     of, trace = run
-    clients = ClientListExecutor(compile_program(of).artifact, simplified=False)
+    clients = ClientListExecutor(compile_program(of).compiled, simplified=False)
     found = []
     for frame in trace:
         memory = clients.memory

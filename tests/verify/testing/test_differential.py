@@ -100,8 +100,8 @@ def test_contracts_that_hold_are_not_told_of() -> None:
 class Late:
     """The reference, but module `cruise` goes on for one frame after `back` has it."""
 
-    def __init__(self, compiled: Compilation) -> None:
-        self._reference = Interpreter(compiled.program)
+    def __init__(self, compilation: Compilation) -> None:
+        self._reference = Interpreter(compilation.program)
         self._before: str | None = None
 
     def step(self, frame: Frame) -> Outcome:
@@ -129,7 +129,7 @@ def test_what_an_executor_raises_is_a_disagreement() -> None:
         def step(self, frame: Frame) -> Outcome:
             raise ValueError("no")
 
-    def make(compiled: Compilation) -> Executor:
+    def make(compilation: Compilation) -> Executor:
         return Raises()
 
     found = last(program(BACKS_OFF), 3, executors={"raises": make}).disagreement
@@ -142,8 +142,8 @@ def test_an_executor_that_remembers_the_trace_before_is_told_so() -> None:
     class Tired:
         """The reference until it is started again."""
 
-        def __init__(self, compiled: Compilation) -> None:
-            self._compiled, self._begun = compiled, 0
+        def __init__(self, compilation: Compilation) -> None:
+            self._compiled, self._begun = compilation, 0
             self.restart()
 
         def restart(self) -> None:
@@ -161,7 +161,7 @@ def test_an_executor_that_remembers_the_trace_before_is_told_so() -> None:
 def test_a_trial_is_given_a_seed_of_its_own_for_each_trace() -> None:
     seeds: list[int] = []
 
-    def trial(compiled: Compilation, trace: Sequence[Frame], seed: int) -> Disagreement | None:
+    def trial(compilation: Compilation, trace: Sequence[Frame], seed: int) -> Disagreement | None:
         seeds.append(seed)
         if len(seeds) < 3:
             return None

@@ -17,8 +17,8 @@ from hypothesis import strategies as st
 
 from colony.cli.programs import compile_file
 from colony.compile.pipeline import compile_program
-from colony.execute.artifact import LARGEST, VERSION, decode, encode, read
 from colony.execute.code import Apply, Cell, Code, Kind, Literal, OldCell, PythonActive, SensorElement, Table
+from colony.execute.colonyc import LARGEST, VERSION, decode, encode, read
 from colony.execute.compiled import Compiled
 from colony.execute.executor import ClientListExecutor
 from colony.execute.operators import Operator
@@ -46,7 +46,7 @@ def signed(body: bytes) -> bytes:
 
 @pytest.mark.parametrize("path", BEHAVIORS, ids=lambda path: path.stem)
 def test_a_behavior_comes_back_with_its_sources_and_places(path: Path) -> None:
-    compiled = compile_file(str(path)).artifact
+    compiled = compile_file(str(path)).compiled
     back = decode(encode(compiled), "p.colonyc")
     assert repr(replace(back, code=None)) == repr(replace(compiled, code=None))
     for name in ("ops", "kinds", "decided", "cells", "names", "places", "contracts", "sensors"):
@@ -63,7 +63,7 @@ def test_a_program_that_was_sent_does_what_the_reference_does(data: st.DataObjec
     program = data.draw(programs())
     executors = {
         name: lambda compilation, how=how: ClientListExecutor(  # type: ignore[misc]
-            decode(encode(compilation.artifact), "p"), **how
+            decode(encode(compilation.compiled), "p"), **how
         )
         for name, how in (
             ("sent", {}),
@@ -80,7 +80,7 @@ def test_a_program_that_was_sent_does_what_the_reference_does(data: st.DataObjec
 
 @pytest.fixture(scope="module")
 def wander() -> Compiled:
-    return compile_file(str(ROOT / "behaviors" / "wander.colony")).artifact
+    return compile_file(str(ROOT / "behaviors" / "wander.colony")).compiled
 
 
 def test_other_bytes_and_other_versions_are_refused(wander: Compiled, tmp_path: Path) -> None:
@@ -241,5 +241,5 @@ def test_spans_lead_into_the_sources(wander: Compiled) -> None:
 def test_a_program_without_sources_is_sent_without_places() -> None:
     from tests.runtime.programs import roam
 
-    compiled = compile_program(roam()).artifact
+    compiled = compile_program(roam()).compiled
     assert decode(encode(compiled), "p") == compiled
