@@ -30,9 +30,9 @@ from colony.runtime.assembly.nodes import build_observer
 from colony.runtime.assembly.processes.children import Job
 from colony.runtime.assembly.processes.crew import CLIENTS as CLIENTS_FIRST
 from colony.runtime.assembly.processes.crew import client_jobs, fresh_folder, server_jobs, server_parts
-from colony.runtime.assembly.processes.leader import Standings
 from colony.runtime.assembly.processes.run import LedRun
 from colony.runtime.assembly.processes.spec import Device
+from colony.runtime.assembly.processes.standings import Standings
 from colony.runtime.assembly.processes.window import Window
 from colony.runtime.observe.observer import FrameLog, Sink
 from colony.runtime.protocol import topics

@@ -13,7 +13,7 @@ from colony.text.source import NOWHERE
 
 if TYPE_CHECKING:
     from colony.compile.pipeline import Compilation
-    from colony.execute.executor import ClientListExecutor
+    from colony.execute.executor import ProgramExecutor
     from colony.ir.program import Program
     from colony.runtime.recordings.recorded import RecordedFrame, RecordingReader
     from colony.verify.audit.report import AuditReport
@@ -113,15 +113,15 @@ class Build:
 
         return to_svg(self.program)
 
-    def executor(self) -> ClientListExecutor:
+    def executor(self) -> ProgramExecutor:
         """Return an executor with initial memory, whose `step` takes one frame after another.
 
         Raises:
             Failure: P001, a module in Python cannot be imported or built.
         """
-        from colony.execute.executor import ClientListExecutor
+        from colony.execute.executor import ProgramExecutor
 
-        return ClientListExecutor(self.compilation.compiled)
+        return ProgramExecutor(self.compilation.compiled)
 
 
 def prove(program: Program, *, seconds: float = 10.0, depth: int = 4) -> tuple[ContractResult, ...]:

@@ -68,7 +68,7 @@ def counted(monkeypatch: pytest.MonkeyPatch) -> Counter[str]:
     for name in PASSES:
         replace_pass(monkeypatch, name, once_more)
     count(pipeline, "lower", lambda *_: "lower")
-    for way in ("in_base_units", "in_declared_unit"):
+    for way in ("in_base_units", "in_declared_units"):
         count(SensorBinding, way, converted(way))
     assert machine.take is sensors.take
     count(machine, "take", taken)
@@ -105,8 +105,8 @@ def test_from_file_to_motor(counted: Counter[str], tmp_path: Path) -> None:
         "limit in_base_units": FRAMES,
         "limit taken, factor 1": FRAMES,
         # the observer has the declared units that people read, and its monitor converts them once
-        "sonar in_declared_unit": FRAMES,
+        "sonar in_declared_units": FRAMES,
         "sonar taken, factor 1000": FRAMES,
-        "limit in_declared_unit": FRAMES,
+        "limit in_declared_units": FRAMES,
         "limit taken, factor 1000": FRAMES,
     }

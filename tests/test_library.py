@@ -86,10 +86,10 @@ def test_a_proof_that_fails_is_a_failure(monkeypatch: pytest.MonkeyPatch) -> Non
 
     original = pipeline.compile_program
 
-    def wrong(program: object) -> pipeline.Compiled:
-        compiled = original(program)  # type: ignore[arg-type]
+    def wrong(program: object) -> pipeline.Compilation:
+        compilation = original(program)  # type: ignore[arg-type]
         actuators = (replace(right.actuators[0], clients=swapped),)
-        return replace(compiled, clients=replace(right, actuators=actuators))
+        return replace(compilation, clients=replace(right, actuators=actuators))
 
     monkeypatch.setattr(pipeline, "compile_program", wrong)
     with pytest.raises(colony.Failure, match="V001"):

@@ -201,9 +201,9 @@ def _executor(program: Program, backend: str) -> Executor:
 
     compiled = compile_program(program).compiled
     if backend == "clients":
-        from colony.execute.executor import ClientListExecutor
+        from colony.execute.executor import ProgramExecutor
 
-        return ClientListExecutor(compiled)
+        return ProgramExecutor(compiled)
     from colony.compile.backends.python.generate import generate, load
 
     return load(generate(compiled))

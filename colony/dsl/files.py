@@ -28,7 +28,7 @@ class Import(Record):
 
 
 @record
-class SourceFile(Record):
+class ParsedFile(Record):
     """One file of a program; in it, the file's names begin with `prefix` (`brooks.` or nothing)."""
 
     key: str
@@ -48,7 +48,7 @@ class SourceFile(Record):
 class SourceTree(Record):
     """All files of a program, each after those that it imports; the last is the one that was asked for."""
 
-    files: tuple[SourceFile, ...]
+    files: tuple[ParsedFile, ...]
     diagnostics: tuple[Diagnostic, ...]
 
 
@@ -135,7 +135,7 @@ class _Loader:
     """Files found so far. Iterative, so that a long chain of imports is no deep recursion."""
 
     def __init__(self) -> None:
-        self.files: dict[str, SourceFile] = {}
+        self.files: dict[str, ParsedFile] = {}
         self.diagnostics: list[Diagnostic] = []
 
     def load(self, key: str, path: Path, source: Source) -> None:
@@ -158,7 +158,7 @@ class _Loader:
                 found = self._read(source, target, declaration, len(seen))
                 if found is not None:
                     waiting.append((target_key, Path(target_key), found))
-            self.files[key] = SourceFile(
+            self.files[key] = ParsedFile(
                 key=key,
                 source=source,
                 tree=parsed.file,
@@ -182,7 +182,7 @@ class _Loader:
             self.diagnostics.append(problem.diagnostic(span))
             return None
 
-    def in_order(self, root: str) -> tuple[SourceFile, ...]:
+    def in_order(self, root: str) -> tuple[ParsedFile, ...]:
         """Depth first, imports before importers; a cycle is reported where it closes, and cut there."""
         order: list[str] = []
         done: set[str] = set()

@@ -23,7 +23,7 @@ class NotExclusive(Exception):
     """Two exclusive guards of one actuator were true in a frame, which no compiled client list allows."""
 
 
-class ClientListExecutor:
+class ProgramExecutor:
     """Executes a program as its clients (an `ir.frame.Executor`). Mutable: it has all of the memory.
 
     The winner is the first client whose guard holds or, if `exclusive`, the one whose exclusive guard holds.
@@ -142,7 +142,7 @@ class ClientMemory(NamedTuple):
 
 
 class ClientExecutor:
-    """Executes the slice of a program that one client needs. Mutable: it has the client's memory.
+    """Executes the view of a program that one client needs. Mutable: it has the client's memory.
 
     Its frames are in base units. Modules in Python run elsewhere, also that of the client.
 

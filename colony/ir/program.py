@@ -105,7 +105,7 @@ class Robot(Declared):
     actuators: tuple[Actuator, ...] = ()
 
 
-def in_base_units(robot: Robot) -> Robot:
+def robot_in_base_units(robot: Robot) -> Robot:
     """Return the same robot with every sensor and every field of a command declared in base units."""
     return replace(
         robot,

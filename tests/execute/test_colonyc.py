@@ -20,7 +20,7 @@ from colony.compile.pipeline import compile_program
 from colony.execute.code import Apply, Cell, Code, Kind, Literal, OldCell, PythonActive, SensorElement, Table
 from colony.execute.colonyc import LARGEST, VERSION, decode, encode, read
 from colony.execute.compiled import Compiled
-from colony.execute.executor import ClientListExecutor
+from colony.execute.executor import ProgramExecutor
 from colony.execute.operators import Operator
 from colony.text.diagnostics import Failure
 from colony.verify.testing.agreement import disagreement
@@ -62,7 +62,7 @@ def test_a_behavior_comes_back_with_its_sources_and_places(path: Path) -> None:
 def test_a_program_that_was_sent_does_what_the_reference_does(data: st.DataObject) -> None:
     program = data.draw(programs())
     executors = {
-        name: lambda compilation, how=how: ClientListExecutor(  # type: ignore[misc]
+        name: lambda compilation, how=how: ProgramExecutor(  # type: ignore[misc]
             decode(encode(compilation.compiled), "p"), **how
         )
         for name, how in (

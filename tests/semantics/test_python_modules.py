@@ -9,7 +9,7 @@ from typing import Any
 import pytest
 
 from colony.dsl.load import load_text
-from colony.execute.executor import ClientListExecutor, ModuleExecutor
+from colony.execute.executor import ModuleExecutor, ProgramExecutor
 from colony.ir.frame import Answer, Decision, Frame, Outcome, Record
 from colony.text.diagnostics import Failure
 from colony.verify.reference.interpreter import Interpreter
@@ -248,7 +248,7 @@ def test_answers_that_are_given_decide_as_those_that_are_computed() -> None:
     computed = answered([GOOD, None, 42], *shots)
     Scripted.built.clear()
     of = compilation(TEXT.replace("RATE", ""))
-    given = ClientListExecutor(of.compiled, answered=True)
+    given = ProgramExecutor(of.compiled, answered=True)
     interpreter = Interpreter(of.program, answered=True)
     for frame, answer, outcome in zip(shots, answers, computed, strict=True):
         assert repr(given.step(frame, {"m": answer})) == repr(outcome)

@@ -99,7 +99,7 @@ class Loop:
 
     Args:
         robot: the sensors and actuators, as declared.
-        executor: decides frames in base units (`ir.program.in_base_units`).
+        executor: decides frames in base units (`ir.program.robot_in_base_units`).
         drivers: the devices; they tell time by `clock`.
         scripts: by name, in the order in which they run in a moment.
         clock: the time, which the loop moves on.

@@ -4,11 +4,11 @@ its modules in Python, and the observer. Each can be built alone, in a process o
 from __future__ import annotations
 
 from colony.execute.compiled import Compiled
-from colony.execute.executor import ClientListExecutor, ModuleExecutor
+from colony.execute.executor import ModuleExecutor, ProgramExecutor
 from colony.runtime.clients.announcer import Announcer
 from colony.runtime.clients.client import ClientNode
-from colony.runtime.clients.slices import ClientSlice
-from colony.runtime.frames.assembly import FrameAssembler, frames_kept
+from colony.runtime.clients.client_program import ClientProgram
+from colony.runtime.frames.assembler import FrameAssembler, frames_kept
 from colony.runtime.observe.monitor import Monitor
 from colony.runtime.observe.observer import Observer, Sink
 from colony.runtime.protocol.bindings import Bindings, SensorBinding
@@ -20,7 +20,7 @@ def build_client(compiled: Compiled, bindings: Bindings, actuator: str, module: 
     Raises:
         KeyError: there is no such client.
     """
-    part = ClientSlice(compiled, actuator, module)
+    part = ClientProgram(compiled, actuator, module)
     (server,) = (b.server for b in bindings.actuators if b.actuator == actuator)
     (on_loss,) = (a.on_loss for a in compiled.robot.actuators if a.name == actuator)
     assembler = FrameAssembler(
@@ -62,7 +62,7 @@ def build_observer(
     return Observer(
         FrameAssembler(bindings.sensors, run=run, keep=keep, declared=True),
         tuple(a.name for a in actuators),
-        Monitor(ClientListExecutor(compiled, simplified=False, answered=True), degrading, modules),
+        Monitor(ProgramExecutor(compiled, simplified=False, answered=True), degrading, modules),
         sinks,
         modules=FrameAssembler((), modules, run=run, keep=keep, awaited="living") if modules else None,
         heeded=tuple(dict.fromkeys(b.server for b in bindings.actuators)) if requests else (),

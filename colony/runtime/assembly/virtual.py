@@ -15,7 +15,7 @@ from functools import partial
 from colony.execute.compiled import Compiled
 from colony.ir.types import Value
 from colony.runtime.assembly.nodes import build_announcer, build_client, build_observer
-from colony.runtime.frames.assembly import frames_kept
+from colony.runtime.frames.assembler import frames_kept
 from colony.runtime.frames.clock import Clock
 from colony.runtime.observe.closing import close_all
 from colony.runtime.observe.observer import Sink

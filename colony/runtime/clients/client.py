@@ -1,6 +1,6 @@
 """A client: one module for one actuator, a process of its own (thesis section 4.8.2).
 
-It puts its frames together from what the servers publish, steps its slice of the program over every one of
+It puts its frames together from what the servers publish, steps its view of the program over every one of
 them, and sends its actuator's server one request a frame: a command, or why it has none. It talks to no other
 client. A client that is behind steps through the frames that it missed, and speaks again at the present one.
 
@@ -13,8 +13,8 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
 
-from colony.runtime.clients.slices import ClientSlice
-from colony.runtime.frames.assembly import Assembled, FrameAssembler
+from colony.runtime.clients.client_program import ClientProgram
+from colony.runtime.frames.assembler import Assembled, FrameAssembler
 from colony.runtime.frames.membership import Membership
 from colony.runtime.protocol import topics
 from colony.runtime.protocol.fields import DSERVER
@@ -28,7 +28,7 @@ RECALL_NS = 1_000_000_000
 
 
 class ClientNode:
-    """Mutable: the memory of its slice, and frames that are not complete yet."""
+    """Mutable: the memory of its view, and frames that are not complete yet."""
 
     def __init__(
         self,
@@ -37,7 +37,7 @@ class ClientNode:
         module: str,
         server: str,
         assembler: FrameAssembler,
-        part: ClientSlice,
+        part: ClientProgram,
         run: str,
     ) -> None:
         self.address = topics.client_address(actuator, module)

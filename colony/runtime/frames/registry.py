@@ -18,7 +18,7 @@ class _Member:
     late: int = 0
 
 
-class Roll:
+class ClientRegistry:
     """Mutable: all of it.
 
     `clients` (by address) send a request a frame, and say that they do; `others` only have to be ready for a

@@ -11,7 +11,7 @@ from types import MappingProxyType
 
 from colony.compile.backends.python.generate import generate, load
 from colony.compile.pipeline import Compilation, compile_program
-from colony.execute.executor import ClientExecutor, ClientListExecutor, ClientStep, ModuleExecutor
+from colony.execute.executor import ClientExecutor, ClientStep, ModuleExecutor, ProgramExecutor
 from colony.execute.intake import converted
 from colony.ir.frame import Decision, Executor, Frame, Outcome
 from colony.ir.program import Program, in_declared_units
@@ -22,11 +22,11 @@ Factory = Callable[[Compilation], Executor]
 
 
 def _clients(compilation: Compilation) -> Executor:
-    return ClientListExecutor(compilation.compiled)
+    return ProgramExecutor(compilation.compiled)
 
 
 def _exclusive_clients(compilation: Compilation) -> Executor:
-    return ClientListExecutor(compilation.compiled, exclusive=True)
+    return ProgramExecutor(compilation.compiled, exclusive=True)
 
 
 def _generated_python(compilation: Compilation) -> Executor:
@@ -113,13 +113,13 @@ def _first_difference(
     return None
 
 
-# --- clients that know only their own slice ------------------------------------------------------
+# --- clients that know only their own view -------------------------------------------------------
 
 
 class ClientsAlone:
     """The clients of a program, each for itself (an `ir.frame.Executor`). Mutable: it has all of the memory.
 
-    Every client runs alone, as in the runtime, on the slice of the program that it needs. A decision is what
+    Every client runs alone, as in the runtime, on the view of the program that it needs. A decision is what
     the server would make of their requests: in each frame exactly the winner must be active by its own
     knowledge, with its command, or the reason why it has none. Python modules run alone, too, and their
     answers are given to the clients. Records and breaches are the reference's: clients know none.
@@ -142,7 +142,7 @@ class ClientsAlone:
     def step(self, frame: Frame) -> Outcome:
         """One frame."""
         expected = self._interpreter.step(frame)
-        inside = in_base_units(self._program, frame)
+        inside = frame_in_base_units(self._program, frame)
         answers = {name: module.step(inside) for name, module in self._modules.items()}
         steps = {key: client.step(inside, answers) for key, client in self._clients.items()}
         return expected._replace(
@@ -158,7 +158,7 @@ class ClientsAlone:
             module.restart()
 
 
-def in_base_units(program: Program, frame: Frame) -> Frame:
+def frame_in_base_units(program: Program, frame: Frame) -> Frame:
     """Return a frame in base units, as the executors of clients take it."""
     factors = {s.name: s.factor for s in program.robot.sensors if s.factor != 1.0}
     readings = {

@@ -42,7 +42,7 @@ from colony.runtime.protocol.messages import Message, Tick
 from colony.runtime.protocol.topics import module_of
 from colony.runtime.transport.faults import Faults, Rates
 from colony.verify.reference.interpreter import Interpreter
-from colony.verify.testing.agreement import in_base_units
+from colony.verify.testing.agreement import frame_in_base_units
 from colony.verify.testing.strategies import run_of_seed
 from tests.runtime.assembly.loss_stage import Robot, Seen
 
@@ -242,7 +242,9 @@ def check_memory(robot: Robot, epoch: list[Tick], paths: list[Path], counts: Cou
                 if tick.k > ends:
                     break
                 lost = frozenset(map(module_of, tick.lost)) if degrading else frozenset[str]()
-                executor.step(in_base_units(robot.program, path.frames[tick.k]), path.answers[tick.k], lost)
+                executor.step(
+                    frame_in_base_units(robot.program, path.frames[tick.k]), path.answers[tick.k], lost
+                )
                 if tick.k in saved or tick.k == at_end[1]:
                     allowed.setdefault(tick.k, set()).add(repr(executor.memory))
         for k, data in saved.items():

@@ -13,7 +13,7 @@ from colony.ir.program import Program
 from colony.runtime.assembly.nodes import build_client
 from colony.runtime.clients.client import RECALL_NS, ClientNode
 from colony.runtime.clients.memory import encode_memory
-from colony.runtime.frames.assembly import frames_kept
+from colony.runtime.frames.assembler import frames_kept
 from colony.runtime.frames.membership import READY_AGAIN_NS
 from colony.runtime.protocol.bindings import bind
 from colony.runtime.protocol.messages import (

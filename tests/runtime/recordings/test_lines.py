@@ -12,7 +12,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from colony.compile.pipeline import compile_program
-from colony.execute.executor import ClientListExecutor
+from colony.execute.executor import ProgramExecutor
 from colony.ir.frame import Decision, Frame, Outcome, Reading
 from colony.ir.program import Actuator, ActuatorField, Program, Sensor
 from colony.ir.types import BOOL, PLAIN, Array
@@ -68,7 +68,7 @@ def test_every_write_is_a_whole_line() -> None:
 def test_what_is_read_back_is_decided_as_it_was() -> None:
     lines, log = recorded(script())
     program = roam()
-    executor = ClientListExecutor(compile_program(program).compiled)
+    executor = ProgramExecutor(compile_program(program).compiled)
     for line, frame, took in zip(lines, read_frames(lines, "run.jsonl", program), log.frames, strict=True):
         assert frame.t_ns == took.frame.t_ns
         decision = executor.step(frame).decisions[0]

@@ -17,7 +17,6 @@ from colony.ir.frame import Frame, Outcome
 from colony.ir.program import Program
 from colony.runtime.assembly.processes.children import Job
 from colony.runtime.assembly.processes.crew import client_jobs, fresh_folder, server_parts
-from colony.runtime.assembly.processes.leader import LeaderServer, Standings
 from colony.runtime.assembly.processes.parts import nodes_of, serves
 from colony.runtime.assembly.processes.spec import (
     Device,
@@ -31,6 +30,7 @@ from colony.runtime.assembly.processes.spec import (
     write_private,
     write_spec,
 )
+from colony.runtime.assembly.processes.standings import LeaderServer, Standings
 from colony.runtime.assembly.processes.window import Window
 from colony.runtime.library.ask import Ask
 from colony.runtime.library.leader import LEADER, RunStatus

@@ -1,4 +1,4 @@
-"""The compiled program in the shapes in which the processes of the runtime execute it."""
+"""What a client executes of a program: a frame in, a request out, and memory as bytes."""
 
 from __future__ import annotations
 
@@ -6,13 +6,13 @@ from colony.execute.compiled import Compiled
 from colony.execute.executor import ClientExecutor
 from colony.ir.frame import Answer
 from colony.runtime.clients.memory import BadMemory, decode_memory, encode_memory
-from colony.runtime.frames.assembly import Assembled
+from colony.runtime.frames.assembler import Assembled
 from colony.runtime.protocol import topics
 from colony.runtime.protocol.messages import Request
 
 
-class ClientSlice:
-    """The part of a program that one client executes. Mutable: its memory.
+class ClientProgram:
+    """Steps one client's view of a program. Mutable: its memory.
 
     Raises:
         KeyError: there is no such client.
