@@ -30,8 +30,8 @@ def reports(program: Program, count: int, seed: int, *, faults: bool = False) ->
     Raises:
         Failure: a module in Python cannot be imported or built.
     """
-    from colony.robots.executor import VirtualExecutor
     from colony.robots.faults import with_faults
+    from colony.robots.virtual_executor import VirtualExecutor
     from colony.verify.testing.agreement import ALL_EXECUTORS
 
     return examples(

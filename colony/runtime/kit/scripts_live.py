@@ -1,8 +1,8 @@
 """Several scripts side by side over live connections, one of which leads: when it ends, all of them do.
 
-with LiveScripts(session, {"clerk": clerk(), "planner": planner(plan)}, leader="planner") as team:
-    team.wait()
-print(team.done, team.problem)
+with LiveScripts(session, {"clerk": clerk(), "planner": planner(plan)}, leader="planner") as scripts:
+    scripts.wait()
+print(scripts.done, scripts.problem)
 """
 
 from __future__ import annotations

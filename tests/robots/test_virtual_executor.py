@@ -14,8 +14,8 @@ import pytest
 from colony.compile.pipeline import Compilation, compile_program
 from colony.dsl.load import load_file
 from colony.ir.frame import Frame
-from colony.robots.executor import VirtualExecutor
 from colony.robots.faults import with_faults
+from colony.robots.virtual_executor import VirtualExecutor
 from colony.runtime.arbitration.arbiter import Arbiter
 from colony.runtime.frames.assembler import Assembled, FrameAssembler
 from colony.runtime.servers.publishing import Publisher
