@@ -28,7 +28,7 @@ def run_script(
     stop: Event | None = None,
     timeout_s: float = TIMEOUT_S,
 ) -> bool:
-    """Run a script to its end; True, or False where `stop` was set before.
+    """Run a script. Return True at its end, False if `stop` was set before.
 
     A connection to a server is opened when the script first asks something of it, and all are closed in the
     end, whatever that is. What goes wrong with a call is raised in the script; what the script does not catch

@@ -70,5 +70,5 @@ def deploy(deployment: Deployment) -> Ask[None]:
 
 
 def who() -> Ask[Who]:
-    """Who takes part in the run, as far as the Clock knows."""
+    """Read which servers and clients take part in the run."""
     return Ask("who", Nothing(), Who, "read", repeatable=True)

@@ -68,7 +68,7 @@ class Disagreement:
 
 
 def reference(program: Program, trace: Sequence[Frame]) -> tuple[Outcome, ...]:
-    """What the reference interpreter does over `trace`, from its initial memory."""
+    """Return what the reference interpreter does over `trace`, from its initial memory."""
     interpreter = Interpreter(program)
     return tuple(interpreter.step(frame) for frame in trace)
 
@@ -80,7 +80,7 @@ def disagreement(
     expected: Sequence[Outcome] | None = None,
     compilation: Compilation | None = None,
 ) -> Disagreement | None:
-    """The first executor that differs from the reference over `trace`, at its first frame; None if none does.
+    """Return how the first executor that differs from the reference over `trace` does; None if none does.
 
     Each executor starts from its initial memory. What an executor raises is a disagreement too; what
     compiling raises is raised. `expected` is what `reference` gave and `compilation` what compiling gives,
@@ -140,7 +140,7 @@ class ClientsAlone:
         }
 
     def step(self, frame: Frame) -> Outcome:
-        """One frame."""
+        """Decide one frame."""
         expected = self._interpreter.step(frame)
         inside = frame_in_base_units(self._program, frame)
         answers = {name: module.step(inside) for name, module in self._modules.items()}
@@ -169,11 +169,11 @@ def frame_in_base_units(program: Program, frame: Frame) -> Frame:
 
 
 ALL_EXECUTORS: Mapping[str, Factory] = MappingProxyType({**EXECUTORS, "clients alone": ClientsAlone})
-"""Those, and each client of the compiled form for itself."""
+"""The same executors, and each client of the compiled form alone."""
 
 
 def client_disagreement(program: Program, trace: Sequence[Frame]) -> Disagreement | None:
-    """The first frame in which the clients, each for itself, do not do what the reference does."""
+    """Return the first frame in which the clients, each alone, do not do what the reference does."""
     return disagreement(program, trace, {"clients alone": ClientsAlone})
 
 

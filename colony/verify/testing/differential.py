@@ -44,7 +44,7 @@ Trial = Callable[[Compilation, Sequence[Frame], int], Disagreement | None]
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ModuleCoverage:
-    """In how many frames a module won, was active, and was silent for want of a sensor.
+    """Numbers of frames in which a module won, was active, and was silent for want of a sensor.
 
     `won` is None of a module that commands nothing.
     """
@@ -74,7 +74,7 @@ class Unsteady:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Report:
-    """What is known after `drawn` of `asked` traces with `frames` frames in all.
+    """The findings after `drawn` of `asked` traces with `frames` frames in all.
 
     `finished`: no more follow, because all are drawn, or because of a disagreement or an unsteady module.
     """
@@ -104,7 +104,7 @@ def examples(
     trials: Mapping[str, Trial] = MappingProxyType({}),
     max_frames: int = FRAMES,
 ) -> Iterator[Report]:
-    """Draw `count` traces of `program`; after each, what is known so far. The last report is `finished`.
+    """Draw `count` traces of `program`, and yield a report after each. The last one is `finished`.
 
     The same for the same program, count and seed. What is found is reported as it was drawn, and once more
     when it is shrunk. `executors` are held against the reference interpreter, `trials` are tried besides. A
