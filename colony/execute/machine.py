@@ -132,7 +132,7 @@ class Machine:
                 return self._outside(op)
 
     def _outside(self, op: Op) -> Step:
-        """The same for an op that depends on Python modules, on other clients, or on decisions."""
+        """Return the step of an op that depends on Python modules, on other clients, or on decisions."""
         decided = self._decided
         match op:
             case PythonActive(module=module):

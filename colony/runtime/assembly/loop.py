@@ -40,7 +40,7 @@ from colony.runtime.store.store import Journal, MemoryStore
 from colony.runtime.transport.virtual import VirtualClock
 
 Watch = Callable[[Frame, Outcome], None]
-"""Is shown every frame, in base units, after the network has decided and before anything moves."""
+"""A function that is called with every frame and its outcome, both in base units, before anything moves."""
 
 
 class _Forgetful(Journal):

@@ -139,7 +139,7 @@ def prove_python(
 def prove_clients(
     program: Program, clients: ClientList, *, form: str = CLIENTS, timeout_ms: int = TIMEOUT_MS
 ) -> Result:
-    """The same of any list of clients, called `form` in what is found."""
+    """Prove that a list of clients is the program's network; `form` is its name in what is found."""
     with collector_at_rest():
         malformed = _malformed(clients, form)
         return malformed or _Proof(program, clients, form, timeout_ms).result()

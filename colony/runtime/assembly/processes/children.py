@@ -226,7 +226,7 @@ server that saw 178 clients die)."""
 
 
 def _environment(*, one_thread: bool) -> dict[str, str]:
-    """The same as here, and where this package is found also if it is not installed."""
+    """Return the environment of this process, in which a child finds this package even if not installed."""
     root = str(Path(colony.__file__).parent.parent)
     threads = {"ZENOH_RUNTIME": ONE_THREAD} if one_thread else {}
     environment = {**threads, "MALLOC_ARENA_MAX": ONE_ARENA, **os.environ}
