@@ -28,8 +28,8 @@ from colony.execute.compiled import Compiled
 from colony.ir.program import Program
 from colony.runtime.assembly.nodes import build_observer
 from colony.runtime.assembly.processes.children import Job
-from colony.runtime.assembly.processes.crew import CLIENTS as CLIENTS_FIRST
-from colony.runtime.assembly.processes.crew import client_jobs, fresh_folder, server_jobs, server_parts
+from colony.runtime.assembly.processes.jobs import CLIENTS as CLIENTS_FIRST
+from colony.runtime.assembly.processes.jobs import client_jobs, fresh_folder, server_jobs, server_parts
 from colony.runtime.assembly.processes.run import LedRun
 from colony.runtime.assembly.processes.spec import Device
 from colony.runtime.assembly.processes.standings import Standings

@@ -152,7 +152,7 @@ print(node.address, *sys.modules)
 def test_a_client_process_loads_neither_the_front_end_nor_the_compiler(tmp_path: Path) -> None:
     """As far as its node, which is built from the file that the leader writes."""
     from colony.compile.pipeline import compile_program
-    from colony.runtime.assembly.processes.crew import client_jobs
+    from colony.runtime.assembly.processes.jobs import client_jobs
     from colony.runtime.protocol.bindings import bind
     from colony.runtime.protocol.deployment import deployment
     from colony.runtime.transport.live.place import Local

@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any
 
-from colony.collector import collector_at_rest
+from colony.collector import gc_paused
 from colony.compile.clients import ClientList
 from colony.compile.lower.lower import lower
 from colony.compile.network import Network
@@ -52,14 +52,14 @@ class Compilation:
     @cached_property
     def compiled(self) -> Compiled:
         """What is executed, saved and sent; lowered once, when it is first asked for."""
-        with collector_at_rest():
+        with gc_paused():
             lowered = lower(self.program, self.clients, self.traversal)
         return replace(lowered, sources=self.sources, root=self.root)
 
 
 def compile_program(program: Program, sources: tuple[SourceFile, ...] = (), root: str = "") -> Compilation:
     """Run all passes over a typed program. Near-linear in the size of its network."""
-    with collector_at_rest():
+    with gc_paused():
         network, suppression, traversal, clients = _results(PASSES, program)
     return Compilation(
         program=program,
@@ -74,7 +74,7 @@ def compile_program(program: Program, sources: tuple[SourceFile, ...] = (), root
 
 def compile_network(network: Network) -> ClientList:
     """Run the passes over a network that no program describes, such as one drawn by a property test."""
-    with collector_at_rest():
+    with gc_paused():
         clients: ClientList = _results(PASSES[1:], network)[-1]
     return clients
 

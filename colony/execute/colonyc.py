@@ -14,7 +14,7 @@ from typing import Any
 import msgspec
 
 from colony.execute.compiled import Compiled
-from colony.execute.shapes import Place, restored, shape, shaped
+from colony.execute.shapes import SpanShape, restored, shape, shaped
 from colony.execute.validity import Invalid, check
 from colony.files import COMPILED, StrPath, read_file, reason
 from colony.text.diagnostics import Diagnostic, Failure, error
@@ -39,8 +39,8 @@ def encode(compiled: Compiled) -> bytes:
     """Return a compiled program as bytes. Spans outside its sources are left out."""
     numbers = {source.data: i for i, source in enumerate(compiled.sources) if source.kind == "behavior"}
 
-    def place(span: Span) -> Place:
-        return Place(numbers.get(span.source.text.encode()), span.start, span.end)
+    def place(span: Span) -> SpanShape:
+        return SpanShape(numbers.get(span.source.text.encode()), span.start, span.end)
 
     body = msgspec.msgpack.encode(shaped(compiled, place))
     return _PREFIX + sha256(body).digest() + body
@@ -85,7 +85,7 @@ def _decoded(data: bytes) -> Compiled:
         for source in read.sources
     ]
 
-    def span(place: Place) -> Span:
+    def span(place: SpanShape) -> Span:
         if place.source is None:
             return NOWHERE
         if not (

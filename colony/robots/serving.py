@@ -12,8 +12,8 @@ from colony.robots.request import BrokenOff, Misuse
 from colony.robots.simulated import SimulatedRobot, device_of, jobs_of, plant_spec
 from colony.runtime.assembly.processes import child
 from colony.runtime.assembly.processes.children import Children, told
-from colony.runtime.assembly.processes.crew import SERVERS, expect_room, fresh_folder, job_of, server_parts
 from colony.runtime.assembly.processes.ending import Ending, on_signals
+from colony.runtime.assembly.processes.jobs import SERVERS, expect_room, fresh_folder, job_of, server_parts
 from colony.runtime.assembly.processes.run import ENDING_S, LOOK_S
 from colony.runtime.assembly.processes.spec import GatewayPart, Part, Spec, name_of, said_of
 from colony.runtime.store.store import StoreError

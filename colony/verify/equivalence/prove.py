@@ -14,7 +14,7 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 
-from colony.collector import collector_at_rest
+from colony.collector import gc_paused
 from colony.compile.clients import ClientList
 from colony.compile.pipeline import Compilation
 from colony.execute.compiled import Compiled
@@ -129,7 +129,7 @@ def prove_python(
 ) -> Result:
     """Prove that generated Python has the winners of the clients, which are those of the program."""
     try:
-        with collector_at_rest():
+        with gc_paused():
             found = prove_form(partial(read_python, program, clients, python, form), clients, timeout_ms)
     except Unreadable as problem:
         return Malformed(form=form, subject="text", found=problem.found, expected=problem.expected)
@@ -140,7 +140,7 @@ def prove_clients(
     program: Program, clients: ClientList, *, form: str = CLIENTS, timeout_ms: int = TIMEOUT_MS
 ) -> Result:
     """Prove that a list of clients is the program's network; `form` is its name in what is found."""
-    with collector_at_rest():
+    with gc_paused():
         malformed = _malformed(clients, form)
         return malformed or _Proof(program, clients, form, timeout_ms).result()
 

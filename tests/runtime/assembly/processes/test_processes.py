@@ -16,7 +16,7 @@ from colony.execute.colonyc import encode, read
 from colony.ir.frame import Frame, Outcome
 from colony.ir.program import Program
 from colony.runtime.assembly.processes.children import Job
-from colony.runtime.assembly.processes.crew import client_jobs, fresh_folder, server_parts
+from colony.runtime.assembly.processes.jobs import client_jobs, fresh_folder, server_parts
 from colony.runtime.assembly.processes.parts import nodes_of, serves
 from colony.runtime.assembly.processes.spec import (
     Device,
