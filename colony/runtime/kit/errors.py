@@ -1,4 +1,4 @@
-"""What can go wrong with a connection to a server; each message says what, where, and what to do."""
+"""The errors of a connection to a server; each message says what, where, and what to do."""
 
 from __future__ import annotations
 

@@ -1,5 +1,5 @@
-"""What all connections of a process with a robot share: the network, the thread that keeps them alive, and
-the knowledge of which servers are there."""
+"""Resources that all connections of a process with a robot share: the network, the thread that keeps the
+connections alive, and the knowledge of which servers are up."""
 
 from __future__ import annotations
 

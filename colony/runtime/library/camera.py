@@ -1,4 +1,4 @@
-"""What can be asked of a CServer: its image, whole or in part, and to keep it (thesis section 4.6.4).
+"""Calls of a CServer: read its image, whole or in part, and lock it (thesis section 4.6.4).
 
 image = connection.do(camera.grab())
 pixels = camera.array(image)
@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
 _MARGIN_S = 1.0
-"""For how much longer than the server a caller waits for a lock."""
+"""Seconds that a caller waits for a lock longer than the server."""
 
 
 class ImageSize(msgspec.Struct, frozen=True, kw_only=True):

@@ -1,4 +1,4 @@
-"""What can be asked of the Clock: to run a program, and who takes part in the run."""
+"""Calls of the Clock: run a program, and read who takes part in the run."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What can be asked of DServer: variables with a history, semaphores, and to be told of changes (thesis
+"""Calls of DServer: variables with a history, semaphores, and notices of changes (thesis
 section 4.6.1).
 
     connection.do(data.set("PosX", 4))
@@ -29,7 +29,7 @@ from colony.runtime.protocol.messages import Notice
 T = TypeVar("T")
 
 _MARGIN_S = 1.0
-"""For how much longer than the server a caller waits for a semaphore."""
+"""Seconds that a caller waits for a semaphore longer than the server."""
 
 # --- arguments -------------------------------------------------------------------------------------
 

@@ -1,4 +1,4 @@
-"""What can be asked of the leader of a run: the process of `colony run`, which watches over it."""
+"""The call of the leader of a run, which is the process of `colony run`, which watches over it."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What can be asked of PServer: both rings, and how far the sonars look (thesis section 4.6.2).
+"""Calls of PServer: read both rings, and set the range of the sonars (thesis section 4.6.2).
 
 Sensors are numbered counterclockwise: 12 looks ahead, 18 to the left, 0 back, 6 to the right.
 """

@@ -1,4 +1,4 @@
-"""What can be asked of RServer: to move the base, to tell how it is, to lock it (thesis section 4.6.3, Table
+"""Calls of RServer: move the base, read its state, lock it (thesis section 4.6.3, Table
 4.1). For the emergency stop see `library/emergency.py`.
 
     connection.do(robot.move(1500, velocity=250))
@@ -30,16 +30,16 @@ if TYPE_CHECKING:
     from colony.runtime.protocol.deployment import Deployment
 
 LEASE_S = 0.5
-"""For how long a command holds that is not told again."""
+"""Seconds for which a command holds that is not repeated."""
 
 KEEP = -1.0
 """In place of a velocity or acceleration: the one that was set last."""
 
 MOTION_WAIT_S = 3600.0
-"""For how long to wait for the end of a motion."""
+"""Seconds to wait for the end of a motion."""
 
 _MARGIN_S = 1.0
-"""For how much longer than the server a caller waits for a lock."""
+"""Seconds that a caller waits for a lock longer than the server."""
 
 
 # --- arguments -------------------------------------------------------------------------------------

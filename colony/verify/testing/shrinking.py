@@ -17,7 +17,7 @@ from colony.verify.reference.boundary import sense
 from colony.verify.snapshot import Snapshot
 
 PATIENCE = 6000
-"""How many frames may be computed to shrink a trace; the best so far is given then."""
+"""The largest number of frames computed to shrink a trace; then the best trace so far is returned."""
 
 Given = TypeVar("Given", Frame, Snapshot)
 
