@@ -298,7 +298,7 @@ def test_a_leader_may_go_on_to_another_run_of_which_is_told() -> None:
 # --- the registry, and what servers answered -------------------------------------------------------------
 
 
-def test_the_roll_counts_fates() -> None:
+def test_the_registry_counts_fates() -> None:
     registry = ClientRegistry(("drive/a", "drive/b"), lease_ns=10, now_ns=0)
     registry.judged(verdict(0, ("a", "won"), ("b", "late")))
     registry.judged(verdict(0, ("a", "lost"), ("b", "lost")))
