@@ -8,7 +8,7 @@ from pathlib import Path
 
 from colony.cli.reporting import check_to_run, expect_program, refuse, say
 from colony.compile.pipeline import Compilation, compile_program
-from colony.execute.artifact import SUFFIX, read, unusable
+from colony.execute.artifact import is_compiled, read, unusable
 from colony.execute.compiled import Compiled
 from colony.robots.python_sources import changed_sources
 from colony.robots.recorded_program import program_sources
@@ -20,7 +20,7 @@ def load_compiled(path: str) -> Compiled:
 
     Exits with 2 where the file cannot be read or is damaged, with 1 where there are errors in it.
     """
-    if Path(path).suffix != SUFFIX:
+    if not is_compiled(path):
         return compile_file(path).artifact
     try:
         compiled = read(path)
