@@ -38,10 +38,10 @@ _decoder: msgspec.msgpack.Decoder[Any] = msgspec.msgpack.Decoder(shape(Compiled)
 
 def encode(compiled: Compiled) -> bytes:
     """Return a compiled program as bytes. Spans outside its sources are left out."""
-    numbers = {source.data: i for i, source in enumerate(compiled.sources) if source.kind == "behavior"}
+    numbers = {s.data.decode(): i for i, s in enumerate(compiled.sources) if s.kind == "behavior"}
 
     def place(span: Span) -> Place:
-        return Place(numbers.get(span.source.text.encode()), span.start, span.end)
+        return Place(numbers.get(span.source.text), span.start, span.end)
 
     body = msgspec.msgpack.encode(shaped(compiled, place))
     return _PREFIX + sha256(body).digest() + body

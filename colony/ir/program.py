@@ -13,7 +13,7 @@ from typing import Literal, Protocol
 from colony.ir.expression import Expression
 from colony.ir.types import Enum, Scalar, ScalarValue, Type
 from colony.record import Record, record
-from colony.text.source import NOWHERE, Span
+from colony.text.source import NOWHERE, Source, Span
 
 
 @record
@@ -318,7 +318,9 @@ class Example(Declared):
 class Program(Record):
     """Everything, in an order in which each thing stands after what it is computed from.
 
-    `derived` and `wires` are sorted so; `modules`, `limits` and `contracts` are in the order written.
+    `derived` and `wires` are sorted so; `modules`, `limits` and `contracts` are in the order written. `files`
+    are the texts that it was made of, its own last, each by its place: a relative path with `/` between its
+    parts, by which they import each other. A program that was built in memory has none.
     """
 
     robot: Robot
@@ -328,3 +330,4 @@ class Program(Record):
     limits: tuple[Limit, ...] = ()
     contracts: tuple[Contract, ...] = ()
     tests: tuple[Example, ...] = ()
+    files: tuple[tuple[str, Source], ...] = field(default=(), compare=False, repr=False)
