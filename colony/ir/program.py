@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from dataclasses import field, replace
+from reprlib import repr as short
 from typing import Literal, Protocol
 
 from colony.ir.expression import Expression
@@ -331,3 +332,13 @@ class Program(Record):
     contracts: tuple[Contract, ...] = ()
     tests: tuple[Example, ...] = ()
     files: tuple[tuple[str, Source], ...] = field(default=(), compare=False, repr=False)
+
+
+def expect_program(given: object) -> None:
+    """Check that what a library function was given is a program.
+
+    Raises:
+        TypeError: it is something else.
+    """
+    if not isinstance(given, Program):
+        raise TypeError(f"found {short(given)}; expected a program, as `colony.load` returns it")
