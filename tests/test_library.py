@@ -283,66 +283,16 @@ def test_numbers_out_of_range_are_one_clear_error() -> None:
         testing.traces(PROGRAM, max_frames=0)
 
 
-READINGS = {"bumper": False, "near": 5}
-
-
-@pytest.mark.parametrize(
-    ("frame", "expected"),
-    [
-        (None, "found None; expected a colony.Frame"),
-        ({}, "found {}; expected a colony.Frame"),
-        (Frame(0, None), "readings: found None"),  # type: ignore[arg-type]
-        (Frame(0, [5]), "readings: found"),  # type: ignore[arg-type]
-        (Frame(0, READINGS, None), "taken_ns: found None"),  # type: ignore[arg-type]
-        (Frame(0, READINGS, {"near": None}), "taken_ns of near: found None"),  # type: ignore[dict-item]
-        (Frame(0, READINGS, {"near": 0.5}), "taken_ns of near: found 0.5"),  # type: ignore[dict-item]
-        (Frame("0", READINGS), "t_ns: found '0'; expected whole nanoseconds"),  # type: ignore[arg-type]
-        (Frame(None, READINGS), "t_ns: found None"),  # type: ignore[arg-type]
-        (Frame(float("nan"), READINGS), "t_ns: found nan"),  # type: ignore[arg-type]
-        (Frame(0.5, READINGS), "t_ns: found 0.5"),  # type: ignore[arg-type]
-    ],
-)
-def test_what_is_no_frame_is_refused_and_changes_nothing(frame: Any, expected: str) -> None:
-    robot = colony.build(PROGRAM, proof=False).executor()
-    with pytest.raises(TypeError, match=expected):
-        robot.step(frame)
-    with pytest.raises(TypeError, match=expected):
-        list(testing.check(PROGRAM, [frame]))
-    assert robot.step(Frame(0, READINGS)).commands["drive"].by == "cruise"
-
-
-@pytest.mark.parametrize("t_ns", [10, 9, -1, 2**62, -(2**62), 10**400])
-def test_times_rise_and_fit_into_63_bits(t_ns: int) -> None:
-    robot = colony.build(PROGRAM, proof=False).executor()
-    robot.step(Frame(10, READINGS))
-    with pytest.raises(ValueError, match="t_ns: found"):
-        robot.step(Frame(t_ns, READINGS))
-    with pytest.raises(ValueError, match="t_ns: found"):
-        testing.disagreement(PROGRAM, [Frame(10, READINGS), Frame(t_ns, READINGS)])
-    robot.step(Frame(11, READINGS))
-    robot.restart()
-    robot.step(Frame(-5, READINGS))
+def test_what_is_no_frame_is_refused() -> None:
+    with pytest.raises(TypeError, match="found None"):
+        colony.build(PROGRAM, proof=False).executor().step(None)  # type: ignore[arg-type]
+    with pytest.raises(ValueError, match="t_ns: found 0 after 0"):
+        list(testing.check(PROGRAM, [Frame(0, {})] * 2))
 
 
 def test_a_trace_may_be_an_iterator() -> None:
-    frames = [Frame(k, READINGS) for k in range(3)]
+    frames = [Frame(k, {"bumper": False, "near": 5}) for k in range(3)]
     assert [frame for frame, _ in testing.check(PROGRAM, iter(frames))] == frames
-
-
-def test_numbers_of_numpy_are_numbers() -> None:
-    import numpy as np
-
-    readings = {"bumper": np.bool_(True), "near": np.float32(0.25)}
-    frame = Frame(np.int64(3), readings, {"near": np.int64(2)})  # type: ignore[arg-type, dict-item]
-    (plain, outcome), *_ = testing.check(PROGRAM, [frame])
-    assert plain == Frame(3, {"bumper": True, "near": 0.25}, {"near": 2})
-    assert outcome.commands["drive"].by == "back_off"
-    assert outcome.records == ()
-    rays = colony.loads(TEXT.replace("near   :", "near[3] :").replace("near > 0.5 m", "near[2] > 0.5 m"))
-    of_rays = colony.build(rays).executor()
-    for near in (np.ones(3, dtype=np.float32), [np.float32(1)] * 3):
-        of_rays.restart()
-        assert of_rays.step(Frame(0, {"near": near})).commands["drive"].by == "cruise"  # type: ignore[dict-item]
 
 
 def test_stepping_does_not_import_numpy() -> None:

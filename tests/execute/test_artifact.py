@@ -19,7 +19,7 @@ from hypothesis import strategies as st
 
 from colony.cli.programs import compile_file
 from colony.compile.pipeline import compile_program
-from colony.execute.artifact import LARGEST, VERSION, decode, encode, read
+from colony.execute.artifact import LARGEST, VERSION, decode, encode, is_compiled, read
 from colony.execute.code import Apply, Cell, Code, Kind, Literal, OldCell, PythonActive, SensorElement, Table
 from colony.execute.compiled import Compiled
 from colony.execute.executor import ClientListExecutor
@@ -134,6 +134,24 @@ def test_other_bytes_and_other_versions_are_refused(wander: Compiled, tmp_path: 
     for path in (large, tmp_path / "none.colonyc", tmp_path):
         with pytest.raises(Failure, match="C001"):
             read(path)
+
+
+@pytest.mark.parametrize(
+    ("name", "content", "expected"),
+    [
+        ("a.colonyc", b"", True),
+        ("a.colony", b"robot", False),
+        ("a.colony", b"colony", False),
+        ("a.colony", b"colonyc", True),
+        ("a", b"colonyc\0", True),
+    ],
+)
+def test_a_compiled_program_is_known_by_its_name_or_its_first_bytes(
+    tmp_path: Path, name: str, content: bytes, expected: bool
+) -> None:
+    assert not is_compiled(tmp_path)
+    (tmp_path / name).write_bytes(content)
+    assert is_compiled(tmp_path / name) is expected
 
 
 def test_bytes_that_are_damaged_and_signed_again_are_refused_or_harmless(wander: Compiled) -> None:
