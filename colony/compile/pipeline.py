@@ -38,7 +38,7 @@ class Compilation:
         suppression: the same without inhibitors.
         traversal: its clients before simplification.
         clients: its clients.
-        sources, root: its files (see `Compiled`).
+        python: the files of its modules in Python, for the artifact.
     """
 
     program: Program
@@ -46,18 +46,22 @@ class Compilation:
     suppression: SuppressionNetwork
     traversal: ClientList
     clients: ClientList
-    sources: tuple[SourceFile, ...] = ()
-    root: str = ""
+    python: tuple[SourceFile, ...] = ()
 
     @cached_property
     def compiled(self) -> Compiled:
         """What is executed, saved and sent; lowered once, when it is first asked for."""
         with gc_paused():
             lowered = lower(self.program, self.clients, self.traversal)
-        return replace(lowered, sources=self.sources, root=self.root)
+        files = self.program.files
+        texts = [
+            SourceFile(kind="behavior", place=place, data=source.text.encode("utf-8", "replace"))
+            for place, source in files
+        ]
+        return replace(lowered, sources=(*texts, *self.python), root=files[-1][0] if files else "")
 
 
-def compile_program(program: Program, sources: tuple[SourceFile, ...] = (), root: str = "") -> Compilation:
+def compile_program(program: Program, python: tuple[SourceFile, ...] = ()) -> Compilation:
     """Run all passes over a typed program. Near-linear in the size of its network."""
     with gc_paused():
         network, suppression, traversal, clients = _results(PASSES, program)
@@ -67,8 +71,7 @@ def compile_program(program: Program, sources: tuple[SourceFile, ...] = (), root
         suppression=suppression,
         traversal=traversal,
         clients=clients,
-        sources=sources,
-        root=root,
+        python=python,
     )
 
 

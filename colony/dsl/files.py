@@ -131,6 +131,24 @@ def load_tree(path: Path, name: str, text: str | None = None) -> SourceTree:
     return SourceTree(files=loader.in_order(key), diagnostics=tuple(loader.diagnostics))
 
 
+def placed(tree: SourceTree, path: Path) -> tuple[tuple[str, Source], ...]:
+    """Return the texts of a tree by their places (see `Program.files`); its own file is at `path`.
+
+    Places are relative to the folder that has all of them, and are where imports find the files, also where
+    links lead elsewhere.
+    """
+    places: dict[str, str] = {}
+    for file in reversed(tree.files):  # importers before what they import
+        place = places.setdefault(file.key, os.path.abspath(path))
+        for one in file.imports:
+            target = os.path.join(os.path.dirname(place), one.declaration.path)
+            places.setdefault(one.target, os.path.normpath(target))
+    base = os.path.commonpath([os.path.dirname(places[file.key]) for file in tree.files])
+    return tuple(
+        (Path(os.path.relpath(places[file.key], base)).as_posix(), file.source) for file in tree.files
+    )
+
+
 class _Loader:
     """Files found so far. Iterative, so that a long chain of imports is no deep recursion."""
 

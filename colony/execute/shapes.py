@@ -22,7 +22,7 @@ MOST = 500_000
 """The largest number of things of one kind, checked before any of them is read."""
 
 
-class SpanShape(msgspec.Struct, frozen=True, array_like=True):
+class SpanShape(msgspec.Struct, frozen=True, array_like=True, forbid_unknown_fields=True):
     """A span: the number of its source, None for a place that no source has, and its start and end there."""
 
     source: int | None
@@ -55,7 +55,15 @@ def shape(hint: Any) -> Any:
 def _of_class(of: Any) -> Any:
     hints = get_type_hints(of)
     members = [(f.name, shape(hints[f.name])) for f in fields(of)]
-    made = msgspec.defstruct(of.__name__, members, frozen=True, array_like=True, tag=True, tag_field="")
+    made = msgspec.defstruct(
+        of.__name__,
+        members,
+        frozen=True,
+        array_like=True,
+        forbid_unknown_fields=True,
+        tag=True,
+        tag_field="",
+    )
     _CLASSES[made] = of
     return made
 

@@ -24,7 +24,7 @@ from random import Random
 from hypothesis import strategies as st
 
 from colony.ir.frame import Frame
-from colony.ir.program import Program
+from colony.ir.program import Program, expect_program
 from colony.verify.testing.drawing import Choices
 from colony.verify.testing.frames import draw_frame, draw_trace
 from colony.verify.testing.networks import draw_network
@@ -75,6 +75,7 @@ def frames(program: Program, *, t_ns: int = 0) -> st.SearchStrategy[Frame]:
 
     Its readings are near the numbers of the program, wrong, or missing.
     """
+    expect_program(program)
     return choices().map(lambda c: draw_frame(c, program, t_ns))
 
 
@@ -86,6 +87,9 @@ def traces(program: Program, *, max_frames: int = 8) -> st.SearchStrategy[tuple[
     missing, and are of the wrong type, length or range. Arrays are mostly alike but for some elements in a
     row. Some traces begin as a test of the program does.
     """
+    expect_program(program)
+    if max_frames < 1:
+        raise ValueError(f"max_frames: found {max_frames}; expected 1 or more")
     return choices().map(lambda c: draw_trace(c, program, max_frames))
 
 

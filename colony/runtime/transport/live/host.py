@@ -41,6 +41,7 @@ from colony.runtime.protocol.messages import (
     Reply,
     Send,
     Settling,
+    Tick,
     Wake,
 )
 from colony.runtime.protocol.plausibility import check_plausible
@@ -50,7 +51,7 @@ from colony.runtime.transport.live.inbox import Inbox
 from colony.runtime.transport.live.network import ZenohSession, local_user
 from colony.runtime.transport.live.outbox import Outbox, Report
 from colony.runtime.transport.live.place import Place
-from colony.runtime.transport.live.robot_time import time_of
+from colony.runtime.transport.live.robot_time import LearnedTime, time_of
 from colony.runtime.transport.live.stop_lane import StopLane
 from colony.runtime.transport.live.waiting import Waiting, WaitingRoom
 
@@ -86,6 +87,7 @@ class Host:
         self._nodes = tuple(nodes)
         self._network = network
         self._time = time
+        self._learned = time if isinstance(time, LearnedTime) else None
         self._report = report
         self._inbox = Inbox(WaitingRoom())
         session, robot, user = network.session, network.robot, network.user
@@ -306,6 +308,8 @@ class Host:
                 self._listen_to_stops(topic, declared)
             else:
                 self._subscribe(keys.listening(robot, topic), self._takes_frame(topic), declared)
+        if self._learned is not None and topics.TICKS in self._listeners:
+            self._learned.stop_listening()  # `_read` tells it of ticks: each is decoded once
 
     def _listen_to_stops(self, topic: str, declared: ExitStack) -> None:
         """Have a lane for what comes under the right to stop, over both sessions where there are two."""
@@ -415,6 +419,8 @@ class Host:
             return waiting.message
         try:
             message = keys.check_frame(codec.decode(waiting.message), waiting.topic)
+            if self._learned is not None and isinstance(message, Tick):
+                self._learned.heard(message.t_ns)
             check_plausible(message, self._time())
         except NotAMessage as problem:
             return Malformed(topic=waiting.topic, connection=None, reason=str(problem))
