@@ -52,11 +52,11 @@ def _best(program: Program) -> tuple[float, str]:
     while runs < LEAST_RUNS or spent < LEAST_SECONDS:
         gc.collect()
         start = process_time()
-        compiled = compile_program(program)
+        compilation = compile_program(program)
         seconds = process_time() - start
         best, runs, spent = min(best, seconds), runs + 1, spent + seconds
-    clients = sum(len(one.clients) for one in compiled.clients.actuators)
-    nodes, guards = len(compiled.network.nodes), len(compiled.clients.guards)
+    clients = sum(len(one.clients) for one in compilation.clients.actuators)
+    nodes, guards = len(compilation.network.nodes), len(compilation.clients.guards)
     return best, f"{nodes:,} nodes, {clients:,} clients, {guards:,} guards"
 
 

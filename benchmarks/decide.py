@@ -139,7 +139,7 @@ def _contestants(size: int) -> dict[str, Contestant]:
 def generated(size: int) -> Tick:
     """`step` of the generated program."""
     program = workload(size)
-    tick: Tick = load(generate(compile_program(program).artifact)).program.step
+    tick: Tick = load(generate(compile_program(program).compiled)).program.step
     return tick
 
 

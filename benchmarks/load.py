@@ -14,7 +14,6 @@ import argparse
 import os
 import re
 import signal
-import statistics
 import subprocess
 import sys
 import time
@@ -23,7 +22,7 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import NamedTuple
 
-from benchmarks.processes import LOOP, ROOT, Row, scratch
+from benchmarks.processes import LOOP, ROOT, scratch
 from colony.runtime.kit.connection import Session
 from colony.runtime.library.leader import LEADER, RunStatus, run_status
 
@@ -141,8 +140,10 @@ def main() -> None:
     known, options = parser.parse_known_args()
     for behavior in known.behaviors or BEHAVIORS:
         load = robot(behavior, *options)
-        print(f"{behavior}: {sum(load.ms.values()):.2f} ms a frame, {sum(load.mb.values()):.0f} MB, "
-              f"{load.late} late in {load.frames} frames")
+        print(
+            f"{behavior}: {sum(load.ms.values()):.2f} ms a frame, {sum(load.mb.values()):.0f} MB, "
+            f"{load.late} late in {load.frames} frames"
+        )
         for name, ms in sorted(load.ms.items(), key=lambda item: -item[1]):
             print(f"  {name:32} {ms:6.2f} ms {load.mb[name]:6.1f} MB")
 

@@ -28,11 +28,11 @@ from colony.execute.compiled import Compiled
 from colony.ir.program import Program
 from colony.runtime.assembly.nodes import build_observer
 from colony.runtime.assembly.processes.children import Job
-from colony.runtime.assembly.processes.crew import CLIENTS as CLIENTS_FIRST
-from colony.runtime.assembly.processes.crew import client_jobs, fresh_folder, server_jobs, server_parts
-from colony.runtime.assembly.processes.leader import Standings
+from colony.runtime.assembly.processes.jobs import CLIENTS as CLIENTS_FIRST
+from colony.runtime.assembly.processes.jobs import client_jobs, fresh_folder, server_jobs, server_parts
 from colony.runtime.assembly.processes.run import LedRun
 from colony.runtime.assembly.processes.spec import Device
+from colony.runtime.assembly.processes.standings import Standings
 from colony.runtime.assembly.processes.window import Window
 from colony.runtime.observe.observer import FrameLog, Sink
 from colony.runtime.protocol import topics
@@ -116,7 +116,7 @@ def robot_of(clients: int, frames: int, *sinks: Sink, lockstep: bool) -> Iterato
     """A scripted robot and a run of `clients` clients on it, of which none is started yet."""
     with scratch() as folder:
         program = program_of(clients, folder)
-        compiled = compile_program(program).artifact
+        compiled = compile_program(program).compiled
         bindings = bind(compiled.robot)
         place = Local(RunDirectory(folder / "r").robot("bench"))
         deployed = deployment(compiled, bindings, run="bench", seed=1, lockstep=lockstep)

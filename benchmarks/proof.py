@@ -45,10 +45,10 @@ def _compilation(name: str, make: Callable[[int], Program], unit: str) -> list[R
         program = make(size)
         gc.collect()
         start = perf_counter()
-        compiled = compile_program(program)
+        compilation = compile_program(program)
         compiling = perf_counter() - start
         start = perf_counter()
-        result = prove.prove(program, compiled, sent=partial(getattr, compiled, "artifact"))
+        result = prove.prove(program, compilation, sent=partial(getattr, compilation, "compiled"))
         seconds = perf_counter() - start
         match result:
             case results.Proved(by_structure=by_structure, by_solver=by_solver):

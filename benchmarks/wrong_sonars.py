@@ -76,7 +76,16 @@ def drive(config: RobotConfig, way: Plan, seed: int) -> Errors:
     camera = SimulatedCamera(plant, lambda now_ns: CeilingShot(ceiling, world, 0, now_ns))
     drivers = simulated_drivers(plant, cameras={CEILING_CAMERA: camera})
     scripts = OURS.scripts(way, Building(maps=(floor,)))
-    loop = Loop(behavior_of(OURS.behavior), drivers, scripts, clock=clock, advance=plant.catch_up, seed=seed)
+    behavior = behavior_of(OURS.behavior)
+    loop = Loop(
+        behavior.robot,
+        behavior.executor(),
+        drivers,
+        scripts,
+        clock=clock,
+        advance=plant.catch_up,
+        seed=seed,
+    )
     off_mm: list[float] = []
     off_deg: list[float] = []
     while not loop.scripts.ended(PLANNER) and loop.now_ns < LONGEST_S * 1e9:

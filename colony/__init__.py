@@ -30,19 +30,24 @@ if TYPE_CHECKING:
     from colony.ir.frame import Frame as Frame
     from colony.ir.frame import Outcome as Outcome
     from colony.library import Build as Build
+    from colony.library import CompiledProgram as CompiledProgram
     from colony.library import audit as audit
     from colony.library import build as build
     from colony.library import compare as compare
     from colony.library import load as load
     from colony.library import loads as loads
     from colony.library import prove as prove
+    from colony.library import read as read
     from colony.library import recorded as recorded
     from colony.text.diagnostics import Failure as Failure
 
 _HOMES = {
     "colony.text.diagnostics": ("Failure",),
     "colony.ir.frame": ("Decision", "Frame", "Outcome"),
-    "colony.library": ("Build", "audit", "build", "compare", "load", "loads", "prove", "recorded"),
+    "colony.library": (
+        *("Build", "CompiledProgram"),
+        *("audit", "build", "compare", "load", "loads", "prove", "read", "recorded"),
+    ),
 }
 _HOME = {name: home for home, names in _HOMES.items() for name in names}
 

@@ -1,4 +1,4 @@
-"""The garbage collector of cycles, at rest where only trees are made, or nothing is left to be found."""
+"""The garbage collector of cycles, paused where there are none to be found."""
 
 from __future__ import annotations
 
@@ -8,8 +8,8 @@ from contextlib import contextmanager
 
 
 @contextmanager
-def collector_at_rest() -> Iterator[None]:
-    """No garbage collection by cycles inside; afterwards it is as it was.
+def gc_paused() -> Iterator[None]:
+    """Pause the collection of cycles inside the `with`.
 
     Stages make many objects and no cycles, and the collector, going over all of them time and again, takes
     a third of the time of a large network.

@@ -5,7 +5,9 @@ from __future__ import annotations
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
+from math import inf
 from os import PathLike
+from reprlib import repr as short
 from typing import TYPE_CHECKING
 
 from colony.text.diagnostics import Failure, error
@@ -13,7 +15,8 @@ from colony.text.source import NOWHERE
 
 if TYPE_CHECKING:
     from colony.compile.pipeline import Compilation
-    from colony.execute.executor import ClientListExecutor
+    from colony.execute.checked import CheckedExecutor
+    from colony.execute.compiled import Compiled
     from colony.ir.program import Program
     from colony.runtime.recordings.recorded import RecordedFrame, RecordingReader
     from colony.verify.audit.report import AuditReport
@@ -32,6 +35,7 @@ def load(path: str | PathLike[str]) -> Program:
     """
     from colony.dsl.load import load_file
 
+    _expect_path(path)
     return load_file(str(path))
 
 
@@ -43,11 +47,14 @@ def loads(text: str, name: str = "<text>", directory: str | PathLike[str] = ".")
     """
     from colony.dsl.load import load_text
 
+    _expect(text, str, "the text of a behavior; `load` takes the path of a file")
+    _expect(name, str, "the name of a text")
+    _expect_path(directory)
     return load_text(text, name, str(directory))
 
 
 def build(program: Program, *, proof: bool = True, timeout_s: float = PROOF_TIMEOUT_S) -> Build:
-    """Compile a program to prioritized clients, and prove that they are its network.
+    """Compile a program to prioritized clients, and prove that they are its network, as they are executed.
 
     Args:
         program: what `load` or `loads` gave.
@@ -58,19 +65,24 @@ def build(program: Program, *, proof: bool = True, timeout_s: float = PROOF_TIME
         Failure: V001, the clients are not the network (a mistake of the compiler); V002, that is not decided
             in time.
     """
-    from colony.compile.pipeline import compile_program
+    from warnings import warn
 
-    compilation = compile_program(program)
+    from colony.ir.program import expect_program
+    from colony.robots.compiled_program import compiled_with_sources
+
+    expect_program(program)
+    _expect_number("timeout_s", timeout_s)
+    compilation = compiled_with_sources(program, warn)
     if proof:
         _expect_proof(program, compilation, round(1000 * timeout_s))
-    return Build(program=program, compiled=compilation)
+    return Build(program=program, compilation=compilation)
 
 
 def _expect_proof(program: Program, compilation: Compilation, timeout_ms: int) -> None:
     from colony.verify.equivalence import results
     from colony.verify.equivalence.prove import prove as prove_clients
 
-    match prove_clients(program, compilation, timeout_ms=timeout_ms):
+    match prove_clients(program, compilation, sent=lambda: compilation.compiled, timeout_ms=timeout_ms):
         case results.Proved():
             return
         case results.Undecided() as undecided:
@@ -79,24 +91,24 @@ def _expect_proof(program: Program, compilation: Compilation, timeout_ms: int) -
             raise Failure([error("V001", NOWHERE, results.counterexample_text(wrong))])
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Build:
-    """A compiled program, in all forms. `compiled` has the result of each pass of the compiler."""
+def read(path: str | PathLike[str]) -> CompiledProgram:
+    """Read a compiled program, which `Build.save` or `colony compile -o NAME.colonyc` wrote.
 
-    program: Program
-    compiled: Compilation
+    Raises:
+        Failure: C001, the file cannot be read, is damaged, or was compiled with other modules in Python than
+            those that are found now.
+    """
+    from colony.robots.compiled_program import read_compiled
 
-    def table(self) -> str:
-        """Return the clients as a table for people: priorities and guards."""
-        from colony.compile.backends.table import client_table
+    _expect_path(path)
+    return CompiledProgram(read_compiled(path))
 
-        return client_table(self.compiled)
 
-    def to_json(self) -> str:
-        """Return the clients in the form `colony-clients/1`."""
-        from colony.compile.backends.json import to_json
+@dataclass(frozen=True, slots=True)
+class CompiledProgram:
+    """A compiled program without the network that it was made of. `compiled` is all that executes it."""
 
-        return to_json(self.compiled.clients)
+    compiled: Compiled
 
     def to_python(self) -> str:
         """Return a module with a class `Program`, which needs nothing of colony.
@@ -105,7 +117,41 @@ class Build:
         """
         from colony.compile.backends.python.generate import generate
 
-        return generate(self.compiled.artifact)
+        return generate(self.compiled)
+
+    def executor(self) -> CheckedExecutor:
+        """Return an executor with initial memory, whose `step` takes one frame after another.
+
+        Raises:
+            Failure: P001, a module in Python cannot be imported or built.
+        """
+        from colony.execute.checked import CheckedExecutor
+
+        return CheckedExecutor(self.compiled)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Build:
+    """A compiled program, in all forms. `compilation` has the result of each pass of the compiler."""
+
+    program: Program
+    compilation: Compilation
+
+    def table(self) -> str:
+        """Return the clients as a table for people: priorities and guards."""
+        from colony.compile.backends.table import client_table
+
+        return client_table(self.compilation)
+
+    def to_json(self) -> str:
+        """Return the clients in the form `colony-clients/1`."""
+        from colony.compile.backends.json import to_json
+
+        return to_json(self.compilation.clients)
+
+    def to_python(self) -> str:
+        """Return a module with a class `Program`; see `CompiledProgram.to_python`."""
+        return CompiledProgram(self.compilation.compiled).to_python()
 
     def graph(self) -> str:
         """Return a picture of the network, as SVG."""
@@ -113,15 +159,28 @@ class Build:
 
         return to_svg(self.program)
 
-    def executor(self) -> ClientListExecutor:
-        """Return an executor with initial memory, whose `step` takes one frame after another.
+    def executor(self) -> CheckedExecutor:
+        """Return an executor; see `CompiledProgram.executor`."""
+        return CompiledProgram(self.compilation.compiled).executor()
+
+    def save(self, path: str | PathLike[str]) -> None:
+        """Write the compiled program, with its sources, into a file that `read` and `colony run` take.
 
         Raises:
-            Failure: P001, a module in Python cannot be imported or built.
+            ValueError: the name of the file does not end in `.colonyc`.
+            Failure: C001, it could not be read: a name or an array in the program is too long for that.
+            OSError: it cannot be written.
         """
-        from colony.execute.executor import ClientListExecutor
+        from pathlib import Path
 
-        return ClientListExecutor(self.compiled.artifact)
+        from colony.execute.colonyc import SUFFIX, decode, encode
+
+        _expect_path(path)
+        if Path(path).suffix != SUFFIX:
+            raise ValueError(f"found {str(path)!r}; expected the name of a file that ends in {SUFFIX}")
+        data = encode(self.compilation.compiled)
+        decode(data, str(path))
+        Path(path).write_bytes(data)
 
 
 def prove(program: Program, *, seconds: float = 10.0, depth: int = 4) -> tuple[ContractResult, ...]:
@@ -136,9 +195,13 @@ def prove(program: Program, *, seconds: float = 10.0, depth: int = 4) -> tuple[C
         A `Proved`, `Refuted` or `Unknown` (of `colony.verify.contracts.results`) for each contract, in the
         order written.
     """
+    from colony.ir.program import expect_program
     from colony.verify.contracts.prove import prove_contracts
     from colony.verify.contracts.results import Options
 
+    expect_program(program)
+    _expect_number("seconds", seconds)
+    _expect(depth, int, "the greatest k of k-induction, a whole number")
     return prove_contracts(program, Options.within(seconds, depth=depth))
 
 
@@ -151,8 +214,11 @@ def compare(one: Program, other: Program) -> Difference:
     Raises:
         Failure: V040 to V042, they cannot be compared.
     """
+    from colony.ir.program import expect_program
     from colony.verify.difference.compare import difference
 
+    expect_program(one)
+    expect_program(other)
     return difference(one, other)
 
 
@@ -162,6 +228,14 @@ def recorded(path: str | PathLike[str], program: Program) -> Iterator[RecordedFr
     Raises:
         Failure: codes A and F, it is no recording, or of another program.
     """
+    from colony.ir.program import expect_program
+
+    _expect_path(path)
+    expect_program(program)
+    return _recorded(path, program)
+
+
+def _recorded(path: str | PathLike[str], program: Program) -> Iterator[RecordedFrame]:
     with _opened(path) as reader:
         yield from reader.frames(program)
 
@@ -172,8 +246,11 @@ def audit(path: str | PathLike[str], program: Program) -> AuditReport:
     Raises:
         Failure: codes A and F, it is no recording, or of another program.
     """
+    from colony.ir.program import expect_program
     from colony.verify.audit.audit import audit_recording
 
+    _expect_path(path)
+    expect_program(program)
     with _opened(path) as reader:
         return audit_recording(program, reader)
 
@@ -184,3 +261,21 @@ def _opened(path: str | PathLike[str]) -> Iterator[RecordingReader]:
 
     with open_recording(str(path)) as file:
         yield read_recording(file, str(path))
+
+
+# --- arguments -----------------------------------------------------------------------------------
+
+
+def _expect(given: object, kind: type | tuple[type, ...], expected: str) -> None:
+    if not isinstance(given, kind):
+        raise TypeError(f"found {short(given)}; expected {expected}")
+
+
+def _expect_path(given: object) -> None:
+    _expect(given, (str, PathLike), "the path of a file or folder")
+
+
+def _expect_number(name: str, given: float) -> None:
+    _expect(given, (int, float), f"{name}, a number")
+    if not 0 <= given < inf:
+        raise ValueError(f"{name}: found {given}; expected 0 or more")

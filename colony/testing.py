@@ -15,13 +15,13 @@ def test_it_never_rams(trace):
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator
 
+from colony.execute.checked import checked_trace
 from colony.ir.frame import Frame, Outcome
-from colony.ir.program import Program
+from colony.ir.program import Program, expect_program
+from colony.verify.testing import agreement
 from colony.verify.testing.agreement import Disagreement as Disagreement
-from colony.verify.testing.agreement import disagreement as disagreement
-from colony.verify.testing.agreement import reference
 from colony.verify.testing.strategies import frames as frames
 from colony.verify.testing.strategies import programs as programs
 from colony.verify.testing.strategies import traces as traces
@@ -29,18 +29,27 @@ from colony.verify.testing.strategies import traces as traces
 __all__ = ["Disagreement", "check", "disagreement", "frames", "programs", "traces"]
 
 
-def check(program: Program, trace: Sequence[Frame]) -> Iterator[tuple[Frame, Outcome]]:
+def disagreement(program: Program, trace: Iterable[Frame]) -> Disagreement | None:
+    """Return the first frame in which an executor differs from the reference interpreter."""
+    expect_program(program)
+    return agreement.disagreement(program, checked_trace(trace))
+
+
+def check(program: Program, trace: Iterable[Frame]) -> Iterator[tuple[Frame, Outcome]]:
     """Yield each frame of a trace with what the reference interpreter decides in it, after all other
     executors have been held to the same.
 
     Raises:
         AssertionError: the client list or the generated Python decides something else, which is a mistake of
             colony; or a contract of the program is broken.
+        TypeError, ValueError: the trace is none: no frames, or times that do not rise.
     """
-    outcomes = reference(program, trace)
-    found = disagreement(program, trace, expected=outcomes)
+    expect_program(program)
+    frames = checked_trace(trace)
+    outcomes = agreement.reference(program, frames)
+    found = agreement.disagreement(program, frames, expected=outcomes)
     assert found is None, str(found)
-    for frame, outcome in zip(trace, outcomes, strict=True):
+    for frame, outcome in zip(frames, outcomes, strict=True):
         broken = ", ".join(outcome.breaches)
         assert not broken, f"broken at {frame.t_ns / 1e9:g} s: {broken}"
         yield frame, outcome

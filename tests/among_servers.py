@@ -41,7 +41,7 @@ def run_among_servers(
     servers = ("DServer", "RServer", "PServer", *(cameras or {}))
     nodes = [ScriptNode(name, script, servers, delay_ns=1) for name, script in scripts.items()]
     session = VirtualSession(
-        compile_program(load_text(text)).artifact,
+        compile_program(load_text(text)).compiled,
         simulated_drivers(plant, cameras=eyes),
         clock=clock,
         seed=seed,

@@ -31,33 +31,33 @@ robot tester {{
 """
 
 
-def compiled(of: str | Program) -> Compilation:
+def compilation(of: str | Program) -> Compilation:
     """Return what the compiler makes of a whole text."""
     return compile_program(load_text(of) if isinstance(of, str) else of)
 
 
 def lowered(of: str | Program) -> Code:
     """Return the code of all clients of a whole text."""
-    return whole(compiled(of).artifact.code)
+    return whole(compilation(of).compiled.code)
 
 
 def generated(of: str | Program) -> str:
     """Return the Python that is generated for a whole text."""
-    return generate(compiled(of).artifact)
+    return generate(compilation(of).compiled)
 
 
 def clients(of: str | Program) -> dict[tuple[str, str], ClientExecutor]:
     """Return all clients of a whole text, by actuator and module, in their initial memory."""
-    artifact = compiled(of).artifact
+    compiled = compilation(of).compiled
     return {
-        (actuator, module): ClientExecutor(artifact, actuator, module)
-        for actuator, module, _ in artifact.clients
+        (actuator, module): ClientExecutor(compiled, actuator, module)
+        for actuator, module, _ in compiled.clients
     }
 
 
 def client(of: str | Program, actuator: str, module: str) -> ClientExecutor:
     """Return one client of a whole text, in its initial memory."""
-    return ClientExecutor(compiled(of).artifact, actuator, module)
+    return ClientExecutor(compilation(of).compiled, actuator, module)
 
 
 MS = 1_000_000

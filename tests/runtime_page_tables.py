@@ -12,7 +12,7 @@ from typing import Any, NamedTuple
 
 import msgspec
 
-from colony.runtime.assembly.processes.leader import LeaderServer
+from colony.runtime.assembly.processes.standings import LeaderServer
 from colony.runtime.frames.clock import Clock
 from colony.runtime.kit import description
 from colony.runtime.kit.service import Service

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import json
 from collections import Counter
 from collections.abc import Callable
+from contextlib import closing
 from pathlib import Path
 from typing import Any
 
@@ -11,7 +13,7 @@ import pytest
 
 from colony.cli.programs import compile_file
 from colony.compile import pipeline
-from colony.execute import artifact, machine, sensors
+from colony.execute import colonyc, machine, sensors
 from colony.execute.compiled import Compiled
 from colony.execute.sensors import Records
 from colony.ir.frame import Reading
@@ -20,6 +22,8 @@ from colony.ir.types import Value
 from colony.runtime.assembly.virtual import VirtualSession
 from colony.runtime.protocol.bindings import SensorBinding
 from colony.runtime.protocol.messages import Sample
+from tests.cli.machine import MAP, Machine
+from tests.paths import ROOT
 from tests.runtime.scripted import FAR, Log, Script
 from tests.verify.testing.bugs_in_passes import replace_pass
 
@@ -68,7 +72,7 @@ def counted(monkeypatch: pytest.MonkeyPatch) -> Counter[str]:
     for name in PASSES:
         replace_pass(monkeypatch, name, once_more)
     count(pipeline, "lower", lambda *_: "lower")
-    for way in ("in_base_units", "in_declared_unit"):
+    for way in ("in_base_units", "in_declared_units"):
         count(SensorBinding, way, converted(way))
     assert machine.take is sensors.take
     count(machine, "take", taken)
@@ -78,9 +82,9 @@ def counted(monkeypatch: pytest.MonkeyPatch) -> Counter[str]:
 def test_from_file_to_motor(counted: Counter[str], tmp_path: Path) -> None:
     path = tmp_path / "roam.colony"
     path.write_text(TEXT)
-    data = artifact.encode(compile_file(str(path)).artifact)
-    path.unlink()  # all that is needed is in the artifact
-    compiled: Compiled = artifact.decode(data, "roam.colonyc")
+    data = colonyc.encode(compile_file(str(path)).compiled)
+    path.unlink()  # all that is needed is in the compiled program
+    compiled: Compiled = colonyc.decode(data, "roam.colonyc")
     log = Log()
     script = Script(sonar_at=lambda t: Sample(FAR if t < 2 * FRAME_NS else NEAR, t))
     session = VirtualSession(
@@ -105,8 +109,78 @@ def test_from_file_to_motor(counted: Counter[str], tmp_path: Path) -> None:
         "limit in_base_units": FRAMES,
         "limit taken, factor 1": FRAMES,
         # the observer has the declared units that people read, and its monitor converts them once
-        "sonar in_declared_unit": FRAMES,
+        "sonar in_declared_units": FRAMES,
         "sonar taken, factor 1000": FRAMES,
-        "limit in_declared_unit": FRAMES,
+        "limit in_declared_units": FRAMES,
         "limit taken, factor 1000": FRAMES,
     }
+
+
+# --- between processes -------------------------------------------------------------------------------
+
+COUNTING = """
+import os, sys
+from hashlib import sha256
+from pathlib import Path
+from colony.runtime.protocol import codec
+
+log = open(Path(os.environ["COUNTED"], str(os.getpid())), "a", buffering=1)
+
+def count(name):
+    function = getattr(codec, name)
+    def counting(given):
+        result = function(given)
+        message, data = (result, given) if name == "decode" else (given, result)
+        spec = next((Path(one).stem for one in sys.argv if one.endswith(".json")), "leader")
+        sender = getattr(message, "server", getattr(message, "client", getattr(message, "actuator", "")))
+        which = type(message).__name__, getattr(message, "k", ""), sender
+        print(name, spec, *which, sha256(data).hexdigest(), sep="\\t", file=log)
+        return result
+    setattr(codec, name, counting)
+
+count("encode")
+count("decode")
+"""
+"""Has each process of a run write down what it encodes and decodes, and goes on with it."""
+
+WAY = {
+    "PServer": [("Tick", "")],
+    "DServer": [("Tick", "")],
+    "drive.cruise": [("Tick", ""), ("ServerFrame", "PServer"), ("ServerFrame", "DServer")],
+    "RServer": [("Tick", ""), ("Request", "cruise")],
+    "leader": [("Tick", ""), ("ServerFrame", "PServer"), ("ServerFrame", "DServer"), ("Verdict", "drive")],
+}
+"""What each process hears, and from whom, in a frame that `cruise` decides."""
+
+
+def test_each_message_is_decoded_once_in_each_process_that_hears_it(tmp_path: Path) -> None:
+    counted, inside = tmp_path / "counted", tmp_path / "inside"
+    for folder in (counted, inside):
+        folder.mkdir()
+    (inside / "sitecustomize.py").write_text(COUNTING)
+    (tmp_path / "roam.colony").write_text(TEXT)
+    paths = {"PYTHONPATH": f"{inside}:{ROOT}", "COUNTED": str(counted)}
+    options = ("--map", MAP, "--processes", "--set", f"Limit={LIMIT}", "--no-picture", "--duration", "1")
+    with closing(Machine(tmp_path, **paths)) as machine:
+        run = machine.run("run", str(tmp_path / "roam.colony"), *options, "--record", "run.jsonl")
+    assert run.process.returncode == 0, run.err
+
+    sent: Counter[str] = Counter()
+    decoded: Counter[tuple[str, str]] = Counter()
+    heard = set()
+    for path in counted.iterdir():
+        for line in path.read_text().splitlines():
+            way, process, kind, k, sender, digest = line.split("\t")
+            if way == "encode":
+                sent[digest] += 1
+            else:
+                decoded[process, digest] += 1
+                heard.add((process, kind, sender, k))
+    assert {who: times for who, times in decoded.items() if times > sent[who[1]]} == {}
+    frames = [json.loads(line) for line in (run.folder / "run.jsonl").read_text().splitlines()]
+    commanded = [frame for frame in frames if frame["drive"]["by"] == "cruise"]
+    assert {frame["drive"]["velocity"] for frame in commanded} == {LIMIT}
+    for frame in commanded:
+        for process, messages in WAY.items():
+            for kind, sender in messages:
+                assert (process, kind, sender, str(frame["@tick"])) in heard

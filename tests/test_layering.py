@@ -152,14 +152,14 @@ print(node.address, *sys.modules)
 def test_a_client_process_loads_neither_the_front_end_nor_the_compiler(tmp_path: Path) -> None:
     """As far as its node, which is built from the file that the leader writes."""
     from colony.compile.pipeline import compile_program
-    from colony.runtime.assembly.processes.crew import client_jobs
+    from colony.runtime.assembly.processes.jobs import client_jobs
     from colony.runtime.protocol.bindings import bind
     from colony.runtime.protocol.deployment import deployment
     from colony.runtime.transport.live.place import Local
     from colony.runtime.transport.live.run_directory import RobotDirectory
     from tests.runtime.programs import roam
 
-    compiled = compile_program(roam()).artifact
+    compiled = compile_program(roam()).compiled
     bindings = bind(compiled.robot)
     place = Local(RobotDirectory(tmp_path, "rome"))
     job = client_jobs(place, deployment(compiled, bindings, run="r", seed=1), compiled, bindings, tmp_path)[0]

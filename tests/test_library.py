@@ -3,10 +3,13 @@
 from __future__ import annotations
 
 import doctest
+import os
 import re
 import subprocess
 import sys
+from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import pytest
 from hypothesis import given
@@ -16,7 +19,10 @@ from colony import testing
 from colony.ir.frame import Frame
 from colony.verify.contracts.results import Proved, Refuted
 from colony.verify.difference.results import Different, Same
+from tests.cli.machine import MAP
 from tests.paths import ROOT
+
+ENVIRONMENT = os.environ | {"PYTHONPATH": str(ROOT)}
 
 TEXT = """
 robot toy {
@@ -36,7 +42,8 @@ def test_the_docstring_of_the_package() -> None:
     assert doctest.testmod(colony) == (0, 4)
 
 
-def test_the_page() -> None:
+def test_the_page(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    monkeypatch.chdir(tmp_path)
     page = ROOT / "docs" / "library.md"
     failed, tried = doctest.testfile(str(page), module_relative=False, optionflags=doctest.ELLIPSIS)
     assert (failed, tried > 10) == (0, True)
@@ -78,23 +85,24 @@ def test_every_form_of_a_build() -> None:
 
 
 def test_a_proof_that_fails_is_a_failure(monkeypatch: pytest.MonkeyPatch) -> None:
-    right = colony.build(PROGRAM).compiled.clients
+    right = colony.build(PROGRAM).compilation.clients
     swapped = right.actuators[0].clients[::-1]
     from dataclasses import replace
 
-    import colony.compile.pipeline as pipeline
+    from colony.compile.pipeline import Compilation
+    from colony.robots import compiled_program
 
-    original = pipeline.compile_program
+    original = compiled_program.compile_program
 
-    def wrong(program: object) -> pipeline.Compiled:
-        compiled = original(program)  # type: ignore[arg-type]
+    def wrong(*given: Any) -> Compilation:
+        compilation = original(*given)
         actuators = (replace(right.actuators[0], clients=swapped),)
-        return replace(compiled, clients=replace(right, actuators=actuators))
+        return replace(compilation, clients=replace(right, actuators=actuators))
 
-    monkeypatch.setattr(pipeline, "compile_program", wrong)
+    monkeypatch.setattr(compiled_program, "compile_program", wrong)
     with pytest.raises(colony.Failure, match="V001"):
         colony.build(PROGRAM)
-    assert colony.build(PROGRAM, proof=False).compiled.clients.actuators[0].clients == swapped
+    assert colony.build(PROGRAM, proof=False).compilation.clients.actuators[0].clients == swapped
 
 
 def test_contracts_are_proved_or_refuted() -> None:
@@ -148,3 +156,150 @@ def test_what_it_has_is_what_it_says() -> None:
         assert getattr(colony, name).__doc__
     with pytest.raises(AttributeError, match="no attribute 'lodes'"):
         _ = colony.lodes  # type: ignore[attr-defined]
+
+
+# --- files of compiled programs ----------------------------------------------------------------------
+
+PARTS = """
+robot toy {
+  sensor   bumper : bool from RServer.bumper
+  actuator drive { velocity : mm/s range -600 .. 600, turn : deg/s }
+           to RServer.drive idle drive(velocity = 0, turn = 0)
+}
+module back_off { when bumper do drive(velocity = -100 mm/s, turn = 0) }
+"""
+WHOLE = """
+import "parts/toy.colony"
+module go from python "goes:Go" { reads bumper  commands drive }
+network { drive = back_off suppresses go }
+"""
+GOES = """
+class Go:
+    def step(self, frame):
+        return {"velocity": 200.0, "turn": 0.0}
+"""
+
+
+@pytest.fixture
+def whole(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """A behavior of two files, with a module in Python beside it."""
+    (tmp_path / "parts").mkdir()
+    (tmp_path / "parts" / "toy.colony").write_text(PARTS)
+    (tmp_path / "whole.colony").write_text(WHOLE)
+    (tmp_path / "goes.py").write_text(GOES)
+    monkeypatch.syspath_prepend(tmp_path)
+    monkeypatch.delitem(sys.modules, "goes", raising=False)
+    return tmp_path / "whole.colony"
+
+
+@pytest.mark.parametrize("how", ["load", "loads"])
+def test_a_build_is_saved_with_all_sources_and_read(
+    whole: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str], how: str
+) -> None:
+    program = colony.load(whole) if how == "load" else colony.loads(WHOLE, "whole.colony", tmp_path)
+    colony.build(program).save(tmp_path / "whole.colonyc")
+    read = colony.read(tmp_path / "whole.colonyc")
+    assert [source.place for source in read.compiled.sources] == [
+        "parts/toy.colony",
+        "whole.colony",
+        "goes.py",
+    ]
+    assert read.compiled.root == "whole.colony"
+    frames = [Frame(0, {"bumper": False}), Frame(1, {"bumper": True})]
+    built, robot = colony.build(program).executor(), read.executor()
+    assert [robot.step(frame) for frame in frames] == [built.step(frame) for frame in frames]
+    assert read.to_python() == colony.build(program).to_python().replace(f"{tmp_path}/", "")
+    whole.unlink()
+    recording = tmp_path / "run.mcap"
+    options = ("--map", MAP, "--duration", "0.5", "--no-picture", "--record", str(recording))
+    for command in (("run", str(tmp_path / "whole.colonyc"), *options), ("audit", str(recording))):
+        done = subprocess.run(
+            [sys.executable, "-m", "colony.cli.main", *command], cwd=tmp_path, env=ENVIRONMENT
+        )
+        assert done.returncode == 0
+
+
+def test_what_colony_compile_writes_is_the_same(tmp_path: Path) -> None:
+    wander = ROOT / "behaviors" / "wander.colony"
+    command = ("compile", str(wander), "-o", str(tmp_path / "cli.colonyc"))
+    subprocess.run([sys.executable, "-m", "colony.cli.main", *command], check=True, env=ENVIRONMENT)
+    colony.build(colony.load(wander)).save(tmp_path / "library.colonyc")
+    assert (tmp_path / "cli.colonyc").read_bytes() == (tmp_path / "library.colonyc").read_bytes()
+
+
+def test_files_that_cannot_be_saved_or_read(whole: Path, tmp_path: Path) -> None:
+    build = colony.build(colony.load(whole))
+    with pytest.raises(ValueError, match=r"ends in \.colonyc"):
+        build.save(whole)
+    assert whole.read_text() == WHOLE
+    with pytest.raises(FileNotFoundError):
+        build.save(tmp_path / "no" / "such.colonyc")
+    with pytest.raises(colony.Failure, match="C001"):
+        colony.build(colony.loads(TEXT, name="a\nb")).save(tmp_path / "odd.colonyc")
+    for name in ("none.colonyc", "whole.colony"):
+        with pytest.raises(colony.Failure, match="C001"):
+            colony.read(tmp_path / name)
+    build.save(tmp_path / "whole.colonyc")
+    (tmp_path / "goes.py").write_text(GOES.replace("200", "300"))
+    with pytest.raises(colony.Failure, match=r"`goes\.py` has changed since it was compiled"):
+        colony.read(tmp_path / "whole.colonyc")
+
+
+# --- arguments ---------------------------------------------------------------------------------------
+
+WRONG: dict[str, Callable[[], Any]] = {
+    "found None; expected the path": lambda: colony.load(None),  # type: ignore[arg-type]
+    "found b'robot r {}'; expected the text": lambda: colony.loads(b"robot r {}"),  # type: ignore[arg-type]
+    "found None; expected the text": lambda: colony.loads(None),  # type: ignore[arg-type]
+    "found 5; expected the name": lambda: colony.loads(TEXT, 5),  # type: ignore[arg-type]
+    "found 5; expected the path": lambda: colony.read(5),  # type: ignore[arg-type]
+    "found 'x.colony'; expected a program": lambda: colony.build("x.colony"),  # type: ignore[arg-type]
+    "found None; expected a program": lambda: colony.prove(None),  # type: ignore[arg-type]
+    "found Build.*; expected a program": lambda: colony.compare(PROGRAM, colony.build(PROGRAM)),  # type: ignore[arg-type]
+    "found 'y.colony'; expected a program": lambda: colony.audit("run.mcap", "y.colony"),  # type: ignore[arg-type]
+    "found 'z.colony'; expected a program": lambda: colony.recorded("run.mcap", "z.colony"),  # type: ignore[arg-type]
+    "found 7; expected the path": lambda: colony.audit(7, PROGRAM),  # type: ignore[arg-type]
+    "found 'long'; expected seconds": lambda: colony.prove(PROGRAM, seconds="long"),  # type: ignore[arg-type]
+    "found 'deep'; expected the greatest k": lambda: colony.prove(PROGRAM, depth="deep"),  # type: ignore[arg-type]
+    "found 'traces'; expected a program": lambda: testing.traces("traces"),  # type: ignore[arg-type]
+    "found 'frames'; expected a program": lambda: testing.frames("frames"),  # type: ignore[arg-type]
+    "found 'check'; expected a program": lambda: list(testing.check("check", [])),  # type: ignore[arg-type]
+    "found 1; expected frames": lambda: testing.disagreement(PROGRAM, 1),  # type: ignore[arg-type]
+    "found 'a'; expected a colony.Frame": lambda: list(testing.check(PROGRAM, "a")),  # type: ignore[arg-type]
+}
+
+
+@pytest.mark.parametrize("expected", WRONG)
+def test_an_argument_of_another_type_is_one_clear_error(expected: str) -> None:
+    with pytest.raises(TypeError, match=expected):
+        WRONG[expected]()
+
+
+def test_numbers_out_of_range_are_one_clear_error() -> None:
+    for seconds in (-1.0, float("nan"), float("inf")):
+        with pytest.raises(ValueError, match="seconds: found"):
+            colony.prove(PROGRAM, seconds=seconds)
+    with pytest.raises(ValueError, match="max_frames: found 0"):
+        testing.traces(PROGRAM, max_frames=0)
+
+
+def test_what_is_no_frame_is_refused() -> None:
+    with pytest.raises(TypeError, match="found None"):
+        colony.build(PROGRAM, proof=False).executor().step(None)  # type: ignore[arg-type]
+    with pytest.raises(ValueError, match="t_ns: found 0 after 0"):
+        list(testing.check(PROGRAM, [Frame(0, {})] * 2))
+
+
+def test_a_trace_may_be_an_iterator() -> None:
+    frames = [Frame(k, {"bumper": False, "near": 5}) for k in range(3)]
+    assert [frame for frame, _ in testing.check(PROGRAM, iter(frames))] == frames
+
+
+def test_stepping_does_not_import_numpy() -> None:
+    code = (
+        f"import colony, sys; colony.build(colony.loads('''{TEXT}''')).executor().step(colony.Frame(0, {{}}))"
+    )
+    done = subprocess.run(
+        [sys.executable, "-c", f"{code}; print(*sys.modules)"], capture_output=True, text=True, check=True
+    )
+    assert not set(done.stdout.split()) & {"numpy", "zenoh", "lark", "click"}

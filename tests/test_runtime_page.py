@@ -14,7 +14,7 @@ import pytest
 from colony.dsl.load import check_text
 from colony.runtime.arbitration.arbiter import timing
 from colony.runtime.clients import client
-from colony.runtime.frames import assembly, clock, liveness
+from colony.runtime.frames import assembler, clock, liveness
 from colony.runtime.kit import connection, conversation
 from colony.runtime.kit.connection import Session
 from colony.runtime.kit.errors import CallRefused
@@ -92,7 +92,7 @@ def test_the_behavior_is_right() -> None:
         ("every 50 ms", clock.IDLE_FRAME_NS == 50_000_000),
         ("or after 5 s", clock.GATHER_NS == 5_000_000_000),
         ("after four fifths of the frame", timing(100).deadline_ns == 80),
-        ("which servers can give for 2 s", assembly.KEPT_NS == 2_000_000_000),
+        ("which servers can give for 2 s", assembler.KEPT_NS == 2_000_000_000),
         ("After 250 ms without a word it is lost", liveness.lease(50_000_000) == 250_000_000),
         ("at most 500 ms old", client.CHECKPOINT_NS == 500_000_000),
         ("ends with its lease, 500 ms unless told", robot.LEASE_S == 0.5),

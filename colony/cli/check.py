@@ -10,7 +10,7 @@ import click
 
 from colony.cli.exit_codes import EXIT_ERRORS, EXIT_MISUSE
 from colony.cli.reporting import Format, format_option, is_unreadable, one_line, report, say
-from colony.collector import collector_at_rest
+from colony.collector import gc_paused
 
 if TYPE_CHECKING:
     from colony.text.diagnostics import Diagnostic
@@ -31,7 +31,7 @@ def command(files: tuple[str, ...], format_: str) -> None:
       colony check --format json behaviors/*.colony
       colony check --format sarif behaviors/*.colony > check.sarif
     """
-    with collector_at_rest():
+    with gc_paused():
         from colony.dsl.load import check_file
         from colony.text.diagnostics import has_errors
 

@@ -84,7 +84,7 @@ def command(
         message = "--prove goes with no other option but --proof-timeout"
         raise click.UsageError(message, click.get_current_context())
     from colony.cli.programs import compile_file
-    from colony.execute.artifact import SUFFIX, encode
+    from colony.execute.colonyc import SUFFIX, encode
 
     if output is not None:
         if output.suffix == SUFFIX and (explain or format_ != "table"):
@@ -92,61 +92,61 @@ def command(
             raise click.UsageError(message, click.get_current_context())
         check_output(output, [file])
 
-    compiled = compile_file(file)
-    program = compiled.program
+    compilation = compile_file(file)
+    program = compilation.program
     timeout_ms = round(1000 * proof_timeout)
     if existing is not None:
         with interruptions():
-            result = _proof_of(existing, program, compiled, timeout_ms)
+            result = _proof_of(existing, program, compilation, timeout_ms)
         _settle(result, program, of=existing)
         return
-    text = _text(compiled, format_, explain)
+    text = _text(compilation, format_, explain)
     if not no_proof:
         with interruptions():
-            result = _proof(compiled, format_, text, timeout_ms)
+            result = _proof(compilation, format_, text, timeout_ms)
         _settle(result, program, of=None)
     if not text.endswith("\n"):
         text += "\n"
     if output is None:
         click.echo(text, nl=False)
     else:
-        write_whole(output, encode(compiled.artifact) if output.suffix == SUFFIX else text)
+        write_whole(output, encode(compilation.compiled) if output.suffix == SUFFIX else text)
 
 
-def _text(compiled: Compilation, format_: str, explain: bool) -> str:
+def _text(compilation: Compilation, format_: str, explain: bool) -> str:
     """Return the text of a format."""
     if format_ == "python":
         from colony.compile.backends.python.generate import generate
 
-        return generate(compiled.artifact)
+        return generate(compilation.compiled)
     if format_ == "json":
         from colony.compile.backends.json import to_json
 
-        return to_json(compiled.clients)
+        return to_json(compilation.clients)
     from colony.compile.backends.explain import explain as explanation
     from colony.compile.backends.table import client_table
 
-    return explanation(compiled) if explain else client_table(compiled)
+    return explanation(compilation) if explain else client_table(compilation)
 
 
-def _proof(compiled: Compilation, format_: str, text: str, timeout_ms: int) -> Result:
+def _proof(compilation: Compilation, format_: str, text: str, timeout_ms: int) -> Result:
     """Prove the clients, and the form that `text` shows them in; a table shows what is executed and sent."""
     from colony.verify.equivalence.prove import prove
 
-    program = compiled.program
+    program = compilation.program
     if format_ == "python":
-        return prove(program, compiled, python=text, timeout_ms=timeout_ms)
+        return prove(program, compilation, python=text, timeout_ms=timeout_ms)
     if format_ == "json":
-        return prove(program, compiled, json=text, timeout_ms=timeout_ms)
-    from colony.execute.artifact import decode, encode
+        return prove(program, compilation, json=text, timeout_ms=timeout_ms)
+    from colony.execute.colonyc import decode, encode
 
     def sent() -> Compiled:
-        return decode(encode(compiled.artifact), program.robot.name)
+        return decode(encode(compilation.compiled), program.robot.name)
 
-    return prove(program, compiled, sent=sent, timeout_ms=timeout_ms)
+    return prove(program, compilation, sent=sent, timeout_ms=timeout_ms)
 
 
-def _proof_of(existing: Path, program: Program, compiled: Compilation, timeout_ms: int) -> Result:
+def _proof_of(existing: Path, program: Program, compilation: Compilation, timeout_ms: int) -> Result:
     """The proof of clients that are there already."""
     from colony.verify.equivalence import prove
     from colony.verify.equivalence.results import Malformed, Proved
@@ -162,10 +162,10 @@ def _proof_of(existing: Path, program: Program, compiled: Compilation, timeout_m
         )
     if existing.suffix != ".py":
         return prove.prove_json(program, text, form=str(existing), timeout_ms=timeout_ms)
-    clients = prove.prove(program, compiled, timeout_ms=timeout_ms)
+    clients = prove.prove(program, compilation, timeout_ms=timeout_ms)
     if not isinstance(clients, Proved):
         return clients
-    return prove.prove_python(program, compiled.clients, text, form=str(existing), timeout_ms=timeout_ms)
+    return prove.prove_python(program, compilation.clients, text, form=str(existing), timeout_ms=timeout_ms)
 
 
 def _settle(result: Result, program: Program, of: Path | None) -> None:

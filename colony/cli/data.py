@@ -16,6 +16,7 @@ from colony.cli.places import (
     expect_robot_with_endpoint,
     place_of,
     problems_told,
+    robot_option,
     security_option,
 )
 from colony.cli.reporting import printable, say
@@ -48,7 +49,7 @@ def command() -> None:
 
 
 def _place_options(function: F) -> F:
-    robot = click.option("--robot", metavar="NAME", help="Which robot, where several run on this machine.")
+    robot = robot_option("Which robot, where several run on this machine.")
     return robot(connect_option()(security_option()(function)))
 
 

@@ -14,6 +14,9 @@ from colony.cli.exit_codes import EXIT_MISUSE
 from colony.cli.reporting import say
 from colony.files import reason
 
+DESCRIPTORS = (Path("/dev"), Path("/dev/fd"), Path("/proc/self/fd"))
+"""Folders of devices and of what this process has open. Pipes elsewhere might have no reader, ever."""
+
 SOURCES = (".colony", ".stickrep")
 """Endings of files that people write, which no command overwrites."""
 
@@ -44,6 +47,8 @@ def _objection(path: Path, inputs: Iterable[str | Path]) -> str | None:
             return "it is a source, and exists already"
         if not os.access(path, os.W_OK):
             return "Permission denied"
+        if not (path.is_file() or path.is_char_device() or path.absolute().parent in DESCRIPTORS):
+            return "it is not a regular file"
         if _in_place(path):
             return None
     folder = path.resolve().parent
@@ -67,7 +72,7 @@ def _in_place(path: Path) -> bool:
 def write_whole(path: Path, content: str | bytes) -> None:
     """Write a file so that it is either whole or as it was; exits with 2 where it cannot be written.
 
-    Of a link, what it leads to is replaced; devices and pipes are written into.
+    Of a link, what it leads to is replaced; devices, and pipes that are open already, are written into.
     """
     data = content.encode("utf-8", "backslashreplace") if isinstance(content, str) else content
     try:

@@ -25,6 +25,11 @@ _CONNECT = "The robot is behind this gateway, tls/HOST:PORT; without a value, on
 _SECURITY = "Who you are to a gateway: a TOML file with user, certificate, key and authority."
 
 
+def robot_option(help: str, *, required: bool = False) -> Callable[[F], F]:
+    """`--robot NAME`, a name that a robot can have."""
+    return click.option("--robot", required=required, metavar="NAME", callback=_check_robot, help=help)
+
+
 def connect_option(help: str = _CONNECT) -> Callable[[F], F]:
     """`--connect [ENDPOINT]`."""
     return click.option("--connect", is_flag=False, flag_value=HERE, metavar="[ENDPOINT]", help=help)
@@ -64,6 +69,15 @@ def expect_robot_with_endpoint(robot: str | None, connect: str | None) -> None:
     """
     if robot is None and connect not in (None, HERE):
         raise click.UsageError("--connect ENDPOINT also wants --robot NAME: a gateway is that of one robot")
+
+
+def _check_robot(context: click.Context, option: click.Parameter, name: str | None) -> str | None:
+    from colony.runtime.transport.live.names import check_name
+
+    try:
+        return None if name is None else check_name("robot", name)
+    except ValueError as problem:
+        raise click.BadParameter(str(problem), context, option) from None
 
 
 @contextmanager

@@ -6,12 +6,11 @@ import os
 import sys
 from pathlib import Path
 
-from colony.cli.reporting import check_to_run, expect_program, refuse, say
-from colony.compile.pipeline import Compilation, compile_program
-from colony.execute.artifact import SUFFIX, read, unusable
+from colony.cli.reporting import load_program, refuse, say
+from colony.compile.pipeline import Compilation
+from colony.execute.colonyc import is_compiled
 from colony.execute.compiled import Compiled
-from colony.robots.python_sources import changed_sources
-from colony.robots.recorded_program import program_sources
+from colony.robots.compiled_program import compiled_with_sources, read_compiled
 from colony.text.diagnostics import Failure
 
 
@@ -20,22 +19,15 @@ def load_compiled(path: str) -> Compiled:
 
     Exits with 2 where the file cannot be read or is damaged, with 1 where there are errors in it.
     """
-    if Path(path).suffix != SUFFIX:
-        return compile_file(path).artifact
+    if not is_compiled(path):
+        return compile_file(path).compiled
+    sys.path += [str(Path(path).resolve().parent), os.curdir]
     try:
-        compiled = read(path)
+        return read_compiled(path)
     except Failure as failure:
         refuse(failure.diagnostics)
-    sys.path += [str(Path(path).resolve().parent), os.curdir]
-    changed = changed_sources(compiled)
-    if changed:
-        refuse([unusable(path, f"`{changed[0]}` has changed since it was compiled")])
-    return compiled
 
 
 def compile_file(path: str) -> Compilation:
     """Compile a behavior; its artifact has the sources. Exits as `load_compiled`."""
-    checked = check_to_run(path)
-    program = expect_program(checked)
-    root, sources = program_sources(path, program, checked.tree, say)
-    return compile_program(program, sources, root)
+    return compiled_with_sources(load_program(path), say)

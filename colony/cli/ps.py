@@ -15,6 +15,7 @@ from colony.cli.places import (
     expect_robot_with_endpoint,
     place_of,
     problems_told,
+    robot_option,
     security_option,
 )
 from colony.cli.reporting import printable
@@ -26,7 +27,7 @@ if TYPE_CHECKING:
 
 
 @click.command(name="ps", short_help="show the robots that run, and how")
-@click.option("--robot", metavar="NAME", help="Only this one; behind a gateway there is no other way.")
+@robot_option("Only this one; behind a gateway there is no other way.")
 @connect_option()
 @security_option()
 @click.option("--format", "format_", type=click.Choice(["text", "json"]), default="text", show_default=True)

@@ -7,7 +7,7 @@ import re
 import sys
 from collections.abc import Iterable, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Literal
+from typing import TYPE_CHECKING, Literal, NoReturn
 
 import click
 
@@ -73,7 +73,7 @@ def one_line(diagnostic: Diagnostic) -> str:
     return "".join(c if c.isprintable() else " " for c in headline(diagnostic) + hint)
 
 
-def refuse(diagnostics: Sequence[Diagnostic]) -> None:
+def refuse(diagnostics: Sequence[Diagnostic]) -> NoReturn:
     """Bad input: the first diagnostic on one line, and exit code 2."""
     say(one_line(diagnostics[0]))
     raise click.exceptions.Exit(EXIT_MISUSE)
@@ -99,11 +99,7 @@ def load_program(path: str, code: int = EXIT_ERRORS) -> Program:
 
     Exits with 2 where the file cannot be read, with `code` where there are errors in it.
     """
-    return expect_program(check_to_run(path), code)
-
-
-def expect_program(checked: Checked, code: int = EXIT_ERRORS) -> Program:
-    """Return the program of a file that was checked; exits as `load_program`."""
+    checked = check_to_run(path)
     if checked.program is not None:
         return checked.program
     if is_unreadable(checked.diagnostics):

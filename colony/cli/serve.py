@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from colony.cli.exit_codes import EXIT_ERRORS, EXIT_MISUSE
-from colony.cli.places import problems_told
+from colony.cli.places import problems_told, robot_option
 from colony.cli.reporting import refuse, say
 
 if TYPE_CHECKING:
@@ -20,9 +20,19 @@ ALL = "all"
 NAMES = ("Clock", "RServer", "PServer", "DServer", "CServer", "Simulator", "Gateway", ALL)
 
 
+class Folder(click.Path):
+    """The name of a folder, which is not empty: that would be the present one."""
+
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
+        """Return the folder's path."""
+        if value == "":
+            self.fail("found an empty name; expected that of a folder", param, ctx)
+        return super().convert(value, param, ctx)
+
+
 @click.command(name="serve", short_help="be the servers of a robot")
 @click.argument("server", metavar="SERVER", type=click.Choice(NAMES, case_sensitive=False))
-@click.option("--robot", required=True, metavar="NAME", help="The name that programs find it by.")
+@robot_option("The name that programs find it by.", required=True)
 @click.option("--map", "map_path", metavar="MAP", help="The building of the simulated robot.")
 @click.option("--seed", type=click.IntRange(min=0), default=0, show_default=True, help="Of sensors' noise.")
 @click.option(
@@ -40,7 +50,7 @@ NAMES = ("Clock", "RServer", "PServer", "DServer", "CServer", "Simulator", "Gate
 )
 @click.option(
     "--state",
-    type=click.Path(path_type=Path, file_okay=False),
+    type=Folder(path_type=Path, file_okay=False),
     metavar="FOLDER",
     help="What DServer keeps, and the emergency stop (default: ~/.local/state/colony/NAME).",
 )

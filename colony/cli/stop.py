@@ -13,6 +13,7 @@ from colony.cli.places import (
     expect_robot_with_endpoint,
     place_of,
     problems_told,
+    robot_option,
     security_option,
 )
 from colony.cli.reporting import say
@@ -28,7 +29,7 @@ them is a data server that robots share."""
 
 
 @click.command(name="stop", short_help="stop robots at once, in an emergency")
-@click.option("--robot", metavar="NAME", help="Only this one; without it, all robots of this machine.")
+@robot_option("Only this one; without it, all robots of this machine.")
 @click.option("--release", is_flag=True, help="Let the robot be moved again.")
 @connect_option()
 @security_option()

@@ -199,11 +199,11 @@ def _executor(program: Program, backend: str) -> Executor:
         return Interpreter(program)
     from colony.compile.pipeline import compile_program
 
-    compiled = compile_program(program).artifact
+    compiled = compile_program(program).compiled
     if backend == "clients":
-        from colony.execute.executor import ClientListExecutor
+        from colony.execute.executor import ProgramExecutor
 
-        return ClientListExecutor(compiled)
+        return ProgramExecutor(compiled)
     from colony.compile.backends.python.generate import generate, load
 
     return load(generate(compiled))

@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any
 
-from colony.collector import collector_at_rest
+from colony.collector import gc_paused
 from colony.compile.clients import ClientList
 from colony.compile.lower.lower import lower
 from colony.compile.network import Network
@@ -25,7 +25,7 @@ PASSES: tuple[Callable[[Any], Any], ...] = (
     forward_traversal,  # SuppressionNetwork -> ClientList     definitions 4.1, 4.2, Table 4.2
     simplify,  # ClientList -> ClientList
 )
-"""What compilation is, in order: each takes what the one before it gives. Then `lower` makes the artifact."""
+"""The passes in order: each takes what the one before it gives. Then `lower` makes what is executed."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -38,7 +38,7 @@ class Compilation:
         suppression: the same without inhibitors.
         traversal: its clients before simplification.
         clients: its clients.
-        sources, root: its files, for the artifact (see `Compiled`).
+        python: the files of its modules in Python, for the artifact.
     """
 
     program: Program
@@ -46,20 +46,24 @@ class Compilation:
     suppression: SuppressionNetwork
     traversal: ClientList
     clients: ClientList
-    sources: tuple[SourceFile, ...] = ()
-    root: str = ""
+    python: tuple[SourceFile, ...] = ()
 
     @cached_property
-    def artifact(self) -> Compiled:
+    def compiled(self) -> Compiled:
         """What is executed, saved and sent; lowered once, when it is first asked for."""
-        with collector_at_rest():
+        with gc_paused():
             lowered = lower(self.program, self.clients, self.traversal)
-        return replace(lowered, sources=self.sources, root=self.root)
+        files = self.program.files
+        texts = [
+            SourceFile(kind="behavior", place=place, data=source.text.encode("utf-8", "replace"))
+            for place, source in files
+        ]
+        return replace(lowered, sources=(*texts, *self.python), root=files[-1][0] if files else "")
 
 
-def compile_program(program: Program, sources: tuple[SourceFile, ...] = (), root: str = "") -> Compilation:
+def compile_program(program: Program, python: tuple[SourceFile, ...] = ()) -> Compilation:
     """Run all passes over a typed program. Near-linear in the size of its network."""
-    with collector_at_rest():
+    with gc_paused():
         network, suppression, traversal, clients = _results(PASSES, program)
     return Compilation(
         program=program,
@@ -67,14 +71,13 @@ def compile_program(program: Program, sources: tuple[SourceFile, ...] = (), root
         suppression=suppression,
         traversal=traversal,
         clients=clients,
-        sources=sources,
-        root=root,
+        python=python,
     )
 
 
 def compile_network(network: Network) -> ClientList:
     """Run the passes over a network that no program describes, such as one drawn by a property test."""
-    with collector_at_rest():
+    with gc_paused():
         clients: ClientList = _results(PASSES[1:], network)[-1]
     return clients
 

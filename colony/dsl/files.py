@@ -28,7 +28,7 @@ class Import(Record):
 
 
 @record
-class SourceFile(Record):
+class ParsedFile(Record):
     """One file of a program; in it, the file's names begin with `prefix` (`brooks.` or nothing)."""
 
     key: str
@@ -48,7 +48,7 @@ class SourceFile(Record):
 class SourceTree(Record):
     """All files of a program, each after those that it imports; the last is the one that was asked for."""
 
-    files: tuple[SourceFile, ...]
+    files: tuple[ParsedFile, ...]
     diagnostics: tuple[Diagnostic, ...]
 
 
@@ -131,11 +131,29 @@ def load_tree(path: Path, name: str, text: str | None = None) -> SourceTree:
     return SourceTree(files=loader.in_order(key), diagnostics=tuple(loader.diagnostics))
 
 
+def placed(tree: SourceTree, path: Path) -> tuple[tuple[str, Source], ...]:
+    """Return the texts of a tree by their places (see `Program.files`); its own file is at `path`.
+
+    Places are relative to the folder that has all of them, and are where imports find the files, also where
+    links lead elsewhere.
+    """
+    places: dict[str, str] = {}
+    for file in reversed(tree.files):  # importers before what they import
+        place = places.setdefault(file.key, os.path.abspath(path))
+        for one in file.imports:
+            target = os.path.join(os.path.dirname(place), one.declaration.path)
+            places.setdefault(one.target, os.path.normpath(target))
+    base = os.path.commonpath([os.path.dirname(places[file.key]) for file in tree.files])
+    return tuple(
+        (Path(os.path.relpath(places[file.key], base)).as_posix(), file.source) for file in tree.files
+    )
+
+
 class _Loader:
     """Files found so far. Iterative, so that a long chain of imports is no deep recursion."""
 
     def __init__(self) -> None:
-        self.files: dict[str, SourceFile] = {}
+        self.files: dict[str, ParsedFile] = {}
         self.diagnostics: list[Diagnostic] = []
 
     def load(self, key: str, path: Path, source: Source) -> None:
@@ -158,7 +176,7 @@ class _Loader:
                 found = self._read(source, target, declaration, len(seen))
                 if found is not None:
                     waiting.append((target_key, Path(target_key), found))
-            self.files[key] = SourceFile(
+            self.files[key] = ParsedFile(
                 key=key,
                 source=source,
                 tree=parsed.file,
@@ -182,7 +200,7 @@ class _Loader:
             self.diagnostics.append(problem.diagnostic(span))
             return None
 
-    def in_order(self, root: str) -> tuple[SourceFile, ...]:
+    def in_order(self, root: str) -> tuple[ParsedFile, ...]:
         """Depth first, imports before importers; a cycle is reported where it closes, and cut there."""
         order: list[str] = []
         done: set[str] = set()

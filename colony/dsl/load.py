@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 from typing import NamedTuple
 
 from colony.dsl.check.program import check_program
-from colony.dsl.files import SourceTree, load_tree
+from colony.dsl.files import SourceTree, load_tree, placed
 from colony.ir.program import Program
 from colony.text.diagnostics import Diagnostic, Failure
 
@@ -19,18 +20,22 @@ class Checked(NamedTuple):
     tree: SourceTree
 
 
-def _checked(tree: SourceTree) -> Checked:
-    return Checked(*check_program(tree), tree)
+def _checked(tree: SourceTree, path: Path) -> Checked:
+    program, diagnostics = check_program(tree)
+    if program is not None:
+        program = replace(program, files=placed(tree, path))
+    return Checked(program, diagnostics, tree)
 
 
 def check_file(path: str | Path) -> Checked:
     """Check the file at `path` with all that it imports; never raises for what is in it."""
-    return _checked(load_tree(Path(path), str(path)))
+    return _checked(load_tree(Path(path), str(path)), Path(path))
 
 
 def check_text(text: str, name: str = "<text>", directory: str | Path = ".") -> Checked:
     """Check a text; imports are relative to `directory`."""
-    return _checked(load_tree(Path(directory) / "<text>", name, text))
+    path = Path(directory) / (Path(name).name or "<text>")
+    return _checked(load_tree(path, name, text), path)
 
 
 def load_file(path: str | Path) -> Program:

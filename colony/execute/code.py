@@ -233,10 +233,12 @@ class ClientCode:
 
     Attributes:
         guard, exclusive: its guards (see `colony.compile.clients`), simplified.
-        heard_guard, heard_exclusive: the same as its own process evaluates them: under `on_loss degrade`
+        heard_guard, heard_exclusive: its guards as its own process evaluates them: under `on_loss degrade`
             modules whose clients are `Lost` are not active.
         traversed: its guard before simplification.
         several_ways: whether its command has several ways to the actuator.
+
+    Executors read `guard` and `exclusive` of a view (`views.py`), in which the variants equal them.
     """
 
     module: str

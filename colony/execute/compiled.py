@@ -1,6 +1,6 @@
 """The compiled program: all that clients, executors, the leader and the monitor of a run need.
 
-`colony.compile.pipeline` makes it, once; `colony.execute.artifact` saves and reads it.
+`Compilation.compiled` lowers a program to it, once; `colony.execute.colonyc` saves and reads it.
 """
 
 from __future__ import annotations

@@ -23,7 +23,7 @@ class NotExclusive(Exception):
     """Two exclusive guards of one actuator were true in a frame, which no compiled client list allows."""
 
 
-class ClientListExecutor:
+class ProgramExecutor:
     """Executes a program as its clients (an `ir.frame.Executor`). Mutable: it has all of the memory.
 
     The winner is the first client whose guard holds or, if `exclusive`, the one whose exclusive guard holds.

@@ -47,8 +47,8 @@ def converted(reading: object, convert: Callable[[float], float]) -> object:
     return reading if number is None else convert(number)
 
 
-def within(value: float, low: float | None, high: float | None) -> float:
-    """The value, or the bound that it is beyond."""
+def clamped(value: float, low: float | None, high: float | None) -> float:
+    """Return the value, or the bound that it is beyond."""
     if low is not None and value < low:
         return low
     if high is not None and value > high:
@@ -99,7 +99,7 @@ def take_number(
     if number is None or (members is not None and number not in members):
         return otherwise, False, (*records, ("sensor fault", name))
     value = number * factor
-    inside = within(value, low, high)
+    inside = clamped(value, low, high)
     return inside, True, records if inside == value else (*records, ("sensor clamped", name))
 
 
@@ -125,6 +125,6 @@ def take_numbers(
         if number is None or (members is not None and number not in members):
             return otherwise, False, (*records, ("sensor fault", name))
         values.append(number * factor)
-    inside = tuple([within(value, low, high) for value in values])
+    inside = tuple([clamped(value, low, high) for value in values])
     clean = inside == tuple(values)
     return inside, True, records if clean else (*records, ("sensor clamped", name))

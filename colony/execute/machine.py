@@ -31,7 +31,7 @@ from colony.execute.decisions import Decided
 from colony.execute.intake import Records, of_age
 from colony.execute.operators import FUNCTIONS
 from colony.execute.python_step import PythonStep
-from colony.execute.sensors import take, within
+from colony.execute.sensors import age_limits, take
 from colony.ir.frame import Answer, Frame, Record
 from colony.ir.types import Array, Bool, Enum, ScalarValue
 from colony.text.diagnostics import Failure, error
@@ -61,7 +61,7 @@ class Machine:
         self._lost: frozenset[str] = frozenset()
         self._decided: dict[str, Decided] = {}
         self._records: Records = ()
-        self._within_ns = within(self.code.sensors)
+        self._within_ns = age_limits(self.code.sensors)
         self._arrays = frozenset(s.name for s in code.sensors if isinstance(s.type, Array))
         self._steps = tuple(self._step(op) for op in code.ops)
 
@@ -132,7 +132,7 @@ class Machine:
                 return self._outside(op)
 
     def _outside(self, op: Op) -> Step:
-        """The same for an op that depends on Python modules, on other clients, or on decisions."""
+        """Return the step of an op that depends on Python modules, on other clients, or on decisions."""
         decided = self._decided
         match op:
             case PythonActive(module=module):

@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from colony.execute.intake import Records, take_bool, take_bools, take_number, take_numbers
-from colony.execute.intake import within as in_range
+from colony.execute.intake import Records, clamped, take_bool, take_bools, take_number, take_numbers
 from colony.ir.frame import Reading
 from colony.ir.program import Sensor
 from colony.ir.types import Array, Bool, Enum, Value, element_type
@@ -22,14 +21,14 @@ def stand_in(sensor: Sensor) -> Value:
     elif isinstance(kind, Enum):
         value = kind.members[0][1] if kind.members else 0.0
     else:
-        value = in_range(0.0, sensor.low, sensor.high)
+        value = clamped(0.0, sensor.low, sensor.high)
     if isinstance(sensor.type, Array) and not isinstance(value, tuple):
         return (value,) * sensor.type.size
     return value
 
 
-def within(sensors: tuple[Sensor, ...]) -> dict[str, int]:
-    """How old readings may be, in ns, of the sensors of which the program says so."""
+def age_limits(sensors: tuple[Sensor, ...]) -> dict[str, int]:
+    """Return the greatest age of a reading, in ns, of each sensor for which the program gives one."""
     return {s.name: s.within_ns for s in sensors if s.within_ns is not None}
 
 

@@ -1,7 +1,7 @@
 """Data classes as MessagePack that msgspec checks.
 
 The shapes follow from the classes: each becomes an array that begins with the name of its class, so that
-unions are tagged. A `Span` becomes a `Place`.
+unions are tagged. A `Span` becomes a `SpanShape`.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ MOST = 500_000
 """The largest number of things of one kind, checked before any of them is read."""
 
 
-class Place(msgspec.Struct, frozen=True, array_like=True):
+class SpanShape(msgspec.Struct, frozen=True, array_like=True, forbid_unknown_fields=True):
     """A span: the number of its source, None for a place that no source has, and its start and end there."""
 
     source: int | None
@@ -37,7 +37,7 @@ _CLASSES: dict[type, type] = {}
 def shape(hint: Any) -> Any:
     """Return the type that msgspec checks in place of a type hint."""
     if hint is Span:
-        return Place
+        return SpanShape
     if is_dataclass(hint):
         of: Any = hint
         return _of_class(of)
@@ -55,12 +55,20 @@ def shape(hint: Any) -> Any:
 def _of_class(of: Any) -> Any:
     hints = get_type_hints(of)
     members = [(f.name, shape(hints[f.name])) for f in fields(of)]
-    made = msgspec.defstruct(of.__name__, members, frozen=True, array_like=True, tag=True, tag_field="")
+    made = msgspec.defstruct(
+        of.__name__,
+        members,
+        frozen=True,
+        array_like=True,
+        forbid_unknown_fields=True,
+        tag=True,
+        tag_field="",
+    )
     _CLASSES[made] = of
     return made
 
 
-def shaped(value: Any, place: Callable[[Span], Place]) -> Any:
+def shaped(value: Any, place: Callable[[Span], SpanShape]) -> Any:
     """Return a value in its shape; `place` gives those of spans."""
     if isinstance(value, Span):
         return place(value)
@@ -71,9 +79,9 @@ def shaped(value: Any, place: Callable[[Span], Place]) -> Any:
     return tuple([shaped(one, place) for one in value]) if type(value) is tuple else value
 
 
-def restored(value: Any, span: Callable[[Place], Span]) -> Any:
+def restored(value: Any, span: Callable[[SpanShape], Span]) -> Any:
     """Return the value that has this shape; `span` gives those of places."""
-    if isinstance(value, Place):
+    if isinstance(value, SpanShape):
         return span(value)
     if isinstance(value, msgspec.Struct):
         made = _CLASSES[type(value)]

@@ -10,7 +10,7 @@ from colony.compile.backends.python.executor import PythonExecutor
 from colony.compile.backends.python.generate import generate, load
 from colony.compile.pipeline import compile_program
 from colony.dsl.load import load_file
-from colony.ir.program import Program, Robot, in_base_units
+from colony.ir.program import Program, Robot, robot_in_base_units
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -46,6 +46,6 @@ def behavior_from(program: Program) -> Behavior:
     Raises:
         Failure: a module in Python cannot be built.
     """
-    in_base = replace(program, robot=in_base_units(program.robot))
-    source = generate(compile_program(in_base).artifact)
+    in_base = replace(program, robot=robot_in_base_units(program.robot))
+    source = generate(compile_program(in_base).compiled)
     return Behavior(robot=program.robot, program=in_base, source=source, first=load(source))

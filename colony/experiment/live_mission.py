@@ -53,7 +53,7 @@ class LiveMission:
     ) -> None:
         self._session, self._building, self._plan = session, building.part(plan.floors), plan
         self._operator = operator or nobody()
-        self._team: LiveScripts | None = None
+        self._scripts: LiveScripts | None = None
         self._began_s = time.monotonic()
         self.took_s = 0.0
         self.off_mm = math.nan
@@ -62,35 +62,35 @@ class LiveMission:
     @property
     def over(self) -> bool:
         """Whether the planner is done, or a script has failed."""
-        return self._team is not None and self._team.over
+        return self._scripts is not None and self._scripts.over
 
     @property
     def arrived(self) -> bool:
         """Whether the planner is done, after the end."""
-        return self._team is not None and self._team.done
+        return self._scripts is not None and self._scripts.done
 
     @property
     def problem(self) -> str:
         """What a script raised; "" where none did."""
-        return "" if self._team is None else self._team.problem
+        return "" if self._scripts is None else self._scripts.problem
 
     def wait(self) -> None:
         """Until it is over."""
-        if self._team is not None:
-            self._team.wait()
+        if self._scripts is not None:
+            self._scripts.wait()
 
     def __enter__(self) -> LiveMission:
         self._begin()
         scripts = OURS.scripts(self._plan, self._building, cameras=self._cameras(), on_verdict=self._verified)
-        self._team = LiveScripts(self._session, {**scripts, "operator": self._operator}, leader=PLANNER)
+        self._scripts = LiveScripts(self._session, {**scripts, "operator": self._operator}, leader=PLANNER)
         self._began_s = time.monotonic()
-        self._team.__enter__()
+        self._scripts.__enter__()
         return self
 
     def __exit__(self, *raised: object) -> None:
-        assert self._team is not None
+        assert self._scripts is not None
         try:
-            self._team.close()
+            self._scripts.close()
         finally:  # also where somebody does not wait for the scripts' end
             self.took_s = time.monotonic() - self._began_s
             with suppress(ConnectionProblem):

@@ -1,8 +1,8 @@
 """What goes into an executor in one frame, and what comes out. Every executor speaks this.
 
-Values here are in declared units, as people write them: an executor multiplies by a sensor's factor on the
-way in and divides by a field's factor on the way out. Executors of one client or module, and the fast loop,
-take frames in base units, as they come from the servers: their sensors have the factor 1.
+Values are in the units that the executed program declares: an executor multiplies by a sensor's factor on the
+way in and divides by a field's factor on the way out. Views of one client or module, and the programs of the
+fast loop (`robot_in_base_units`), declare base units, in which servers publish: their factors are 1.
 """
 
 from __future__ import annotations
@@ -71,8 +71,8 @@ class Record(NamedTuple):
 class Decision(NamedTuple):
     """Who commands an actuator in a frame, and what is sent.
 
-    `by` is the winning module or None; `values` are the fields in declared units, or None when nothing is
-    sent (`idle hold`); `fault` is "not finite" when the winner's command could not be sent.
+    `by` is the winning module or None; `values` are the fields in the program's units, None when nothing
+    is sent (`idle hold`); `fault` is "not finite" when the winner's command could not be sent.
     """
 
     actuator: str

@@ -8,12 +8,13 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from dataclasses import field, replace
+from reprlib import repr as short
 from typing import Literal, Protocol
 
 from colony.ir.expression import Expression
 from colony.ir.types import Enum, Scalar, ScalarValue, Type
 from colony.record import Record, record
-from colony.text.source import NOWHERE, Span
+from colony.text.source import NOWHERE, Source, Span
 
 
 @record
@@ -105,7 +106,7 @@ class Robot(Declared):
     actuators: tuple[Actuator, ...] = ()
 
 
-def in_base_units(robot: Robot) -> Robot:
+def robot_in_base_units(robot: Robot) -> Robot:
     """Return the same robot with every sensor and every field of a command declared in base units."""
     return replace(
         robot,
@@ -318,7 +319,9 @@ class Example(Declared):
 class Program(Record):
     """Everything, in an order in which each thing stands after what it is computed from.
 
-    `derived` and `wires` are sorted so; `modules`, `limits` and `contracts` are in the order written.
+    `derived` and `wires` are sorted so; `modules`, `limits` and `contracts` are in the order written. `files`
+    are the texts that it was made of, its own last, each by its place: a relative path with `/` between its
+    parts, by which they import each other. A program that was built in memory has none.
     """
 
     robot: Robot
@@ -328,3 +331,14 @@ class Program(Record):
     limits: tuple[Limit, ...] = ()
     contracts: tuple[Contract, ...] = ()
     tests: tuple[Example, ...] = ()
+    files: tuple[tuple[str, Source], ...] = field(default=(), compare=False, repr=False)
+
+
+def expect_program(given: object) -> None:
+    """Check that what a library function was given is a program.
+
+    Raises:
+        TypeError: it is something else.
+    """
+    if not isinstance(given, Program):
+        raise TypeError(f"found {short(given)}; expected a program, as `colony.load` returns it")

@@ -13,6 +13,7 @@ from colony.experiment.variants import OURS
 from colony.nav.maps.stickrep.model import Map
 from colony.nav.maps.stickrep.reader import load_map
 from colony.nav.maps.walls import walls_of
+from colony.robots.driven_path import DrivenPath
 from colony.robots.recording import RunRecording, is_mcap, recording_into
 from colony.robots.request import Attendant, Driven, Misuse, RunRequest
 from colony.runtime.assembly.virtual import VirtualSession
@@ -70,12 +71,12 @@ def run_in_building(compiled: Compiled, request: RunRequest, attendant: Attendan
 
 def _building(
     request: RunRequest, mission: Mission | None, clock: VirtualClock
-) -> tuple[tuple[Map, ...], Plant, Path]:
-    """Return the floors, the robot on one of them, and its way."""
+) -> tuple[tuple[Map, ...], Plant, PathSink]:
+    """Return the floors, the robot on one of them, and the sink of its true path."""
     if mission is not None:
         site = mission.site
         plant = Plant(site.world, clock, [site.elevators.advance])
-        return tuple(site.maps.values()), plant, Path(plant.world, lambda: site.elevators.floor)
+        return tuple(site.maps.values()), plant, PathSink(plant.world, lambda: site.elevators.floor)
     assert request.map_path is not None
     floor = load_map(request.map_path)
     start = floor.start
@@ -84,7 +85,7 @@ def _building(
         world = World(walls=walls_of(floor).segments, poses=[pose], seed=request.seed)
     except ValueError as problem:
         raise Misuse(f"{request.map_path}: error: the robot cannot start there: {problem}") from None
-    return (floor,), Plant(world, clock), Path(world, lambda: floor.name)
+    return (floor,), Plant(world, clock), PathSink(world, lambda: floor.name)
 
 
 def _run(
@@ -132,22 +133,27 @@ def wall_clock() -> Callable[[int], None]:
     return pace
 
 
-# --- the way -------------------------------------------------------------------------------------
+# --- the path ------------------------------------------------------------------------------------
 
 
-class Path:
-    """The true way of the robot, a place a frame. A sink; mutable: the places so far, by floor."""
+class PathSink:
+    """Collects the true path of the robot, by floor. Mutable: the path so far."""
 
     def __init__(self, world: World, floor: Callable[[], str]) -> None:
         self._world, self._floor = world, floor
-        self.places: dict[str, list[tuple[float, float]]] = {}
+        self._paths: dict[str, DrivenPath] = {}
 
     def take(self, log: FrameLog) -> None:
-        self._here()
+        self._add_pose()
 
     def close(self) -> None:
-        self._here()
+        self._add_pose()
 
-    def _here(self) -> None:
+    @property
+    def places(self) -> dict[str, list[tuple[float, float]]]:
+        """Places on each floor, in mm; the last one is the newest."""
+        return {floor: path.places for floor, path in self._paths.items()}
+
+    def _add_pose(self) -> None:
         pose = self._world.true_pose(0)
-        self.places.setdefault(self._floor(), []).append((pose.x_mm, pose.y_mm))
+        self._paths.setdefault(self._floor(), DrivenPath()).add(pose.x_mm, pose.y_mm)

@@ -40,7 +40,7 @@ def with_faults(compilation: Compilation, trace: Sequence[Frame], seed: int) -> 
     """
     random = Random(seed)
     frame_ns = random.choice((250, 250, 100)) * MS
-    stage = _Stage(replace(compilation.artifact, frame_ns=frame_ns), trace, seed, random)
+    stage = _Stage(replace(compilation.compiled, frame_ns=frame_ns), trace, seed, random)
     try:
         stage.run()
     except Exception as raised:  # whatever a process raises is what it is tested for

@@ -21,9 +21,9 @@ from colony.robots.recording import RunRecording, recording_into
 from colony.robots.request import Arrival, Attendant, BrokenOff, Driven, Misuse, RunRequest
 from colony.runtime.assembly.nodes import build_observer
 from colony.runtime.assembly.processes.children import Job
-from colony.runtime.assembly.processes.crew import client_jobs, expect_room, fresh_folder, keep_logs
-from colony.runtime.assembly.processes.leader import Standings
+from colony.runtime.assembly.processes.jobs import client_jobs, expect_room, fresh_folder, keep_logs
 from colony.runtime.assembly.processes.run import LedRun, RunFailed
+from colony.runtime.assembly.processes.standings import Standings
 from colony.runtime.assembly.processes.window import Window
 from colony.runtime.observe.summary import RunSummary, Tally, Travel
 from colony.runtime.protocol.bindings import bind

@@ -12,8 +12,8 @@ from colony.robots.request import BrokenOff, Misuse
 from colony.robots.simulated import SimulatedRobot, device_of, jobs_of, plant_spec
 from colony.runtime.assembly.processes import child
 from colony.runtime.assembly.processes.children import Children, told
-from colony.runtime.assembly.processes.crew import SERVERS, expect_room, fresh_folder, job_of, server_parts
 from colony.runtime.assembly.processes.ending import Ending, on_signals
+from colony.runtime.assembly.processes.jobs import SERVERS, expect_room, fresh_folder, job_of, server_parts
 from colony.runtime.assembly.processes.run import ENDING_S, LOOK_S
 from colony.runtime.assembly.processes.spec import GatewayPart, Part, Spec, name_of, said_of
 from colony.runtime.store.store import StoreError
@@ -89,14 +89,19 @@ def serve_all(
     """Start all servers and the plant, and start again who dies, until `attending` says that it is over.
 
     Raises:
-        LiveError: all of them are served already.
-        Failure: the map is bad, which is said before anything is started.
+        LiveError: all of them are served already, or the gateway's endpoint or security are no good.
+        Failure: the map is bad. This, and what the gateway is given, is checked before anything is started.
         BrokenOff: one of them cannot live.
     """
     from colony.nav.maps.stickrep.reader import load_map
+    from colony.runtime.transport.live.endpoint import parse_endpoint
+    from colony.runtime.transport.live.security import read_security
 
     assert settings.map_path is not None
     load_map(settings.map_path)
+    if settings.listen is not None and settings.security is not None:
+        parse_endpoint(settings.listen)
+        read_security(settings.security)
     with attending as stop, place.directory.claim(SUPERVISOR):
         robot, folder = _robot(settings), place.directory.path / "served"
         with in_run_directory(folder):

@@ -11,7 +11,7 @@ from pathlib import Path
 from colony.ir.types import Value
 from colony.robots.driven_path import DrivenPath
 from colony.runtime.assembly.processes.children import Job
-from colony.runtime.assembly.processes.crew import HARDWARE, server_jobs, server_parts
+from colony.runtime.assembly.processes.jobs import HARDWARE, server_jobs, server_parts
 from colony.runtime.assembly.processes.spec import Device, write_spec
 from colony.runtime.observe.summary import Travel
 from colony.runtime.transport.live.place import Local

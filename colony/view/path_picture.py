@@ -19,7 +19,7 @@ _BIN_MM = 20.0
 _DPI = 150
 
 
-class DrivenPath(NamedTuple):
+class Drive(NamedTuple):
     """A way, x and y in mm, and whether it led to the goal."""
 
     path: Sequence[tuple[int, int]]
@@ -27,7 +27,7 @@ class DrivenPath(NamedTuple):
     seed: int
 
 
-def draw_paths(drawn: Map, drives: Sequence[DrivenPath], title: str) -> Figure:
+def draw_paths(drawn: Map, drives: Sequence[Drive], title: str) -> Figure:
     """A map with the ways of many runs on it: those that failed on top, a cross where each ended."""
     figure = draw_map(drawn, [np.empty((0, 2))], title, ["runs"])
     axes = figure.axes[0]

@@ -31,7 +31,7 @@ class PlateBox(NamedTuple):
         return sum(columns) / 4.0, sum(rows) / 4.0
 
     def lowered(self, rows: float) -> PlateBox:
-        """The same in an image that begins so many rows higher up."""
+        """Return the box in an image that begins `rows` rows higher up."""
         first, second, third, fourth = ((column, row + rows) for column, row in self.corners)
         return PlateBox((first, second, third, fourth), self.score)
 

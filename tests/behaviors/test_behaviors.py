@@ -16,7 +16,7 @@ from colony.cli.main import main
 from colony.compile.lower.lower import lower
 from colony.compile.pipeline import compile_program
 from colony.dsl.load import check_file, load_file
-from colony.execute.executor import ClientListExecutor
+from colony.execute.executor import ProgramExecutor
 from colony.ir.frame import Frame, Reading
 from colony.ir.program import Program, Sensor
 from colony.ir.types import Array, Bool
@@ -99,8 +99,8 @@ def test_contracts_hold_and_the_clients_agree_on_random_frames(file: Path) -> No
     clients = compile_program(program).clients
     reference = Interpreter(program)
     compiled = (
-        ClientListExecutor(lower(program, clients)),
-        ClientListExecutor(lower(program, clients), exclusive=True),
+        ProgramExecutor(lower(program, clients)),
+        ProgramExecutor(lower(program, clients), exclusive=True),
     )
     for frame in random_frames(program, seed=414, count=250):
         outcome = reference.step(frame)

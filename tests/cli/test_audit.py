@@ -15,6 +15,8 @@ from mcap.records import Attachment, Channel, Message, Metadata, Schema
 from mcap.stream_reader import StreamReader
 from mcap.writer import CompressionType, Writer
 
+from colony.compile.pipeline import compile_program
+from colony.dsl.load import load_file
 from tests.cli.conftest import Colony, Ran
 from tests.cli.run.test_run import MAP, ROAM
 from tests.paths import ROOT
@@ -273,14 +275,11 @@ def test_the_same_seed_gives_the_same_recording(recorded: Callable[..., Ran]) ->
 
 def test_texts_are_those_that_were_run(colony: Colony, behavior: Path) -> None:
     """A file that is saved after it was checked, and before the recording begins, is not recorded."""
-    from colony.dsl.load import check_file
-    from colony.robots.recorded_program import program_sources
-
-    text, checked = behavior.read_text(), check_file(behavior)
+    text, program = behavior.read_text(), load_file(behavior)
     behavior.write_text("# gone")
-    assert checked.program is not None
-    root, (source,) = program_sources(str(behavior), checked.program, checked.tree)
-    assert (root, source.place, source.data.decode()) == ("b.colony", "b.colony", text)
+    compiled = compile_program(program).compiled
+    (source,) = compiled.sources
+    assert (compiled.root, source.place, source.data.decode()) == ("b.colony", "b.colony", text)
 
 
 PYTHON = """

@@ -169,6 +169,18 @@ def test_a_compiled_program_runs_as_its_behavior_does_and_its_recording_is_audit
     assert Path("sent.mcap").read_bytes() == Path("here.mcap").read_bytes()
 
 
+@pytest.mark.parametrize("name", ["W.COLONYC", "wander", "wander.colony"])
+def test_a_compiled_program_is_known_by_its_content(colony: Colony, name: str) -> None:
+    assert colony("compile", ROOT / "behaviors" / "wander.colony", "-o", "wander.colonyc").code == 0
+    Path("wander.colonyc").rename(name)
+    options = ("--map", MAPS / "loop.stickrep", "--duration", "0.1", "--no-picture")
+    assert colony("run", name, *options).code == 0
+    Path(name).write_bytes(Path(name).read_bytes()[:-1])
+    code, _, err = colony("run", name, *options)
+    assert (code, err.count("\n")) == (2, 1)
+    assert "error[C001]: no compiled program that can be run: it is damaged" in err
+
+
 GOES = """
 robot rome {
   sensor bumper : bool from RServer.bumper

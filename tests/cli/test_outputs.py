@@ -69,16 +69,40 @@ def test_odd_names_are_one_line(
     assert list(tmp_path.iterdir()) == [behavior]
 
 
-def test_a_pipe_is_written_into_and_stays_a_pipe(tmp_path: Path) -> None:
-    pipe = tmp_path / "pipe"
-    os.mkfifo(pipe)
-    reader = os.open(pipe, os.O_RDONLY | os.O_NONBLOCK)
+def test_a_pipe_that_is_open_is_written_into() -> None:
+    """As a shell gives it: `colony graph x.colony -o >(less)`."""
+    reader, writer = os.pipe()
     try:
-        check_output(pipe)
-        write_whole(pipe, "text")
+        path = Path(f"/dev/fd/{writer}")
+        check_output(path)
+        write_whole(path, "text")
         assert os.read(reader, 100) == b"text"
     finally:
         os.close(reader)
+        os.close(writer)
+
+
+@pytest.mark.parametrize(
+    "arguments",
+    [
+        ("compile", "b.colony", "-o", "pipe.colonyc"),
+        ("graph", "b.colony", "-o", "pipe.svg"),
+        ("trace", "b.colony", "--input", os.devnull, "-o", "pipe.jsonl"),
+        ("run", "b.colony", "--map", MAP, "--record", "pipe.mcap"),
+        ("run", "b.colony", "--map", MAP, "--picture", "pipe.png"),
+        ("map", MAP, "-o", "pipe.png"),
+        ("plan", MAP, "201", "216", "-o", "pipe.png"),
+        ("experiment", "thesis", "--runs", "1", "--seeds", "1", "-o", "pipe.sqlite"),
+    ],
+)
+def test_a_pipe_that_nobody_may_read_is_refused(
+    colony: Colony, behavior: Path, tmp_path: Path, arguments: tuple[str, ...]
+) -> None:
+    pipe = tmp_path / arguments[-1]
+    os.mkfifo(pipe)
+    code, out, err = colony(*arguments)
+    assert (code, out) == (2, ""), err
+    assert err == f"{pipe.name}: error: cannot write: it is not a regular file\n"
     assert pipe.is_fifo()
 
 

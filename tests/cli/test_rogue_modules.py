@@ -32,6 +32,7 @@ contract turning: drive.turn == 20 deg/s
 
 ROGUE = """
 import os, pathlib, signal
+FORKED = pathlib.Path(__file__).with_name("forked")
 class Rogue:
     def __init__(self):
         self.steps = 0
@@ -45,6 +46,7 @@ class Rogue:
 """
 
 CRIMES = {
+    "forks": "FORKED.write_text(str(pid)) if (pid := os.fork()) else [signal.pause() for _ in iter(int, 1)]",
     "hangs": "while True: pass",
     "exits": "os._exit(0)",
     "aborts": "os.abort()",
@@ -96,6 +98,8 @@ def test_nothing_else_is_harmed(machine: Machine, colony: Colony, tmp_path: Path
         run.tell(signal.SIGINT)
     assert run.wait() == 130, run.err
     assert not any(map(lives, processes))
+    if crime == "forks":
+        until(lambda: not lives(int((tmp_path / "forked").read_text())), "what it forked is killed")
     _check_recorded(run, colony, crime)
 
 

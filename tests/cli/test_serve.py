@@ -160,6 +160,9 @@ def test_trouble_with_one_robot_keeps_no_other_from_being_stopped(machine: Machi
         assert one.wait() == 0
 
 
+SERVE_ALL = ("serve", "all", "--robot", "r", "--map", MAP)
+USERS = ("--connect", "tls/x:1", "--security", "f")
+
 BAD_OPTIONS: list[tuple[tuple[str, ...], str]] = [
     (("serve", "all", "--robot", "r"), "all also wants --map MAP"),
     (("serve", "Gateway", "--robot", "r"), "Gateway also wants --listen"),
@@ -168,6 +171,13 @@ BAD_OPTIONS: list[tuple[tuple[str, ...], str]] = [
     (("serve", "XServer", "--robot", "r"), "'XServer' is not one of"),
     (("serve", "RServer", "--robot", "a/b"), "`a/b` cannot be the name of a robot"),
     (("serve", "all", "--robot", "r", "--map", "nowhere"), "nowhere:1:1: error[M001]: cannot read the map"),
+    (("ps", "--robot", "a/b"), "`a/b` cannot be the name of a robot"),
+    (("stop", "--robot", "a/b"), "`a/b` cannot be the name of a robot"),
+    (("stop", "--robot", "a/b", *USERS), "`a/b` cannot be the name of a robot"),
+    (("data", "list", "--robot", "a/b"), "`a/b` cannot be the name of a robot"),
+    (("serve", "Clock", "--robot", "r", "--state", ""), "found an empty name; expected that of a folder"),
+    ((*SERVE_ALL, "--listen", "tls/localhost:0", "--security", "/dev/zero"), "it is not a regular file"),
+    ((*SERVE_ALL, "--listen", "tcp/localhost:0", "--security", "f"), "would go in the clear"),
     (("run", WANDER, "--robot", "", "--connect"), "`` cannot be the name of a robot"),
     (("stop",), "no robot runs on this machine"),
     (("stop", "--robot", "r"), "no robot `r` on this machine"),
@@ -176,7 +186,7 @@ BAD_OPTIONS: list[tuple[tuple[str, ...], str]] = [
 ]
 
 
-@pytest.mark.parametrize(("arguments", "expected"), BAD_OPTIONS, ids=[e for _, e in BAD_OPTIONS])
+@pytest.mark.parametrize(("arguments", "expected"), BAD_OPTIONS, ids=[" ".join(a) for a, _ in BAD_OPTIONS])
 def test_options_that_make_no_sense(
     machine: Machine, colony: Colony, arguments: tuple[str, ...], expected: str
 ) -> None:

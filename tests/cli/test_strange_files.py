@@ -16,7 +16,7 @@ import pytest
 from colony.cli import compile
 from colony.cli.experiment import outputs as experiment_outputs
 from colony.dsl import files as dsl_files
-from colony.execute import artifact
+from colony.execute import colonyc
 from colony.experiment import lists
 from colony.files import size_text
 from colony.nav.maps.stickrep import file as stickrep_file
@@ -215,7 +215,7 @@ LIMITS = {
     "list of an experiment": lists.LIST_BYTES,
     "page that `colony experiment --write` changes": experiment_outputs.PAGE_BYTES,
     "clients that `colony compile --prove` reads": compile.CLIENTS_BYTES,
-    "a compiled program, `*.colonyc`": artifact.LARGEST,
+    "a compiled program, `*.colonyc`": colonyc.LARGEST,
     "program in a recording": mcap_reader.SOURCES_BYTES,
     "line of a recording, or of the standard input of `colony trace`": replay.LINE_BYTES,
 }

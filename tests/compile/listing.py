@@ -1,4 +1,5 @@
-"""Lowered code as text for people: an op a line, in prefix notation, then memory and what values are for.
+"""A view of lowered code as text for people: an op a line, in prefix notation, then memory and what values
+are for. The variants of guards (`heard_guard` and so on) are left out: in a view they equal the guards.
 
 20 number  select 18 11 13  # turned        value 20: 11 where 18 is true, else 13
 cell 3 `turned`: number 0.0, then 11 where 19
@@ -24,7 +25,7 @@ from colony.execute.code import (
 
 
 def listing(code: Code) -> str:
-    """Return all of the code as text, except places in the source and what the robot declares."""
+    """Return all of a view as text, except places in the source and what the robot declares."""
     return "\n".join(_lines(code)) + "\n"
 
 

@@ -36,10 +36,10 @@ CASES = sorted((Path(__file__).parent / "cases" / "code").glob("*.colony"))
 def made_of(path: Path) -> dict[str, str]:
     """The files beside a program, and what should be in them."""
     program = load_text(path.read_text(), path.name)
-    compiled = compile_program(program)
-    clients = compiled.clients
+    compilation = compile_program(program)
+    clients = compilation.clients
     texts = {
-        ".explained.txt": f"{explain(compiled)}\n\n{client_table(compiled)}\n\n{to_json(clients)}",
+        ".explained.txt": f"{explain(compilation)}\n\n{client_table(compilation)}\n\n{to_json(clients)}",
         ".generated.txt": generate(lower(program, clients)),
     }
     code = lower(program, clients).code

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from colony.dsl.load import check_file, check_text, load_file
+from colony.dsl.load import check_file, check_text, load_file, load_text
 from colony.ir import expression as e
 from colony.ir.program import Chain, Let, Module, Program, PythonModule, Use
 from colony.ir.types import DISTANCE
@@ -426,3 +426,20 @@ def test_a_python_module_is_given_what_it_reads_by_the_names_of_its_own_file(tmp
     assert isinstance(module, PythonModule)
     assert [r.name for r in module.reads] == ["ahead", "near"]
     assert module.reads[0].expression == e.DerivedValue(type=DISTANCE, name="far.ahead")
+
+
+def test_a_program_has_its_texts_by_their_places(tmp_path: Path) -> None:
+    """Places are those by which files import each other, in the folder that has all of them."""
+    for folder in ("a/b", "c", "elsewhere"):
+        (tmp_path / folder).mkdir(parents=True)
+    (tmp_path / "a" / "b" / "root.colony").write_text('import "../../c/linked.colony"\n' + ROBOT)
+    (tmp_path / "elsewhere" / "real.colony").write_text('import "../a/more.colony"\n')
+    (tmp_path / "c" / "linked.colony").symlink_to("../elsewhere/real.colony")
+    (tmp_path / "a" / "more.colony").write_text("param limit = 1\n")
+    loaded = load_file(tmp_path / "a" / "b" / "root.colony")
+    assert [place for place, _ in loaded.files] == ["a/more.colony", "c/linked.colony", "a/b/root.colony"]
+    assert loaded.files[0][1].text == "param limit = 1\n"
+    (only,) = load_text(ROBOT, name="x/y.colony", directory=tmp_path).files
+    assert (only[0], only[1].text) == ("y.colony", ROBOT)
+    ((place, _),) = load_text(ROBOT).files
+    assert place == "<text>"

@@ -1,4 +1,4 @@
-"""Single clients, each with the slice of the program that it needs, and what they remember."""
+"""Single clients, each with the view of the program that it needs, and what they remember."""
 
 from __future__ import annotations
 

@@ -9,7 +9,7 @@ import pytest
 from colony.compile.lower.lower import lower
 from colony.compile.pipeline import compile_program
 from colony.dsl.load import load_text
-from colony.execute.executor import ClientListExecutor, ClientMemory, NotExclusive
+from colony.execute.executor import ClientMemory, NotExclusive, ProgramExecutor
 from colony.execute.machine import build
 from colony.ir.frame import Frame
 from colony.text.diagnostics import Failure
@@ -108,6 +108,6 @@ def test_two_exclusive_guards_at_once_are_told_by_name() -> None:
     (drive,) = clients.actuators
     wrong = tuple(replace(c, exclusive=c.guard) for c in drive.clients)
     broken = replace(clients, actuators=(replace(drive, clients=wrong),))
-    executor = ClientListExecutor(lower(program, broken), exclusive=True)
+    executor = ProgramExecutor(lower(program, broken), exclusive=True)
     with pytest.raises(NotExclusive, match=r"^drive: avoid, cruise$"):
         executor.step(Frame(0, {"sonar": (100.0,) * 24, "bumper": False, "chance": 0.5}))

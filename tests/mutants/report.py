@@ -72,7 +72,7 @@ def survivors(mutants: dict[str, list[Mutant]], results: Results) -> list[Mutant
 
 def bugs() -> Iterator[tuple[str, str]]:
     """Each seeded bug, planted, and what noticed it."""
-    from tests.verify import test_seeded_bugs as seeded
+    from tests.verify.testing import test_seeded_bugs as seeded
 
     for bug in seeded.BUGS:
         with pytest.MonkeyPatch.context() as patch:

@@ -8,7 +8,7 @@ from pathlib import Path
 ROOT = Path(__file__).resolve().parents[2]
 
 FRAMES = (
-    *("frames/clock", "frames/registry", "frames/liveness", "frames/assembly", "frames/membership"),
+    *("frames/clock", "frames/registry", "frames/liveness", "frames/assembler", "frames/membership"),
     *("clients/client", "clients/memory"),
 )
 """Ticks and epochs, who lives, frames put together from what arrives, what a client remembers."""
@@ -19,7 +19,12 @@ ARBITRATION = tuple(
 """The rule, the protocol around it, leases, locks, the emergency stop."""
 
 RUNTIME_TESTS = (
-    *("frames/test_clock", "frames/test_clock_bounds", "frames/test_assembly", "frames/test_assembly_bounds"),
+    *(
+        "frames/test_clock",
+        "frames/test_clock_bounds",
+        "frames/test_assembler",
+        "frames/test_assembler_bounds",
+    ),
     *("frames/test_membership", "clients/test_client", "clients/test_client_bounds", "clients/test_memory"),
     *("arbitration/test_arbiter", "arbitration/test_arbiter_bounds", "arbitration/test_promises"),
     *("arbitration/test_outside", "arbitration/test_locks", "arbitration/test_stop_latch"),

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from functools import cache
@@ -56,7 +57,7 @@ def _nobody(building: Building) -> Script:
 
 @cache
 def wander() -> Compiled:
-    return compile_program(load_file(WANDER)).artifact
+    return compile_program(load_file(WANDER)).compiled
 
 
 def request(record: Path | None = None) -> RunRequest:
@@ -79,7 +80,11 @@ def test_a_run_tells_what_came_of_it() -> None:
     assert not driven.summary.interrupted
     assert driven.arrival is None
     (floor,) = driven.floors
-    assert len(driven.places[floor.name]) == watcher.frames + 1
+    places = driven.places[floor.name]
+    assert places[0] == (floor.start.x_mm, floor.start.y_mm)
+    length_mm = sum(map(math.dist, places, places[1:]))
+    assert length_mm == pytest.approx(driven.summary.distance_mm, rel=0.02)
+    assert length_mm > 100.0
 
 
 def test_whoever_attends_a_run_may_end_it() -> None:

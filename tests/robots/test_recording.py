@@ -29,7 +29,7 @@ PROGRAM = load_text(
     network { lamp = shine }
     """
 )
-COMPILED = compile_program(PROGRAM).artifact
+COMPILED = compile_program(PROGRAM).compiled
 FRAMES = tuple(Frame(k * 50 * MS, {"near": float(k * 7919 % 997)}) for k in range(200))
 
 

@@ -79,5 +79,5 @@ class Log:
 def session(program: Program, script: Script, *sinks: object, **options: object) -> VirtualSession:
     """A session of a program over a script, with seed 1 unless told otherwise."""
     settings: dict[str, object] = {"seed": 1} | options
-    compiled = compile_program(program).artifact
+    compiled = compile_program(program).compiled
     return VirtualSession(compiled, script.drivers, clock=script.clock, sinks=sinks, **settings)  # type: ignore[arg-type]

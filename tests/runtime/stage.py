@@ -128,7 +128,7 @@ class Played:
 
 def play(program: Program, trace: Sequence[Frame], *, order_seed: int = 0, link: Link = perfect) -> Played:
     """Run a program's clients over a trace in virtual time."""
-    compiled = compile_program(program).artifact
+    compiled = compile_program(program).compiled
     bindings = Bindings(
         sensors=tuple(
             SensorBinding(

@@ -9,13 +9,13 @@ from typing import Any
 import pytest
 
 from colony.dsl.load import load_text
-from colony.execute.executor import ClientListExecutor, ModuleExecutor
+from colony.execute.executor import ModuleExecutor, ProgramExecutor
 from colony.ir.frame import Answer, Decision, Frame, Outcome, Record
 from colony.text.diagnostics import Failure
 from colony.verify.reference.interpreter import Interpreter
 from colony.verify.testing.agreement import ALL_EXECUTORS, EXECUTORS, disagreement
 from tests.executors import outcomes
-from tests.programs import MS, client, compiled, program
+from tests.programs import MS, client, compilation, program
 from tests.verify.scripted_modules import Scripted
 
 TEXT = """
@@ -99,7 +99,7 @@ def test_what_it_is_given_is_read_only() -> None:
     assert outcome.records == (Record("python error", "m"),)
     Scripted.answers = [lambda frame: setattr(frame, "t", 3.0)]
     for make in EXECUTORS.values():
-        assert make(compiled(TEXT.replace("RATE", ""))).step(shot(0)).records == outcome.records
+        assert make(compilation(TEXT.replace("RATE", ""))).step(shot(0)).records == outcome.records
 
 
 def test_commands_and_none() -> None:
@@ -202,14 +202,14 @@ def test_a_class_that_cannot_be_built_is_a_located_error(path: str, why: str) ->
         Interpreter(of)
     for make in EXECUTORS.values():
         with pytest.raises(Failure, match=why):
-            make(compiled(of))
+            make(compilation(of))
 
 
 def test_params_that_a_class_does_not_take() -> None:
     text = TEXT.replace("Scripted", "Unbuildable").replace("RATE", "")
     for make in EXECUTORS.values():
         with pytest.raises(Failure, match="unexpected keyword"):
-            make(compiled(text))
+            make(compilation(text))
 
 
 def test_clients_ask_for_the_answers_of_python_modules() -> None:
@@ -231,8 +231,8 @@ def test_the_client_of_a_python_module_takes_its_answers_and_runs_nothing() -> N
 
 def test_a_python_module_alone() -> None:
     Scripted.answers = [GOOD, 42]
-    artifact = compiled(TEXT.replace("RATE", "rate 300 ms")).artifact
-    module = ModuleExecutor(artifact, "m")
+    compiled = compilation(TEXT.replace("RATE", "rate 300 ms")).compiled
+    module = ModuleExecutor(compiled, "m")
     assert module.sensors == ("x", "a")
     for _ in range(2):
         assert module.step(shot(0)) == Answer()
@@ -240,15 +240,15 @@ def test_a_python_module_alone() -> None:
         assert module.step(shot(300)) == TOLD._replace(error=True)
         module.restart()
     with pytest.raises(KeyError):
-        ModuleExecutor(artifact, "low")
+        ModuleExecutor(compiled, "low")
 
 
 def test_answers_that_are_given_decide_as_those_that_are_computed() -> None:
     shots, answers = there(3), (TOLD, Answer(), Answer(error=True))
     computed = answered([GOOD, None, 42], *shots)
     Scripted.built.clear()
-    of = compiled(TEXT.replace("RATE", ""))
-    given = ClientListExecutor(of.artifact, answered=True)
+    of = compilation(TEXT.replace("RATE", ""))
+    given = ProgramExecutor(of.compiled, answered=True)
     interpreter = Interpreter(of.program, answered=True)
     for frame, answer, outcome in zip(shots, answers, computed, strict=True):
         assert repr(given.step(frame, {"m": answer})) == repr(outcome)

@@ -140,15 +140,15 @@ def _run_json(result: RunResult) -> dict[str, object]:
 
 def _draw(asked: Experiment, results: tuple[RunResult, ...], folder: Path) -> None:
     from colony.nav.maps.building import load_building
-    from colony.view.path_picture import DrivenPath, draw_errors, draw_paths, encode
+    from colony.view.path_picture import Drive, draw_errors, draw_paths, encode
 
     building = load_building(asked.map_path)
     first = building.maps[0].name
     floors = {run.number: run.floors[0] if run.floors else first for run in asked.runs}
-    goals: dict[tuple[str, str, str], list[DrivenPath]] = {}
+    goals: dict[tuple[str, str, str], list[Drive]] = {}
     for r in results:
         drives = goals.setdefault((r.origin, r.goal, floors[r.key.number]), [])
-        drives.append(DrivenPath(path=r.path, reached=r.reached, seed=r.key.seed))
+        drives.append(Drive(path=r.path, reached=r.reached, seed=r.key.seed))
     for (origin, goal, floor), drives in goals.items():
         name = f"{origin} to {goal}" + (f" of {floor}" if floor != first else "")
         title = f"{name}: {len(drives)} runs, {asked.label}"

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from colony.cli.exit_codes import EXIT_ERRORS, EXIT_INTERRUPTED, EXIT_MISUSE
-from colony.cli.places import connect_option, place_of, problems_told, security_option
+from colony.cli.places import connect_option, place_of, problems_told, robot_option, security_option
 from colony.cli.reporting import refuse, report, say
 from colony.cli.run.options import DURATION, BadOption, Options, objection, request_of
 from colony.robots.request import BrokenOff, Misuse
@@ -32,7 +32,7 @@ PICTURE = "run.png"
 )
 @connect_option("Run it on a robot that is there: on this machine, or behind a gateway, tls/HOST:PORT.")
 @security_option()
-@click.option("--robot", metavar="NAME", help="The robot's name, if not as in the program.")
+@robot_option("The robot's name, if not as in the program.")
 @click.option(
     "--seed",
     type=click.IntRange(min=0),

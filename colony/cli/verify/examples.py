@@ -14,7 +14,7 @@ from colony.text.source import Span
 from colony.text.wording import counted
 from colony.verify.snapshot import snapshot_of
 from colony.verify.testing.agreement import reference
-from colony.verify.testing.differential import Breach, Report, Unsteady, examples
+from colony.verify.testing.differential import Breach, Nondeterministic, Report, try_traces
 from colony.verify.testing.examples import facts_of_breach
 
 if TYPE_CHECKING:
@@ -30,11 +30,11 @@ def reports(program: Program, count: int, seed: int, *, faults: bool = False) ->
     Raises:
         Failure: a module in Python cannot be imported or built.
     """
-    from colony.robots.executor import VirtualExecutor
     from colony.robots.faults import with_faults
+    from colony.robots.virtual_executor import VirtualExecutor
     from colony.verify.testing.agreement import ALL_EXECUTORS
 
-    return examples(
+    return try_traces(
         program,
         count,
         seed,
@@ -56,7 +56,7 @@ def lines(program: Program, report: Report, known: Collection[str] = ()) -> tupl
         told.append(f"REFUTED  {breach.contract.name}  (in {counted(breach.met, 'frame')})")
         if breach.contract.name not in known:
             told += [f"  {line}" for line in _table(program, breach)]
-    return (*told, *_coverage(report)) if report.unsteady is None else tuple(told)
+    return (*told, *_coverage(report)) if report.nondeterministic is None else tuple(told)
 
 
 def bug(report: Report) -> str | None:
@@ -70,8 +70,8 @@ def _tried(report: Report) -> str:
     what += f" from seed {report.seed}"
     if report.disagreement is not None:
         return f"{what}: executors DISAGREE"
-    if report.unsteady is not None:
-        return f"{what}: given up, as {report.unsteady.module.name} does not do the same twice"
+    if report.nondeterministic is not None:
+        return f"{what}: given up, as {report.nondeterministic.module.name} does not do the same twice"
     return f"{what}: all executors agree"
 
 
@@ -117,9 +117,9 @@ def traces(
         if breach.contract.name not in known:
             steps = _steps(program, breach.trace, breach.contract.span)
             made[_broken(program, breach, file)] = steps
-    if report.unsteady is not None:
-        steps = _steps(program, report.unsteady.trace, report.unsteady.module.span)
-        made[_unsteady(report.unsteady)] = steps
+    if report.nondeterministic is not None:
+        steps = _steps(program, report.nondeterministic.trace, report.nondeterministic.module.span)
+        made[_nondeterministic(report.nondeterministic)] = steps
     return made
 
 
@@ -131,8 +131,8 @@ def _broken(program: Program, breach: Breach, file: str | None) -> Diagnostic:
     return found
 
 
-def _unsteady(unsteady: Unsteady) -> Diagnostic:
-    module = unsteady.module
+def _nondeterministic(nondeterministic: Nondeterministic) -> Diagnostic:
+    module = nondeterministic.module
     path = f"{module.module_path}:{module.class_name}"
     message = (
         f"`{path}` is not deterministic: two of its objects, given the same frames, answered differently"
@@ -208,5 +208,5 @@ def row(program: Program, report: Report) -> dict[str, object]:
         ],
         "broken": broken,
         "disagreement": None if report.disagreement is None else str(report.disagreement),
-        "not_deterministic": None if report.unsteady is None else report.unsteady.module.name,
+        "not_deterministic": None if report.nondeterministic is None else report.nondeterministic.module.name,
     }

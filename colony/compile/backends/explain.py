@@ -28,24 +28,26 @@ _WIDTH = 100
 _INDENT = "  "
 
 
-def explain(compiled: Compilation) -> str:
+def explain(compilation: Compilation) -> str:
     """What the compiler does with this program, step by step, for `colony compile --explain`.
 
     Plain text without a line break at its end.
     """
-    guards = GuardText(compiled.clients.guards)
+    guards = GuardText(compilation.clients.guards)
     sections = [
-        _section("The network as wired", _wires(compiled.program)),
+        _section("The network as wired", _wires(compilation.program)),
         _section(
             "Without inhibitors: `A inhibits B` is B with `not A` in its guard (Lemma 4.1)",
-            _without_inhibitors(compiled, guards),
+            _without_inhibitors(compilation, guards),
         ),
     ]
-    for (actuator, root), one in zip(compiled.suppression.outputs, compiled.clients.actuators, strict=True):
+    for (actuator, root), one in zip(
+        compilation.suppression.outputs, compilation.clients.actuators, strict=True
+    ):
         sections += [
             _section(
                 f"The binary tree of {actuator}: dominant link right, inferior link left (Table 4.2)",
-                _tree(compiled.suppression, root, one),
+                _tree(compilation.suppression, root, one),
             ),
             _section(
                 f"The forward traversal of {actuator}: left before right, last visited is highest",
@@ -100,9 +102,9 @@ def _hanging(head: str, text: str) -> list[str]:
 # --- inhibition elimination ----------------------------------------------------------------------
 
 
-def _without_inhibitors(compiled: Compilation, guards: GuardText) -> list[str]:
+def _without_inhibitors(compilation: Compilation, guards: GuardText) -> list[str]:
     """Each module that can command, with the guard that the gates on its way leave it."""
-    clients = [client for one in compiled.clients.actuators for client in one.clients]
+    clients = [client for one in compilation.clients.actuators for client in one.clients]
     width = max((len(client.module) for client in clients[:MOST_LINES]), default=0)
     lines: list[str] = []
     for client in clients[:MOST_LINES]:
@@ -110,8 +112,8 @@ def _without_inhibitors(compiled: Compilation, guards: GuardText) -> list[str]:
     if len(clients) > MOST_LINES:
         lines.append(f"({len(clients) - MOST_LINES} more modules left out)")
     commanding = {client.module for client in clients}
-    guarding = {guard.module for guard in compiled.clients.guards if isinstance(guard, ModuleActive)}
-    leaves = [node.module for node in compiled.suppression.nodes if isinstance(node, ModuleLeaf)]
+    guarding = {guard.module for guard in compilation.clients.guards if isinstance(guard, ModuleActive)}
+    leaves = [node.module for node in compilation.suppression.nodes if isinstance(node, ModuleLeaf)]
     others = [module for module in leaves if module not in commanding]
     lines += _listed("only in guards: ", [module for module in others if module in guarding])
     lines += _listed("without effect: ", [module for module in others if module not in guarding])

@@ -1,4 +1,4 @@
-"""Clients as JSON, `colony-clients/1`: what other programs read, and what a runtime may load.
+"""Clients as JSON, `colony-clients/1`: for other programs. The runtime itself reads `.colonyc` files.
 
     {"format": "colony-clients/1",
      "actuators": {"drive": {"clients": [

@@ -16,17 +16,17 @@ _HEADER = ("priority", "module", "guard", "exclusive guard")
 _GAP = "  "
 
 
-def client_table(compiled: Compilation) -> str:
+def client_table(compilation: Compilation) -> str:
     """For each actuator its clients, highest priority first, with both guards; then the parts with names.
 
     Plain text without a line break at its end. Its size is linear in the clients and their guards.
     """
-    guards = GuardText(compiled.clients.guards)
-    blocks = [f"{one.actuator}\n{rows(one, guards)}" for one in compiled.clients.actuators]
-    driven = {one.actuator for one in compiled.clients.actuators}
-    idle = [a.name for a in compiled.program.robot.actuators if a.name not in driven]
+    guards = GuardText(compilation.clients.guards)
+    blocks = [f"{one.actuator}\n{rows(one, guards)}" for one in compilation.clients.actuators]
+    driven = {one.actuator for one in compilation.clients.actuators}
+    idle = [a.name for a in compilation.program.robot.actuators if a.name not in driven]
     blocks += [f"{name}\n{_GAP}nothing drives it" for name in idle]
-    if compiled.clients.actuators:
+    if compilation.clients.actuators:
         blocks.append(legend(guards))
     return "\n\n".join(blocks)
 

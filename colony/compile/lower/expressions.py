@@ -13,7 +13,7 @@ from math import nan
 from typing import Protocol, assert_never
 
 from colony.compile.lower.builder import Builder
-from colony.compile.lower.memory import Place, remember
+from colony.compile.lower.memory import MemorySite, remember
 from colony.execute.code import Commanded, FrameTime, Kind, Literal, SensorElement, SensorFresh, Sent, Winner
 from colony.execute.operators import Operator
 from colony.ir import expression as ir
@@ -379,7 +379,7 @@ class ExpressionLowering:
         values = []
         for i in range(size):
             cell = function_cell(e.function.value, e.cell, tuple(k for _, k in scope.loops), i)
-            place = Place(name=f"{name} [{i}]" if size > 1 else name, cells=(cell,), ready=scope.ready)
+            place = MemorySite(name=f"{name} [{i}]" if size > 1 else name, cells=(cell,), ready=scope.ready)
             chosen = tuple(a[i] if len(a) > 1 else a[0] for a in arguments)
             values.append(remember(self.builder, e, chosen, place))
         return tuple(values)

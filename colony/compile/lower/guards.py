@@ -9,7 +9,7 @@ from typing import assert_never
 from colony.compile import guards as g
 from colony.compile.clients import ClientList
 from colony.compile.lower.builder import Builder
-from colony.compile.lower.memory import Place, until
+from colony.compile.lower.memory import MemorySite, until
 
 
 class GuardLowering:
@@ -60,7 +60,9 @@ class GuardLowering:
             case g.Or(operands=operands):
                 return builder.either(*[values[i] for i in operands])
             case g.Recently(operand=operand, window_ns=window_ns):
-                place = Place(name=f"{self._name} {at}", cells=self._windows[at], ready=builder.literal(True))
+                place = MemorySite(
+                    name=f"{self._name} {at}", cells=self._windows[at], ready=builder.literal(True)
+                )
                 return until(builder, values[operand], window_ns, place)
             case _:
                 assert_never(node)

@@ -18,7 +18,7 @@ from colony.ir.expression import Memory, MemoryCall
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Place:
+class MemorySite:
     """The name of one scalar memory call, and the value that says in which frames it moves on.
 
     `cells` are what the names of its cells begin with in `ir.memory`; a guard may stand in several places.
@@ -33,7 +33,7 @@ class Place:
         return tuple([f"{cell} {part}" for cell in self.cells])
 
 
-def remember(builder: Builder, call: MemoryCall, arguments: tuple[int, ...], place: Place) -> int:
+def remember(builder: Builder, call: MemoryCall, arguments: tuple[int, ...], place: MemorySite) -> int:
     """The value of one scalar memory function in this frame."""
     match call.function:
         case Memory.PREVIOUS:
@@ -62,14 +62,14 @@ def remember(builder: Builder, call: MemoryCall, arguments: tuple[int, ...], pla
             assert_never(call.function)
 
 
-def started(builder: Builder, place: Place) -> int:
+def started(builder: Builder, place: MemorySite) -> int:
     """Whether there was a frame before this one in which `place` was ready; one cell a condition."""
     old = builder.cell(f"started {place.ready}", Kind.BOOL, False, *place.called("started"))
     builder.keep(old, place.ready, builder.literal(True))
     return old
 
 
-def until(builder: Builder, holds: int, window_ns: int, place: Place) -> int:
+def until(builder: Builder, holds: int, window_ns: int, place: MemorySite) -> int:
     """True from a frame with `holds` until, and not including, `window_ns` after the last such frame."""
     now = builder.add(FrameTime(), Kind.TIME)
     end = builder.cell(f"{place.name} until", Kind.TIME, 0, *place.called("until"))
@@ -78,7 +78,7 @@ def until(builder: Builder, holds: int, window_ns: int, place: Place) -> int:
     return builder.either(holds, builder.apply(Operator.TIME_LESS, now, end))
 
 
-def _last(builder: Builder, value: int, place: Place) -> int:
+def _last(builder: Builder, value: int, place: MemorySite) -> int:
     """The argument in the last frame; false or 0 at first."""
     kind = builder.kinds[value]
     old = builder.cell(f"{place.name} last", kind, False if kind is Kind.BOOL else 0.0, *place.called("last"))
@@ -86,7 +86,7 @@ def _last(builder: Builder, value: int, place: Place) -> int:
     return old
 
 
-def _previous(builder: Builder, value: int, initial: int, place: Place) -> int:
+def _previous(builder: Builder, value: int, initial: int, place: MemorySite) -> int:
     constant = builder.ops[initial]
     if not isinstance(constant, Literal):
         return builder.apply(Operator.SELECT, started(builder, place), _last(builder, value, place), initial)
@@ -99,7 +99,7 @@ def _differs(builder: Builder, value: int, old: int) -> int:
     return builder.apply(Operator.NOT_EQUAL, value, old)
 
 
-def _elapsed(builder: Builder, holds: int, place: Place) -> int:
+def _elapsed(builder: Builder, holds: int, place: MemorySite) -> int:
     now = builder.add(FrameTime(), Kind.TIME)
     was = builder.cell(f"{place.name} was", Kind.BOOL, False, *place.called("was"))
     since = builder.cell(f"{place.name} since", Kind.TIME, 0, *place.called("since"))
@@ -109,7 +109,7 @@ def _elapsed(builder: Builder, holds: int, place: Place) -> int:
     return builder.apply(Operator.SELECT, builder.both(holds, was), seconds, builder.literal(0.0))
 
 
-def _captured(builder: Builder, value: int, key: int, place: Place) -> int:
+def _captured(builder: Builder, value: int, key: int, place: MemorySite) -> int:
     kind, key_kind = builder.kinds[value], builder.kinds[key]
     held = builder.cell(
         f"{place.name} held", kind, False if kind is Kind.BOOL else 0.0, *place.called("held")
@@ -126,7 +126,7 @@ def _captured(builder: Builder, value: int, key: int, place: Place) -> int:
     return builder.apply(Operator.SELECT, new, value, held)
 
 
-def _every(builder: Builder, interval_ns: int, place: Place) -> int:
+def _every(builder: Builder, interval_ns: int, place: MemorySite) -> int:
     now = builder.add(FrameTime(), Kind.TIME)
     due = builder.cell(f"{place.name} due", Kind.TIME, 0, *place.called("due"))
     is_due = builder.negation(builder.apply(Operator.TIME_LESS, now, due))

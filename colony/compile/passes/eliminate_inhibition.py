@@ -22,7 +22,7 @@ from colony.compile.suppression import GatedSuppressor, Link, SuppressionNetwork
 
 
 def eliminate_inhibition(network: Network) -> SuppressionNetwork:
-    """The same network without inhibitors and time constants, in the gates of its links instead."""
+    """Return the same network without inhibitors and time constants, in the gates of its links instead."""
     elimination = _Elimination()
     links: list[Link] = []  # what stands for each node of the network
     for node in network.nodes:

@@ -26,7 +26,7 @@ WORTHWHILE = 0.01
 
 
 def simplify(clients: ClientList) -> ClientList:
-    """The same clients with simpler guards, over a table in which everything is used.
+    """Return the same clients with simpler guards, over a table in which everything is used.
 
     Each guard holds in the same frames as before, whatever the modules do. Clients whose guard is never true
     stay in the list: their priorities are part of the compiled form, and lints tell about them.

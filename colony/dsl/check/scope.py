@@ -11,7 +11,7 @@ from dataclasses import dataclass, field, replace
 from itertools import islice
 
 from colony.dsl import ast
-from colony.dsl.files import SourceFile
+from colony.dsl.files import ParsedFile
 from colony.ir import program as ir
 from colony.ir.types import Enum, Scalar, Type, Value
 from colony.record import Record, record
@@ -124,7 +124,7 @@ class Scope:
     declared in text that could not be read; where a whole import could not be, `incomplete`, any name may be.
     """
 
-    file: SourceFile
+    file: ParsedFile
     robot: RobotScope
     values: dict[str, ValueSymbol] = field(default_factory=dict)
     parts: dict[str, PartSymbol] = field(default_factory=dict)

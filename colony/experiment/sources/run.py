@@ -87,7 +87,7 @@ def _estimate(run: Run) -> PoseEstimate | None:
 
 
 def with_look(errors: PoseErrors, pose: PoseEstimate, true: Pose) -> PoseErrors:
-    """The same, after another look at the estimate and the true pose of one moment."""
+    """Return the errors after another look at the estimate and the true pose of one moment."""
     x, y = true.x_mm - pose.x_mm, true.y_mm - pose.y_mm
     turn = math.remainder(true.heading_deg - pose.heading_deg, 360.0)
     off = np.array([x, y, turn])

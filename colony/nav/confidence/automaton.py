@@ -61,7 +61,7 @@ PUBLISHED_ARCS: Arcs = MappingProxyType(
 charged for that one twice, on entering and on leaving it."""
 
 ALL_ARCS: Arcs = MappingProxyType({**PUBLISHED_ARCS, ("S", "d"): Arc("G", (Event.DEAD_RECKONING,))})
-"""The same, and a path that has neither a light nor a corner, of which the thesis has none."""
+"""The published arcs, and a path that has neither a light nor a corner, of which the thesis has none."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -76,8 +76,11 @@ class Arbiter:
     """The protocol of one actuator. Mutable: the requests of the present frame and of those to come.
 
     Every frame gives exactly one `Dispatch` and one `Verdict`: the dispatch when it is decided, the verdict
-    when every live client has been heard too, or the next frame begins. `places` are the clients, highest
-    first, and `priorities` theirs; without these they count down to 1.
+    when every live client has been heard too, or the next frame begins.
+
+    Args:
+        actuator: the actuator, with its clients and their priorities.
+        times: when a frame is decided, and when it is over.
     """
 
     def __init__(self, actuator: ActuatorTable, times: Timing) -> None:

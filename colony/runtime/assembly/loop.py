@@ -40,7 +40,7 @@ from colony.runtime.store.store import Journal, MemoryStore
 from colony.runtime.transport.virtual import VirtualClock
 
 Watch = Callable[[Frame, Outcome], None]
-"""Is shown every frame, in base units, after the network has decided and before anything moves."""
+"""A function that is called with every frame and its outcome, both in base units, before anything moves."""
 
 
 class _Forgetful(Journal):
@@ -99,7 +99,7 @@ class Loop:
 
     Args:
         robot: the sensors and actuators, as declared.
-        executor: decides frames in base units (`ir.program.in_base_units`).
+        executor: decides frames in base units (`ir.program.robot_in_base_units`).
         drivers: the devices; they tell time by `clock`.
         scripts: by name, in the order in which they run in a moment.
         clock: the time, which the loop moves on.

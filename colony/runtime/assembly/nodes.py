@@ -6,11 +6,11 @@ from __future__ import annotations
 from collections.abc import Iterable
 
 from colony.execute.compiled import Compiled
-from colony.execute.executor import ClientKey, ClientListExecutor, ModuleExecutor
+from colony.execute.executor import ClientKey, ModuleExecutor, ProgramExecutor
 from colony.runtime.clients.announcer import Announcer
 from colony.runtime.clients.client import ClientNode
-from colony.runtime.clients.slices import ClientSlice
-from colony.runtime.frames.assembly import FrameAssembler, frames_kept
+from colony.runtime.clients.client_program import ClientProgram
+from colony.runtime.frames.assembler import FrameAssembler, frames_kept
 from colony.runtime.observe.monitor import Monitor
 from colony.runtime.observe.observer import Observer, Sink
 from colony.runtime.protocol.bindings import Bindings, SensorBinding
@@ -27,14 +27,14 @@ def build_clients(
     on_loss = {a.name: a.on_loss for a in compiled.robot.actuators}
     groups: dict[object, list[ClientKey]] = {}
     for client in clients:
-        alone = ClientSlice(compiled, (client,))
+        alone = ClientProgram(compiled, (client,))
         servers = frozenset(b.server for b in _only(bindings.sensors, alone.sensors))
         groups.setdefault((servers, alone.python_modules, on_loss[client[0]]), []).append(client)
     return tuple(_client_node(compiled, bindings, group, run) for group in groups.values())
 
 
 def _client_node(compiled: Compiled, bindings: Bindings, clients: list[ClientKey], run: str) -> ClientNode:
-    part = ClientSlice(compiled, clients)
+    part = ClientProgram(compiled, clients)
     (on_loss,) = {a.on_loss for a in compiled.robot.actuators if a.name in dict(clients)}
     assembler = FrameAssembler(
         _only(bindings.sensors, part.sensors),
@@ -74,7 +74,7 @@ def build_observer(
     return Observer(
         FrameAssembler(bindings.sensors, run=run, keep=keep, declared=True),
         tuple(a.name for a in actuators),
-        Monitor(ClientListExecutor(compiled, simplified=False, answered=True), degrading, modules),
+        Monitor(ProgramExecutor(compiled, simplified=False, answered=True), degrading, modules),
         sinks,
         modules=FrameAssembler((), modules, run=run, keep=keep, awaited="living") if modules else None,
         heeded=tuple(dict.fromkeys(b.server for b in bindings.actuators)) if requests else (),

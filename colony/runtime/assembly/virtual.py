@@ -20,7 +20,7 @@ from colony.runtime.assembly.nodes import (
     build_observer,
 )
 from colony.runtime.assembly.sharing import name_of_process, shared_clients
-from colony.runtime.frames.assembly import frames_kept
+from colony.runtime.frames.assembler import frames_kept
 from colony.runtime.frames.clock import Clock
 from colony.runtime.observe.closing import close_all
 from colony.runtime.observe.observer import Sink

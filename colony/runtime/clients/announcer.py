@@ -10,7 +10,7 @@ from collections.abc import Iterable, Iterator
 from typing import Protocol
 
 from colony.ir.frame import Answer, Frame
-from colony.runtime.frames.assembly import FrameAssembler
+from colony.runtime.frames.assembler import FrameAssembler
 from colony.runtime.frames.membership import Membership
 from colony.runtime.protocol import topics
 from colony.runtime.protocol.fields import DSERVER

@@ -15,8 +15,8 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
 
-from colony.runtime.clients.slices import ClientSlice
-from colony.runtime.frames.assembly import Assembled, FrameAssembler
+from colony.runtime.clients.client_program import ClientProgram
+from colony.runtime.frames.assembler import Assembled, FrameAssembler
 from colony.runtime.frames.membership import Membership
 from colony.runtime.protocol import topics
 from colony.runtime.protocol.fields import DSERVER
@@ -41,7 +41,7 @@ class ClientNode:
 
     def __init__(
         self,
-        part: ClientSlice,
+        part: ClientProgram,
         servers: Iterable[str],
         assembler: FrameAssembler,
         *,

@@ -23,8 +23,8 @@ from collections.abc import Callable, Iterable, Iterator
 from pathlib import Path
 
 from colony.runtime.arbitration.stop_latch import StopLatch
-from colony.runtime.frames.liveness import Answers, Liveness, lease
-from colony.runtime.frames.registry import Roll
+from colony.runtime.frames.liveness import Liveness, TickAnswers, lease
+from colony.runtime.frames.registry import ClientRegistry
 from colony.runtime.library.clock import ServerWho, Who
 from colony.runtime.protocol import topics
 from colony.runtime.protocol.calls import Asked, CallDesk, Nothing, Refused, method
@@ -142,7 +142,7 @@ class Clock:
             case Announcement():
                 self._heard(topics.activity(DSERVER.name, message.module), message.k, 0, now_ns)
             case Verdict():
-                self._roll.judged(message)
+                self._registry.judged(message)
                 if message.k == self._tick.k:
                     self._decided.add(message.actuator)
             case Fetch():
@@ -154,12 +154,12 @@ class Clock:
                         yield Send(topics.frames(self.address), tick)
             case Ready():
                 if self._deployed is not None and message.run == self._deployed.run:
-                    self._roll.ready(message.client)
+                    self._registry.ready(message.client)
                     if message.k >= 0:
-                        self._roll.heard(message.client, now_ns)
+                        self._registry.heard(message.client, now_ns)
             case Restart():
                 begun = self._run != "" and self._begun_run == self._run
-                member = message.client in self._roll or message.client == topics.OBSERVER
+                member = message.client in self._registry or message.client == topics.OBSERVER
                 if begun and member and message.start == self._tick.start:
                     self._restart = True
             case Call() | Alive() | Malformed() | Wake():
@@ -217,10 +217,10 @@ class Clock:
         clients = () if deployed is None else tuple(address for address, _ in client_addresses(deployed))
         lease_ns = lease(IDLE_FRAME_NS if deployed is None else deployed.frame_ns)
         self._gather_by = None if deployed is None else now_ns + GATHER_NS
-        self._roll = Roll(clients, announcers, lease_ns=lease_ns, now_ns=now_ns)
+        self._registry = ClientRegistry(clients, announcers, lease_ns=lease_ns, now_ns=now_ns)
         watched = (*self._watched_servers(), *announcers)
         self._liveness = Liveness(watched, lease_ns=lease_ns, now_ns=now_ns)
-        self._answers = Answers(watched, keep=self._keep)
+        self._answers = TickAnswers(watched, keep=self._keep)
         self._restarts = 0
         if deployed is not None and self._tick.k < 0:
             self._due_ns = now_ns + IDLE_FRAME_NS  # there is a program: no frame without one at first
@@ -246,9 +246,9 @@ class Clock:
 
     def _advance(self, now_ns: int) -> Iterator[Effect]:
         """Do what is due, and see to a wake for what comes next."""
-        if self._gather_by is not None and (self._roll.complete or now_ns >= self._gather_by):
+        if self._gather_by is not None and (self._registry.complete or now_ns >= self._gather_by):
             self._gather_by = None
-            self._roll.begin(now_ns)
+            self._registry.begin(now_ns)
             for announcer in self._announcers():
                 self._liveness.heard(announcer, now_ns)
             ticked = self._tick.k >= 0 and self._tick.t_ns == now_ns
@@ -278,7 +278,7 @@ class Clock:
         missed_ns = max(0, (now_ns - self._due_ns) // frame_ns * frame_ns)
         if missed_ns:  # this process was not there: the silence was not that of others
             self._liveness.slept(missed_ns)
-            self._roll.slept(missed_ns)
+            self._registry.slept(missed_ns)
         begins = self._tick.k < 0 or run != self._begun_run
         t_ns = self._tick.t_ns + frame_ns if lockstep and not begins else self._due_ns + missed_ns
         if begins or self._restart:
@@ -297,7 +297,7 @@ class Clock:
             start=self._epoch_k,
             run=run,
             down=down,
-            lost=self._roll.lost(now_ns) if run else (),
+            lost=self._registry.lost(now_ns) if run else (),
             void=self._answers.void(down),
             stopped=self._latch.stopped,
             released_ns=self._latch.released_ns,
@@ -332,7 +332,7 @@ class Clock:
             begun=deployed is not None and self._gather_by is None,
             restarts=self._restarts,
             servers=tuple(ServerWho(server=s, up=s not in down) for s in watched),
-            clients=self._roll.who(now_ns),
+            clients=self._registry.who(now_ns),
             stopped=self._latch.stopped,
             trouble=self._latch.trouble,
         )

@@ -44,7 +44,7 @@ class Liveness:
         return tuple([n for n, at in self._heard.items() if at is None or now_ns - at > lease_ns])
 
 
-class Answers:
+class TickAnswers:
     """What servers answered to ticks, so that all readers can be told the same of a server that died.
 
     A frame of a server that lives is waited for, and asked for again: it will come. One of a server that died

@@ -1,4 +1,4 @@
-"""The clients of a run as the Clock sees them: who is ready, who lives, whose requests come in time."""
+"""The clients of a run as the Clock sees them: which are ready, alive, and on time with their requests."""
 
 from __future__ import annotations
 
@@ -18,11 +18,14 @@ class _Member:
     late: int = 0
 
 
-class Roll:
-    """Mutable: all of it.
+class ClientRegistry:
+    """The members of a run: which are ready, which are alive, and how many requests were on time. Mutable.
 
-    `clients` (by address) send a request a frame, and say that they do; `others` only have to be ready for a
-    run to begin.
+    Args:
+        clients: addresses of the clients, each of which sends a request a frame.
+        others: addresses of members that only have to be ready for a run to begin.
+        lease_ns: nanoseconds without a request after which a client is lost.
+        now_ns: the present time.
     """
 
     def __init__(
@@ -37,17 +40,17 @@ class Roll:
 
     @property
     def complete(self) -> bool:
-        """Whether all are ready."""
+        """True if all members are ready."""
         return all(m.ready for group in (self._clients, self._others) for m in group.values())
 
     def ready(self, address: str) -> None:
-        """One says that it is ready; of a stranger it is ignored."""
+        """Mark a member as ready; ignore an address that is no member."""
         member = self._clients.get(address) or self._others.get(address)
         if member is not None:
             member.ready = True
 
     def begin(self, now_ns: int) -> None:
-        """The run begins: who is not ready does not live."""
+        """Begin the run: clients that are not ready are marked lost."""
         for client, member in self._clients.items():
             if member.ready:
                 self._liveness.heard(client, now_ns)
@@ -55,11 +58,11 @@ class Roll:
                 self._liveness.gone(client)
 
     def heard(self, client: str, now_ns: int) -> None:
-        """One sends requests, and so lives; of a stranger it is ignored."""
+        """Renew the lease of a client that sent a request; ignore an address that is no client."""
         self._liveness.heard(client, now_ns)
 
     def judged(self, verdict: Verdict) -> None:
-        """Count whose request was there in time, and whose was not."""
+        """Count the requests that were on time, and those that were late."""
         for name, fate in verdict.fates:
             member = self._clients.get(topics.client_address(verdict.actuator, name))
             if member is not None:
@@ -67,15 +70,15 @@ class Roll:
                 member.late += fate == "late"
 
     def slept(self, asleep_ns: int) -> None:
-        """See `Liveness.slept`."""
+        """Extend all leases by the time that this process was frozen, as `Liveness.slept` does."""
         self._liveness.slept(asleep_ns)
 
     def lost(self, now_ns: int) -> tuple[str, ...]:
-        """The clients that do not live."""
+        """Return the clients that are lost."""
         return self._liveness.missing(now_ns)
 
     def who(self, now_ns: int) -> tuple[ClientWho, ...]:
-        """All that is known of them."""
+        """Return what is known of each client."""
         lost = self.lost(now_ns)
         return tuple(
             ClientWho(

@@ -65,24 +65,23 @@ class Connection:
             self._wire.forget(pending)
 
     async def keep(self, ask: Ask[T]) -> T:
-        """Do this now, and again whenever the connection had to be opened anew: a watch, a subscription."""
+        """Make a call now, and again whenever the connection was reopened: a watch, a subscription."""
         result = await self.do(ask)
         self._wire.keep(ask)
         return result
 
     async def notices(self) -> AsyncIterator[Notice]:
-        """What the server tells of its own accord, because it was asked to."""
+        """Yield the notices that the server sends because of a `watch` or the like."""
         while True:
             yield await self._notices.get()
 
     @property
     def openings(self) -> int:
-        """How often the connection was opened: more than once means that it was lost in between, and with it
-        what it held at the server."""
+        """Times that the connection was opened; above 1, it was lost in between, with what it held there."""
         return self._wire.openings
 
     async def open(self) -> None:
-        """Open it; see `connect`."""
+        """Open the connection; see `connect`."""
         opened: asyncio.Future[Outcome] = self._loop.create_future()
         self._wire.open(lambda came: self._settle(opened, came))
         for wait_s in opening_times(self._timeout_s):
@@ -97,7 +96,7 @@ class Connection:
         raise await asyncio.to_thread(self._hub.not_found, self.server)
 
     async def close(self) -> None:
-        """End it."""
+        """Close the connection."""
         await asyncio.to_thread(self._hub.release, self._wire)
 
     def _settle(self, future: asyncio.Future[Outcome], outcome: Outcome) -> None:
@@ -122,7 +121,7 @@ class Connection:
 
 
 class Session:
-    """What a process has with a robot: its connections share one session of the network. Mutable: these."""
+    """A process's session with a robot, which its connections share. Mutable: the connections."""
 
     def __init__(self, hub: Hub) -> None:
         self.hub = hub
@@ -155,7 +154,7 @@ class Session:
     async def connect(
         self, server: str, *, name: str | None = None, priority: int = 0, timeout_s: float = TIMEOUT_S
     ) -> AsyncIterator[Connection]:
-        """A connection to a server of the robot, until the end of the `async with`; see `connect`."""
+        """Connect to a server of the robot until the end of the `async with`; see `connect`."""
         connection = Connection(
             self.hub, server, name=name or program_name(), priority=priority, timeout_s=timeout_s
         )
@@ -178,7 +177,7 @@ async def connect(
     credentials: Credentials | None = None,
     environment: Mapping[str, str] = os.environ,
 ) -> AsyncIterator[Connection]:
-    """A connection to a server of a robot, until the end of the `async with`.
+    """Connect to a server of a robot until the end of the `async with`.
 
     Args and errors are those of `connection.connect`.
     """

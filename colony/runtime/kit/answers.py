@@ -1,4 +1,4 @@
-"""What a call's outcome means to who made it, however it was carried there."""
+"""The outcome of a call, as the program that made it gets it, whatever carried it."""
 
 from __future__ import annotations
 
@@ -14,11 +14,11 @@ from colony.runtime.library.ask import Ask
 T = TypeVar("T")
 
 TIMEOUT_S = 5.0
-"""For how long an answer is waited for, unless something else is said."""
+"""Seconds to wait for an answer, by default."""
 
 
 def waiting_time(ask: Ask[Any], asked_s: float | None, usual_s: float) -> float:
-    """For how long to wait for an answer: as asked, else as usual, or longer where the call needs it.
+    """Return the seconds to wait for an answer: as asked, else as usual, or longer if the call needs it.
 
     Raises:
         TypeError: this is nothing that can be asked.
@@ -34,7 +34,7 @@ def waiting_time(ask: Ask[Any], asked_s: float | None, usual_s: float) -> float:
 
 
 def read_result(server: str, ask: Ask[T], outcome: Outcome) -> T:
-    """The result of a call.
+    """Return the result of a call.
 
     Raises:
         CallRefused, ConnectionLost: there is none.

@@ -39,14 +39,14 @@ from colony.runtime.transport.live.robot_time import time_of
 T = TypeVar("T")
 
 STARTING_S = 2.0
-"""For how long a server may be missing that is about to start."""
+"""Seconds to wait for a server that is not there yet and may be about to start."""
 
 NOTICES_KEPT = 1024
-"""Notices that wait to be read; when there are more, the oldest are dropped."""
+"""The largest number of unread notices; beyond it the oldest are dropped."""
 
 
 class Answer(Generic[T]):
-    """The answer to a call, which may not be there yet. Mutable: until it is."""
+    """The answer to a call, which may still be on its way. Mutable until it arrives."""
 
     def __init__(self, wire: Wire, ask: Ask[T], timeout_s: float) -> None:
         self._wire = wire
@@ -59,7 +59,7 @@ class Answer(Generic[T]):
         self._pending = wire.submit(ask, self._resolve)
 
     def result(self) -> T:
-        """Wait for it.
+        """Wait for the answer, and return the result.
 
         Raises:
             CallRefused, ConnectionLost, TimedOut: there is none.
@@ -81,7 +81,7 @@ class Connection:
     """A channel between this program and one server. Threads may share it. Mutable: what is on its way."""
 
     def __init__(self, hub: Hub, server: str, *, name: str, priority: int, timeout_s: float) -> None:
-        """Opens it; see `connect`."""
+        """Open the connection; see `connect`."""
         self.server = server
         self._hub = hub
         self._timeout_s = timeout_s
@@ -108,14 +108,13 @@ class Connection:
         return self._answer(ask, timeout_s).result()
 
     def send(self, ask: Ask[T], *, timeout_s: float | None = None) -> Answer[T]:
-        """Have the server do something; the answer is waited for with `result` of what this gives, or with
-        `recv`."""
+        """Have the server do something, without waiting; `result` of the answer waits, and so does `recv`."""
         answer = self._answer(ask, timeout_s)
         self._sent.append(answer)
         return answer
 
     def recv(self) -> Any:
-        """The result of the oldest call that was sent and not yet received.
+        """Wait for the result of the oldest call that was sent and not yet received.
 
         Raises:
             LookupError: there is none.
@@ -126,13 +125,13 @@ class Connection:
         return self._sent.popleft().result()
 
     def keep(self, ask: Ask[T]) -> T:
-        """Do this now, and again whenever the connection had to be opened anew: a watch, a subscription."""
+        """Make a call now, and again whenever the connection was reopened: a watch, a subscription."""
         result = self.do(ask)
         self._wire.keep(ask)
         return result
 
     def notices(self, *, timeout_s: float | None = None) -> Iterator[Notice]:
-        """What the server tells of its own accord, because it was asked to; ends when none came for
+        """Yield the notices that the server sends because of a `watch` or the like; end when none came for
         `timeout_s`."""
         while True:
             try:
@@ -144,12 +143,11 @@ class Connection:
 
     @property
     def openings(self) -> int:
-        """How often the connection was opened: more than once means that it was lost in between, and with it
-        what it held at the server."""
+        """Times that the connection was opened; above 1, it was lost in between, with what it held there."""
         return self._wire.openings
 
     def close(self) -> None:
-        """End it; again is nothing."""
+        """Close the connection; closing twice does nothing."""
         self._holds.close()
 
     def and_close(self, holds: ExitStack) -> None:
@@ -187,7 +185,7 @@ class Connection:
 
 
 class Session:
-    """What a process has with a robot: its connections share one session of the network.
+    """A process's session with a robot, which its connections share.
 
         with Session.open("rome") as rome:
             base, data = rome.connect("RServer", priority=5), rome.connect("DServer")
@@ -225,11 +223,11 @@ class Session:
         )
 
     def servers(self) -> tuple[str, ...]:
-        """The addresses of all nodes of the robot that are there now."""
+        """Return the addresses of all nodes of the robot that are up."""
         return self.hub.network.alive()
 
     def time_ns(self) -> int:
-        """The robot's time now, in nanoseconds.
+        """Return the robot's time, in nanoseconds.
 
         Raises:
             NotReached: the robot is on another machine, and no tick of its Clock came.
@@ -239,7 +237,7 @@ class Session:
         return self._time()
 
     def close(self) -> None:
-        """End all connections and leave; again is nothing."""
+        """Close all connections and leave; closing twice does nothing."""
         self.hub.close()
 
     def __enter__(self) -> Session:
@@ -265,10 +263,10 @@ def connect(
     """Open a connection to a server of a robot.
 
     Args:
-        name: what the connection goes by, for people; by default that of the program.
-        priority: by which the server orders the calls that wait; higher goes first.
-        timeout_s: for how long answers are waited for.
-        gateway, credentials: of a robot of another machine; see `Session.open`.
+        name: the name of the connection, for people; by default that of the program.
+        priority: the server's order of calls that wait; higher goes first.
+        timeout_s: the longest time to wait for an answer.
+        gateway, credentials: those of a robot on another machine; see `Session.open`.
 
     Raises:
         ServerNotFound: nobody answers under these names.
@@ -284,14 +282,14 @@ def connect(
 
 
 def opening_times(timeout_s: float) -> tuple[float, ...]:
-    """For how long to wait for a server to open: first as for one that may be about to start, and then, if it
-    turns out to be there, for the rest."""
+    """Return the seconds to wait for a server to open: first while it may be about to start, and then, if
+    it is up, the rest."""
     first = min(timeout_s, STARTING_S)
     return (first, timeout_s - first)
 
 
 def timed_out(wire: Wire, ask: Ask[Any], timeout_s: float) -> TimedOut:
-    """What to say when no answer came."""
+    """Return the error for a call that had no answer in time."""
     text = f"{wire.server} did not answer `{ask.method}` in {timeout_s:g} s"
     if not wire.is_open:
         text += "; the connection was lost, and could not be opened again yet"
@@ -299,5 +297,5 @@ def timed_out(wire: Wire, ask: Ask[Any], timeout_s: float) -> TimedOut:
 
 
 def program_name() -> str:
-    """What this program is called, for people who look at a server's connections."""
+    """Return the name of this program, for people who look at a server's connections."""
     return Path(sys.argv[0]).name or "python"

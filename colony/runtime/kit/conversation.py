@@ -40,7 +40,7 @@ Outcome = msgspec.Raw | ConnectionProblem
 
 @dataclass(frozen=False, slots=True, eq=False)
 class Pending:
-    """A call that is not answered yet; `resolve` is told how it comes out, once.
+    """A call that has no answer yet; `resolve` is called once, with its outcome.
 
     Raises:
         TypeError: the arguments cannot be put into bytes.
@@ -74,14 +74,14 @@ class Transmit(NamedTuple):
 
 
 class Resolve(NamedTuple):
-    """Effect: this is how a call came out."""
+    """Effect: a call has this outcome."""
 
     pending: Pending
     outcome: Outcome
 
 
 class Tell(NamedTuple):
-    """Effect: the server has something to tell."""
+    """Effect: the server sent a notice."""
 
     notice: Notice
 
@@ -97,7 +97,7 @@ class State(Enum):
 
 @dataclass(frozen=False, slots=True)
 class Conversation:
-    """Mutable: the state of the connection and the calls on their way.
+    """The client's half of a connection. Mutable: its state and the calls on their way.
 
     Args:
         server: its name.
@@ -126,7 +126,7 @@ class Conversation:
     _spoke_ns: int = 0
 
     def open(self, resolve: Callable[[Outcome], None], now_ns: int) -> Iterator[Effect]:
-        """Open it, for the first time or anew."""
+        """Open the connection, for the first time or again."""
         self.state = State.OPENING
         if not self.connection:
             self.connection = f"{self.user}/{self.ids()}"
@@ -136,7 +136,7 @@ class Conversation:
         yield self._transmit(self._opening, now_ns)
 
     def ask(self, pending: Pending, now_ns: int) -> Iterator[Effect]:
-        """Make a call, at once or when the connection is open again."""
+        """Make a call, now or when the connection is open again."""
         match self.state:
             case State.OPEN:
                 yield self._transmit(pending, now_ns)
@@ -148,11 +148,11 @@ class Conversation:
                 yield Resolve(pending, ConnectionLost(f"the connection to {self.server} was closed"))
 
     def keep(self, ask: Ask[Any]) -> None:
-        """Make this call again whenever the connection was opened anew."""
+        """Make this call again whenever the connection was reopened."""
         self._kept.append(ask)
 
     def forget(self, pending: Pending) -> None:
-        """Nobody waits for this answer any more."""
+        """Drop a call whose answer is no longer awaited."""
         if pending.call is not None:
             self._sent.pop(pending.call.number, None)
         elif pending in self._unsent:
@@ -164,7 +164,7 @@ class Conversation:
             yield self._transmit(pending, now_ns)
 
     def take(self, message: Reply | Notice, now_ns: int) -> Iterator[Effect]:
-        """Take what the server says; what it said to an older connection is nothing."""
+        """Handle a reply of the server; ignore one to an older connection."""
         if message.connection != self.connection or self.state is State.CLOSED:
             return
         if isinstance(message, Notice):
@@ -178,7 +178,7 @@ class Conversation:
             yield from self._answer(message, now_ns)
 
     def lose(self, now_ns: int) -> Iterator[Effect]:
-        """The connection is not there any more, at the server: open it anew."""
+        """Reopen the connection, which the server no longer has."""
         if self.state is State.CLOSED:
             return
         lost = ConnectionLost(
@@ -191,7 +191,7 @@ class Conversation:
         yield from self.open(resolve, now_ns)
 
     def vanished(self) -> Iterator[Effect]:
-        """The server died, or is out of reach: calls that cannot be repeated have no answer to wait for."""
+        """Handle the loss of the server: calls that cannot be repeated will have no answer."""
         if self.state is not State.CLOSED:
             lost = ConnectionLost(
                 f"{self.server} went away before it answered; it is not known whether the call was done, so "
@@ -200,14 +200,14 @@ class Conversation:
             yield from self._sort(lost)
 
     def appeared(self, now_ns: int) -> Iterator[Effect]:
-        """The server is there, perhaps anew: ask at once whether it knows us."""
+        """Handle the return of the server: ask it at once whether it knows this connection."""
         if self.state is State.OPEN:
             yield self._alive(now_ns)
         elif self.state is State.OPENING and self._opening is not None:
             yield self._transmit(self._opening, now_ns)
 
     def tend(self, now_ns: int) -> Iterator[Effect]:
-        """Send again what was not answered, and a sign of life where one is due; to be asked often."""
+        """Send again what was not answered, and a sign of life if one is due; to be called often."""
         if self.state is State.CLOSED:
             return
         waiting = tuple(self._sent.values())
@@ -221,7 +221,7 @@ class Conversation:
             yield self._alive(now_ns)
 
     def close(self, now_ns: int) -> Iterator[Effect]:
-        """End it: the server is told, and whoever waits too."""
+        """Close the connection: tell the server, and fail the calls that wait."""
         if self.state is State.OPEN:
             ask = Ask("close", Nothing(), None, self.least)
             yield self._transmit(Pending(ask, _ignore), now_ns)

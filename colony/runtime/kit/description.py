@@ -1,5 +1,5 @@
-"""What a server says of itself when asked `describe`, so that programs can be bound to servers that nobody
-knew of when `colony` was written: `sensor level: number from Battery.level`."""
+"""The description that a server gives of itself, so that programs can be bound to it:
+`sensor level: number from Battery.level`."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ class MethodDescription(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class Description(msgspec.Struct, frozen=True, kw_only=True):
-    """What can be read of a server, and what can be asked of it."""
+    """The fields and the methods of a server."""
 
     server: str
     fields: tuple[FieldDescription, ...] = ()
@@ -41,12 +41,12 @@ class Description(msgspec.Struct, frozen=True, kw_only=True):
 
 
 def describe() -> Ask[Description]:
-    """What is there to read and to ask? Servers made with the kit answer."""
+    """Ask a server that was made with the kit for its fields and methods."""
     return Ask("describe", Nothing(), Description, "read", repeatable=True)
 
 
 def server_spec(description: Description) -> ServerSpec:
-    """The server as `bind` wants it.
+    """Return the server as `bind` takes it.
 
     Raises:
         ValueError: a unit is none, or not a base unit: fields are in mm, s and deg.
@@ -56,7 +56,7 @@ def server_spec(description: Description) -> ServerSpec:
 
 
 def field_type(field: FieldDescription) -> Type:
-    """The type of a field.
+    """Return the type of a field.
 
     Raises:
         ValueError: the unit is none, or not a base unit.

@@ -1,18 +1,18 @@
-"""What can go wrong with a connection to a server; each message says what, where, and what to do."""
+"""The errors of a connection to a server; each message says what, where, and what to do."""
 
 from __future__ import annotations
 
 
 class ConnectionProblem(Exception):
-    """Base of all: something about a connection or a call."""
+    """The base class of all errors of a connection or a call."""
 
 
 class ServerNotFound(ConnectionProblem):
-    """Nobody answers under the server's name."""
+    """No server answers under the name."""
 
 
 class CallRefused(ConnectionProblem):
-    """The server does not do what it was asked.
+    """The server refuses the call.
 
     `code` is for programs: "arguments", "method", "right", "flood", "size", or one of the server's own.
     """
@@ -24,11 +24,11 @@ class CallRefused(ConnectionProblem):
 
 
 class TimedOut(ConnectionProblem):
-    """No answer came in time; whether the call was done is not known."""
+    """No answer came in time; the call may or may not have been done."""
 
 
 class ConnectionLost(ConnectionProblem):
-    """The connection ended before the answer came; whether the call was done is not known.
+    """The connection ended before the answer came; the call may or may not have been done.
 
     The kit opens the connection anew by itself. What the old one held at the server (a lock, a place in a
     queue) is lost.

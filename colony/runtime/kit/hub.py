@@ -1,5 +1,5 @@
-"""What all connections of a process with a robot share: the network, the thread that keeps them alive, and
-the knowledge of which servers are there."""
+"""Resources that all connections of a process with a robot share: the network, the thread that keeps the
+connections alive, and the knowledge of which servers are up."""
 
 from __future__ import annotations
 
@@ -43,7 +43,7 @@ TEND_S = 0.1
 
 
 class Hub:
-    """Mutable: the connections. Threads may share it."""
+    """The network session of a process, and the connections over it. Mutable. Threads may share it."""
 
     def __init__(self, network: ZenohSession, *, rights: tuple[Right, ...] = keys.RIGHTS) -> None:
         """For a network that is open already and stays so. `rights` are what is asked for: others than those
@@ -68,7 +68,7 @@ class Hub:
 
     @classmethod
     def on(cls, network: ZenohSession) -> Hub:
-        """On a network that is open already and stays so, with the rights that the user has.
+        """Return a hub on a network that is open already and stays open, with the user's rights.
 
         Raises:
             NotReached: the gateway does not let the user in.
@@ -116,7 +116,7 @@ class Hub:
         notify: Callable[[Notice], None],
         rights: tuple[Right, ...] | None = None,
     ) -> Wire:
-        """A conversation with a server, not opened yet; give it to `release` in the end.
+        """Return a conversation with a server, not opened yet; give it to `release` in the end.
 
         Raises:
             TypeError: the name or the priority could not be sent.
@@ -151,7 +151,7 @@ class Hub:
             self._begun = {id: other for id, other in self._begun.items() if other is not wire}
 
     def not_found(self, server: str) -> ServerNotFound:
-        """Why nobody answers under a name, as well as can be found out."""
+        """Return the error for a name under which no server answers, with the likely reason."""
         robot, there = self.network.robot, self.network.alive()
         if server in there:
             text = f"{server} of {robot} is there, but does not answer: is it busy or frozen?"
@@ -162,7 +162,7 @@ class Hub:
         return ServerNotFound(text)
 
     def close(self) -> None:
-        """End all connections and leave; again is nothing."""
+        """Close all connections and leave; closing twice does nothing."""
         with self._lock:
             wires, self._wires = self._wires, set()
         for wire in wires:

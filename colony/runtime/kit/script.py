@@ -8,7 +8,7 @@ of a run in virtual time, and inside one process at the speed of a simulation.
             where = yield from do("RServer", robot.position())
             yield from do("DServer", data.set("LastSeen", (now_ns, where.x, where.y)))
 
-A script has no threads, no clock and no sockets; who runs it does what it yields and sends back the answer. A
+A script has no threads, no clock and no sockets; its runner does what it yields and sends back the answer. A
 call that is refused, or lost, is raised in it as the kit's connections raise it (`kit/errors.py`).
 """
 
@@ -23,14 +23,14 @@ T = TypeVar("T")
 
 
 class Do(NamedTuple):
-    """Ask this of a server, by its name; the answer is what the ask's reply says."""
+    """A step: make this call to a server. It gives the result of the call."""
 
     server: str
     ask: Ask[Any]
 
 
 class Sleep(NamedTuple):
-    """Wait for so long; the answer is the robot's time then, in nanoseconds."""
+    """A step: wait. It gives the robot's time then, in nanoseconds."""
 
     seconds: float
 
@@ -41,7 +41,7 @@ Script = Generator[Step, Any, None]
 
 
 def do(server: str, ask: Ask[T]) -> Generator[Step, Any, T]:
-    """Ask this of a server, and wait for the answer.
+    """Make a call to a server, and wait for the result.
 
     Raises:
         CallRefused, ConnectionLost, TimedOut: there is none.
@@ -51,6 +51,6 @@ def do(server: str, ask: Ask[T]) -> Generator[Step, Any, T]:
 
 
 def sleep(seconds: float) -> Generator[Step, Any, int]:
-    """Wait for so long; gives the robot's time then, in nanoseconds. 0 asks for the time."""
+    """Wait, and return the robot's time then, in nanoseconds. 0 seconds ask for the time."""
     now_ns: int = yield Sleep(seconds)
     return now_ns

@@ -15,8 +15,8 @@ from colony.runtime.kit.connection import TIMEOUT_S, Connection, Session
 from colony.runtime.kit.errors import ConnectionProblem
 from colony.runtime.kit.script import Do, Script, Sleep
 
-_LOOK_S = 0.1
-"""How often it is looked whether the script has ended by itself."""
+_CHECK_INTERVAL_S = 0.1
+"""Seconds between two checks whether the script has ended by itself."""
 
 
 def run_script(
@@ -28,7 +28,7 @@ def run_script(
     stop: Event | None = None,
     timeout_s: float = TIMEOUT_S,
 ) -> bool:
-    """Run a script to its end; True, or False where `stop` was set before.
+    """Run a script. Return True at its end, False if `stop` was set before.
 
     A connection to a server is opened when the script first asks something of it, and all are closed in the
     end, whatever that is. What goes wrong with a call is raised in the script; what the script does not catch
@@ -83,10 +83,10 @@ def _closed_by(stop: Event, connections: Mapping[str, Connection]) -> Iterator[N
 
     def watch() -> None:
         while not done.is_set():
-            if stop.wait(_LOOK_S):
+            if stop.wait(_CHECK_INTERVAL_S):
                 for connection in tuple(connections.values()):
                     connection.close()
-                done.wait(_LOOK_S)  # one that was being opened is to be closed, too
+                done.wait(_CHECK_INTERVAL_S)  # one that was being opened is to be closed, too
 
     watcher = Thread(target=watch, daemon=True, name="script's end")
     watcher.start()

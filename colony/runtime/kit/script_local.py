@@ -27,7 +27,7 @@ STEPS_IN_A_MOMENT = 20_000
 
 
 class ScriptFailed(Exception):
-    """A script raised; `__cause__` is what."""
+    """A script raised the exception that is `__cause__`."""
 
     def __init__(self, name: str, problem: BaseException) -> None:
         super().__init__(f"the script `{name}` raised {type(problem).__name__}: {problem}")
@@ -89,7 +89,7 @@ class _Running:
 
 
 class LocalScripts:
-    """Runs scripts. Mutable: where each is.
+    """Runs scripts in this process. Mutable: where each is.
 
     Args:
         scripts: by name, in the order in which they are run in a moment.
@@ -110,11 +110,11 @@ class LocalScripts:
         self._slept = 0
 
     def ended(self, name: str) -> bool:
-        """Whether a script has come to its end."""
+        """Return True if a script has come to its end."""
         return self._all[name].ended
 
     def run(self, now_ns: int) -> None:
-        """Let everybody go on whose time has come, until all sleep, wait or have ended.
+        """Resume the scripts that are due, until all sleep, wait or have ended.
 
         Raises:
             ScriptFailed: one raised.

@@ -15,7 +15,7 @@ from colony.runtime.protocol import topics
 from colony.runtime.protocol.messages import Effect, Message, Notice, Reply, Send, Wake, WakeAt
 
 TEND_NS = 100_000_000
-"""How often connections are seen to."""
+"""Nanoseconds between two calls of `tend` of the connections."""
 
 USER = "scripts"
 

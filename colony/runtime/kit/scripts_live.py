@@ -1,8 +1,8 @@
 """Several scripts side by side over live connections, one of which leads: when it ends, all of them do.
 
-with LiveScripts(session, {"clerk": clerk(), "planner": planner(plan)}, leader="planner") as team:
-    team.wait()
-print(team.done, team.problem)
+with LiveScripts(session, {"clerk": clerk(), "planner": planner(plan)}, leader="planner") as scripts:
+    scripts.wait()
+print(scripts.done, scripts.problem)
 """
 
 from __future__ import annotations
@@ -21,10 +21,10 @@ class LiveScripts:
     """Scripts, each in a thread with connections of its own. Mutable: how far they are.
 
     Args:
-        session: what this process has with the robot.
-        scripts: by name; generators that have not begun.
-        leader: whose end is the end of all. So is any other script's that fails: nobody gets anywhere without
-            the others.
+        session: this process's session with the robot.
+        scripts: generators that have not begun, by name.
+        leader: the script whose end ends all of them. A failure of any script does, too: they depend on each
+            other.
     """
 
     def __init__(self, session: Session, scripts: Mapping[str, Script], *, leader: str) -> None:
@@ -41,16 +41,18 @@ class LiveScripts:
 
     @property
     def over(self) -> bool:
-        """Whether the leader has ended, or one has failed, or it was told to stop."""
+        """True if the leader has ended, a script has failed, or `close` was called."""
         return self._stop.is_set()
 
     def wait(self, timeout_s: float | None = None) -> bool:
-        """Until it is over, or for so long; whether it is."""
+        """Wait until the scripts are over, or for `timeout_s`; return True if they are."""
         return self._stop.wait(timeout_s)
 
     def close(self) -> None:
-        """End all of them; again is nothing. `done` says then whether the leader came to its end, `problem`
-        what was raised first; "" where nothing was."""
+        """End all scripts; closing twice does nothing.
+
+        Then `done` is True if the leader came to its end, and `problem` is the first error, "" for none.
+        """
         self._stop.set()
         for thread in self._threads:
             thread.join()

@@ -35,7 +35,7 @@ def _to_stderr(problem: str) -> None:
 
 
 class Server:
-    """A server under a name, on the robot's own machine. Mutable: whether its loop runs, is to end."""
+    """A server under a name, on the robot's own machine. Mutable: the state of its loop."""
 
     def __init__(self, name: str, network: ZenohSession, place: Local, report: Report) -> None:
         """See `open`."""
@@ -55,7 +55,7 @@ class Server:
         environment: Mapping[str, str] = os.environ,
         report: Report = _to_stderr,
     ) -> Server:
-        """Announce a server; it answers in `mainloop`. `report` is told what went wrong and is survived.
+        """Announce a server; it answers in `mainloop`. `report` is called with each error that it survives.
 
         Raises:
             AlreadyRunning: there is one of this name.
@@ -84,7 +84,7 @@ class Server:
             self._host.stop()
 
     def close(self) -> None:
-        """Take the name back; again is nothing."""
+        """Withdraw the server's name; closing twice does nothing."""
         self._network.close()
 
     def __enter__(self) -> Server:

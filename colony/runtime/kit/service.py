@@ -1,4 +1,4 @@
-"""A server that somebody wrote with the kit, as a node: it takes calls, and publishes fields each frame."""
+"""A server that a user wrote with the kit, as a node: it takes calls, and publishes fields each frame."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ Report = Callable[[str], None]
 
 
 class Field(NamedTuple):
-    """A field of the frames: what it is, and what gives its value, or None where there is none now."""
+    """A field of the frames: its description, and the function that returns its value, or None for none."""
 
     description: FieldDescription
     read: Callable[[], Value | None]
@@ -37,7 +37,7 @@ def field(
     boolean: bool = False,
     meaning: str = "",
 ) -> Field:
-    """A line of a server's table of fields: numbers in a base unit (mm, s, deg, or plain), or bools.
+    """Return a line of a server's table of fields: numbers in a base unit (mm, s, deg, or plain), or bools.
 
     Raises:
         ValueError: the unit is none, or not a base unit.
@@ -69,7 +69,7 @@ def method(
 
 
 class Service:
-    """Mutable: its connections, and the frames that it published.
+    """A server of a user's methods and fields. Mutable: its connections, and the frames that it published.
 
     What a handler or a field raises is reported, and is the answer, or "no value"; the server lives on.
     """
@@ -106,7 +106,7 @@ class Service:
             yield from self._desk.handle(message, now_ns)
 
     def close(self) -> None:
-        """It holds nothing: what the handlers hold is their maker's to close."""
+        """Do nothing: what the handlers hold is closed by the user's program."""
 
     def _guarded(self, guarded: Method) -> calls.Handler:
         def handle(asked: Asked, arguments: Any, now_ns: int) -> object:

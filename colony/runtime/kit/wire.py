@@ -57,7 +57,7 @@ class _Publisher:
 
 
 class Wire:
-    """Mutable: the conversation and its publishers."""
+    """Carries one conversation over the network. Mutable: the conversation and its publishers."""
 
     def __init__(
         self,
@@ -95,13 +95,13 @@ class Wire:
     # --- for those who use it ------------------------------------------------------------------------
 
     def open(self, resolve: Callable[[Outcome], None]) -> None:
-        """Open the connection; `resolve` is told how that comes out."""
+        """Open the connection; `resolve` is called with the outcome."""
         with self._lock:
             effects = list(self._talk.open(resolve, monotonic()))
         self._carry_out(effects)
 
     def submit(self, ask: Ask[Any], resolve: Callable[[Outcome], None]) -> Pending:
-        """Make a call; `resolve` is told how it comes out, from any thread.
+        """Make a call; `resolve` is called with its outcome, from any thread.
 
         Raises:
             CallRefused: this user may not.
@@ -121,12 +121,12 @@ class Wire:
         self._carry_out(effects, patient=False)
 
     def forget(self, pending: Pending) -> None:
-        """Nobody waits for this call any more."""
+        """Drop a call whose answer is no longer awaited."""
         with self._lock:
             self._talk.forget(pending)
 
     def keep(self, ask: Ask[Any]) -> None:
-        """Make this call again whenever the connection was opened anew."""
+        """Make this call again whenever the connection was reopened."""
         with self._lock:
             self._talk.keep(ask)
 
@@ -139,29 +139,29 @@ class Wire:
 
     @property
     def complaint(self) -> str:
-        """What the server said that belongs to no call, or why it does not open the connection again."""
+        """The server's newest error that belongs to no call, such as why it refuses the connection."""
         return self._talk.complaint
 
     @property
     def openings(self) -> int:
-        """How often the connection was opened: more than once means that it was lost in between."""
+        """Times that the connection was opened; above 1, it was lost in between."""
         return self._talk.openings
 
     @property
     def is_open(self) -> bool:
-        """Whether the server knows us, as far as we know."""
+        """True if, as far as is known, the server has this connection."""
         return self._talk.state is State.OPEN
 
     # --- for the session -----------------------------------------------------------------------------
 
     def tend(self) -> None:
-        """Send again what is due; asked every 100 ms."""
+        """Send again what is due; called every 100 ms."""
         with self._lock:
             effects = list(self._talk.tend(monotonic()))
         self._carry_out(effects, patient=False)
 
     def presence(self, present: bool) -> None:
-        """The server appeared on the network, or went away."""
+        """Handle that the server appeared on the network, or went away."""
         with self._lock:
             talk = self._talk
             effects = list(talk.appeared(monotonic()) if present else talk.vanished())
@@ -187,7 +187,7 @@ class Wire:
             publisher.release()
 
     def take(self, message: Reply | Notice) -> None:
-        """In a thread of the network: what the server says."""
+        """Handle a reply of the server, in a thread of the network."""
         with self._lock:
             effects = list(self._talk.take(message, monotonic()))
         at_once = [e for e in effects if isinstance(e, (Resolve, Tell))]

@@ -1,4 +1,4 @@
-"""What can be asked of a server, as data: a library of functions gives these, and a connection does them.
+"""Calls as data: functions of a library return them, and a connection makes them.
 
     from colony.runtime.library import robot
 

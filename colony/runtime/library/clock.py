@@ -1,4 +1,4 @@
-"""What can be asked of the Clock: to run a program, and who takes part in the run."""
+"""Calls of the Clock: run a program, and read who takes part in the run."""
 
 from __future__ import annotations
 
@@ -70,5 +70,5 @@ def deploy(deployment: Deployment) -> Ask[None]:
 
 
 def who() -> Ask[Who]:
-    """Who takes part in the run, as far as the Clock knows."""
+    """Read which servers and clients take part in the run."""
     return Ask("who", Nothing(), Who, "read", repeatable=True)

@@ -1,4 +1,4 @@
-"""What can be asked of DServer: variables with a history, semaphores, and to be told of changes (thesis
+"""Calls of DServer: variables with a history, semaphores, and notices of changes (thesis
 section 4.6.1).
 
     connection.do(data.set("PosX", 4))
@@ -29,7 +29,7 @@ from colony.runtime.protocol.messages import Notice
 T = TypeVar("T")
 
 _MARGIN_S = 1.0
-"""For how much longer than the server a caller waits for a semaphore."""
+"""Seconds that a caller waits for a semaphore longer than the server."""
 
 # --- arguments -------------------------------------------------------------------------------------
 
@@ -51,7 +51,7 @@ class SetMany(msgspec.Struct, frozen=True, kw_only=True):
 
     @property
     def count(self) -> int:
-        """The number of entries of the mapping, by its first bytes; 0 if it is not a mapping."""
+        """Return the number of entries of the mapping, by its first bytes; 0 if it is not a mapping."""
         head = bytes(memoryview(self.values)[:5])
         if head[0] & 0xF0 == 0x80:
             return head[0] & 0x0F
@@ -81,7 +81,7 @@ class GetMany(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class History(msgspec.Struct, frozen=True, kw_only=True):
-    """`history`: a variable, and from which of its values on how many."""
+    """`history`: a variable, the first of its values to return, and how many."""
 
     name: str
     back: int = 0
@@ -89,14 +89,14 @@ class History(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class SetHistory(msgspec.Struct, frozen=True, kw_only=True):
-    """`set_history`: how many values of a variable are kept."""
+    """`set_history`: a variable, and the number of its values that are kept."""
 
     name: str
     length: int
 
 
 class Named(msgspec.Struct, frozen=True, kw_only=True):
-    """`delete`, `semaphore`, `delete_semaphore`, `signal` and `release`: which one."""
+    """`delete`, `semaphore`, `delete_semaphore`, `signal` and `release`: a name."""
 
     name: str
 
@@ -117,7 +117,8 @@ class CreateSemaphore(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class Wait(msgspec.Struct, frozen=True, kw_only=True):
-    """`wait`: for how long at most, None: for ever; and whether to give it back when the caller is lost."""
+    """`wait`: a semaphore, the longest time to wait (None: for ever), and whether it is given back when the
+    connection is lost."""
 
     name: str
     wait_ns: int | None = None
@@ -147,7 +148,7 @@ class Dated(msgspec.Struct, frozen=True, kw_only=True):
     value: msgspec.Raw
 
     def read(self, type: Any = Any) -> Any:
-        """The value.
+        """Return the value.
 
         Raises:
             msgspec.ValidationError: it is not of this type.
@@ -156,7 +157,7 @@ class Dated(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class Change(msgspec.Struct, frozen=True, kw_only=True):
-    """What a watcher is told: a variable has a value; None is that it was deleted."""
+    """The body of a notice about a variable: its value, or None if it was deleted."""
 
     name: str
     present: Dated | None
@@ -199,8 +200,8 @@ def get(name: str, back: int = 0) -> Ask[Any]: ...
 @overload
 def get(name: str, back: int = 0, *, type: type[T]) -> Ask[T]: ...
 def get(name: str, back: int = 0, *, type: Any = Any) -> Ask[Any]:
-    """A value of a variable (`DATA_GETVALUE`): 0 is the present one, -1 the one before it, and so on back to
-    -(n - 1) where its history is n long.
+    """Read a value of a variable (`DATA_GETVALUE`): 0 is the present one, -1 the one before it, and so on
+    back to -(n - 1) where its history is n long.
 
     Refused with "unknown": there is no such variable; "range": `back` is not in the history; "unset": it was
     not set that often yet.
@@ -209,12 +210,12 @@ def get(name: str, back: int = 0, *, type: Any = Any) -> Ask[Any]:
 
 
 def get_many(names: Iterable[str]) -> Ask[dict[str, Any]]:
-    """The present values of several variables at one moment. Refused as `get` is, where one has none."""
+    """Read the present values of several variables at one moment. Refused as `get` is if one has none."""
     return Ask("get_many", GetMany(names=tuple(names)), dict[str, Any], "read", repeatable=True)
 
 
 def history(name: str, back: int = 0, limit: int = 2000) -> Ask[tuple[Dated, ...]]:
-    """Values kept of a variable, with their times, from value `back` on to older ones, at most `limit`.
+    """Read up to `limit` values of a variable with their times, from value `back` on to older ones.
 
     0 is the present value, -1 the one before it. Refused with "unknown", and with "size" if the values are
     too large for one reply.
@@ -224,7 +225,7 @@ def history(name: str, back: int = 0, limit: int = 2000) -> Ask[tuple[Dated, ...
 
 
 def set_history(name: str, length: int) -> Ask[None]:
-    """Keep so many values of a variable, the present one included (`DATA_SETHISTORY`); 1 unless told.
+    """Set how many values of a variable are kept, the present one included (`DATA_SETHISTORY`); 1 at first.
 
     A shorter history loses its oldest values. A variable that was never set may be given one.
     """
@@ -233,12 +234,12 @@ def set_history(name: str, length: int) -> Ask[None]:
 
 
 def delete(name: str) -> Ask[bool]:
-    """Remove a variable and its history; False where there is none."""
+    """Remove a variable and its history; the reply is False if there is none."""
     return Ask("delete", Named(name=name), bool, "command", repeatable=True)
 
 
 def names(prefix: str = "", *, after: str = "", limit: int = 1000) -> Ask[tuple[str, ...]]:
-    """Which variables there are, in order, at most `limit`; to go on, say after which name."""
+    """List up to `limit` names of variables, in order; `after` is the name after which the list goes on."""
     arguments = ListNames(prefix=prefix, after=after, limit=limit)
     return Ask("names", arguments, tuple[str, ...], "read", repeatable=True)
 
@@ -258,7 +259,7 @@ def publish(names: Iterable[str]) -> Ask[None]:
 
 
 def create_semaphore(name: str, value: int = 1) -> Ask[bool]:
-    """Make a semaphore (`DATA_CREATE_SEM`); False, and nothing is changed, where there is one already."""
+    """Create a semaphore (`DATA_CREATE_SEM`); the reply is False, and nothing changes, if it exists."""
     arguments = CreateSemaphore(name=name, value=value)
     return Ask("create_semaphore", arguments, bool, "command", repeatable=True)
 
@@ -267,8 +268,8 @@ def wait(name: str, timeout_s: float | None = None, *, hold: bool = False) -> As
     """Take one from a semaphore, or wait until there is one to take (`DATA_WAIT`), first come first served.
 
     Args:
-        timeout_s: for how long to wait; 0 is not at all, None for ever.
-        hold: give it back by itself when this connection is lost.
+        timeout_s: the longest time to wait; 0 does not wait, None waits for ever.
+        hold: whether the semaphore is given back when this connection is lost.
 
     Refused with "timeout", "unknown", or "deleted". A client that died does not wait any more.
     """
@@ -282,7 +283,7 @@ def wait(name: str, timeout_s: float | None = None, *, hold: bool = False) -> As
 
 
 def signal(name: str) -> Ask[None]:
-    """Put one back into a semaphore (`DATA_SIGNAL`): the first who waits has it at once.
+    """Put one back into a semaphore (`DATA_SIGNAL`): the first connection that waits gets it at once.
 
     What this connection holds of it counts as given back. Refused with "unknown".
     """
@@ -299,18 +300,19 @@ def release(name: str) -> Ask[None]:
 
 
 def semaphore(name: str) -> Ask[SemaphoreState]:
-    """How a semaphore stands. Refused with "unknown"."""
+    """Read the state of a semaphore. Refused with "unknown"."""
     return Ask("semaphore", Named(name=name), SemaphoreState, "read", repeatable=True)
 
 
 def semaphores(prefix: str = "", *, after: str = "", limit: int = 1000) -> Ask[tuple[str, ...]]:
-    """Which semaphores there are, as `names` does."""
+    """List the names of semaphores, as `names` does those of variables."""
     arguments = ListNames(prefix=prefix, after=after, limit=limit)
     return Ask("semaphores", arguments, tuple[str, ...], "read", repeatable=True)
 
 
 def delete_semaphore(name: str) -> Ask[bool]:
-    """Remove a semaphore; False where there is none. Who waits for it is refused with "deleted"."""
+    """Remove a semaphore; the reply is False if there is none. Calls that wait for it are refused with
+    "deleted"."""
     return Ask("delete_semaphore", Named(name=name), bool, "command", repeatable=True)
 
 
@@ -318,7 +320,7 @@ def delete_semaphore(name: str) -> Ask[bool]:
 
 
 def watch(*names: str, prefixes: Iterable[str] = ()) -> Ask[None]:
-    """Be told whenever one of these variables, or one whose name begins with one of these prefixes, is set.
+    """Get a notice whenever one of these variables, or one whose name begins with one of `prefixes`, is set.
 
     A notice comes for each that has a value already, and then for every time that one is set or deleted; its
     subject is the name of the variable, its body a `Change`. When a connection is opened again, the notices
@@ -329,12 +331,12 @@ def watch(*names: str, prefixes: Iterable[str] = ()) -> Ask[None]:
 
 
 def unwatch(*names: str, prefixes: Iterable[str] = ()) -> Ask[None]:
-    """Be told no more of these; of nothing at all, where none is given."""
+    """Get no more notices of these; of none at all, if none is given."""
     return Ask("unwatch", Watch(names=names, prefixes=tuple(prefixes)), type(None), "read", repeatable=True)
 
 
 def change(notice: Notice) -> Change:
-    """What a notice says of a variable that is watched.
+    """Decode a notice about a variable that is watched.
 
     Raises:
         msgspec.DecodeError: it is not one of those.

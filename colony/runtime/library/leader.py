@@ -1,4 +1,4 @@
-"""What can be asked of the leader of a run: the process of `colony run`, which watches over it."""
+"""The call of the leader of a run, which is the process of `colony run`, which watches over it."""
 
 from __future__ import annotations
 
@@ -31,9 +31,9 @@ class ClientStanding(msgspec.Struct, frozen=True, kw_only=True):
 class RunStatus(msgspec.Struct, frozen=True, kw_only=True):
     """A run of a program: `frames` were decided, the newest of them k; `process` leads it.
 
-    All memory began anew in `restarts` of them. `commanded_by` has who commanded each actuator in the newest,
-    None where nobody did. `disagreements` are frames in which the runtime did not do what the program says:
-    there should be none.
+    In `restarts` of them all memory began again. `commanded_by` has the client that commanded each actuator
+    in the newest frame, None for none. `disagreements` are frames in which the runtime did not do what the
+    program says: there should be none.
     """
 
     run: str
@@ -49,5 +49,5 @@ class RunStatus(msgspec.Struct, frozen=True, kw_only=True):
 
 
 def run_status() -> Ask[RunStatus]:
-    """How the run stands."""
+    """Read the state of the run."""
     return Ask("run", Nothing(), RunStatus, "read", repeatable=True)

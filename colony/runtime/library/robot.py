@@ -1,4 +1,4 @@
-"""What can be asked of RServer: to move the base, to tell how it is, to lock it (thesis section 4.6.3, Table
+"""Calls of RServer: move the base, read its state, lock it (thesis section 4.6.3, Table
 4.1). For the emergency stop see `library/emergency.py`.
 
     connection.do(robot.move(1500, velocity=250))
@@ -30,16 +30,16 @@ if TYPE_CHECKING:
     from colony.runtime.protocol.deployment import Deployment
 
 LEASE_S = 0.5
-"""For how long a command holds that is not told again."""
+"""Seconds for which a command holds that is not repeated."""
 
 KEEP = -1.0
 """In place of a velocity or acceleration: the one that was set last."""
 
 MOTION_WAIT_S = 3600.0
-"""For how long to wait for the end of a motion."""
+"""Seconds to wait for the end of a motion."""
 
 _MARGIN_S = 1.0
-"""For how much longer than the server a caller waits for a lock."""
+"""Seconds that a caller waits for a lock longer than the server."""
 
 
 # --- arguments -------------------------------------------------------------------------------------
@@ -118,7 +118,7 @@ class SetBumper(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class LockBase(msgspec.Struct, frozen=True, kw_only=True):
-    """`lock`: for how long to wait where somebody else has it; 0 is not at all."""
+    """`lock`: the longest time to wait for the lock; 0 does not wait."""
 
     wait_ns: int = 0
 
@@ -127,14 +127,14 @@ class LockBase(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class Bumpers(msgspec.Struct, frozen=True, kw_only=True):
-    """Which bumpers touch something."""
+    """The bumpers that touch something."""
 
     front: bool
     rear: bool
 
     @property
     def code(self) -> int:
-        """0 none, 1 the front one, 2 the rear one, 3 both."""
+        """The code of the thesis: 0 for none, 1 for the front bumper, 2 for the rear one, 3 for both."""
         return self.front + 2 * self.rear
 
 
@@ -148,7 +148,7 @@ class Position(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class ClientReport(msgspec.Struct, frozen=True, kw_only=True):
-    """A client of the program: in how many frames its request was there in time, or was not."""
+    """A client of the program; in how many frames its request was on time, late, lost or refused."""
 
     name: str
     priority: int
@@ -170,7 +170,8 @@ class ActuatorReport(msgspec.Struct, frozen=True, kw_only=True):
 class OutsideReport(msgspec.Struct, frozen=True, kw_only=True):
     """A connection that has commanded, whose priority is therefore taken.
 
-    `commands` is what it wants now, None for nothing; `lease_s` for how long still, None until it is done.
+    `commands` is what it wants now, None for nothing. `lease_s` is the time that its command still has, None
+    for a motion that ends when it is done.
     """
 
     connection: str
@@ -181,11 +182,11 @@ class OutsideReport(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class Arbitration(msgspec.Struct, frozen=True, kw_only=True):
-    """Who may move the base, and who does.
+    """The clients and connections that may move the base, and the one that does.
 
-    `run` is "" where no program is deployed, `leader` the connection that deployed it, `acting` who commanded
-    the newest frame (a client of the program, or a connection). Connections are in the order of their
-    priorities, those that wait for the lock in the order in which they will get it.
+    `run` is "" where no program is deployed, `leader` the connection that deployed it, `acting` the client or
+    connection that commanded the newest frame. Connections are in the order of their priorities, those that
+    wait for the lock in the order in which they will get it.
     """
 
     run: str
@@ -212,7 +213,7 @@ def go(velocity: float, lease: float = LEASE_S) -> Ask[None]:
 
 
 def proportional_go(velocity: float, lease: float = LEASE_S) -> Ask[None]:
-    """The same without integration."""
+    """Go straight on, the heading held without error integration."""
     return _order("proportional_go", Go(velocity=velocity, lease_s=lease))
 
 
@@ -234,7 +235,7 @@ def move(
 ) -> Ask[float | None]:
     """Go `distance` mm straight on, backward where it is negative, and stand (`ROBOT_MOVE`).
 
-    The reply is how far it went, when it is done; None at once, without `wait`.
+    The reply is the distance that the base went, when it is done; None at once, without `wait`.
     """
     order = Move(distance=distance, velocity=velocity, acceleration=acceleration, wait=wait)
     return _motion("move", order, wait)
@@ -265,43 +266,45 @@ def continuous_turn(
 
 
 def adjust_position(dx: float, dy: float, dheading: float) -> Ask[None]:
-    """The base is off by so much in x, y and heading (`ROBOT_ADJPOS`)."""
+    """Correct the position of the base by mm in x and y, and degrees of heading (`ROBOT_ADJPOS`)."""
     return Ask("adjust_position", PoseArguments(x=dx, y=dy, heading=dheading), type(None), "command")
 
 
 def set_position(x: float, y: float, heading: float) -> Ask[None]:
-    """The base is there now, and is reckoned from there on (`ROBOT_SETPOS`)."""
+    """Set the position of the base, from which dead reckoning goes on (`ROBOT_SETPOS`)."""
     return Ask("set_position", PoseArguments(x=x, y=y, heading=heading), type(None), "command")
 
 
 def position() -> Ask[Position]:
-    """Where the base is (`ROBOT_GETPOS`)."""
+    """Read the position of the base (`ROBOT_GETPOS`)."""
     return Ask("position", Nothing(), Position, "read", repeatable=True)
 
 
 def bumper() -> Ask[Bumpers]:
-    """Which bumpers touch something (`ROBOT_GETBMPR`)."""
+    """Read which bumpers touch something (`ROBOT_GETBMPR`)."""
     return Ask("bumper", Nothing(), Bumpers, "read", repeatable=True)
 
 
 def set_bumper(setting: int) -> Ask[None]:
-    """Ignore the bumpers where `setting` is 0. Watched, as they are at first, a pressed one stops motion into
-    it, whoever commands that (`ROBOT_SETBMPR`)."""
+    """Ignore the bumpers where `setting` is 0, else watch them, as is the default (`ROBOT_SETBMPR`).
+
+    A bumper that is watched and pressed stops every motion into it.
+    """
     return Ask("set_bumper", SetBumper(setting=setting), type(None), "command", repeatable=True)
 
 
 def mode() -> Ask[Mode]:
-    """The mode of the base, by what was commanded last (`ROBOT_GETMODE`)."""
+    """Read the mode of the base, which the last command set (`ROBOT_GETMODE`)."""
     return Ask("mode", Nothing(), Mode, "read", repeatable=True)
 
 
 def speed_setting() -> Ask[float]:
-    """The forward speed that was sent to the base last (`ROBOT_GETSPEED`)."""
+    """Read the forward speed that was sent to the base last, in mm/s (`ROBOT_GETSPEED`)."""
     return Ask("speed_setting", Nothing(), float, "read", repeatable=True)
 
 
 def wheel_speed() -> Ask[float]:
-    """The mean of the magnitudes of both wheels' measured speeds (`ROBOT_GETWSPEED`)."""
+    """Read the mean of the magnitudes of both wheels' measured speeds, in mm/s (`ROBOT_GETWSPEED`)."""
     return Ask("wheel_speed", Nothing(), float, "read", repeatable=True)
 
 
@@ -309,8 +312,8 @@ def lock(wait: bool = True, wait_s: float = 60.0) -> Ask[None]:
     """Let nobody else move the base, the program included, until `unlock` or this connection's end
     (`RobotLock`).
 
-    Where somebody else has the lock, the call waits for it, for `wait_s` at most, behind those of higher
-    priority. In the end, or at once without `wait`, it is refused with the code "locked".
+    Where another connection has the lock, the call waits for it up to `wait_s`, behind connections of higher
+    priority. Then, or at once without `wait`, it is refused with the code "locked".
     """
     asked = LockBase(wait_ns=round(wait_s * 1e9) if wait else 0)
     return Ask("lock", asked, type(None), "command", wait_s=wait_s + _MARGIN_S if wait else None)
@@ -322,7 +325,7 @@ def unlock() -> Ask[None]:
 
 
 def arbitration() -> Ask[Arbitration]:
-    """Who may move the base, and who does."""
+    """Read which clients and connections may move the base, and which one does."""
     return Ask("arbitration", Nothing(), Arbitration, "read", repeatable=True)
 
 

@@ -17,7 +17,7 @@ from dataclasses import dataclass, field
 from typing import NamedTuple, Protocol, TypeVar
 
 from colony.ir.frame import Answer, Frame, Outcome
-from colony.runtime.frames.assembly import KEPT_NS, Assembled, FrameAssembler
+from colony.runtime.frames.assembler import KEPT_NS, Assembled, FrameAssembler
 from colony.runtime.observe.closing import close_all
 from colony.runtime.observe.monitor import Keyframe, Monitor
 from colony.runtime.protocol import topics

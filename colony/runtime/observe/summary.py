@@ -112,7 +112,7 @@ class RunSummary:
     unknown: int = 0
 
     def as_json(self) -> dict[str, object]:
-        """The same in plain dicts and lists."""
+        """Return the summary as plain dicts and lists."""
         return asdict(self)
 
     @property

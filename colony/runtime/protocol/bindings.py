@@ -50,7 +50,7 @@ class SensorBinding:
             return converted(value, lambda x: x * factor)  # type: ignore[return-value]
         return converted(value, lambda x: x / factor * factor)  # type: ignore[return-value]
 
-    def in_declared_unit(self, value: Value) -> Value:
+    def in_declared_units(self, value: Value) -> Value:
         """Return what people read, given a value of the server."""
         factor = self.factor
         if factor == 1.0 or self.declared:

@@ -248,11 +248,11 @@ class CallDesk:
                 pass
 
     def answer(self, asked: Asked, result: object) -> Iterator[Effect]:
-        """The result of a call whose handler said `LATER`; nothing where the caller is gone."""
+        """Send the result of a call whose handler said `LATER`; do nothing if the caller is gone."""
         yield from self._reply(asked, _result(asked, result))
 
     def refuse(self, asked: Asked, refused: Refused) -> Iterator[Effect]:
-        """The same for a call that is not done after all."""
+        """Refuse a call whose handler said `LATER`; do nothing if the caller is gone."""
         yield from self._reply(asked, _problem(asked, refused.problem))
 
     def settle(self, answers: Iterable[tuple[Asked, object]]) -> Iterator[Effect]:

@@ -42,7 +42,7 @@ _LARGEST: dict[type, int] = {
 and these messages are decoded in every frame."""
 
 _LARGEST_BY_TAG = {msgspec.msgpack.encode(kind.__name__): most for kind, most in _LARGEST.items()}
-"""The same by tag: the name of the kind in msgpack."""
+"""The same limits by tag, which is the name of the kind in msgpack."""
 
 _TAG_AT = 2
 """Index of the tag in a message, after the version and the length of the array."""

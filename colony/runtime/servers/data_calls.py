@@ -21,7 +21,7 @@ from colony.runtime.protocol.fields import DSERVER
 from colony.runtime.protocol.messages import Effect, Message, Wake, WakeAt
 from colony.runtime.servers.data_methods import NAMES_BYTES, DataMethods, few
 from colony.runtime.servers.naming import named
-from colony.runtime.servers.once import Answers
+from colony.runtime.servers.once import CallAnswers
 from colony.runtime.servers.semaphores import Semaphores
 from colony.runtime.servers.showing import Wanted
 from colony.runtime.servers.telling import PAUSE_NS, Telling
@@ -51,7 +51,7 @@ class DataCalls:
         self,
         variables: Variables,
         semaphores: Semaphores,
-        answers: Answers,
+        answers: CallAnswers,
         watches: Watches,
         wanted: Wanted,
         *,

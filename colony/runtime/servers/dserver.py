@@ -50,7 +50,7 @@ from colony.runtime.servers.commanding import CommandDesk
 from colony.runtime.servers.data_calls import DataCalls
 from colony.runtime.servers.data_methods import command
 from colony.runtime.servers.leadership import Leadership
-from colony.runtime.servers.once import Answers
+from colony.runtime.servers.once import CallAnswers
 from colony.runtime.servers.publishing import FRAMES_KEPT, Fields, Publisher
 from colony.runtime.servers.relaying import ActivityRelay
 from colony.runtime.servers.semaphores import Semaphores
@@ -113,7 +113,7 @@ class DServer:
         self._epoch, self._other_epoch = epoch, False
         self._notes = notes
         self._variables, self._wanted = Variables(self._journal), Wanted(self._journal)
-        self._semaphores, self._answers = Semaphores(self._journal), Answers(self._journal)
+        self._semaphores, self._answers = Semaphores(self._journal), CallAnswers(self._journal)
         self._watches, self._checkpoints = Watches(self._journal), Checkpoints(self._journal)
         if self._load():
             self._variables.hold(held or {})

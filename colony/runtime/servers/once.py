@@ -53,7 +53,7 @@ class _Ring:
     pending: set[int] = field(default_factory=set)
 
 
-class Answers:
+class CallAnswers:
     """Mutable: what was answered. Goes into the journal as it changes."""
 
     def __init__(self, journal: Journal) -> None:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 
-from colony.runtime.frames.assembly import COMMAND, ERROR
+from colony.runtime.frames.assembler import COMMAND, ERROR
 from colony.runtime.protocol import topics
 from colony.runtime.protocol.messages import Announcement, Effect, Fetch, Sample, Send, ServerFrame
 from colony.runtime.servers.publishing import KEPT_BYTES, FetchBudget, frame_bytes

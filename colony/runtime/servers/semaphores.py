@@ -169,7 +169,7 @@ class Semaphores:
         return self._put_back(name)
 
     def release(self, name: str, connection: str) -> Asked | None:
-        """The same for who holds it.
+        """Give back a semaphore that the connection holds. Return the call that gets it, if any.
 
         Raises:
             Refused: "unknown" or "not held".

@@ -16,7 +16,7 @@ BESIDE = ("-wal", "-journal", "-shm")
 """Endings of the files that SQLite has beside a database."""
 
 
-def put_aside(path: Path) -> Path:
+def quarantine(path: Path) -> Path:
     """Rename a database, and what SQLite has beside it, and return its new name.
 
     Raises:
@@ -35,7 +35,7 @@ def put_aside(path: Path) -> Path:
     return aside
 
 
-def kept_aside(path: Path) -> tuple[Path, ...]:
+def quarantined(path: Path) -> tuple[Path, ...]:
     """Return the databases that were put aside as damaged, also those of which only the log was left."""
     try:
         names = os.listdir(path.parent)
@@ -50,7 +50,7 @@ def damages(path: Path) -> tuple[str, ...]:
     """Return a sentence for people about each database that was put aside, or its log if that was all."""
     return tuple(
         f"its file was damaged, so it began with nothing; remove {_first_left(aside)} once nobody needs it"
-        for aside in kept_aside(path)
+        for aside in quarantined(path)
     )
 
 

@@ -35,7 +35,7 @@ from pathlib import Path
 
 from colony.files import open_regular, reason, sync_folder
 from colony.os_errors import limit_advice
-from colony.runtime.store.quarantine import BESIDE, put_aside
+from colony.runtime.store.quarantine import BESIDE, quarantine
 from colony.runtime.store.reserve import RESERVE_BYTES, Reserve
 from colony.runtime.store.store import Key, StoreError, StoreFull
 
@@ -125,7 +125,7 @@ class SqliteStore:
         """Put a damaged database aside, and make a new one."""
         self._abandon()
         try:
-            aside = put_aside(self._path)
+            aside = quarantine(self._path)
         except BlockingIOError:
             raise StoreError(f"{self._path} is in use by another server") from None
         except OSError as problem:

@@ -140,11 +140,11 @@ class Hazards:
         return Hazards(on=frozenset())
 
     def without(self, *hazards: Hazard) -> Hazards:
-        """The same with some switched off."""
+        """Return these hazards with some switched off."""
         return replace(self, on=self.on - frozenset(hazards))
 
     def only(self, *hazards: Hazard) -> Hazards:
-        """The same with all others switched off."""
+        """Return these hazards with all others switched off."""
         return replace(self, on=self.on & frozenset(hazards))
 
 

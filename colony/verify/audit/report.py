@@ -98,7 +98,7 @@ class AuditReport:
         return self.first is None
 
     def as_json(self) -> dict[str, object]:
-        """The same in plain dicts and lists."""
+        """Return the report as plain dicts and lists."""
         out: dict[str, Any] = {"agrees": self.agrees, **asdict(self)}
         if self.first is not None:
             for name, decision in (("recorded", self.first.recorded), ("expected", self.first.expected)):

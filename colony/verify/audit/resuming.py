@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from colony.compile.pipeline import compile_program
-from colony.execute.executor import ClientListExecutor
+from colony.execute.executor import ProgramExecutor
 from colony.ir.memory import ProgramMemory
 from colony.ir.program import Program
 from colony.verify.reference.interpreter import Interpreter
@@ -17,7 +17,7 @@ class Resuming:
 
     def __init__(self, program: Program, *, answered: bool = False) -> None:
         self._program, self._answered = program, answered
-        self._clients: ClientListExecutor | None = None
+        self._clients: ProgramExecutor | None = None
 
     def interpreter(self, memory: ProgramMemory) -> Interpreter:
         """Return an interpreter that has this memory.
@@ -27,8 +27,8 @@ class Resuming:
                 which have memory of their own.
             Failure: a module in Python cannot be imported or built.
         """
-        self._clients = self._clients or ClientListExecutor(
-            compile_program(self._program).artifact, simplified=False, answered=self._answered
+        self._clients = self._clients or ProgramExecutor(
+            compile_program(self._program).compiled, simplified=False, answered=self._answered
         )
         self._clients.resume(memory)
         interpreter = Interpreter(self._program, answered=self._answered)

@@ -14,7 +14,7 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 
-from colony.collector import collector_at_rest
+from colony.collector import gc_paused
 from colony.compile.clients import ClientList
 from colony.compile.pipeline import Compilation
 from colony.execute.compiled import Compiled
@@ -55,7 +55,7 @@ JSON = "JSON"
 
 def prove(
     program: Program,
-    compiled: Compilation,
+    compilation: Compilation,
     *,
     json: str | None = None,
     sent: Callable[[], Compiled] | None = None,
@@ -67,7 +67,7 @@ def prove(
     And that what was made of them is, too: `json` and `python` are the texts that are emitted, `sent` gives
     what is executed, saved and sent. z3 may think `timeout_ms` about one question; with 0 it is not asked.
     """
-    clients = compiled.clients
+    clients = compilation.clients
     results: list[Callable[[], Result]] = [lambda: prove_clients(program, clients, timeout_ms=timeout_ms)]
     if json is not None:
         results.append(lambda: _prove_json(clients, json))
@@ -129,7 +129,7 @@ def prove_python(
 ) -> Result:
     """Prove that generated Python has the winners of the clients, which are those of the program."""
     try:
-        with collector_at_rest():
+        with gc_paused():
             found = prove_form(partial(read_python, program, clients, python, form), clients, timeout_ms)
     except Unreadable as problem:
         return Malformed(form=form, subject="text", found=problem.found, expected=problem.expected)
@@ -139,8 +139,8 @@ def prove_python(
 def prove_clients(
     program: Program, clients: ClientList, *, form: str = CLIENTS, timeout_ms: int = TIMEOUT_MS
 ) -> Result:
-    """The same of any list of clients, called `form` in what is found."""
-    with collector_at_rest():
+    """Prove that a list of clients is the program's network; `form` is its name in what is found."""
+    with gc_paused():
         malformed = _malformed(clients, form)
         return malformed or _Proof(program, clients, form, timeout_ms).result()
 

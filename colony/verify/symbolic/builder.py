@@ -136,12 +136,12 @@ class Builder:
     # --- reasons ---------------------------------------------------------------------------------
 
     def blame(self, x: Number, reason: Reason) -> None:
-        """The value of `x` is inexact; its bounds are those of the program's float (an infinity has none)."""
+        """Note why `x` is inexact; bounds of a finite value are those of the program's float."""
         term = x.value if x.whole is None else x.whole
         self.blame_term(term, reason, x.bounds if is_false(x.infinite) else UNBOUNDED)
 
     def blame_term(self, term: z3.ExprRef, reason: Reason, bounds: Bounds = UNBOUNDED) -> None:
-        """The same of any term but a constant value."""
+        """Note why a term is inexact; a constant value is exact, and ignored."""
         if term.num_args() == 0 and term.decl().kind() != z3.Z3_OP_UNINTERPRETED:
             return
         key = term.get_id()

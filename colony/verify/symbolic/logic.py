@@ -143,7 +143,7 @@ def pick(condition: z3.BoolRef, yes: Sorted, no: Sorted) -> Sorted:
 
 
 def _ite(condition: z3.BoolRef, yes: Sorted, no: Sorted) -> Sorted:
-    """The same, without looking whether it can be less."""
+    """Return the choice as a term of z3, without simplifying it."""
     ast = z3.Z3_mk_ite(_CONTEXT, condition.as_ast(), yes.as_ast(), no.as_ast())
     return cast(Sorted, z3.BoolRef(ast, _MAIN) if isinstance(yes, z3.BoolRef) else z3.ArithRef(ast, _MAIN))
 

@@ -65,7 +65,7 @@ def always_finite(x: Number) -> bool:
 
 
 def hull_of(x: Number, y: Number) -> Bounds:
-    """The same of numbers, where NaN says nothing."""
+    """Return bounds of both numbers; one that is always NaN adds nothing to them."""
     if is_true(x.nan):
         return y.bounds
     if is_true(y.nan):
@@ -208,7 +208,7 @@ def select(condition: z3.BoolRef, yes: Scalar, no: Scalar) -> Scalar:
 
 
 def select_number(condition: z3.BoolRef, yes: Number, no: Number) -> Number:
-    """The same of numbers."""
+    """Return a number that is `yes` where the condition holds, else `no`."""
     if is_true(condition):
         return yes
     if is_false(condition):

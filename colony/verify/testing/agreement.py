@@ -12,7 +12,7 @@ from types import MappingProxyType
 
 from colony.compile.backends.python.generate import generate, load
 from colony.compile.pipeline import Compilation, compile_program
-from colony.execute.executor import ClientListExecutor, ClientsExecutor, ClientStep, ModuleExecutor
+from colony.execute.executor import ClientsExecutor, ClientStep, ModuleExecutor, ProgramExecutor
 from colony.execute.intake import converted
 from colony.ir.frame import Decision, Executor, Frame, Outcome
 from colony.ir.program import Program, in_declared_units
@@ -23,15 +23,15 @@ Factory = Callable[[Compilation], Executor]
 
 
 def _clients(compilation: Compilation) -> Executor:
-    return ClientListExecutor(compilation.artifact)
+    return ProgramExecutor(compilation.compiled)
 
 
 def _exclusive_clients(compilation: Compilation) -> Executor:
-    return ClientListExecutor(compilation.artifact, exclusive=True)
+    return ProgramExecutor(compilation.compiled, exclusive=True)
 
 
 def _generated_python(compilation: Compilation) -> Executor:
-    return load(generate(compilation.artifact))
+    return load(generate(compilation.compiled))
 
 
 EXECUTORS: Mapping[str, Factory] = MappingProxyType(
@@ -69,7 +69,7 @@ class Disagreement:
 
 
 def reference(program: Program, trace: Sequence[Frame]) -> tuple[Outcome, ...]:
-    """What the reference interpreter does over `trace`, from its initial memory."""
+    """Return what the reference interpreter does over `trace`, from its initial memory."""
     interpreter = Interpreter(program)
     return tuple(interpreter.step(frame) for frame in trace)
 
@@ -81,7 +81,7 @@ def disagreement(
     expected: Sequence[Outcome] | None = None,
     compilation: Compilation | None = None,
 ) -> Disagreement | None:
-    """The first executor that differs from the reference over `trace`, at its first frame; None if none does.
+    """Return how the first executor that differs from the reference over `trace` does; None if none does.
 
     Each executor starts from its initial memory. What an executor raises is a disagreement too; what
     compiling raises is raised. `expected` is what `reference` gave and `compilation` what compiling gives,
@@ -114,7 +114,7 @@ def _first_difference(
     return None
 
 
-# --- clients that know only their own slice ------------------------------------------------------
+# --- clients that know only their own view -------------------------------------------------------
 
 
 class Clients:
@@ -132,17 +132,17 @@ class Clients:
     def __init__(self, compilation: Compilation, *, alone: bool) -> None:
         self._program = compilation.program
         self._interpreter = Interpreter(compilation.program)
-        keys = [(actuator, module) for actuator, module, _ in compilation.artifact.clients]
+        keys = [(actuator, module) for actuator, module, _ in compilation.compiled.clients]
         together = [(key,) for key in keys] if alone else [tuple(keys)]
-        self._processes = [ClientsExecutor(compilation.artifact, clients) for clients in together]
+        self._processes = [ClientsExecutor(compilation.compiled, clients) for clients in together]
         self._modules = {
-            module: ModuleExecutor(compilation.artifact, module) for module in compilation.artifact.announced
+            module: ModuleExecutor(compilation.compiled, module) for module in compilation.compiled.announced
         }
 
     def step(self, frame: Frame) -> Outcome:
-        """One frame."""
+        """Decide one frame."""
         expected = self._interpreter.step(frame)
-        inside = in_base_units(self._program, frame)
+        inside = frame_in_base_units(self._program, frame)
         answers = {name: module.step(inside) for name, module in self._modules.items()}
         steps = {
             client: step
@@ -162,7 +162,7 @@ class Clients:
             module.restart()
 
 
-def in_base_units(program: Program, frame: Frame) -> Frame:
+def frame_in_base_units(program: Program, frame: Frame) -> Frame:
     """Return a frame in base units, as the executors of clients take it."""
     factors = {s.name: s.factor for s in program.robot.sensors if s.factor != 1.0}
     readings = {
@@ -182,7 +182,7 @@ ALL_EXECUTORS: Mapping[str, Factory] = MappingProxyType({**EXECUTORS, **CLIENTS}
 
 
 def client_disagreement(program: Program, trace: Sequence[Frame]) -> Disagreement | None:
-    """The first frame in which the clients, each for itself, do not do what the reference does."""
+    """Return the first frame in which the clients, alone or together, do not do what the reference does."""
     return disagreement(program, trace, CLIENTS)
 
 

@@ -1,6 +1,6 @@
 """Many traces for one program: do all executors do the same, what does each module do, do contracts hold?
 
-    for report in examples(program, count=1000, seed=1):
+    for report in try_traces(program, count=1000, seed=1):
         print(report.drawn)
     report.disagreement, report.breaches, report.modules
 
@@ -44,7 +44,7 @@ Trial = Callable[[Compilation, Sequence[Frame], int], Disagreement | None]
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ModuleCoverage:
-    """In how many frames a module won, was active, and was silent for want of a sensor.
+    """Numbers of frames in which a module won, was active, and was silent for want of a sensor.
 
     `won` is None of a module that commands nothing.
     """
@@ -65,7 +65,7 @@ class Breach:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Unsteady:
+class Nondeterministic:
     """A class in Python of which two objects, given the same frames, answered differently in the last one."""
 
     module: PythonModule
@@ -74,9 +74,10 @@ class Unsteady:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Report:
-    """What is known after `drawn` of `asked` traces with `frames` frames in all.
+    """The findings after `drawn` of `asked` traces with `frames` frames in all.
 
-    `finished`: no more follow, because all are drawn, or because of a disagreement or an unsteady module.
+    `finished`: no more follow, because all are drawn, or because of a disagreement or a module that
+    is not deterministic.
     """
 
     seed: int
@@ -86,7 +87,7 @@ class Report:
     modules: tuple[ModuleCoverage, ...]
     breaches: tuple[Breach, ...] = ()
     disagreement: Disagreement | None = None
-    unsteady: Unsteady | None = None
+    nondeterministic: Nondeterministic | None = None
     finished: bool = False
 
     @property
@@ -95,7 +96,7 @@ class Report:
         return tuple(m.name for m in self.modules if m.won == 0)
 
 
-def examples(
+def try_traces(
     program: Program,
     count: int,
     seed: int,
@@ -104,7 +105,7 @@ def examples(
     trials: Mapping[str, Trial] = MappingProxyType({}),
     max_frames: int = FRAMES,
 ) -> Iterator[Report]:
-    """Draw `count` traces of `program`; after each, what is known so far. The last report is `finished`.
+    """Draw `count` traces of `program`, and yield a report after each. The last one is `finished`.
 
     The same for the same program, count and seed. What is found is reported as it was drawn, and once more
     when it is shrunk. `executors` are held against the reference interpreter, `trials` are tried besides. A
@@ -173,7 +174,7 @@ class _Examination:
             self._one_more()
         if not self._to_shrink:
             known = self.report
-            stopped = known.disagreement is not None or known.unsteady is not None
+            stopped = known.disagreement is not None or known.nondeterministic is not None
             self._know(finished=stopped or known.drawn >= known.asked)
 
     def _one_more(self) -> None:
@@ -181,9 +182,9 @@ class _Examination:
         trace = self._guide.draw(Choices(Random(f"{self.report.seed}/{number}")))
         run = self._reference(trace)
         self._know(drawn=number + 1, frames=self.report.frames + len(trace))
-        unsteady = self._unsteady(trace, run)
-        if unsteady is not None:
-            self._know(unsteady=unsteady)
+        nondeterministic = self._nondeterministic(trace, run)
+        if nondeterministic is not None:
+            self._know(nondeterministic=nondeterministic)
             return
         self._guide.learn(trace, run.patterns)
         self._count(trace, run)
@@ -211,7 +212,7 @@ class _Examination:
             patterns.append((active[-1], faults, phases, outcome.breaches))
         return _Run(tuple(outcomes), tuple(active), tuple(silent), tuple(patterns))
 
-    def _unsteady(self, trace: Sequence[Frame], run: _Run) -> Unsteady | None:
+    def _nondeterministic(self, trace: Sequence[Frame], run: _Run) -> Nondeterministic | None:
         """The first module in Python in which a second interpreter parts from the first."""
         if not self._python:
             return None
@@ -219,7 +220,7 @@ class _Examination:
         for at, (one, other) in enumerate(zip(run.outcomes, again.outcomes, strict=True)):
             if repr(one) != repr(other) or run.active[at] != again.active[at]:
                 module = self._suspect(run, again, at)
-                return Unsteady(module=module, trace=tuple(trace[: at + 1]))
+                return Nondeterministic(module=module, trace=tuple(trace[: at + 1]))
         return None
 
     def _suspect(self, one: _Run, other: _Run, at: int) -> PythonModule:

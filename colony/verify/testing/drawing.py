@@ -21,20 +21,20 @@ class Choices:
         self._random = random
 
     def upto(self, most: int) -> int:
-        """0 .. `most`."""
+        """Choose a number from 0 to `most`."""
         return self._random.randint(0, most) if most > 0 else 0
 
     def between(self, fewest: int, most: int) -> int:
         return fewest + self.upto(most - fewest)
 
     def several(self, fewest: int, most: int) -> int:
-        """`fewest` .. `most`, rather many than few."""
+        """Choose a number from `fewest` to `most`, rather a large one."""
         return fewest + max(self.upto(most - fewest), self.upto(most - fewest))
 
     def one(self, of: Sequence[T]) -> T:
-        """One of at least one."""
+        """Choose one of the options, of which there is at least one."""
         return of[self.upto(len(of) - 1)]
 
     def rarely(self, times: int = 3) -> bool:
-        """Yes about once in `times`."""
+        """Choose True about once in `times`."""
         return self.upto(times - 1) == times - 1

@@ -64,12 +64,12 @@ class ExampleResult:
 
 
 def run_examples(program: Program) -> tuple[ExampleResult, ...]:
-    """Every example of `program`, each from the program's initial memory, in the order written."""
+    """Run every example of `program`, each from the program's initial memory, in the order written."""
     return tuple(run_example(program, example) for example in program.tests)
 
 
 def run_example(program: Program, example: Example) -> ExampleResult:
-    """One example of `program`, from the program's initial memory."""
+    """Run one example of `program`, from the program's initial memory."""
     run = _Run(program)
     for step in example.steps:
         run.step(step)
@@ -95,7 +95,10 @@ def facts_of_breach(program: Program, contract: str, snapshots: Iterable[Snapsho
 
 
 def failures_as_diagnostics(results: Iterable[ExampleResult]) -> tuple[Diagnostic, ...]:
-    """An error for each failure: T001 false, T002 says nothing, T003 contract broken, T004 no such array."""
+    """Return an error for each failure.
+
+    T001 is false, T002 says nothing, T003 a broken contract, T004 no such array.
+    """
     return tuple(_diagnostic(result, failure) for result in results for failure in result.failures)
 
 
@@ -240,7 +243,7 @@ _MOST_ELEMENTS = 8
 
 
 def shown(value: Value, of: Type) -> str:
-    """A value with its unit, or an enumerator by its name; of long arrays the first elements."""
+    """Return a value with its unit, or an enumerator by its name; of long arrays the first elements."""
     if not isinstance(value, tuple):
         return _scalar(value, element_type(of))
     assert isinstance(of, Array)

@@ -32,7 +32,7 @@ class Expressions:
         self.scope = scope
 
     def any_scalar(self) -> Scalar:
-        """A type that expressions of this scope can have."""
+        """Draw a type that expressions of this scope can have."""
         scalars: list[Scalar] = [BOOL, *(Quantity(d) for d in LITERALS), *self.scope.enums]
         return self.choices.one(scalars)
 
@@ -46,7 +46,7 @@ class Expressions:
                 return self.quantity(dimension, depth)
 
     def any_value(self, of: Type, depth: int) -> str:
-        """A scalar, or an array of a length that there is."""
+        """Draw an expression of a scalar type, or of an array of a length that there is."""
         if isinstance(of, Array):
             return self.array(element_type(of), of.size, depth)
         return self.scalar(of, depth)
@@ -140,7 +140,7 @@ class Expressions:
     # --- numbers ---------------------------------------------------------------------------------
 
     def dimension(self) -> Dimension:
-        """Most often one that something which can be read has."""
+        """Draw a dimension, most often one that something readable has."""
         read = [e.dimension for n in self.scope.names if isinstance(e := element_type(n.type), Quantity)]
         known = [d for d in read if d in LITERALS]
         return (
@@ -176,7 +176,7 @@ class Expressions:
         return f"(if {self.choices.one(bools)} then {self.literal(of)} else {self.literal(of)})"
 
     def atoms(self, of: Scalar) -> list[str]:
-        """What can be read of a scalar type: names, and elements of arrays."""
+        """Return what can be read of a scalar type: names, and elements of arrays."""
         arrays = self.arrays(of)
         first = [f"{a.text}[0]" for a in arrays]
         last = [f"{a.text}[{a.type.size - 1}]" for a in arrays if a.type.size > 1]
@@ -281,7 +281,7 @@ class Expressions:
         ]
 
     def some_array(self, of: Scalar, depth: int) -> str | None:
-        """An array of `of` of any length that can be made here."""
+        """Draw an array of `of` of any length that can be made here."""
         sizes = [n.type.size for n in self.scope.names if isinstance(n.type, Array)]
         can = self.arrays(of) or (of == BOOL and sizes)
         if not can:
@@ -306,7 +306,7 @@ class Expressions:
         return f"window({one.text}, {self.quantity(NUMBER, min(depth, 1))}, {reach})"
 
     def array(self, of: Scalar, size: int, depth: int) -> str:
-        """An array of exactly `size` elements; there must be one of that size to start from."""
+        """Draw an array of exactly `size` elements; there must be one of that size to start from."""
         named = [n.text for n in self.scope.names if n.type == Array(of, size)]
         if not named and isinstance(of, Bool):
             return self._compared(size, depth)
@@ -416,5 +416,5 @@ class Expressions:
         return f"{self.choices.one(DURATIONS_MS)} ms"
 
     def key(self, depth: int) -> str:
-        """What `captured` waits for to change."""
+        """Draw the value whose change `captured` waits for."""
         return self.scalar(self.any_scalar(), depth - 1)

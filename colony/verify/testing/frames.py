@@ -15,13 +15,13 @@ from colony.verify.testing.readings import Thresholds, draw_reading, thresholds_
 
 
 def draw_frame(choices: Choices, program: Program, t_ns: int) -> Frame:
-    """See `colony.verify.testing.strategies.frames`."""
+    """Draw a frame; see `colony.verify.testing.strategies.frames`."""
     thresholds = thresholds_of(program)
     return Frame(t_ns, {s.name: draw_reading(choices, s, thresholds) for s in program.robot.sensors})
 
 
 def draw_trace(choices: Choices, program: Program, max_frames: int) -> tuple[Frame, ...]:
-    """See `colony.verify.testing.strategies.traces`."""
+    """Draw a trace; see `colony.verify.testing.strategies.traces`."""
     thresholds = thresholds_of(program)
     # A few readings a sensor, met again and again: memory shows only where values come back. In a calm trace
     # most sensors stand still: what needs several conditions at once is met only there.
@@ -50,12 +50,12 @@ def _written(choices: Choices, program: Program, max_frames: int) -> tuple[Frame
 
 
 def thresholds_of(program: Program) -> Thresholds:
-    """The numbers that the program's expressions name, by dimension."""
+    """Return the numbers that the program's expressions name, by dimension."""
     return thresholds_among(nodes(program))
 
 
 def sensors_read(program: Program) -> frozenset[str]:
-    """The sensors that some expression or module in Python reads."""
+    """Return the sensors that some expression or module in Python reads."""
     found: set[str] = set()
     for node in nodes(program):
         match node:
@@ -70,7 +70,7 @@ def sensors_read(program: Program) -> frozenset[str]:
 
 
 def gaps_of(program: Program) -> list[int]:
-    """Times between frames: a frame, a few, and whatever the program waits for, to the nanosecond."""
+    """Return times between frames: a frame, a few, and whatever the program waits for, to the nanosecond."""
     frame = program.robot.frame_ns
     gaps = {frame: None, 2 * frame: None, 3 * frame: None, 1: None}
     for duration in (*durations_of(program), *_times_compared(program)):
@@ -81,7 +81,7 @@ def gaps_of(program: Program) -> list[int]:
 
 
 def durations_of(program: Program) -> list[int]:
-    """The durations that the program measures, in nanoseconds, each once."""
+    """Return the durations that the program measures, in nanoseconds, each once."""
     found: dict[int, None] = {}
     for joint in joints_of(program).joints:
         found[joint.window_ns] = None

@@ -47,7 +47,7 @@ class Guide:
         self._places: dict[Hashable, _Place] = {}
 
     def draw(self, choices: Choices) -> tuple[Frame, ...]:
-        """A trace: a new one, or one that goes on from a place that is known."""
+        """Draw a trace: a new one, or one that goes on from a known place."""
         if not self._places or choices.rarely(3):
             return draw_trace(choices, self._program, self._max_frames)
         frames = list(self._place(choices).way)
@@ -57,7 +57,7 @@ class Guide:
         return tuple(frames)
 
     def learn(self, trace: Sequence[Frame], patterns: Sequence[Hashable]) -> None:
-        """What every frame of a trace did, as a pattern; ways of more than `LONGEST` frames are not kept."""
+        """Learn what every frame of a trace did, as a pattern; ways beyond `LONGEST` frames are not kept."""
         for i, pattern in enumerate(patterns[:LONGEST]):
             known = self._places.get(pattern)
             if known is None:

@@ -53,7 +53,7 @@ class Wirings:
         self._before = ""
 
     def commanding(self, actuator: str | None) -> list[Port]:
-        """The ports whose every output commands `actuator`."""
+        """Return the ports whose every output commands `actuator`."""
         return [p for p in self.ports if p.actuators == {actuator}]
 
     def add(self, name: str, wiring: Wiring) -> None:
@@ -76,7 +76,7 @@ class Wirings:
         return port
 
     def draw(self, among: Sequence[Port], depth: int) -> Wiring:
-        """A wiring whose outputs come from ports in `among`; what only inhibits may be any port."""
+        """Draw a wiring whose outputs come from ports in `among`; what only inhibits may be any port."""
         kind = self.choices.upto(7) if depth > 0 else 0
         if kind <= 1:
             return Use(name=self._another(among).name)
@@ -95,7 +95,7 @@ class Wirings:
 
 
 def draw_wires(wirings: Wirings, actuators: Sequence[str], most: int, depth: int) -> list[Wire]:
-    """Up to `most` named wires, each for one actuator, and one that drives each actuator."""
+    """Draw up to `most` named wires, each for one actuator, and one that drives each actuator."""
     wires: list[Wire] = []
     for i in range(wirings.choices.several(0, most)):
         among = wirings.commanding(wirings.choices.one(actuators))
@@ -113,7 +113,7 @@ def draw_wires(wirings: Wirings, actuators: Sequence[str], most: int, depth: int
 
 
 def draw_network(choices: Choices, max_modules: int, max_wires: int) -> Program:
-    """See `colony.verify.testing.strategies.networks`."""
+    """Draw a program; see `colony.verify.testing.strategies.networks`."""
     actuators = ("drive", "arm")[: choices.between(1, 2)]
     count = choices.several(1, max_modules)
     modules = tuple(_module(i, choices.one((*actuators, *actuators, None))) for i in range(count))
@@ -163,7 +163,7 @@ def _silence(name: str) -> Contract:
 
 
 def wiring_text(wiring: Wiring, nested: bool = False) -> str:
-    """A wiring as it is written."""
+    """Return the text of a wiring."""
     match wiring:
         case Use(name=name):
             return name

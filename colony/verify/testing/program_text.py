@@ -29,7 +29,7 @@ WINDOWS_NS = (0, 0, 100_000_000, 50_000_000, 150_000_000)
 
 
 def draw_text(choices: Choices, python: bool) -> str:
-    """See `colony.verify.testing.strategies.texts`."""
+    """Draw a text; see `colony.verify.testing.strategies.texts`."""
     return _Text(choices, python).program()
 
 

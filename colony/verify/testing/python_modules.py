@@ -17,7 +17,7 @@ class Moody:
         self._calls = int(seed)
 
     def step(self, frame: Mapping[str, object]) -> object:
-        """An answer, or a wrong one, or an exception."""
+        """Return an answer, right or wrong, or raise."""
         self._calls += 1
         size = float(len([value for value in frame.values() if value is True]))
         moment = getattr(frame, "t", math.nan)

@@ -39,7 +39,7 @@ _MOST_THRESHOLDS = 40
 
 
 def thresholds_among(nodes: Iterable[ir.Expression]) -> Thresholds:
-    """The finite constants among expressions, by dimension, the first few of each."""
+    """Return the finite constants among expressions, by dimension, the first few of each."""
     found: dict[Dimension, dict[float, None]] = {}
     for node in nodes:
         match node:
@@ -58,7 +58,7 @@ def thresholds_among(nodes: Iterable[ir.Expression]) -> Thresholds:
 
 
 def draw_reading(choices: Choices, sensor: Sensor, thresholds: Thresholds) -> Reading:
-    """A reading of a sensor in its declared unit; now and then it is missing, or one that cannot be."""
+    """Draw a reading of a sensor in its declared unit; now and then it is missing, or one that cannot be."""
     if choices.rarely(16):
         return None
     if choices.rarely(20):

@@ -1,4 +1,4 @@
-"""What drawn expressions are made from: literals of each dimension, and the names that a place may use."""
+"""The parts of drawn expressions: literals of each dimension, and the names that a place may use."""
 
 from __future__ import annotations
 

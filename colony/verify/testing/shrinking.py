@@ -17,7 +17,7 @@ from colony.verify.reference.boundary import sense
 from colony.verify.snapshot import Snapshot
 
 PATIENCE = 6000
-"""How many frames may be computed to shrink a trace; the best so far is given then."""
+"""The largest number of frames computed to shrink a trace; then the best trace so far is returned."""
 
 Given = TypeVar("Given", Frame, Snapshot)
 
@@ -26,13 +26,13 @@ Shows = Callable[[tuple[Given, ...]], int | None]
 
 
 class Simpler(Protocol):
-    """What counts as simpler than the readings of a sensor, simplest first."""
+    """The readings that count as simpler than those of a sensor, simplest first."""
 
     def in_all(self, sensor: Sensor, readings: Sequence[Reading]) -> Iterable[Reading]:
-        """Return what the sensor might as well give in all frames; `readings` has what it gives in each."""
+        """Return simpler readings for all frames; `readings` are those of each frame."""
 
     def in_one(self, sensor: Sensor, reading: Reading, before: Reading) -> Iterable[Reading]:
-        """Return what it might as well give in one frame; `before` is what it gives in the frame before.
+        """Return simpler readings for one frame; `before` is the reading of the frame before.
 
         Nothing that is as simple as `reading` may be among it, or there would be no end.
         """

@@ -24,7 +24,7 @@ from random import Random
 from hypothesis import strategies as st
 
 from colony.ir.frame import Frame
-from colony.ir.program import Program
+from colony.ir.program import Program, expect_program
 from colony.verify.testing.drawing import Choices
 from colony.verify.testing.frames import draw_frame, draw_trace
 from colony.verify.testing.networks import draw_network
@@ -32,7 +32,7 @@ from colony.verify.testing.program_text import draw_text
 
 
 def choices() -> st.SearchStrategy[Choices]:
-    """Choices that hypothesis makes and shrinks."""
+    """Return a strategy for choices that hypothesis makes and shrinks."""
     return st.randoms(use_true_random=False, note_method_calls=False).map(Choices)
 
 
@@ -41,7 +41,7 @@ Run = tuple[Program, tuple[Frame, ...]]
 
 
 def networks(*, max_modules: int = 6, max_wires: int = 5) -> st.SearchStrategy[Program]:
-    """Programs that are all network: any wiring of modules that are applicable as their sensors say.
+    """Draw programs that are all network: any wiring of modules that are applicable as their sensors say.
 
     Module `m<i>` is applicable where the bool sensor `p<i>` is true, and silent where that is missing; so a
     trace can drive any pattern of activity. Wirings are directed acyclic graphs over one or two actuators,
@@ -52,7 +52,7 @@ def networks(*, max_modules: int = 6, max_wires: int = 5) -> st.SearchStrategy[P
 
 
 def texts(*, python: bool = True) -> st.SearchStrategy[str]:
-    """Source texts of valid programs that use all of the language but imports and tests.
+    """Draw source texts of valid programs that use all of the language but imports and tests.
 
     With `python`, some modules are written in Python.
     """
@@ -60,7 +60,7 @@ def texts(*, python: bool = True) -> st.SearchStrategy[str]:
 
 
 def programs(*, python: bool = True) -> st.SearchStrategy[Program]:
-    """Programs as the front end makes them of `texts`.
+    """Draw programs as the front end makes them of `texts`.
 
     Raises:
         Failure: while drawing, if the front end refuses a text; that is a bug in one of the two.
@@ -71,33 +71,40 @@ def programs(*, python: bool = True) -> st.SearchStrategy[Program]:
 
 
 def frames(program: Program, *, t_ns: int = 0) -> st.SearchStrategy[Frame]:
-    """One frame of `program` at `t_ns`, in declared units: readings near its numbers, wrong, or missing."""
+    """Draw a frame of `program` at `t_ns`, in declared units.
+
+    Its readings are near the numbers of the program, wrong, or missing.
+    """
+    expect_program(program)
     return choices().map(lambda c: draw_frame(c, program, t_ns))
 
 
 def traces(program: Program, *, max_frames: int = 8) -> st.SearchStrategy[tuple[Frame, ...]]:
-    """Up to `max_frames` frames of `program`, at least one, in declared units.
+    """Draw up to `max_frames` frames of `program`, at least one, in declared units.
 
     Times rise by frames and by the durations that the program waits for, exactly or a nanosecond off.
     Readings are at, between and a float beside the numbers that the program names; they come back, go
     missing, and are of the wrong type, length or range. Arrays are mostly alike but for some elements in a
     row. Some traces begin as a test of the program does.
     """
+    expect_program(program)
+    if max_frames < 1:
+        raise ValueError(f"max_frames: found {max_frames}; expected 1 or more")
     return choices().map(lambda c: draw_trace(c, program, max_frames))
 
 
 def network_runs(*, max_modules: int = 6, max_wires: int = 5, max_frames: int = 8) -> st.SearchStrategy[Run]:
-    """A network with a trace. More varied than `networks().flatmap(traces)`: drawn as one."""
+    """Draw a network with a trace. More varied than `networks().flatmap(traces)`: drawn as one."""
     return choices().map(lambda c: _network_run(c, max_modules, max_wires, max_frames))
 
 
 def runs(*, python: bool = True, max_frames: int = 8) -> st.SearchStrategy[Run]:
-    """A program with a trace. More varied than `programs().flatmap(traces)`: drawn as one."""
+    """Draw a program with a trace. More varied than `programs().flatmap(traces)`: drawn as one."""
     return choices().map(lambda c: _run(c, python, max_frames))
 
 
 def run_of_seed(seed: int, *, network: bool = False, max_frames: int = 8) -> Run:
-    """What `runs` (or `network_runs`) may draw, always the same for a seed, without hypothesis."""
+    """Return what `runs` (or `network_runs`) may draw, always the same for a seed, without hypothesis."""
     c = Choices(Random(seed))
     return _network_run(c, 6, 5, max_frames) if network else _run(c, True, max_frames)
 

@@ -54,7 +54,7 @@ class Reckoning:
         return self.at_mm + self.error_mm
 
     def moved(self, at_mm: float) -> Reckoning:
-        """The same, where the reported progress is `at_mm`."""
+        """Return the reckoning where the reported progress is `at_mm`."""
         way = at_mm - self.at_mm
         return replace(
             self,
@@ -67,7 +67,7 @@ class Reckoning:
         )
 
     def fixed(self, error_mm: float, variance: float) -> Reckoning:
-        """The same, after a landmark told that the error is `error_mm`, with this variance."""
+        """Return the reckoning after a landmark measured the error, with this variance."""
         innovation = error_mm - self.error_mm
         spread = self.variance + variance
         jumped = innovation * innovation > _JUMP_SIGMAS**2 * spread
@@ -88,11 +88,11 @@ class Reckoning:
         )
 
     def told(self, correction_mm: float) -> Reckoning:
-        """The same, after what is reported was corrected by so much."""
+        """Return the reckoning after the reported progress was corrected by `correction_mm`."""
         return replace(self, at_mm=self.at_mm + correction_mm, error_mm=self.error_mm - correction_mm)
 
     def anchored(self, error_mm: float, sigma_mm: float) -> Reckoning:
-        """The same, with an error that is known by other means, and nothing else learned from it."""
+        """Return the reckoning with an error that is known by other means; learn nothing else from it."""
         return replace(self, error_mm=error_mm, variance=sigma_mm**2, covariance=0.0)
 
     @property

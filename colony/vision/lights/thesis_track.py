@@ -47,7 +47,7 @@ class ThesisTrack:
         return self.passed >= len(self.goal.lights_mm)
 
     def seen(self, seen: Seen) -> ThesisTrack:
-        """The same, after an image."""
+        """Return the track after an image."""
         above = [light for light in seen.lights if -LIGHT_LENGTH_MM / 2.0 <= light.ahead_mm <= 0.0]
         if not above or self.light or self.done:
             return replace(self, light=bool(above))
@@ -58,7 +58,7 @@ class ThesisTrack:
         return replace(self, light=True, since_mm=place, found=Passing(number, True, -above[0].ahead_mm))
 
     def passing(self, progress_mm: float) -> tuple[ThesisTrack, Passing | None]:
-        """The same, and the light that was found last, told once."""
+        """Return the track, and the light that was found last, once for each light."""
         if self.found is None:
             return self, None
         return replace(self, passed=self.found.number, found=None), self.found

@@ -166,7 +166,7 @@ class LightTrack:
         return tuple(sighting.error_mm for sighting in self.sightings)
 
     def seen(self, seen: Seen) -> LightTrack:
-        """The same, after an image."""
+        """Return the track after an image."""
         if self.done:
             return self
         reckoning = self.reckoning.moved(seen.progress_mm)
@@ -180,7 +180,7 @@ class LightTrack:
         return track
 
     def passing(self, progress_mm: float) -> tuple[LightTrack, Passing | None]:
-        """The same, and the light that the robot's center came below, if it did."""
+        """Return the track, and the light that the robot's center came below, if it did."""
         if self.done:
             return self, None
         valid = self.sure or len(self.sightings) > 1
@@ -210,7 +210,7 @@ class LightTrack:
         return by_error[len(by_error) // 2]
 
     def told(self, correction_mm: float) -> LightTrack:
-        """The same, after what is reported was corrected by so much along the way."""
+        """Return the track after the reported progress was corrected by `correction_mm`."""
         return replace(
             self,
             reckoning=self.reckoning.told(correction_mm),
@@ -219,7 +219,7 @@ class LightTrack:
         )
 
     def estimated(self, progress_mm: float, sigma_mm: float) -> LightTrack:
-        """The same, after somebody who knows more corrected what is reported, so that it is as good as this.
+        """Return the track after the reported progress was corrected to an estimate of this accuracy.
 
         What was known here of its error is in that.
         """
@@ -240,7 +240,7 @@ class LightTrack:
         return max(0.0, tolerance_mm(reckoning, self.goal.lights_mm) - in_view)
 
     def _with(self, light: Light, seen: Seen, reckoning: Reckoning) -> LightTrack:
-        """The same, after one light of an image."""
+        """Return the track after one light of an image."""
         place = reckoning.progress_mm + light.ahead_mm
         lights = self.goal.lights_mm
         nearest = min(range(len(lights)), key=lambda i: abs(lights[i] - place))
@@ -265,7 +265,7 @@ class LightTrack:
         )
 
     def _with_stray(self, light: Light, seen: Seen) -> LightTrack:
-        """The same, after a light where none is expected, and found again if it is the second one."""
+        """Return the track after a light where none is expected; at the second one it is found again."""
         if not light.whole:
             return self
         place = seen.progress_mm + light.ahead_mm

@@ -18,7 +18,7 @@ class Patch(NamedTuple):
     bottom: int
 
     def scaled(self, factor: int) -> Patch:
-        """The same in an image that is so many times as large."""
+        """Return the patch in an image that is `factor` times as large."""
         return Patch(self.left * factor, self.top * factor, self.right * factor, self.bottom * factor)
 
     @property

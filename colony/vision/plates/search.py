@@ -39,7 +39,7 @@ LEAST_AGREEMENT = 0.45
 that, or as nothing."""
 
 KNOWN_LOOKS, KNOWN_EVIDENCE = 2, 0.6
-"""The same for one that the map has at this place."""
+"""Looks and evidence for a plate that the map has at this place."""
 
 SETTLED_LOOKS = 6
 """After so many looks a plate is told; before, when it is out of view: the more looks, the better it is

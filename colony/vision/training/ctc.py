@@ -57,7 +57,7 @@ def _ahead(emitted: Doubles, leaps: npt.NDArray[np.bool_]) -> Doubles:
 
 
 def _behind(emitted: Doubles, leaps: npt.NDArray[np.bool_], lengths: npt.NDArray[np.intp]) -> Doubles:
-    """The same from the end: with what is emitted from there on."""
+    """Return the log probabilities from the end: of what is emitted from there on."""
     behind = np.full(emitted.shape, _IMPOSSIBLE)
     each = np.arange(len(lengths))
     for state in (lengths - 1, np.maximum(lengths - 2, 0)):

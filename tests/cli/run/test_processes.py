@@ -182,6 +182,7 @@ BAD_OPTIONS: list[tuple[tuple[str, ...], str]] = [
     (("--map", MAP, "--camera", "90"), "--camera goes with --processes"),
     (("--map", MAP, "--processes", "--camera", "left=down"), "found `left=down`"),
     (("--map", MAP, "--processes", "--robot", "a/b"), "`a/b` cannot be the name of a robot"),
+    (("--map", MAP, "--robot", "a/b"), "`a/b` cannot be the name of a robot"),
     (("--connect", "tls/x:7447"), "also wants --security"),
     (("--connect", "tcp/x:7447", "--security", "f"), "would go in the clear"),
     (("--map", MAP, "--security", "f"), "--security goes with --connect"),

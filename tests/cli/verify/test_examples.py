@@ -125,7 +125,7 @@ def test_a_mistake_in_the_compiler_is_told_as_a_bug_of_colony(
         values = self._machine.values  # type: ignore[attr-defined]
         return next((c for c in reversed(clients) if values[c.guard]), None)  # type: ignore[attr-defined]
 
-    monkeypatch.setattr(executor.ClientListExecutor, "_winner", last_one)
+    monkeypatch.setattr(executor.ProgramExecutor, "_winner", last_one)
     report = last(of, 60)
     assert report.drawn < 60
     told = lines(of, report)

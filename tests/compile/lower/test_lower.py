@@ -10,7 +10,7 @@ from colony.compile.lower.lower import lower
 from colony.compile.pipeline import compile_program
 from colony.dsl.load import load_text
 from colony.execute.code import Apply, Code, Kind, Literal, OldCell, PythonActive, SensorFresh, operands
-from colony.execute.executor import ClientListExecutor
+from colony.execute.executor import ProgramExecutor
 from colony.execute.operators import Operator
 from colony.execute.views import of_client
 from colony.ir.expression import (
@@ -209,7 +209,7 @@ def _plus_one(expression: Expression) -> Expression:
 
 
 def _sent(program: Program) -> float:
-    executor = ClientListExecutor(compile_program(program).artifact)
+    executor = ProgramExecutor(compile_program(program).compiled)
     (decision,) = executor.step(Frame(0, {"x": 1.0})).decisions
     assert decision.values is not None
     return decision.values[0]

@@ -37,8 +37,8 @@ def test_clients_are_the_network_over_histories(network: Network, history: Histo
 @given(seed=st.integers(0, 1000), history=histories(modules=12, frames=20))
 @settings(max_examples=60, deadline=None, derandomize=True)
 def test_clients_are_the_network_on_random_programs(seed: int, history: History) -> None:
-    compiled = compile_program(random_program(12, seed))
-    assert_same(compiled.network, compiled.clients, history)
+    compilation = compile_program(random_program(12, seed))
+    assert_same(compilation.network, compilation.clients, history)
 
 
 @pytest.mark.parametrize("program", [ladder(6), chain(6)])

@@ -91,8 +91,8 @@ def test_everything_in_the_result_is_used_and_in_order(guards: tuple[Guard, ...]
 
 
 def test_the_ladder_is_its_lowest_module() -> None:
-    compiled = compile_program(ladder(1_000))
-    assert compiled.clients.guards == (ModuleActive("m0"),)
+    compilation = compile_program(ladder(1_000))
+    assert compilation.clients.guards == (ModuleActive("m0"),)
 
 
 def test_shared_parts_are_not_copied_into_their_users() -> None:

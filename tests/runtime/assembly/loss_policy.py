@@ -42,7 +42,7 @@ from colony.runtime.protocol.messages import Message, Tick
 from colony.runtime.protocol.topics import module_of
 from colony.runtime.transport.faults import Faults, Rates
 from colony.verify.reference.interpreter import Interpreter
-from colony.verify.testing.agreement import in_base_units
+from colony.verify.testing.agreement import frame_in_base_units
 from colony.verify.testing.strategies import run_of_seed
 from tests.runtime.assembly.loss_stage import Robot, Seen
 
@@ -170,7 +170,7 @@ def path_of(robot: Robot, epoch: list[Tick], *, void_counts: bool) -> Path:
         outcome = interpreter.step(frame, lost)
         path.decisions[tick.k] = {d.actuator: d for d in outcome.decisions}
         path.answers[tick.k] = {
-            m: Answer(ANYTHING if interpreter.is_active(m) else None) for m in robot.artifact.announced
+            m: Answer(ANYTHING if interpreter.is_active(m) else None) for m in robot.compiled.announced
         }
     return path
 
@@ -226,7 +226,7 @@ def check_sent(robot: Robot, one: Sent, due: list[Decision]) -> None:
 def check_memory(robot: Robot, epoch: list[Tick], paths: list[Path], counts: Counter[str]) -> None:
     """Checkpoints, and memory at the end, are those of a client that saw every frame of the epoch once."""
     seen, degrading = robot.seen, any(a.on_loss == "degrade" for a in robot.program.robot.actuators)
-    for actuator, module, _ in robot.artifact.clients:
+    for actuator, module, _ in robot.compiled.clients:
         address = topics.client_address(actuator, module)
         node = robot.nodes[address]
         assert isinstance(node, ClientNode)
@@ -237,12 +237,14 @@ def check_memory(robot: Robot, epoch: list[Tick], paths: list[Path], counts: Cou
         ends = max([*saved, at_end[1]])
         allowed: dict[int, set[str]] = {}
         for path in paths:
-            executor = ClientExecutor(robot.artifact, actuator, module)
+            executor = ClientExecutor(robot.compiled, actuator, module)
             for tick in epoch:
                 if tick.k > ends:
                     break
                 lost = frozenset(map(module_of, tick.lost)) if degrading else frozenset[str]()
-                executor.step(in_base_units(robot.program, path.frames[tick.k]), path.answers[tick.k], lost)
+                executor.step(
+                    frame_in_base_units(robot.program, path.frames[tick.k]), path.answers[tick.k], lost
+                )
                 if tick.k in saved or tick.k == at_end[1]:
                     allowed.setdefault(tick.k, set()).add(repr(executor.memory))
         for k, data in saved.items():

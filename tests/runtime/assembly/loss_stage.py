@@ -78,11 +78,11 @@ class Robot(ScriptedRobot):
     ) -> None:
         self.program = replace(program, robot=replace(program.robot, frame_ns=frame_ns))
         self.frame_ns = frame_ns
-        self.artifact = compile_program(self.program).artifact
+        self.compiled = compile_program(self.program).compiled
         self._link = link
         self._clock = VirtualClock()
         super().__init__(
-            self.artifact,
+            self.compiled,
             lambda tick: trace[tick.k % len(trace)].readings,
             clock=self._clock,
             seed=seed,

@@ -9,7 +9,7 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from colony.compile.pipeline import compile_program
-from colony.execute.executor import ClientListExecutor
+from colony.execute.executor import ProgramExecutor
 from colony.ir.frame import Decision, Frame, Outcome
 from colony.ir.program import Program
 from colony.runtime.protocol.messages import Message, Wake
@@ -22,7 +22,7 @@ QUIET = (HealthCheck.too_slow, HealthCheck.data_too_large, HealthCheck.filter_to
 
 def check(program: Program, trace: tuple[Frame, ...], order_seed: int) -> None:
     interpreter = Interpreter(program)
-    by_list = ClientListExecutor(compile_program(program).artifact)
+    by_list = ProgramExecutor(compile_program(program).compiled)
     played = play(program, trace, order_seed=order_seed)
     assert len(played.log.frames) == len(trace)
     for frame, log in zip(trace, played.log.frames, strict=True):

@@ -16,7 +16,7 @@ from tests.runtime.programs import roam
 
 
 def test_members_of_a_program() -> None:
-    compiled = compile_program(roam()).artifact
+    compiled = compile_program(roam()).compiled
     assert compiled.clients == (("drive", "back_off", 3), ("drive", "avoid", 2), ("drive", "cruise", 1))
     assert compiled.announced == ()
     assert compiled.places == {"drive": ("back_off", "avoid", "cruise")}
@@ -27,7 +27,7 @@ def test_each_module_in_python_is_a_process_of_its_own_and_no_other_imports_it()
     pulse = program.modules[0]
     assert isinstance(pulse, PythonModule)
     program = replace(program, modules=(replace(pulse, module_path="no.such.module"), program.modules[1]))
-    compiled = compile_program(program).artifact
+    compiled = compile_program(program).compiled
     assert compiled.announced == ("pulse",)
     assert compiled.places == {"drive": ("pulse", "cruise")}
     bindings = bind(program.robot)
@@ -44,7 +44,7 @@ def test_each_module_in_python_is_a_process_of_its_own_and_no_other_imports_it()
 
 def test_one_client_listens_to_no_more_than_it_reads() -> None:
     program = roam()
-    compiled = compile_program(program).artifact
+    compiled = compile_program(program).compiled
     bindings = bind(program.robot)
     back_off = build_client(compiled, bindings, "drive", "back_off", "run")
     assert back_off.listens == (

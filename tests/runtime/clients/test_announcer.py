@@ -5,7 +5,7 @@ from __future__ import annotations
 
 from colony.ir.frame import Answer, Frame
 from colony.runtime.clients.announcer import Announcer
-from colony.runtime.frames.assembly import FrameAssembler
+from colony.runtime.frames.assembler import FrameAssembler
 from colony.runtime.protocol.messages import Announcement, Fetch, Message, Ready, Restart, Send, Sent, Tick
 
 ADDRESS = "DServer/activity/pulse"

@@ -13,7 +13,7 @@ from colony.ir.program import Program
 from colony.runtime.assembly.nodes import build_client
 from colony.runtime.clients.client import RECALL_NS, ClientNode
 from colony.runtime.clients.memory import encode_memory
-from colony.runtime.frames.assembly import frames_kept
+from colony.runtime.frames.assembler import frames_kept
 from colony.runtime.frames.membership import READY_AGAIN_NS
 from colony.runtime.protocol.bindings import bind
 from colony.runtime.protocol.messages import (
@@ -44,7 +44,7 @@ HELD = "back_off held 0 until"
 def back_off(program: Program | None = None, module: str = "back_off") -> ClientNode:
     """Active for a second after the bumper was pressed."""
     program = roam() if program is None else program
-    return build_client(compile_program(program).artifact, bind(program.robot), "drive", module, "run")
+    return build_client(compile_program(program).compiled, bind(program.robot), "drive", module, "run")
 
 
 def tick(k: int, *, start: int = 0, run: str = "run") -> Tick:

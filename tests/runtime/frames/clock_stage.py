@@ -41,7 +41,7 @@ CLIENTS = ("drive/back_off", "drive/avoid", "drive/cruise")
 
 def deployed(run: str = "run", program: Program | None = None, **options: object) -> Deployment:
     program = roam() if program is None else program
-    made = deployment(compile_program(program).artifact, bind(program.robot), run=run, seed=1)
+    made = deployment(compile_program(program).compiled, bind(program.robot), run=run, seed=1)
     return msgspec.structs.replace(made, **options)  # type: ignore[arg-type]
 
 

@@ -10,7 +10,7 @@ import pytest
 
 from colony.ir.frame import Answer
 from colony.runtime.frames.clock import GATHER_NS, IDLE_FRAME_NS
-from colony.runtime.frames.liveness import Answers, Liveness, lease
+from colony.runtime.frames.liveness import Liveness, TickAnswers, lease
 from colony.runtime.protocol.deployment import Deployment
 from colony.runtime.protocol.messages import (
     Announcement,
@@ -351,7 +351,7 @@ def test_a_lease_has_at_least_three_frames() -> None:
 
 
 def test_a_frame_is_void_once() -> None:
-    answers = Answers(("a", "b"), keep=10)
+    answers = TickAnswers(("a", "b"), keep=10)
     for k in range(3):
         answers.asked(k, ())
     answers.answered("a", 1, 0)
@@ -366,7 +366,7 @@ def test_a_frame_is_void_once() -> None:
 
 
 def test_no_more_is_waited_for_than_is_kept() -> None:
-    answers = Answers(("a",), keep=3)
+    answers = TickAnswers(("a",), keep=3)
     for k in range(10):
         answers.asked(k, ())
     assert answers.void(("a",)) == (("a", 7), ("a", 8), ("a", 9))

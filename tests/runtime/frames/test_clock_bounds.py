@@ -7,8 +7,8 @@ import msgspec
 from colony.ir.frame import Answer
 from colony.ir.program import Actuator, Program
 from colony.runtime.frames.clock import GATHER_NS, IDLE_FRAME_NS, Clock
-from colony.runtime.frames.liveness import Answers, Liveness
-from colony.runtime.frames.registry import Roll
+from colony.runtime.frames.liveness import Liveness, TickAnswers
+from colony.runtime.frames.registry import ClientRegistry
 from colony.runtime.library import clock as library
 from colony.runtime.protocol import topics
 from colony.runtime.protocol.deployment import Deployment
@@ -295,27 +295,27 @@ def test_a_leader_may_go_on_to_another_run_of_which_is_told() -> None:
     assert [d.run for d in heard] == ["a", "b"]
 
 
-# --- the roll, and what servers answered -------------------------------------------------------------
+# --- the registry, and what servers answered -------------------------------------------------------------
 
 
-def test_the_roll_counts_fates() -> None:
-    roll = Roll(("drive/a", "drive/b"), lease_ns=10, now_ns=0)
-    roll.judged(verdict(0, ("a", "won"), ("b", "late")))
-    roll.judged(verdict(0, ("a", "lost"), ("b", "lost")))
-    roll.judged(verdict(0, ("a", "silent"), ("b", "late")))
-    assert [(c.client, c.on_time, c.late) for c in roll.who(0)] == [("drive/a", 2, 0), ("drive/b", 0, 2)]
+def test_the_registry_counts_fates() -> None:
+    registry = ClientRegistry(("drive/a", "drive/b"), lease_ns=10, now_ns=0)
+    registry.judged(verdict(0, ("a", "won"), ("b", "late")))
+    registry.judged(verdict(0, ("a", "lost"), ("b", "lost")))
+    registry.judged(verdict(0, ("a", "silent"), ("b", "late")))
+    assert [(c.client, c.on_time, c.late) for c in registry.who(0)] == [("drive/a", 2, 0), ("drive/b", 0, 2)]
 
 
 def test_who_is_not_ready_when_a_run_begins_is_lost_at_once() -> None:
-    roll = Roll(("a", "b"), ("c",), lease_ns=10, now_ns=0)
-    roll.ready("b")
-    roll.ready("stranger")
-    assert not roll.complete
-    roll.begin(5)
-    assert roll.lost(5) == ("a",)
-    assert roll.lost(15) == ("a",)
-    assert roll.lost(16) == ("a", "b")
-    assert ("c" in roll, "a" in roll, "stranger" in roll) == (True, True, False)
+    registry = ClientRegistry(("a", "b"), ("c",), lease_ns=10, now_ns=0)
+    registry.ready("b")
+    registry.ready("stranger")
+    assert not registry.complete
+    registry.begin(5)
+    assert registry.lost(5) == ("a",)
+    assert registry.lost(15) == ("a",)
+    assert registry.lost(16) == ("a", "b")
+    assert ("c" in registry, "a" in registry, "stranger" in registry) == (True, True, False)
 
 
 def test_the_lease_includes_its_last_moment() -> None:
@@ -328,7 +328,7 @@ def test_the_lease_includes_its_last_moment() -> None:
 
 
 def test_a_server_gives_up_only_frames_before_those_that_it_knows() -> None:
-    answers = Answers(("a",), keep=10)
+    answers = TickAnswers(("a",), keep=10)
     for k in range(4):
         answers.asked(k, ())
     answers.answered("a", 3, 2)
@@ -340,7 +340,7 @@ def test_a_server_gives_up_only_frames_before_those_that_it_knows() -> None:
 
 
 def test_frames_are_asked_for_when_they_are_two_four_and_eight_ticks_old() -> None:
-    answers = Answers(("a", "b"), keep=10)
+    answers = TickAnswers(("a", "b"), keep=10)
     for k in range(10):
         answers.asked(k, ("b",) if k < 6 else ())
     assert list(answers.overdue(10)) == [("a", 8), ("a", 6), ("a", 2), ("b", 8), ("b", 6)]
@@ -350,7 +350,7 @@ def test_frames_are_asked_for_when_they_are_two_four_and_eight_ticks_old() -> No
 
 
 def test_a_server_that_is_far_behind_is_not_asked_more() -> None:
-    answers = Answers(("a",), keep=2000)
+    answers = TickAnswers(("a",), keep=2000)
     for k in range(5000):
         answers.asked(k, ())
     assert len(list(answers.overdue(5000))) == 10

@@ -8,7 +8,7 @@ import pytest
 
 from colony.ir.frame import Answer, Decision, Frame, Outcome
 from colony.ir.memory import ProgramMemory
-from colony.runtime.frames.assembly import KEPT_NS, FrameAssembler
+from colony.runtime.frames.assembler import KEPT_NS, FrameAssembler
 from colony.runtime.observe.monitor import Monitor
 from colony.runtime.observe.observer import Observer
 from colony.runtime.protocol import topics

@@ -23,7 +23,7 @@ S = 1000 * MS
 
 
 def summarize(program: Program, script: Script, duration_ns: int = 4 * S, link: Link = perfect) -> RunSummary:
-    tally = Tally(compile_program(program).artifact)
+    tally = Tally(compile_program(program).compiled)
     session(program, script, tally, link=link).run(duration_ns)
     return tally.summary(
         seed=1, duration_s=duration_ns / 1e9, interrupted=False, travel=Travel(bumps=1, distance_mm=1200.0)
@@ -107,7 +107,7 @@ def test_a_command_that_is_not_finite_is_a_fault() -> None:
 
 
 def test_no_frames() -> None:
-    tally = Tally(compile_program(roam()).artifact)
+    tally = Tally(compile_program(roam()).compiled)
     summary = tally.summary(seed=0, duration_s=0.0, interrupted=True, travel=Travel(bumps=0, distance_mm=0.0))
     assert "0 frames, seed 0, interrupted" in render(summary)
     assert "held in every frame" not in render(summary)
@@ -115,7 +115,7 @@ def test_no_frames() -> None:
 
 def test_what_kept_the_network_from_deciding() -> None:
     program = awake()
-    tally = Tally(compile_program(program).artifact)
+    tally = Tally(compile_program(program).compiled)
 
     class Marked:
         def take(self, log: FrameLog) -> None:

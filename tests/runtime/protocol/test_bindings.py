@@ -96,7 +96,7 @@ def test_executors_compute_with_what_a_reading_in_the_declared_unit_means(
     binding = SensorBinding(
         sensor="s", server="S", field="f", within_ns=None, factor=factor, declared=declared
     )
-    recorded = binding.in_declared_unit((value, True, -value))
+    recorded = binding.in_declared_units((value, True, -value))
     assert isinstance(recorded, tuple)
     inside = binding.in_base_units((value, True, -value))
     assert repr(inside) == repr(tuple(x if x is True else x * factor for x in recorded))

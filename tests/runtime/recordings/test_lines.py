@@ -12,7 +12,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from colony.compile.pipeline import compile_program
-from colony.execute.executor import ClientListExecutor
+from colony.execute.executor import ProgramExecutor
 from colony.ir.frame import Decision, Frame, Outcome, Reading
 from colony.ir.program import Actuator, ActuatorField, Program, Sensor
 from colony.ir.types import BOOL, PLAIN, Array
@@ -44,7 +44,7 @@ class Kept(io.BytesIO):
 def recorded(script: Script, duration_ns: int = 5 * S) -> tuple[list[bytes], Log]:
     file, log = Kept(), Log()
     program = roam()
-    session(program, script, log, Recording(compile_program(program).artifact, file)).run(duration_ns)
+    session(program, script, log, Recording(compile_program(program).compiled, file)).run(duration_ns)
     assert file.closed
     return file.writes, log
 
@@ -68,7 +68,7 @@ def test_every_write_is_a_whole_line() -> None:
 def test_what_is_read_back_is_decided_as_it_was() -> None:
     lines, log = recorded(script())
     program = roam()
-    executor = ClientListExecutor(compile_program(program).artifact)
+    executor = ProgramExecutor(compile_program(program).compiled)
     for line, frame, took in zip(lines, read_frames(lines, "run.jsonl", program), log.frames, strict=True):
         assert frame.t_ns == took.frame.t_ns
         decision = executor.step(frame).decisions[0]
@@ -114,7 +114,7 @@ def line(readings: dict[str, Reading], verdict: Verdict | None = None) -> str:
         expected=Outcome((Decision("lamp", None, None),)),
         disagreements=(),
     )
-    return encoder(compile_program(small()).artifact)(log)
+    return encoder(compile_program(small()).compiled)(log)
 
 
 def members(of: str) -> str:
@@ -185,7 +185,7 @@ def test_a_file_that_takes_a_part_gets_the_rest() -> None:
             return super().write(bytes(data)[:10])  # type: ignore[call-overload]
 
     file, program = Slow(), roam()
-    session(program, Script(), Recording(compile_program(program).artifact, file)).run(100 * MS)
+    session(program, Script(), Recording(compile_program(program).compiled, file)).run(100 * MS)
     assert [json.loads(row)["t"] for row in b"".join(file.writes).splitlines()] == [0.0, 0.05]
 
 

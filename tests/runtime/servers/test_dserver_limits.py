@@ -12,7 +12,7 @@ from colony.runtime.library.ask import Ask
 from colony.runtime.protocol.messages import Wake, WakeAt
 from colony.runtime.servers import once, semaphores, variables, watching
 from colony.runtime.servers.naming import Names
-from colony.runtime.servers.once import Answers
+from colony.runtime.servers.once import CallAnswers
 from colony.runtime.servers.telling import PAUSE_NS, SLICE, SLICE_BYTES
 from colony.runtime.store.store import Journal, MemoryStore
 from tests.runtime.servers.data_stage import Connection, DataStage
@@ -155,11 +155,11 @@ def test_answers_of_long_ago_make_room(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(once, "SPACE", 10 * (once.OVERHEAD + 10))
     store = MemoryStore()
     journal = Journal(store)
-    answers = Answers(journal)
+    answers = CallAnswers(journal)
     for i in range(20):
         answers.note(f"ada/{i}", 1, b"\xc0")
     journal.settle()
-    loaded = Answers(journal)
+    loaded = CallAnswers(journal)
     loaded.load(dict(store.load()))
     for one in (answers, loaded):
         assert [i for i in range(20) if one.find(f"ada/{i}", 1) is not None] == list(range(10, 20))

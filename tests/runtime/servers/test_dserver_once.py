@@ -8,7 +8,7 @@ import pytest
 
 from colony.runtime.library import data
 from colony.runtime.library.ask import Ask
-from colony.runtime.servers.once import CONNECTIONS, KEPT, Answers
+from colony.runtime.servers.once import CONNECTIONS, KEPT, CallAnswers
 from colony.runtime.store.store import Journal, MemoryStore
 from tests.runtime.servers.data_stage import Connection, Failed, S
 
@@ -124,7 +124,7 @@ def test_impossible_numbers_are_refused(ada: Connection, number: int) -> None:
 def test_old_connections_are_forgotten() -> None:
     store = MemoryStore()
     journal = Journal(store)
-    answers = Answers(journal)
+    answers = CallAnswers(journal)
     for i in range(CONNECTIONS + 1):
         answers.note(f"ada/{i}", 1, b"\xc0")
         answers.pend(f"ada/{i}", 2)
@@ -137,13 +137,13 @@ def test_old_connections_are_forgotten() -> None:
 def test_answers_that_were_taken_back_leave_no_gap_in_the_ring() -> None:
     store = MemoryStore()
     journal = Journal(store)
-    answers = Answers(journal)
+    answers = CallAnswers(journal)
     for number in range(1, 4 * KEPT):
         answers.note("ada/1", number, b"\xc0")
         if number % 5 == 0:
             answers.undo("ada/1", number - 2)
         journal.settle()
-    loaded = Answers(journal)
+    loaded = CallAnswers(journal)
     loaded.load(dict(store.load()))
     for number in range(1, 4 * KEPT):
         found = []

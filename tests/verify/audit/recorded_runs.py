@@ -8,7 +8,7 @@ from typing import Any
 
 from colony.compile.pipeline import compile_program
 from colony.execute.compiled import SourceFile
-from colony.execute.executor import ClientListExecutor, ModuleExecutor
+from colony.execute.executor import ModuleExecutor, ProgramExecutor
 from colony.ir.frame import Frame
 from colony.ir.program import Program
 from colony.runtime.observe.monitor import Monitor
@@ -20,7 +20,7 @@ from colony.runtime.recordings.mcap_writer import McapRecording
 from colony.runtime.recordings.reader import LinesReader
 from colony.runtime.recordings.recorded import RecordedFrame, RunInfo
 from colony.verify.reference.interpreter import Interpreter
-from colony.verify.testing.agreement import in_base_units
+from colony.verify.testing.agreement import frame_in_base_units
 
 MS = 1_000_000
 
@@ -45,8 +45,8 @@ def logs(program: Program, trace: Sequence[Frame], restarts: Iterable[int] = ())
     """A run in which nothing goes wrong; all memory begins anew at the frames in `restarts`."""
     restarts, start, out = frozenset(restarts), 0, []
     interpreter = Interpreter(program)
-    compiled = compile_program(program).artifact
-    monitor = Monitor(ClientListExecutor(compiled, simplified=False, answered=True))
+    compiled = compile_program(program).compiled
+    monitor = Monitor(ProgramExecutor(compiled, simplified=False, answered=True))
     keyframe_ns = trace[0].t_ns - KEYFRAME_NS if trace else 0
     modules = {name: ModuleExecutor(compiled, name) for name in compiled.announced}
     clients = {
@@ -61,7 +61,7 @@ def logs(program: Program, trace: Sequence[Frame], restarts: Iterable[int] = ())
         keyframe = None
         if k in restarts or frame.t_ns + program.robot.frame_ns - keyframe_ns > KEYFRAME_NS:
             keyframe, keyframe_ns = monitor.keyframe(), frame.t_ns
-        answers = {name: module.step(in_base_units(program, frame)) for name, module in modules.items()}
+        answers = {name: module.step(frame_in_base_units(program, frame)) for name, module in modules.items()}
         monitor.check(frame, {}, answers=answers)
         outcome = interpreter.step(frame)
         verdicts = {
@@ -99,7 +99,7 @@ def _fate(client: str, by: str | None, interpreter: Interpreter) -> Fate:
 
 
 def run_info(program: Program, *sources: SourceFile) -> RunInfo:
-    clients = compile_program(program).artifact.clients
+    clients = compile_program(program).compiled.clients
     root = sources[-1].place if sources else ""
     return RunInfo(
         robot="rome",
@@ -119,7 +119,7 @@ def written(sink: Sink, frames: Iterable[FrameLog]) -> None:
 
 
 def mcap_to(file: ByteFile, program: Program, *sources: SourceFile) -> McapRecording:
-    return McapRecording(compile_program(program).artifact, run_info(program, *sources), file)
+    return McapRecording(compile_program(program).compiled, run_info(program, *sources), file)
 
 
 def as_mcap(program: Program, frames: Iterable[FrameLog], *sources: SourceFile) -> Kept:
@@ -130,7 +130,7 @@ def as_mcap(program: Program, frames: Iterable[FrameLog], *sources: SourceFile) 
 
 def as_lines(program: Program, frames: Iterable[FrameLog]) -> Kept:
     file = Kept()
-    written(Recording(compile_program(program).artifact, file), frames)
+    written(Recording(compile_program(program).compiled, file), frames)
     return file
 
 

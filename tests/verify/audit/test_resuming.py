@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given
 
 from colony.compile.pipeline import compile_program
-from colony.execute.executor import ClientListExecutor
+from colony.execute.executor import ProgramExecutor
 from colony.ir.frame import Frame
 from colony.ir.memory import ProgramMemory
 from colony.verify.audit.resuming import Resuming
@@ -20,7 +20,7 @@ from tests.programs import program
 def memories(run: Run) -> list[ProgramMemory]:
     """What the clients remember before each frame."""
     of, trace = run
-    clients = ClientListExecutor(compile_program(of).artifact, simplified=False)
+    clients = ProgramExecutor(compile_program(of).compiled, simplified=False)
     found = []
     for frame in trace:
         memory = clients.memory

@@ -24,18 +24,18 @@ from tests.paths import BEHAVIORS, ROOT
 
 
 @cache
-def compiled(name: str) -> Compilation:
+def compilation(name: str) -> Compilation:
     return compile_program(load_file(str(ROOT / "behaviors" / f"{name}.colony")))
 
 
 def emitted(of: Compilation) -> Result:
-    text = generate(of.artifact)
-    return prove(of.program, of, json=to_json(of.clients), sent=lambda: of.artifact, python=text)
+    text = generate(of.compiled)
+    return prove(of.program, of, json=to_json(of.clients), sent=lambda: of.compiled, python=text)
 
 
 @pytest.mark.parametrize("path", BEHAVIORS, ids=lambda path: path.stem)
 def test_all_forms_of_shipped_behaviors_are_proved(path: Path) -> None:
-    result = emitted(compiled(path.stem))
+    result = emitted(compilation(path.stem))
     assert isinstance(result, Proved)
     assert result.forms == ("clients", "JSON", "lowered code", "generated Python")
 
@@ -51,8 +51,8 @@ def test_all_forms_of_drawn_programs_are_proved(seed: int, network: bool) -> Non
 
 
 def changed_text(change: Callable[[str], str]) -> Result:
-    of = compiled("allen")
-    text = generate(of.artifact)
+    of = compilation("allen")
+    text = generate(of.compiled)
     changed = change(text)
     assert changed != text
     return prove_python(of.program, of.clients, changed)
@@ -124,7 +124,7 @@ def test_python_of_another_shape_is_refused(what: str, instead: str, found: str)
 
 
 def changed_json(change: Callable[[dict[str, list[dict[str, object]]]], None]) -> Result:
-    of = compiled("allen")
+    of = compilation("allen")
     document = json.loads(to_json(of.clients))
     change(document)
     emitted_text = json.dumps(document)
@@ -137,7 +137,7 @@ def a_node(document: dict[str, list[dict[str, object]]], op: str) -> dict[str, o
 
 
 def test_json_of_its_own_is_held_against_the_network() -> None:
-    of = compiled("allen")
+    of = compilation("allen")
     assert isinstance(prove_json(of.program, to_json(of.clients)), Proved)
     unsimplified = to_json(of.traversal)
     assert unsimplified != to_json(of.clients)
@@ -167,15 +167,15 @@ def test_a_client_left_out_of_json_is_found() -> None:
 
 @pytest.mark.parametrize("text", ["", "[]", "{}", '{"nodes": [{"op": "not", "of": 0}]}', '{"nodes": 3}'])
 def test_what_is_no_client_list_is_refused(text: str) -> None:
-    assert isinstance(prove_json(compiled("allen").program, text), Malformed)
+    assert isinstance(prove_json(compilation("allen").program, text), Malformed)
 
 
 # --- lowered code --------------------------------------------------------------------------------
 
 
 def changed_code(change: Callable[[Code], Code]) -> Result:
-    of = compiled("allen")
-    return prove(of.program, of, sent=lambda: replace(of.artifact, code=change(of.artifact.code)))
+    of = compilation("allen")
+    return prove(of.program, of, sent=lambda: replace(of.compiled, code=change(of.compiled.code)))
 
 
 def with_clients(change: Callable[[int, int], tuple[int, int]]) -> Callable[[Code], Code]:

@@ -41,10 +41,10 @@ def test_drawn_networks_are_proved(seed: int) -> None:
     ids=["chain", "ladder", "random 300", "random 60"],
 )
 def test_large_networks_are_proved(program: Program, clients: int | None) -> None:
-    compiled = compile_program(program)
-    result = prove(program, compiled)
+    compilation = compile_program(program)
+    result = prove(program, compilation)
     assert isinstance(result, Proved)
-    assert result.obligations == 2 * len(compiled.clients.actuators[0].clients)
+    assert result.obligations == 2 * len(compilation.clients.actuators[0].clients)
     assert clients is None or result.obligations == 2 * clients
     assert (result.by_solver == 0) == (result.questions == 0)
 

@@ -67,8 +67,8 @@ def tampered(outcome: Outcome | Exception, at: int = 1) -> str:
     """What is said of an executor that gives this outcome in frame `at`."""
     of = program(TEXT)
 
-    def make(compiled: Compilation) -> Executor:
-        return Tampering(compiled.program, at, outcome)
+    def make(compilation: Compilation) -> Executor:
+        return Tampering(compilation.program, at, outcome)
 
     return str(disagreement(of, TRACE, {"tampered": make}))
 

@@ -11,7 +11,7 @@ from colony.ir.frame import Executor, Frame, Outcome
 from colony.ir.program import Program
 from colony.verify.reference.interpreter import Interpreter
 from colony.verify.testing.agreement import ALL_EXECUTORS, Disagreement
-from colony.verify.testing.differential import Report, examples
+from colony.verify.testing.differential import Report, try_traces
 from tests.programs import program
 
 BACKS_OFF = """
@@ -24,7 +24,7 @@ network { out = stop inhibits (back suppresses cruise) }
 
 def last(of: Program, count: int = 60, seed: int = 1, **options: object) -> Report:
     """The report after all traces."""
-    *_, report = examples(of, count, seed, **options)  # type: ignore[arg-type]
+    *_, report = try_traces(of, count, seed, **options)  # type: ignore[arg-type]
     assert report.finished
     return report
 
@@ -56,13 +56,13 @@ def test_the_same_seed_gives_the_same() -> None:
 
 def test_every_report_adds_one_trace_or_shrinks_one() -> None:
     of = program(BACKS_OFF + "contract slow: out.v <= 50\n")
-    drawn = [report.drawn for report in examples(of, 5, 1)]
+    drawn = [report.drawn for report in try_traces(of, 5, 1)]
     assert sorted(set(drawn)) == [1, 2, 3, 4, 5]
     assert len(drawn) == 6  # one more, as the breach is shrunk
 
 
 def test_none_are_asked_for() -> None:
-    (report,) = examples(program(BACKS_OFF), 0, 1)
+    (report,) = try_traces(program(BACKS_OFF), 0, 1)
     assert (report.finished, report.drawn) == (True, 0)
 
 
@@ -100,8 +100,8 @@ def test_contracts_that_hold_are_not_told_of() -> None:
 class Late:
     """The reference, but module `cruise` goes on for one frame after `back` has it."""
 
-    def __init__(self, compiled: Compilation) -> None:
-        self._reference = Interpreter(compiled.program)
+    def __init__(self, compilation: Compilation) -> None:
+        self._reference = Interpreter(compilation.program)
         self._before: str | None = None
 
     def step(self, frame: Frame) -> Outcome:
@@ -129,7 +129,7 @@ def test_what_an_executor_raises_is_a_disagreement() -> None:
         def step(self, frame: Frame) -> Outcome:
             raise ValueError("no")
 
-    def make(compiled: Compilation) -> Executor:
+    def make(compilation: Compilation) -> Executor:
         return Raises()
 
     found = last(program(BACKS_OFF), 3, executors={"raises": make}).disagreement
@@ -142,8 +142,8 @@ def test_an_executor_that_remembers_the_trace_before_is_told_so() -> None:
     class Tired:
         """The reference until it is started again."""
 
-        def __init__(self, compiled: Compilation) -> None:
-            self._compiled, self._begun = compiled, 0
+        def __init__(self, compilation: Compilation) -> None:
+            self._compiled, self._begun = compilation, 0
             self.restart()
 
         def restart(self) -> None:
@@ -161,7 +161,7 @@ def test_an_executor_that_remembers_the_trace_before_is_told_so() -> None:
 def test_a_trial_is_given_a_seed_of_its_own_for_each_trace() -> None:
     seeds: list[int] = []
 
-    def trial(compiled: Compilation, trace: Sequence[Frame], seed: int) -> Disagreement | None:
+    def trial(compilation: Compilation, trace: Sequence[Frame], seed: int) -> Disagreement | None:
         seeds.append(seed)
         if len(seeds) < 3:
             return None
@@ -186,16 +186,16 @@ def with_python(name: str) -> Program:
 
 def test_a_module_that_does_not_do_the_same_twice_is_named() -> None:
     report = last(with_python("Shared"))
-    assert report.unsteady is not None
-    assert report.unsteady.module.name == "m"
-    assert report.unsteady.trace[-1].readings["a"] is not None
+    assert report.nondeterministic is not None
+    assert report.nondeterministic.module.name == "m"
+    assert report.nondeterministic.trace[-1].readings["a"] is not None
     assert report.disagreement is None
     assert report.drawn < 10
 
 
 def test_modules_in_python_that_are_steady_agree_everywhere() -> None:
     report = last(with_python("Steady"), 30)
-    assert report.unsteady is None
+    assert report.nondeterministic is None
     assert report.disagreement is None
     assert report.never_won == ()
 
@@ -206,5 +206,5 @@ def test_drawn_programs_agree(seed: int) -> None:
 
     of, _ = run_of_seed(seed)
     report = last(of, 15, seed)
-    assert report.unsteady is None
+    assert report.nondeterministic is None
     assert report.disagreement is None, str(report.disagreement)

@@ -11,7 +11,7 @@ import pytest
 from colony.ir.frame import Answer, Frame
 from colony.ir.program import Program
 from colony.verify.reference.interpreter import Interpreter
-from colony.verify.testing.agreement import in_base_units
+from colony.verify.testing.agreement import frame_in_base_units
 from colony.verify.testing.strategies import run_of_seed
 from tests.programs import MS, clients, program
 
@@ -29,7 +29,7 @@ def check(of: Program, trace: tuple[Frame, ...], losses: Losses) -> None:
     for at, (frame, lost) in enumerate(zip(trace, losses, strict=True)):
         outcome = interpreter.step(frame, lost)
         told = {m.name: Answer((0.0,) * 8 if interpreter.is_active(m.name) else None) for m in of.modules}
-        inside = in_base_units(of, frame)
+        inside = frame_in_base_units(of, frame)
         active = {key for key, client in alone.items() if client.step(inside, told, lost).active}
         due = {(d.actuator, d.by) for d in outcome.decisions if d.by is not None}
         assert active == due, f"frame {at}, lost {sorted(lost)}"

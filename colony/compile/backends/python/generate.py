@@ -25,7 +25,7 @@ from colony.compile.backends.python.text import Binding, literal
 from colony.execute.code import ClientCode, FrameTime, PythonCall
 from colony.execute.compiled import Compiled
 from colony.execute.machine import field_types
-from colony.execute.sensors import within
+from colony.execute.sensors import age_limits
 from colony.execute.views import whole
 from colony.text.diagnostics import Failure, error
 
@@ -138,7 +138,7 @@ class _Generator:
             "`within` is missing. Without it readings are of now.",
             '"""',
         )
-        ages = f"    readings = of_age(t_ns, readings, taken_ns, {within(self.code.sensors)})"
+        ages = f"    readings = of_age(t_ns, readings, taken_ns, {age_limits(self.code.sensors)})"
         self.add(2, "if taken_ns:", ages)
         self.add(2, "records = ()")
         if self.timed:

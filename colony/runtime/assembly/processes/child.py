@@ -105,6 +105,7 @@ def main(devices: Devices | None = None) -> None:
             give_up(str(problem), EXIT_FAILED)
         except Exception as problem:
             give_up_without(problem)
+    ending.end_forked()
 
 
 if __name__ == "__main__":

@@ -1,8 +1,9 @@
 """The processes that a supervisor started: watched, started again when they die, ended in order.
 
 Each is started afresh (never forked from a process that has a session open), in a process group of its own,
-so that Ctrl-C at a terminal reaches the supervisor alone, which then ends the others in their order. What a
-process prints goes to a file of its own, and the last lines of that are shown when it dies.
+so that Ctrl-C at a terminal reaches the supervisor alone, which then ends the others in their order. What is
+left of a group when its process has ended is killed. What a process prints goes to a file of its own, and the
+last lines of that are shown when it dies.
 """
 
 from __future__ import annotations
@@ -21,7 +22,7 @@ from typing import IO, NamedTuple
 
 import colony
 from colony.files import open_regular
-from colony.runtime.assembly.processes.ending import EXIT_FINAL
+from colony.runtime.assembly.processes.ending import EXIT_FINAL, kill_group
 from colony.runtime.assembly.processes.restarts import Restarts
 from colony.runtime.transport.live.network import THREADS
 
@@ -141,7 +142,7 @@ class Children:
             if child.due_ns is not None and self._clock() >= child.due_ns:
                 self._spawn(child)
             return
-        code = child.process.poll()
+        code = _ended(child.process)
         if code is None:
             _limit(child.job.log)
             return
@@ -161,13 +162,13 @@ class Children:
         until = time.monotonic() + patience_s
         living = [c for c in children if c.process is not None]
         while living and time.monotonic() < until:
-            living = [c for c in living if c.process is not None and c.process.poll() is None]
+            living = [c for c in living if c.process is not None and _ended(c.process) is None]
             if living:
                 time.sleep(POLL_S)
         for child in living:
             assert child.process is not None
             child.process.kill()
-            child.process.wait()
+            _ended(child.process, os.WEXITED)
         for child in children:
             _forget(child)
         return [child.job.name for child in living]
@@ -177,6 +178,18 @@ class Children:
             if child.process is not None:
                 child.process.send_signal(signal.SIGTERM)
             _forget(child)
+
+
+def _ended(process: subprocess.Popen[bytes], wanted: int = os.WEXITED | os.WNOHANG) -> int | None:
+    """Return the exit code of a process that has ended, None if it has not.
+
+    What it forked is killed: until it is waited for, its group cannot be that of any other process.
+    """
+    with suppress(ChildProcessError):  # nobody waits for anything where SIGCHLD is ignored
+        if os.waitid(os.P_PID, process.pid, wanted | os.WNOWAIT) is None:
+            return None
+    kill_group(process.pid)
+    return process.wait()
 
 
 def _forget(child: _Child) -> None:
@@ -227,7 +240,7 @@ server that saw 178 clients die)."""
 
 
 def _environment(*, one_thread: bool) -> dict[str, str]:
-    """The same as here, and where this package is found also if it is not installed."""
+    """Return the environment of this process, in which a child finds this package even if not installed."""
     root = str(Path(colony.__file__).parent.parent)
     threads = ONE_THREAD if one_thread else THREADS
     environment = {"MALLOC_ARENA_MAX": ONE_ARENA, **os.environ, "ZENOH_RUNTIME": threads}

@@ -35,6 +35,9 @@ EXIT_HARD = 70
 """Exit code of a process that did not close in time."""
 
 
+PARENT_GONE = "the process that started it is gone"
+
+
 class Ending:
     """Tells when to end. Mutable: why, and what is to be done then.
 
@@ -54,11 +57,20 @@ class Ending:
             return
         self.why = why
         if self._patience_s is not None:
-            timer = threading.Timer(self._patience_s, os._exit, (EXIT_HARD,))
+            timer = threading.Timer(self._patience_s, self._end_hard)
             timer.daemon = True
             timer.start()
         self._event.set()
         self._then()
+
+    def _end_hard(self) -> None:
+        self.end_forked()
+        os._exit(EXIT_HARD)
+
+    def end_forked(self) -> None:
+        """Kill this process with all that it forked, if its parent is gone, which would do that otherwise."""
+        if self.why == PARENT_GONE and os.getpgrp() == os.getpid():
+            kill_group(os.getpid())
 
     def then(self, stop: Callable[[], None]) -> None:
         """Call `stop` when it is time, at once if it is already."""
@@ -110,9 +122,15 @@ def on_death_of_parent(ending: Ending) -> None:
                 pass
         except (OSError, ValueError):
             pass
-        ending.note("the process that started it is gone")
+        ending.note(PARENT_GONE)
 
     threading.Thread(target=watch, name="parent", daemon=True).start()
+
+
+def kill_group(leader: int) -> None:
+    """Kill all processes of a group, where there are any."""
+    with suppress(ProcessLookupError, PermissionError):
+        os.killpg(leader, signal.SIGKILL)
 
 
 class _Log(io.FileIO):

@@ -146,6 +146,6 @@ def _announcer(part: AnnouncerPart) -> Node:
 
 
 def _program(told: ProgramOfRun) -> tuple[Compiled, Bindings]:
-    from colony.execute.artifact import read
+    from colony.execute.colonyc import read
 
     return read(told.program), read_bindings(Path(told.program))

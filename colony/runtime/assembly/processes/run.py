@@ -17,8 +17,8 @@ from colony.collector import collector_past_startup
 from colony.ir.types import Value
 from colony.runtime.assembly.processes.children import Children, Job, told
 from colony.runtime.assembly.processes.holding import Holding
-from colony.runtime.assembly.processes.leader import LeaderServer, Standings
 from colony.runtime.assembly.processes.leading import Leading
+from colony.runtime.assembly.processes.standings import LeaderServer, Standings
 from colony.runtime.assembly.processes.window import Window
 from colony.runtime.kit.connection import Session
 from colony.runtime.kit.hub import Hub

@@ -42,6 +42,7 @@ from colony.runtime.protocol.messages import (
     Reply,
     Send,
     Settling,
+    Tick,
     Wake,
 )
 from colony.runtime.protocol.plausibility import check_plausible
@@ -51,7 +52,7 @@ from colony.runtime.transport.live.inbox import Inbox
 from colony.runtime.transport.live.network import ZenohSession, local_user
 from colony.runtime.transport.live.outbox import Outbox, Report
 from colony.runtime.transport.live.place import Place
-from colony.runtime.transport.live.robot_time import time_of
+from colony.runtime.transport.live.robot_time import LearnedTime, time_of
 from colony.runtime.transport.live.stop_lane import StopLane
 from colony.runtime.transport.live.waiting import Waiting, WaitingRoom
 
@@ -91,6 +92,7 @@ class Host:
         self._nodes = tuple(nodes)
         self._network = network
         self._time = time
+        self._learned = time if isinstance(time, LearnedTime) else None
         self._report = report
         self._inbox = Inbox(WaitingRoom())
         session, robot, user = network.session, network.robot, network.user
@@ -326,6 +328,8 @@ class Host:
                 self._listen_later(topic, declared)
             else:
                 self._subscribe(keys.listening(robot, topic), self._takes_frame(topic), declared)
+        if self._learned is not None and topics.TICKS in self._listeners:
+            self._learned.stop_listening()  # `_read` tells it of ticks: each is decoded once
 
     def _defers(self, topic: str) -> bool:
         """Whether all who listen to a topic are in no hurry for it. What users send is taken at once all the
@@ -452,7 +456,10 @@ class Host:
         try:
             messages = codec.decode_all(waiting.message)
             for message in messages:
-                check_plausible(keys.check_frame(message, waiting.topic), self._time())
+                keys.check_frame(message, waiting.topic)
+                if self._learned is not None and isinstance(message, Tick):
+                    self._learned.heard(message.t_ns)
+                check_plausible(message, self._time())
         except NotAMessage as problem:
             return (Malformed(topic=waiting.topic, connection=None, reason=str(problem)),)
         return messages

@@ -28,10 +28,18 @@ FIRST_TICK_S = 5.0
 
 
 class LearnedTime:
-    """Mutable: the best difference so far. `monotonic` is this machine's clock in nanoseconds."""
+    """Mutable: the best difference so far.
+
+    Args:
+        monotonic: this machine's clock in nanoseconds.
+
+    Attributes:
+        stop_listening: ends its own subscription to ticks, in a process that calls `heard` with each of them.
+    """
 
     def __init__(self, monotonic: Callable[[], int] = time.monotonic_ns) -> None:
         self._monotonic = monotonic
+        self.stop_listening: Callable[[], None] = lambda: None
         self._best: tuple[int, int] | None = None
         self._last_ns = 0
 
@@ -86,7 +94,8 @@ def learned_time(network: ZenohSession, *, timeout_s: float = FIRST_TICK_S) -> L
             first.set()
 
     key = keys.listening(network.robot, topics.TICKS)
-    network.session.declare_subscriber(key, zenoh.handlers.Callback(take, indirect=False))
+    subscriber = network.session.declare_subscriber(key, zenoh.handlers.Callback(take, indirect=False))
+    learned.stop_listening = subscriber.undeclare
     if not first.wait(timeout_s):
         raise NotReached(f"{network.robot}: no tick of its Clock came in {timeout_s:g} s: does it run?")
     return learned

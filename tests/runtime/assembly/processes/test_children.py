@@ -36,6 +36,20 @@ print("here", flush=True)
 while True: time.sleep(1)
 """
 
+FORKS = """
+import os, signal, sys
+from colony.runtime.assembly.processes.ending import Ending, on_death_of_parent, on_signals
+ending = Ending()
+with on_signals(ending):
+    on_death_of_parent(ending)
+    forked = os.fork()
+    while not forked:
+        signal.pause()
+    print(forked, flush=True)
+    ending.wait()
+ending.end_forked()
+"""
+
 FLOODS = """
 import sys, time
 print("x" * 100_000, flush=True)
@@ -78,9 +92,10 @@ import sys, time
 from pathlib import Path
 from colony.runtime.assembly.processes.children import Children, Job
 children = Children()
-log = Path(sys.argv[1]) / "obeys.log"
-children.start(Job(name="obeys", module="obeys", arguments=(), log=log, wave=0, essential=True))
-print(children.pid("obeys"), flush=True)
+folder, name = Path(sys.argv[1]), sys.argv[2]
+log = folder / f"{name}.log"
+children.start(Job(name=name, module=name, arguments=(), log=log, wave=0, essential=True))
+print(children.pid(name), flush=True)
 time.sleep(60)
 """
 
@@ -88,6 +103,7 @@ time.sleep(60)
 _MODULES = (
     ("obeys", OBEYS),
     ("floods", FLOODS),
+    ("forks", FORKS),
     ("ignores", IGNORES),
     ("fails", FAILS),
     ("wrong", WRONG),
@@ -246,16 +262,47 @@ def test_one_that_does_not_obey_is_killed(children: Children, folder: Path) -> N
     assert not lives(pid)
 
 
-def test_they_end_when_their_parent_is_killed(folder: Path) -> None:
+def of_a_parent_that_is_killed(folder: Path, name: str) -> int:
+    """The process of a child whose parent is killed as soon as it has said something."""
     parent = subprocess.Popen(
-        [sys.executable, "-c", PARENT, str(folder)], stdout=subprocess.PIPE, text=True, bufsize=1
+        [sys.executable, "-c", PARENT, str(folder), name], stdout=subprocess.PIPE, text=True, bufsize=1
     )
     assert parent.stdout is not None
     child = int(parent.stdout.readline())
-    until(lambda: said(folder, "obeys") == ("here",), "it starts")
+    until(lambda: said(folder, name), "it starts")
     parent.kill()
     parent.wait()
     parent.stdout.close()
+    return child
+
+
+def forked_by(folder: Path) -> int:
+    until(lambda: said(folder, "forks"), "it forks")
+    forked = int(said(folder, "forks")[-1])
+    assert lives(forked)
+    return forked
+
+
+def test_what_they_forked_ends_with_them(children: Children, folder: Path) -> None:
+    children.start(job(folder, "forks"))
+    first, forked = pid_of(children, "forks"), forked_by(folder)
+    os.kill(first, signal.SIGKILL)
+    until(lambda: children.poll(), "the death is seen")
+    until(lambda: not lives(forked), "what it forked is killed")
+    until(lambda: len(said(folder, "forks")) == 2, "it is started again")
+    forked = forked_by(folder)
+    assert children.stop(PATIENCE_S) == ()
+    until(lambda: not lives(forked), "what it forked is killed")
+
+
+def test_what_they_forked_ends_with_them_when_their_parent_is_killed(folder: Path) -> None:
+    child = of_a_parent_that_is_killed(folder, "forks")
+    until(lambda: not lives(child), "the child ends")
+    until(lambda: not lives(int(said(folder, "forks")[-1])), "what it forked is killed")
+
+
+def test_they_end_when_their_parent_is_killed(folder: Path) -> None:
+    child = of_a_parent_that_is_killed(folder, "obeys")
     until(lambda: not lives(child), "the child ends")
     assert said(folder, "obeys") == ("here", "closed: the process that started it is gone")
 

@@ -12,12 +12,11 @@ import msgspec
 import pytest
 
 from colony.compile.pipeline import compile_program
-from colony.execute.artifact import encode, read
+from colony.execute.colonyc import encode, read
 from colony.ir.frame import Frame, Outcome
 from colony.ir.program import Program
 from colony.runtime.assembly.processes.children import Job
-from colony.runtime.assembly.processes.crew import client_jobs, fresh_folder, server_parts
-from colony.runtime.assembly.processes.leader import LeaderServer, Standings
+from colony.runtime.assembly.processes.jobs import client_jobs, fresh_folder, server_parts
 from colony.runtime.assembly.processes.parts import nodes_of, serves
 from colony.runtime.assembly.processes.spec import (
     Device,
@@ -31,6 +30,7 @@ from colony.runtime.assembly.processes.spec import (
     write_private,
     write_spec,
 )
+from colony.runtime.assembly.processes.standings import LeaderServer, Standings
 from colony.runtime.assembly.processes.window import Window
 from colony.runtime.library.ask import Ask
 from colony.runtime.library.leader import LEADER, RunStatus
@@ -56,11 +56,11 @@ def roaming() -> Program:
 
 
 def deployed(of: Program) -> Deployment:
-    return deployment(compile_program(of).artifact, bind(of.robot), run="r1", seed=1)
+    return deployment(compile_program(of).compiled, bind(of.robot), run="r1", seed=1)
 
 
 def jobs_of(of: Program, place: Place, folder: Path) -> tuple[Job, ...]:
-    compiled = compile_program(of).artifact
+    compiled = compile_program(of).compiled
     return client_jobs(place, deployed(of), compiled, bind(of.robot), folder, ("modules",))
 
 
@@ -81,7 +81,7 @@ def log(k: int, *fates: tuple[str, Fate], by: str | None = None, restart: bool =
 
 def test_a_compiled_program_comes_back_as_it_was(roaming: Program, tmp_path: Path) -> None:
     path = tmp_path / "p.colonyc"
-    compiled = compile_program(roaming).artifact
+    compiled = compile_program(roaming).compiled
     for _ in range(2):  # the second in place of the first one
         write_private(path, encode(compiled))
         write_private(bindings_of(path), msgspec.json.encode(bind(roaming.robot)))

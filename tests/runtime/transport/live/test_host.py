@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import threading
 from collections.abc import Iterable, Mapping
+from concurrent.futures import ThreadPoolExecutor
 
 import msgspec
 import pytest
@@ -19,11 +20,13 @@ from colony.runtime.protocol.messages import (
     Notice,
     Reply,
     Send,
+    Sent,
     Tick,
 )
 from colony.runtime.transport.live.errors import AlreadyRunning
 from colony.runtime.transport.live.host import Host
 from colony.runtime.transport.live.network import ZenohSession
+from colony.runtime.transport.live.robot_time import learned_time
 from colony.runtime.transport.live.waiting import CALLS_EACH
 from tests.runtime.calling import plain_call
 from tests.runtime.transport.live.outside import CALLS, SERVER, Blocked, Outside
@@ -72,6 +75,32 @@ def test_a_flood_is_answered_and_harms_nobody_else(environment: Mapping[str, str
     replies = [reply for reply in outside.heard if isinstance(reply, Reply)]
     assert [reply.number for reply in replies] == list(range(CALLS_EACH + 1, CALLS_EACH + 11))
     assert {reply.problem.code for reply in replies if reply.problem is not None} == {"flood"}
+
+
+def test_a_host_on_another_machine_decodes_each_tick_once_and_learns_the_time_from_it(
+    environment: Mapping[str, str], outside: Outside, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    decoded: list[bytes] = []
+    original = codec.decode
+
+    def decode(data: bytes) -> Sent:
+        decoded.append(data)
+        return original(data)
+
+    monkeypatch.setattr(codec, "decode", decode)
+    node = Recorder(SERVER, topics.TICKS)
+    with ThreadPoolExecutor() as pool, ZenohSession.open(place(environment), listens=(SERVER,)) as network:
+        learning = pool.submit(learned_time, network)
+        outside.put(topics.TICKS, codec.encode(Tick(k=0, t_ns=0)))
+        learned = learning.result()
+        with running(Host(network, [node], time=learned)):
+            until(lambda: SERVER in outside.network.alive(), "it listens")
+            hour = 3_600_000_000_000
+            for k in (1, 2, 3):
+                outside.put(topics.TICKS, codec.encode(Tick(k=k, t_ns=k * hour)))
+            until(lambda: len(node.got) == 3, "it hears the ticks")
+    assert len(decoded) == 4
+    assert 3 * hour <= learned() < 4 * hour
 
 
 @pytest.mark.parametrize(

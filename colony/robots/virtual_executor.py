@@ -32,7 +32,7 @@ class VirtualExecutor:
     """
 
     def __init__(self, compilation: Compilation, *, seed: int = 0) -> None:
-        self._compiled, self._seed = compilation.artifact, seed
+        self._compiled, self._seed = compilation.compiled, seed
         self._actuators = tuple(a.name for a in self._compiled.robot.actuators)
         self._begin()
 

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import msgspec
 
-from colony.execute.artifact import SUFFIX, encode
+from colony.execute.colonyc import SUFFIX, encode
 from colony.execute.compiled import Compiled
 from colony.ir.types import Value
 from colony.runtime.assembly.processes.children import Job

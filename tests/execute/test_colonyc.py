@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
-from dataclasses import replace
+import re
+from collections.abc import Callable, Iterator
+from dataclasses import fields, is_dataclass, replace
+from enum import Enum
 from hashlib import sha256
 from pathlib import Path
 from random import Random
-from typing import Any
+from typing import Any, get_args, get_type_hints
 
 import msgspec
 import pytest
@@ -17,12 +19,14 @@ from hypothesis import strategies as st
 
 from colony.cli.programs import compile_file
 from colony.compile.pipeline import compile_program
-from colony.execute.artifact import LARGEST, VERSION, decode, encode, read
 from colony.execute.code import Apply, Cell, Code, Kind, Literal, OldCell, PythonActive, SensorElement, Table
+from colony.execute.colonyc import LARGEST, VERSION, decode, encode, is_compiled, read
 from colony.execute.compiled import Compiled
-from colony.execute.executor import ClientListExecutor
+from colony.execute.executor import ProgramExecutor
 from colony.execute.operators import Operator
+from colony.execute.shapes import SpanShape
 from colony.text.diagnostics import Failure
+from colony.text.source import Span
 from colony.verify.testing.agreement import disagreement
 from colony.verify.testing.strategies import programs, traces
 from tests.paths import BEHAVIORS, ROOT
@@ -46,7 +50,7 @@ def signed(body: bytes) -> bytes:
 
 @pytest.mark.parametrize("path", BEHAVIORS, ids=lambda path: path.stem)
 def test_a_behavior_comes_back_with_its_sources_and_places(path: Path) -> None:
-    compiled = compile_file(str(path)).artifact
+    compiled = compile_file(str(path)).compiled
     back = decode(encode(compiled), "p.colonyc")
     assert repr(replace(back, code=None)) == repr(replace(compiled, code=None))
     for name in ("ops", "kinds", "decided", "cells", "names", "places", "contracts", "sensors"):
@@ -62,8 +66,8 @@ def test_a_behavior_comes_back_with_its_sources_and_places(path: Path) -> None:
 def test_a_program_that_was_sent_does_what_the_reference_does(data: st.DataObject) -> None:
     program = data.draw(programs())
     executors = {
-        name: lambda compilation, how=how: ClientListExecutor(  # type: ignore[misc]
-            decode(encode(compilation.artifact), "p"), **how
+        name: lambda compilation, how=how: ProgramExecutor(  # type: ignore[misc]
+            decode(encode(compilation.compiled), "p"), **how
         )
         for name, how in (
             ("sent", {}),
@@ -75,12 +79,46 @@ def test_a_program_that_was_sent_does_what_the_reference_does(data: st.DataObjec
     assert found is None, str(found)
 
 
+# --- version -----------------------------------------------------------------------------------------
+
+SHAPES = {1: "57c8cea84ef54f5c"}
+"""For each version of the format, the digest of the data classes that it is made of."""
+
+
+def described(hint: Any, found: dict[str, str]) -> str:
+    """Return a type in words; `found` gets a line for each data class and each enumeration in it."""
+    hint = SpanShape if hint is Span else hint
+    name = getattr(hint, "__name__", "")
+    if hint is SpanShape:
+        found[name] = repr(get_type_hints(SpanShape))
+    elif is_dataclass(hint) and name not in found:
+        found[name] = ""  # so that a recursive type comes to an end
+        hints = get_type_hints(hint)
+        found[name] = ", ".join(f"{f.name}: {described(hints[f.name], found)}" for f in fields(hint))
+    elif isinstance(hint, type) and issubclass(hint, Enum):
+        found[name] = ", ".join(f"{one.name} = {one.value!r}" for one in hint)
+    for argument in get_args(hint):
+        described(argument, found)
+    return name if isinstance(hint, type) and not get_args(hint) else re.sub(r"[\w.]+\.", "", repr(hint))
+
+
+def test_a_change_of_a_data_class_is_a_new_version() -> None:
+    found: dict[str, str] = {}
+    described(Compiled, found)
+    assert {"Compiled", "Code", "Sensor", "Operator", "SpanShape", "Cell"} <= found.keys()
+    text = "\n".join(f"{name}: {found[name]}" for name in sorted(found))
+    digest = sha256(text.encode()).hexdigest()[:16]
+    assert SHAPES.get(VERSION) == digest, (
+        f"the data classes of a compiled program have changed: add 1 to VERSION, and an entry here:\n{text}"
+    )
+
+
 # --- damage ------------------------------------------------------------------------------------------
 
 
 @pytest.fixture(scope="module")
 def wander() -> Compiled:
-    return compile_file(str(ROOT / "behaviors" / "wander.colony")).artifact
+    return compile_file(str(ROOT / "behaviors" / "wander.colony")).compiled
 
 
 def test_other_bytes_and_other_versions_are_refused(wander: Compiled, tmp_path: Path) -> None:
@@ -96,6 +134,24 @@ def test_other_bytes_and_other_versions_are_refused(wander: Compiled, tmp_path: 
     for path in (large, tmp_path / "none.colonyc", tmp_path):
         with pytest.raises(Failure, match="C001"):
             read(path)
+
+
+@pytest.mark.parametrize(
+    ("name", "content", "expected"),
+    [
+        ("a.colonyc", b"", True),
+        ("a.colony", b"robot", False),
+        ("a.colony", b"colony", False),
+        ("a.colony", b"colonyc", True),
+        ("a", b"colonyc\0", True),
+    ],
+)
+def test_a_compiled_program_is_known_by_its_name_or_its_first_bytes(
+    tmp_path: Path, name: str, content: bytes, expected: bool
+) -> None:
+    assert not is_compiled(tmp_path)
+    (tmp_path / name).write_bytes(content)
+    assert is_compiled(tmp_path / name) is expected
 
 
 def test_bytes_that_are_damaged_and_signed_again_are_refused_or_harmless(wander: Compiled) -> None:
@@ -119,6 +175,26 @@ def test_what_is_no_program_is_refused(body: bytes) -> None:
 
 
 # --- forgery -----------------------------------------------------------------------------------------
+
+
+def arrays_in(value: Any) -> Iterator[list[Any]]:
+    if isinstance(value, list):
+        yield value
+    for one in value if isinstance(value, list) else value.values() if isinstance(value, dict) else ():
+        yield from arrays_in(one)
+
+
+def test_an_array_with_one_element_too_many_is_refused(wander: Compiled) -> None:
+    """Wherever it is: nothing in the file is ignored."""
+    body = msgspec.msgpack.decode(encode(wander)[HEAD:])
+    count = 0
+    for array in arrays_in(body):
+        array.append(None)
+        refused(signed(msgspec.msgpack.encode(body)))
+        array.pop()
+        count += 1
+    assert count > 400
+    assert encode(decode(signed(msgspec.msgpack.encode(body)), "p")) == encode(wander)
 
 
 def with_op(at: int, op: Any, kind: Kind | None = None) -> Callable[[Code], Code]:
@@ -241,5 +317,5 @@ def test_spans_lead_into_the_sources(wander: Compiled) -> None:
 def test_a_program_without_sources_is_sent_without_places() -> None:
     from tests.runtime.programs import roam
 
-    compiled = compile_program(roam()).artifact
+    compiled = compile_program(replace(roam(), files=())).compiled
     assert decode(encode(compiled), "p") == compiled

@@ -10,7 +10,7 @@ from typing import Any, Literal
 import pytest
 
 from colony.ir.frame import Answer, Frame
-from colony.runtime.frames.assembly import FrameAssembler
+from colony.runtime.frames.assembler import FrameAssembler
 from colony.runtime.protocol.bindings import SensorBinding
 from colony.runtime.protocol.messages import Fetch, Sample, Send, ServerFrame, Tick
 
@@ -293,4 +293,4 @@ def test_what_is_no_number_stays_what_it_is_and_is_a_fault(value: Any) -> None:
         assert repr(binding.in_base_units((2.0, value))) == repr(
             (2.0 if not binding.declared else 2000.0, value)
         )
-        assert repr(binding.in_base_units(value)) == repr(binding.in_declared_unit(value)) == repr(value)
+        assert repr(binding.in_base_units(value)) == repr(binding.in_declared_units(value)) == repr(value)

@@ -9,14 +9,15 @@ against its type (`shapes`), then each reference (`validity`). What is damaged o
 from __future__ import annotations
 
 from hashlib import sha256
+from pathlib import Path
 from typing import Any
 
 import msgspec
 
 from colony.execute.compiled import Compiled
-from colony.execute.shapes import Place, restored, shape, shaped
+from colony.execute.shapes import SpanShape, restored, shape, shaped
 from colony.execute.validity import Invalid, check
-from colony.files import COMPILED, StrPath, read_file, reason
+from colony.files import COMPILED, StrPath, open_regular, read_file, reason
 from colony.text.diagnostics import Diagnostic, Failure, error
 from colony.text.source import NOWHERE, Source, Span
 
@@ -37,10 +38,10 @@ _decoder: msgspec.msgpack.Decoder[Any] = msgspec.msgpack.Decoder(shape(Compiled)
 
 def encode(compiled: Compiled) -> bytes:
     """Return a compiled program as bytes. Spans outside its sources are left out."""
-    numbers = {source.data: i for i, source in enumerate(compiled.sources) if source.kind == "behavior"}
+    numbers = {s.data.decode(): i for i, s in enumerate(compiled.sources) if s.kind == "behavior"}
 
-    def place(span: Span) -> Place:
-        return Place(numbers.get(span.source.text.encode()), span.start, span.end)
+    def place(span: Span) -> SpanShape:
+        return SpanShape(numbers.get(span.source.text), span.start, span.end)
 
     body = msgspec.msgpack.encode(shaped(compiled, place))
     return _PREFIX + sha256(body).digest() + body
@@ -71,6 +72,17 @@ def read(path: StrPath) -> Compiled:
     return decode(data, str(path))
 
 
+def is_compiled(path: StrPath) -> bool:
+    """Return True for a file that begins as a compiled program does, or that is named as one."""
+    if Path(path).suffix == SUFFIX:
+        return True
+    try:
+        with open_regular(path) as file:
+            return file.read(len(COMPILED)) == COMPILED
+    except OSError:
+        return False
+
+
 def _decoded(data: bytes) -> Compiled:
     if not data.startswith(COMPILED):
         raise Invalid("it does not begin as a compiled program does")
@@ -85,7 +97,7 @@ def _decoded(data: bytes) -> Compiled:
         for source in read.sources
     ]
 
-    def span(place: Place) -> Span:
+    def span(place: SpanShape) -> Span:
         if place.source is None:
             return NOWHERE
         if not (

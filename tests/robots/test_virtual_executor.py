@@ -14,10 +14,10 @@ import pytest
 from colony.compile.pipeline import Compilation, compile_program
 from colony.dsl.load import load_file
 from colony.ir.frame import Frame
-from colony.robots.executor import VirtualExecutor
 from colony.robots.faults import with_faults
+from colony.robots.virtual_executor import VirtualExecutor
 from colony.runtime.arbitration.arbiter import Arbiter
-from colony.runtime.frames.assembly import Assembled, FrameAssembler
+from colony.runtime.frames.assembler import Assembled, FrameAssembler
 from colony.runtime.servers.publishing import Publisher
 from colony.verify.testing.agreement import disagreement, reference
 from colony.verify.testing.drawing import Choices
@@ -30,12 +30,12 @@ RUNTIME = {"runtime": VirtualExecutor}
 
 
 @cache
-def compiled(name: str) -> Compilation:
+def compilation(name: str) -> Compilation:
     return compile_program(load_file(ROOT / "behaviors" / f"{name}.colony"))
 
 
 def trace_of(name: str, seed: int, frames: int = 8) -> tuple[Frame, ...]:
-    return draw_trace(Choices(Random(seed)), compiled(name).program, frames)
+    return draw_trace(Choices(Random(seed)), compilation(name).program, frames)
 
 
 @pytest.mark.parametrize("seed", range(12))
@@ -46,30 +46,30 @@ def test_drawn_programs(seed: int) -> None:
 
 
 def test_one_robot_goes_through_many_traces_each_from_initial_memory() -> None:
-    executor = VirtualExecutor(compiled("wander"), seed=3)
+    executor = VirtualExecutor(compilation("wander"), seed=3)
     winners = Counter[str | None]()
     for seed in range(12):
         trace = trace_of("wander", seed)
         executor.restart()
         found = [executor.step(frame) for frame in trace]
-        assert repr(tuple(found)) == repr(reference(compiled("wander").program, trace))
+        assert repr(tuple(found)) == repr(reference(compilation("wander").program, trace))
         winners.update(o.decisions[0].by for o in found)
     assert len(winners) > 3
 
 
 def test_traces_may_take_centuries_together() -> None:
-    executor = VirtualExecutor(compiled("wander"))
+    executor = VirtualExecutor(compilation("wander"))
     first, *_ = trace_of("wander", 1)
     century_ns = 100 * 365 * 86_400 * 10**9
     trace = (first, first._replace(t_ns=first.t_ns + century_ns // 4))
     for _ in range(26):
         executor.restart()
-        assert repr(tuple(map(executor.step, trace))) == repr(reference(compiled("wander").program, trace))
+        assert repr(tuple(map(executor.step, trace))) == repr(reference(compilation("wander").program, trace))
 
 
 def test_a_frame_that_is_not_decided_is_a_disagreement(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(Arbiter, "receive", lambda *_: ())
-    found = disagreement(compiled("wander").program, trace_of("wander", 1), RUNTIME)
+    found = disagreement(compilation("wander").program, trace_of("wander", 1), RUNTIME)
     assert found is not None
     assert "Undecided" in str(found.found)
 
@@ -104,7 +104,7 @@ def test_no_command_leaves_that_the_reference_would_not_have_sent() -> None:
 @pytest.mark.parametrize("name", ["teleop", "figure_4_14"])
 def test_neither_in_behaviors(name: str) -> None:
     for seed in range(8):
-        found = with_faults(compiled(name), trace_of(name, seed), seed)
+        found = with_faults(compilation(name), trace_of(name, seed), seed)
         assert found is None, f"seed {seed}: {found}"
 
 

@@ -8,12 +8,12 @@ from colony.execute.compiled import Compiled
 from colony.execute.executor import ClientKey, ClientsExecutor
 from colony.ir.frame import Answer
 from colony.runtime.clients.memory import BadMemory, decode_memory, encode_memory
-from colony.runtime.frames.assembly import Assembled
+from colony.runtime.frames.assembler import Assembled
 from colony.runtime.protocol.messages import Request
 from colony.runtime.protocol.topics import client_address, module_of
 
 
-class ClientSlice:
+class ClientProgram:
     """What some clients execute. Mutable: their memory.
 
     Raises:

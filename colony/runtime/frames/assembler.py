@@ -274,7 +274,7 @@ class FrameAssembler:
             frame = got.get(b.server)
             sample = None if frame is None else frame.fields.get(b.field)
             if sample is not None and b.is_fresh(sample.t_ns, tick.t_ns):
-                convert = b.in_declared_unit if self._declared else b.in_base_units
+                convert = b.in_declared_units if self._declared else b.in_base_units
                 readings[b.sensor] = convert(sample.value)
         return Frame(tick.t_ns, readings)
 

@@ -4,11 +4,20 @@ from __future__ import annotations
 
 import pytest
 
-from colony.runtime.frames import assembly
-from colony.runtime.frames.assembly import Awaited, FrameAssembler, frames_kept
+from colony.runtime.frames.assembler import ASKED_AT_ONCE, Awaited, FrameAssembler, frames_kept
 from colony.runtime.protocol.bindings import SensorBinding
 from colony.runtime.protocol.messages import Fetch, Sample, Send, ServerFrame, Tick
-from tests.runtime.frames.test_assembly import BUMPER, MS, PULSE, SONAR, active, base, frames, proximity, tick
+from tests.runtime.frames.test_assembler import (
+    BUMPER,
+    MS,
+    PULSE,
+    SONAR,
+    active,
+    base,
+    frames,
+    proximity,
+    tick,
+)
 
 
 def behind(**more: object) -> FrameAssembler:
@@ -112,7 +121,7 @@ def test_a_module_that_is_down_is_waited_for_where_the_sensors_are_there() -> No
 @pytest.mark.parametrize("most", [2, 3, 4])
 def test_of_what_is_void_the_newest_is_remembered(monkeypatch: pytest.MonkeyPatch, most: int) -> None:
     """Three frames are void, of the frames 0, 1 and 2: the oldest is forgotten first."""
-    monkeypatch.setattr(assembly, "KEPT_MOST", most)
+    monkeypatch.setattr("colony.runtime.frames.assembler.KEPT_MOST", most)
     assembler = FrameAssembler((SONAR, BUMPER), keep=100)
     assembler.take(base(0))
     assembler.take(base(1))
@@ -147,8 +156,8 @@ def test_only_what_is_missing_of_who_lives_is_asked_for() -> None:
 
 
 def test_a_portion_ends_with_a_whole_frame() -> None:
-    asked = FrameAssembler((SONAR, BUMPER)).take(tick(assembly.ASKED_AT_ONCE))
-    assert len(asked) == 3 * (assembly.ASKED_AT_ONCE // 3 + 1)
+    asked = FrameAssembler((SONAR, BUMPER)).take(tick(ASKED_AT_ONCE))
+    assert len(asked) == 3 * (ASKED_AT_ONCE // 3 + 1)
 
 
 def test_how_many_frames_are_kept() -> None:
@@ -162,11 +171,10 @@ def test_a_single_value_enters_in_base_units() -> None:
 
 
 def test_what_did_not_come_is_asked_for_in_portions() -> None:
-    assembler = FrameAssembler((BUMPER,))
-    asked = assembler.take(tick(assembly.ASKED_AT_ONCE))
-    assert len(asked) == assembly.ASKED_AT_ONCE
+    asked = FrameAssembler((BUMPER,)).take(tick(ASKED_AT_ONCE))
+    assert len(asked) == ASKED_AT_ONCE
     assert asked[:2] == (
         Send("Clock/fetches", Fetch(server="Clock", k=0)),
         Send("R/fetches", Fetch(server="R", k=0)),
     )
-    assert asked[-1] == Send("R/fetches", Fetch(server="R", k=assembly.ASKED_AT_ONCE // 2 - 1))
+    assert asked[-1] == Send("R/fetches", Fetch(server="R", k=ASKED_AT_ONCE // 2 - 1))

@@ -1,0 +1,85 @@
+"""Frames of programs that use colony as a library: checked, and with numbers of Python."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from operator import index
+from reprlib import repr as short
+from typing import Any
+
+from colony.execute.executor import ProgramExecutor
+from colony.execute.validity import LATEST_NS
+from colony.ir.frame import Answer, Frame, Outcome
+
+
+class CheckedExecutor(ProgramExecutor):
+    """Executes a program frame by frame, and refuses what is no frame."""
+
+    _last_ns: int | None = None
+
+    def step(self, frame: Frame, answers: Mapping[str, Answer] | None = None) -> Outcome:
+        """Return what is decided in one frame.
+
+        Raises:
+            TypeError: it is no frame, its readings are no mapping, or a time is no whole number.
+            ValueError: its time is not later than that of the frame before it.
+        """
+        taken = checked_frame(frame, self._last_ns)
+        self._last_ns = taken.t_ns
+        return super().step(taken, answers)
+
+    def restart(self) -> None:
+        """Go on from the initial memory, at any time."""
+        self._last_ns = None
+        super().restart()
+
+
+def checked_trace(frames: Iterable[Frame]) -> tuple[Frame, ...]:
+    """Return frames that follow one another, checked as `checked_frame` does.
+
+    Raises:
+        TypeError, ValueError: as `checked_frame`, or they are no frames at all.
+    """
+    if not isinstance(frames, Iterable):
+        raise TypeError(f"found {short(frames)}; expected frames")
+    trace: list[Frame] = []
+    for frame in frames:
+        trace.append(checked_frame(frame, trace[-1].t_ns if trace else None))
+    return tuple(trace)
+
+
+def checked_frame(frame: Frame, after_ns: int | None = None) -> Frame:
+    """Return a frame with numbers of Python where it has those of numpy.
+
+    Raises:
+        TypeError: it is no frame, its readings are no mapping, or a time is no whole number.
+        ValueError: a time does not fit into 63 bits, or that of the frame is not after `after_ns`.
+    """
+    if not isinstance(frame, Frame):
+        raise TypeError(f"found {short(frame)}; expected a colony.Frame")
+    for name, given in (("readings", frame.readings), ("taken_ns", frame.taken_ns)):
+        if not isinstance(given, Mapping):
+            raise TypeError(f"{name}: found {short(given)}; expected a mapping from names of sensors")
+    t_ns = _time("t_ns", frame.t_ns)
+    if after_ns is not None and t_ns <= after_ns:
+        raise ValueError(f"t_ns: found {t_ns} after {after_ns}; expected times that rise from frame to frame")
+    readings = {name: _of_python(reading) for name, reading in frame.readings.items()}
+    taken_ns = {name: _time(f"taken_ns of {name}", taken) for name, taken in frame.taken_ns.items()}
+    return Frame(t_ns, readings, taken_ns)
+
+
+def _time(name: str, given: Any) -> int:
+    try:
+        time = index(given)
+    except TypeError:
+        raise TypeError(f"{name}: found {short(given)}; expected whole nanoseconds, an int") from None
+    if not -LATEST_NS < time < LATEST_NS:
+        raise ValueError(f"{name}: found {short(time)}; expected nanoseconds that fit into 63 bits")
+    return time
+
+
+def _of_python(reading: Any) -> Any:
+    """Return a reading with numbers and lists of Python in place of those of numpy, which is not imported."""
+    if isinstance(reading, list | tuple):
+        return tuple([_of_python(element) for element in reading])
+    return reading.tolist() if hasattr(reading, "tolist") else reading
