@@ -2,12 +2,16 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+
 from colony.compile.backends.python.generate import generate
 from colony.compile.pipeline import Compilation, compile_program
 from colony.dsl.load import load_text
 from colony.execute.code import Code
-from colony.execute.executor import ClientExecutor
+from colony.execute.compiled import Compiled
+from colony.execute.executor import ClientMemory, ClientsExecutor, ClientStep
 from colony.execute.views import whole
+from colony.ir.frame import Answer, Frame
 from colony.ir.program import Program
 
 
@@ -46,18 +50,43 @@ def generated(of: str | Program) -> str:
     return generate(compilation(of).compiled)
 
 
-def clients(of: str | Program) -> dict[tuple[str, str], ClientExecutor]:
+class OneClient:
+    """A client with a process of its own. Mutable: its memory."""
+
+    def __init__(self, of: Compiled, actuator: str, module: str) -> None:
+        self._executor = ClientsExecutor(of, ((actuator, module),))
+        self._key = (actuator, module)
+        self.code = self._executor.code
+        self.sensors = self._executor.sensors
+        self.python_modules = self._executor.python_modules
+        self.restart = self._executor.restart
+
+    def step(
+        self, frame: Frame, answers: Mapping[str, Answer] | None = None, lost: frozenset[str] = frozenset()
+    ) -> ClientStep:
+        (step,) = self._executor.step(frame, answers, lost)
+        return step
+
+    @property
+    def memory(self) -> ClientMemory:
+        return self._executor.memory(self._key)
+
+    @memory.setter
+    def memory(self, memory: ClientMemory) -> None:
+        self._executor.recall({self._key: memory})
+
+
+def clients(of: str | Program) -> dict[tuple[str, str], OneClient]:
     """Return all clients of a whole text, by actuator and module, in their initial memory."""
     compiled = compilation(of).compiled
     return {
-        (actuator, module): ClientExecutor(compiled, actuator, module)
-        for actuator, module, _ in compiled.clients
+        (actuator, module): OneClient(compiled, actuator, module) for actuator, module, _ in compiled.clients
     }
 
 
-def client(of: str | Program, actuator: str, module: str) -> ClientExecutor:
+def client(of: str | Program, actuator: str, module: str) -> OneClient:
     """Return one client of a whole text, in its initial memory."""
-    return ClientExecutor(compilation(of).compiled, actuator, module)
+    return OneClient(compilation(of).compiled, actuator, module)
 
 
 MS = 1_000_000

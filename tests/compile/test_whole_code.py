@@ -22,7 +22,7 @@ from colony.compile.lower.lower import lower
 from colony.compile.pipeline import compile_program
 from colony.dsl.load import load_text
 from colony.execute.code import Code
-from colony.execute.views import of_client, of_module, whole
+from colony.execute.views import of_clients, of_module, whole
 from colony.verify.testing.agreement import client_disagreement, disagreement
 from colony.verify.testing.strategies import traces
 from tests.compile.listing import listing
@@ -52,7 +52,7 @@ def _listed(code: Code) -> str:
     parts = [listing(whole(code))]
     for one in code.actuators:
         for client in one.clients:
-            alone = of_client(code, one.actuator.name, client.module)
+            alone = of_clients(code, [(one.actuator.name, client.module)])
             parts.append(f"--- {client.module} for {one.actuator.name}\n{listing(alone)}")
     for call in code.python:
         alone = of_module(code, call.module)

@@ -8,11 +8,11 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from colony.execute.executor import ClientExecutor, ClientMemory
+from colony.execute.executor import ClientMemory
 from colony.ir.frame import Frame
 from colony.verify.reference.interpreter import Interpreter
 from colony.verify.testing.strategies import networks, programs, traces
-from tests.programs import client, clients
+from tests.programs import OneClient, client, clients
 
 TEXT = """
 robot r {
@@ -33,7 +33,7 @@ contract c: previous(z, 0) < 10
 """
 
 
-def _client(module: str, on_loss: str = "stop", actuator: str = "out") -> ClientExecutor:
+def _client(module: str, on_loss: str = "stop", actuator: str = "out") -> OneClient:
     return client(TEXT % on_loss, actuator, module)
 
 

@@ -7,7 +7,7 @@ import pytest
 from colony.compile.lower.lower import lower
 from colony.compile.pipeline import compile_program
 from colony.dsl.load import load_text
-from colony.execute.views import of_client, whole
+from colony.execute.views import of_clients, whole
 
 LENGTH = 1500
 
@@ -44,4 +44,4 @@ def test_a_long_chain_read_first_in(place: str) -> None:
     code = whole(lower(program, clients).code)
     assert len(code.ops) > LENGTH
     if place not in ("contract", "Python"):
-        assert len(of_client(lower(program, clients).code, "out", "m").ops) > LENGTH
+        assert len(of_clients(lower(program, clients).code, [("out", "m")]).ops) > LENGTH

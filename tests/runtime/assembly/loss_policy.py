@@ -31,7 +31,6 @@ from itertools import pairwise
 from random import Random
 from typing import Literal, NamedTuple
 
-from colony.execute.executor import ClientExecutor
 from colony.ir.frame import Answer, Decision, Frame, Reading
 from colony.ir.program import Program
 from colony.robots.scripted import SENSING, Sent
@@ -44,6 +43,7 @@ from colony.runtime.transport.faults import Faults, Rates
 from colony.verify.reference.interpreter import Interpreter
 from colony.verify.testing.agreement import frame_in_base_units
 from colony.verify.testing.strategies import run_of_seed
+from tests.programs import OneClient
 from tests.runtime.assembly.loss_stage import Robot, Seen
 
 MS = 1_000_000
@@ -237,7 +237,7 @@ def check_memory(robot: Robot, epoch: list[Tick], paths: list[Path], counts: Cou
         ends = max([*saved, at_end[1]])
         allowed: dict[int, set[str]] = {}
         for path in paths:
-            executor = ClientExecutor(robot.compiled, actuator, module)
+            executor = OneClient(robot.compiled, actuator, module)
             for tick in epoch:
                 if tick.k > ends:
                     break

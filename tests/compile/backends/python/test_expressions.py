@@ -13,7 +13,6 @@ from colony.compile.lower.lower import lower
 from colony.compile.pipeline import compile_program
 from colony.dsl.load import load_text
 from colony.execute.code import Lost, PythonActive
-from colony.execute.views import of_client
 
 TEXT = """
 robot r {
