@@ -10,7 +10,7 @@ from typing import Any
 
 import pytest
 
-from colony.experiment import auditing, runs, variants
+from colony.experiment import auditing, runs
 from colony.experiment.auditing import audit, audited
 from colony.experiment.behavior import behavior_of
 from colony.experiment.conduct import Experiment, conduct, conduct_audit, of_experiment
@@ -19,12 +19,12 @@ from colony.experiment.parallel import PoolEngine, SerialEngine
 from colony.experiment.record import LightCount, ModeCount, RunKey, RunResult
 from colony.experiment.results import RUN_TABLE, Results
 from colony.experiment.runs import Run, RunSpec, chance_of, run
-from colony.experiment.variants import OURS, SIDE_CAMERA, Variant
 from colony.ir.frame import Decision, Frame, Outcome
 from colony.nav.maps.building import Building
 from colony.nav.plan.plan import Plan
 from colony.nav.plan.planner import OnSegment
 from colony.nav.pose.tracker import ALL, Source
+from colony.robots.variants import OURS, SIDE_CAMERA, Variant
 from colony.runtime.kit.script import Script, do, sleep
 from colony.runtime.library import robot
 from colony.sim.hazards.hazards import Hazard, Hazards
@@ -138,7 +138,6 @@ def _with_scripts(monkeypatch: pytest.MonkeyPatch, **others: Script) -> None:
             return {**OURS.scripts(plan, building, on_segment, compensate=compensate, **more), **others}
 
     other = Other(name="ours", behavior=OURS.behavior, mm_s=OURS.mm_s)
-    monkeypatch.setattr(variants, "VARIANTS", {"ours": other})
     monkeypatch.setattr(runs, "VARIANTS", {"ours": other})
 
 

@@ -233,7 +233,7 @@ def _experiment(
     from colony.experiment.conduct import Experiment
     from colony.experiment.lists import chosen
     from colony.experiment.studies import STUDIES
-    from colony.experiment.variants import CEILING_CAMERA, FRONT_CAMERA, VARIANTS
+    from colony.robots.variants import CEILING_CAMERA, FRONT_CAMERA, VARIANTS
 
     runs = listed if numbers is None else chosen(listed, numbers)
     rides = any(run.rides for run in runs)  # elevators have markers for a camera that looks ahead
@@ -260,8 +260,8 @@ def _with_sources(asked: Experiment, without: tuple[str, ...], side_camera: bool
     from dataclasses import replace
 
     from colony.experiment.studies import STUDIES
-    from colony.experiment.variants import SIDE_CAMERA
     from colony.nav.pose.tracker import Source
+    from colony.robots.variants import SIDE_CAMERA
 
     if not without and not side_camera:
         return asked

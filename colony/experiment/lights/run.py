@@ -10,8 +10,8 @@ from colony.experiment.lights.detection import LightWatch
 from colony.experiment.lights.results import LightResult
 from colony.experiment.runs import Run, RunSpec
 from colony.experiment.true_path import TruePath
-from colony.experiment.variants import CEILING_CAMERA
 from colony.nav.shared import GOAL_DIRECTION
+from colony.robots.variants import CEILING_CAMERA
 from colony.runtime.kit.errors import CallRefused
 from colony.runtime.kit.script import Script, Step, do, sleep
 from colony.runtime.library import data, robot
