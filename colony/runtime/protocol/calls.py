@@ -270,11 +270,6 @@ class CallDesk:
             notice = Notice(connection=caller.connection, subject=subject, body=raw)
             yield Send(topics.replies(self._server, caller.connection), notice)
 
-    @property
-    def callers(self) -> tuple[Caller, ...]:
-        """Who is connected, in the order in which they came."""
-        return tuple(c.caller for c in self._connections.values())
-
     # --- calls ---------------------------------------------------------------------------------------
 
     def _stop_at_once(self, stop: Callable[[str, int], None], call: Call, now_ns: int) -> Effect:

@@ -45,7 +45,7 @@ class LinesReader:
         """Its frames, as frames of `program`.
 
         Raises:
-            Failure: at the first bad line. Codes: those of `read_frames`, A004 for what it says of
+            Failure: at the first bad line. Codes: those of `Rows`, A004 for what it says of
                 actuators, and A001 where it cannot be read or a line is too long.
         """
         actuators, start = program.robot.actuators, None
