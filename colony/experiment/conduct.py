@@ -21,7 +21,7 @@ from colony.sim.hazards.hazards import Hazard, Hazards
 _KINDS = (".py", ".npz")
 """Of files that results depend on: programs, and the weights of the reader."""
 
-_SOURCES = ("experiment", "nav", "runtime", "sim", "vision")
+_SOURCES = ("experiment", "nav", "robots", "runtime", "sim", "vision")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
