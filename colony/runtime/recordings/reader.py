@@ -73,6 +73,41 @@ class LinesReader:
             raise Failure([error("A001", Span(Source(self._name, ""), 0, 0), message)]) from None
 
 
+class FramesReader:
+    """Frames in JSON lines, of a recording or of whatever wrote them: what they say of actuators is passed
+    over. Mutable: how far they were read.
+    """
+
+    run = None
+
+    def __init__(self, file: BinaryIO, name: str) -> None:
+        self._file = file
+        self._name = name
+        self.cut: str | None = None
+        self.damaged = False
+
+    def frames(self, program: Program) -> Iterator[RecordedFrame]:
+        """Return them, as frames of `program`, without verdicts.
+
+        Raises:
+            Failure: at the first bad line, with the codes of `Rows`.
+            OSError: they cannot be read.
+        """
+        rows = Rows(bounded_lines(self._file, LINE_BYTES), self._name, program)
+        for k, row in enumerate(rows):
+            yield RecordedFrame(
+                tick=Tick(k=k, t_ns=row.frame.t_ns),
+                frame=row.frame,
+                verdicts={},
+                restart=row.values.get("@restart") is True,
+                memory_unknown=row.values.get("@skipped") is not None,
+                keyframe=read_keyframe(row.values.get("@keyframe")),
+                damaged=row.damaged,
+            )
+        self.damaged = rows.damaged
+        self.cut = BREAKS_OFF if rows.broken_off else None
+
+
 _UNKNOWN = -1
 """The frame in which memory was initial, where it is not known."""
 

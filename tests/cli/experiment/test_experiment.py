@@ -155,7 +155,10 @@ def test_differences_are_told() -> None:
     [
         (("rounds.csv",), "give --map MAP"),
         (("rounds",), "no list `rounds`; expected thesis, plates, lights, sources, random, floors"),
-        (("rounds", "--map", MAP), "no list `rounds`; expected thesis, plates, lights, sources, random, floors"),
+        (
+            ("rounds", "--map", MAP),
+            "no list `rounds`; expected thesis, plates, lights, sources, random, floors",
+        ),
         (("none.csv", "--map", MAP), "none.csv: cannot be read"),
         (("thesis", "--map", MAP), "leave out --map"),
         (("thesis", "--runs", "41"), "there is no run 41"),
