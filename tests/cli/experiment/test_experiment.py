@@ -154,10 +154,10 @@ def test_differences_are_told() -> None:
     ("arguments", "told"),
     [
         (("rounds.csv",), "give --map MAP"),
-        (("rounds",), "no list `rounds`; expected thesis, plates, lights, sources, random, floors"),
+        (("rounds",), "no list `rounds`; expected thesis, plates, lights, sources, random"),
         (
             ("rounds", "--map", MAP),
-            "no list `rounds`; expected thesis, plates, lights, sources, random, floors",
+            "no list `rounds`; expected thesis, plates, lights, sources, random",
         ),
         (("none.csv", "--map", MAP), "none.csv: cannot be read"),
         (("thesis", "--map", MAP), "leave out --map"),
