@@ -20,12 +20,12 @@ from colony.vision.lights.looks import Look, cameras_looker, hurry
 from colony.vision.periods import PERIOD_S
 
 
-def light_witness(on_look: Callable[[Look], None], *, period_s: float = PERIOD_S) -> Script:
+def light_witness(on_look: Callable[[Look], None]) -> Script:
     """Look at the ceiling as often as CTracker, with what it knows of the heading, and tell each look."""
-    yield from hurry((CEILING_CAMERA,), period_s)
+    yield from hurry((CEILING_CAMERA,), PERIOD_S)
     looks = cameras_looker((CEILING_CAMERA,), (UPWARD,))
     while True:
-        yield from sleep(period_s)
+        yield from sleep(PERIOD_S)
         for look in (yield from looks((yield from _tilt_deg()))):
             on_look(look)
 

@@ -59,16 +59,15 @@ class Camera:
     Args:
         address: the server's name.
         driver: the camera.
-        period_ns: from one image to the next.
 
     Attributes:
         answers: results, or refusals, of calls that waited for the lock; whoever sends them empties the list.
     """
 
-    def __init__(self, address: str, driver: CameraDriver, period_ns: int = PERIOD_NS) -> None:
+    def __init__(self, address: str, driver: CameraDriver) -> None:
         self.address = address
         self._driver = driver
-        self._period_ns = period_ns
+        self._period_ns = PERIOD_NS
         self._lock = LockQueue()
         self._shot: Shot | None = None
         self._due_ns = 0
@@ -162,20 +161,12 @@ class CServer:
     Args:
         driver: the camera.
         address: the server's name, an identifier.
-        period_ns: from one image to the next.
         keep: how many frames are kept for who missed one.
     """
 
-    def __init__(
-        self,
-        driver: CameraDriver,
-        *,
-        keep: int = FRAMES_KEPT,
-        address: str = CSERVER,
-        period_ns: int = PERIOD_NS,
-    ) -> None:
+    def __init__(self, driver: CameraDriver, *, keep: int = FRAMES_KEPT, address: str = CSERVER) -> None:
         self.address = address
-        self._camera = Camera(address, driver, period_ns)
+        self._camera = Camera(address, driver)
         self._publisher = Publisher(address, lambda tick: {}, keep=keep)
         self._desk = CallDesk(address, self._camera.methods, lost=self._lost)
         self._alarm: int | None = None
