@@ -32,6 +32,7 @@ from colony.runtime.protocol.messages import (
     Fetch,
     Malformed,
     Message,
+    QuietNode,
     Tick,
     Wake,
     WakeAt,
@@ -155,7 +156,7 @@ class Camera:
         self._due_ns = min(self._due_ns, now_ns + period_ns)
 
 
-class CServer:
+class CServer(QuietNode):
     """Serves a camera. Mutable: the camera's image, its lock, the period.
 
     Args:
@@ -186,9 +187,6 @@ class CServer:
                 yield from self._keep_time(now_ns)
             case _:
                 pass
-
-    def close(self) -> None:
-        """It holds nothing."""
 
     def _keep_time(self, now_ns: int) -> Iterator[Effect]:
         """Answer the calls that waited for the lock, and see to it that a wake comes."""
