@@ -64,6 +64,12 @@ def _imports(path: Path) -> set[str]:
     return found
 
 
+RUNTIME = (
+    *("protocol", "store", "arbitration", "library", "frames", "clients", "observe", "recordings", "servers"),
+    *("transport", "kit", "assembly"),
+)
+"""The folders of `runtime`: each imports only those before it."""
+
 FRONT = {ROOT / "__init__.py", ROOT / "library.py", ROOT / "testing.py"}
 """The front door, which opens every package but the command line, and which no package imports."""
 
@@ -87,6 +93,15 @@ def test_imports_run_downwards(path: Path) -> None:
             assert target in allowed, f"{path} imports {name}"
         elif package is None and path not in FRONT:
             assert f"colony.{target}" in BASE | {"colony.__version__"}, f"{path} imports {name}"
+
+
+def test_imports_within_the_runtime_run_downwards() -> None:
+    runtime = ROOT / "runtime"
+    assert {folder.name for folder in runtime.iterdir() if (folder / "__init__.py").exists()} == {*RUNTIME}
+    for i, folder in enumerate(RUNTIME):
+        above = tuple(f"colony.runtime.{name}." for name in RUNTIME[i + 1 :])
+        for path in (runtime / folder).rglob("*.py"):
+            assert not [name for name in _imports(path) if name.startswith(above)], path
 
 
 def test_every_allowance_is_used() -> None:

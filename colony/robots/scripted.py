@@ -17,6 +17,7 @@ from colony.ir.program import Robot, in_declared_units
 from colony.ir.types import ScalarValue
 from colony.runtime.arbitration.arbiter import Dispatch, timing
 from colony.runtime.assembly.virtual import Builders, VirtualRobot
+from colony.runtime.frames.publishing import Fields, Publisher
 from colony.runtime.observe.observer import FrameLog
 from colony.runtime.protocol import topics
 from colony.runtime.protocol.bindings import ActuatorBinding, Bindings, SensorBinding
@@ -35,7 +36,6 @@ from colony.runtime.protocol.messages import (
 )
 from colony.runtime.servers.commanding import CommandDesk
 from colony.runtime.servers.dserver import DServer
-from colony.runtime.servers.publishing import Fields, Publisher
 from colony.runtime.store.store import MemoryStore
 from colony.runtime.transport.virtual import Link, VirtualClock, perfect
 

@@ -18,7 +18,7 @@ from colony.robots.executor import VirtualExecutor
 from colony.robots.faults import with_faults
 from colony.runtime.arbitration.arbiter import Arbiter
 from colony.runtime.frames.assembly import Assembled, FrameAssembler
-from colony.runtime.servers.publishing import Publisher
+from colony.runtime.frames.publishing import Publisher
 from colony.verify.testing.agreement import disagreement, reference
 from colony.verify.testing.drawing import Choices
 from colony.verify.testing.frames import draw_trace

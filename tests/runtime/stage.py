@@ -10,6 +10,7 @@ from colony.ir.program import Program
 from colony.ir.types import ScalarValue
 from colony.runtime.arbitration.arbiter import Timing
 from colony.runtime.assembly.nodes import build_announcer, build_client, build_observer
+from colony.runtime.frames.publishing import Fields, Publisher
 from colony.runtime.protocol import topics
 from colony.runtime.protocol.bindings import ActuatorBinding, Bindings, SensorBinding
 from colony.runtime.protocol.deployment import ActuatorTable, commanded_by, deployment
@@ -29,7 +30,6 @@ from colony.runtime.protocol.messages import (
     WakeAt,
 )
 from colony.runtime.servers.commanding import CommandDesk
-from colony.runtime.servers.publishing import Fields, Publisher
 from colony.runtime.servers.relaying import ActivityRelay
 from colony.runtime.transport.virtual import Link, VirtualClock, VirtualTransport, perfect
 from tests.runtime.scripted import Log

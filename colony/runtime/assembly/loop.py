@@ -17,6 +17,7 @@ import msgspec
 from colony.ir.frame import Executor, Frame, Outcome, Reading
 from colony.ir.program import Robot
 from colony.ir.types import Value
+from colony.runtime.frames.publishing import Fields
 from colony.runtime.kit.script import Script
 from colony.runtime.kit.script_local import LocalScripts, LocalServer
 from colony.runtime.library.ask import Ask
@@ -31,7 +32,6 @@ from colony.runtime.servers.cserver import Camera
 from colony.runtime.servers.data_methods import DataMethods, command
 from colony.runtime.servers.drivers import CameraDriver, Drivers
 from colony.runtime.servers.pserver import PServer
-from colony.runtime.servers.publishing import Fields
 from colony.runtime.servers.runtime_server import random_of_frame
 from colony.runtime.servers.semaphores import Semaphores
 from colony.runtime.servers.variables import Variables

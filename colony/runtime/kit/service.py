@@ -9,6 +9,7 @@ from typing import Any, NamedTuple, TypeVar
 import msgspec
 
 from colony.ir.types import Value
+from colony.runtime.frames.publishing import Fields, Publisher
 from colony.runtime.kit.description import Description, FieldDescription, MethodDescription, field_type
 from colony.runtime.protocol import calls, topics
 from colony.runtime.protocol.calls import Asked, CallDesk, Method, Nothing, Refused
@@ -24,7 +25,6 @@ from colony.runtime.protocol.messages import (
     ServerFrame,
     Tick,
 )
-from colony.runtime.servers.publishing import Fields, Publisher
 
 A = TypeVar("A", bound=msgspec.Struct)
 

@@ -4,15 +4,15 @@ from __future__ import annotations
 
 import math
 
-from colony.runtime.arbitration.motion import STILL, Seen, Speeds
+from colony.runtime.arbitration.motion import STILL, OdometerPose, Seen, Speeds
+from colony.runtime.frames.publishing import Fields
 from colony.runtime.library import robot
 from colony.runtime.protocol.calls import Asked, Method, Nothing, Refused, method
 from colony.runtime.protocol.fields import RSERVER
 from colony.runtime.protocol.messages import Sample
 from colony.runtime.servers.drivers import BaseDriver, BaseLimits, BaseState
 from colony.runtime.servers.piloting import Bumper
-from colony.runtime.servers.publishing import Fields
-from colony.runtime.servers.virtual_position import Odometer, OdometerPose
+from colony.runtime.servers.virtual_position import Odometer
 
 FARTHEST_MM = 1e7
 """Largest x and y of a position that a call may set: 10 km. With much larger numbers a step of dead reckoning

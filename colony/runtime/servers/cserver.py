@@ -12,6 +12,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator
 
 from colony.runtime.arbitration.locks import LockQueue
+from colony.runtime.frames.publishing import FRAMES_KEPT, Publisher
 from colony.runtime.library.camera import GrabRows, ImageSize, LockImage, SetPeriod
 from colony.runtime.protocol.calls import (
     LATER,
@@ -25,6 +26,7 @@ from colony.runtime.protocol.calls import (
 )
 from colony.runtime.protocol.codec import LARGEST
 from colony.runtime.protocol.connections import Caller
+from colony.runtime.protocol.images import Image, Shot
 from colony.runtime.protocol.messages import (
     Alive,
     Call,
@@ -38,8 +40,6 @@ from colony.runtime.protocol.messages import (
     WakeAt,
 )
 from colony.runtime.servers.drivers import CameraDriver
-from colony.runtime.servers.images import Image, Shot
-from colony.runtime.servers.publishing import FRAMES_KEPT, Publisher
 
 CSERVER = "CServer"
 """The name of the only camera; where there are several, what their names begin with."""

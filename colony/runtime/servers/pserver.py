@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable
 
+from colony.runtime.frames.publishing import FRAMES_KEPT, Fields, Publisher
 from colony.runtime.library.proximity import InfraredReading, SetTimeouts, SonarReading
 from colony.runtime.protocol.calls import Asked, CallDesk, Nothing, Refused, method
 from colony.runtime.protocol.fields import PROXIMITY_SENSORS, PSERVER
@@ -21,7 +22,6 @@ from colony.runtime.protocol.messages import (
     Wake,
 )
 from colony.runtime.servers.drivers import ProximityDriver
-from colony.runtime.servers.publishing import FRAMES_KEPT, Fields, Publisher
 
 
 class PServer(QuietNode):

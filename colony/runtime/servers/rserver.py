@@ -18,12 +18,14 @@ from colony.ir.types import ScalarValue
 from colony.runtime.arbitration.arbiter import Dispatch, timing
 from colony.runtime.arbitration.motion import Seen, Speeds
 from colony.runtime.arbitration.stop_latch import StopFollower
+from colony.runtime.frames.publishing import FRAMES_KEPT, Fields, Publisher
 from colony.runtime.library import robot
 from colony.runtime.protocol import topics
 from colony.runtime.protocol.calls import Asked, CallDesk, Method, Nothing, Refused, method
 from colony.runtime.protocol.connections import Caller
 from colony.runtime.protocol.deployment import DEPLOYMENT_BYTES, ActuatorTable, Deployment
 from colony.runtime.protocol.fields import RSERVER
+from colony.runtime.protocol.leadership import Leadership
 from colony.runtime.protocol.messages import (
     Alive,
     Call,
@@ -41,9 +43,7 @@ from colony.runtime.servers.base import Base
 from colony.runtime.servers.base_actuator import base_actuator, misfit, speeds_of
 from colony.runtime.servers.commanding import ActuatorCounts, CommandDesk
 from colony.runtime.servers.drivers import BaseDriver
-from colony.runtime.servers.leadership import Leadership
 from colony.runtime.servers.piloting import Bumper, Pilot
-from colony.runtime.servers.publishing import FRAMES_KEPT, Fields, Publisher
 
 WATCHDOG_FRAMES = 2
 

@@ -5,10 +5,12 @@ from __future__ import annotations
 from collections.abc import Iterable
 from hashlib import blake2b
 
+from colony.runtime.frames.publishing import FRAMES_KEPT, Fields, Publisher
 from colony.runtime.protocol.calls import Asked, CallDesk, method
 from colony.runtime.protocol.connections import Caller
 from colony.runtime.protocol.deployment import DEPLOYMENT_BYTES, Deployment
 from colony.runtime.protocol.fields import RUNTIME
+from colony.runtime.protocol.leadership import Leadership
 from colony.runtime.protocol.messages import (
     Alive,
     Call,
@@ -21,8 +23,6 @@ from colony.runtime.protocol.messages import (
     Tick,
     Wake,
 )
-from colony.runtime.servers.leadership import Leadership
-from colony.runtime.servers.publishing import FRAMES_KEPT, Fields, Publisher
 
 
 class RuntimeServer(QuietNode):

@@ -36,7 +36,7 @@ from colony.runtime.kit.script import Script, Step, do, sleep
 from colony.runtime.library import camera as library
 from colony.runtime.library import data, robot
 from colony.runtime.library.robot import Position
-from colony.runtime.servers.images import Image
+from colony.runtime.protocol.images import Image
 from colony.vision.level_camera import AHEAD, LevelCamera
 from colony.vision.level_looks import made_ready
 from colony.vision.lights.looks import SILENT

@@ -34,7 +34,7 @@ from colony.runtime.library import camera as cameras
 from colony.runtime.library import data, proximity, robot
 from colony.runtime.library.ask import Ask
 from colony.runtime.library.robot import Position
-from colony.runtime.servers.images import Image
+from colony.runtime.protocol.images import Image
 from colony.vision.gray_images import gray_image
 from colony.vision.level_camera import SIDE, LevelCamera
 from colony.vision.level_looks import made_ready

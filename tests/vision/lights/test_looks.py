@@ -9,7 +9,7 @@ import pytest
 from colony.runtime.kit.errors import CallRefused, TimedOut
 from colony.runtime.kit.script import Do, Step
 from colony.runtime.library import camera
-from colony.runtime.servers.images import Image
+from colony.runtime.protocol.images import Image
 from colony.vision.lights.ceiling_camera import UPWARD
 from colony.vision.lights.looks import Look, cameras_looker
 from colony.vision.lights.tracker import light_tracker
