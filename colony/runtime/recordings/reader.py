@@ -27,11 +27,8 @@ MAGIC = b"\x89MCAP0\r\n"
 BREAKS_OFF = "it breaks off in the middle of a frame"
 
 
-class LinesReader:
-    """A recording in JSON lines. Mutable: how far it was read.
-
-    `name` is what messages call it. It does not tell of which run it is.
-    """
+class _Lines:
+    """A file of JSON lines. Mutable: how far it was read."""
 
     run = None
 
@@ -40,6 +37,17 @@ class LinesReader:
         self._name = name
         self.cut: str | None = None
         self.damaged = False
+
+    def _end(self, rows: Rows) -> None:
+        self.damaged = rows.damaged
+        self.cut = BREAKS_OFF if rows.broken_off else None
+
+
+class LinesReader(_Lines):
+    """A recording in JSON lines. Mutable: how far it was read.
+
+    `name` is what messages call it. It does not tell of which run it is.
+    """
 
     def frames(self, program: Program) -> Iterator[RecordedFrame]:
         """Its frames, as frames of `program`.
@@ -62,8 +70,7 @@ class LinesReader:
                 message = f"what is recorded is no decision of this program: {problem}"
                 raise Failure([located("A004", self._name, row.number, row.text, 0, message)]) from None
             yield recorded
-        self.damaged = rows.damaged
-        self.cut = BREAKS_OFF if rows.broken_off else None
+        self._end(rows)
 
     def _bounded(self) -> Iterator[bytes]:
         try:
@@ -73,18 +80,10 @@ class LinesReader:
             raise Failure([error("A001", Span(Source(self._name, ""), 0, 0), message)]) from None
 
 
-class FramesReader:
+class FramesReader(_Lines):
     """Frames in JSON lines, of a recording or of whatever wrote them: what they say of actuators is passed
     over. Mutable: how far they were read.
     """
-
-    run = None
-
-    def __init__(self, file: BinaryIO, name: str) -> None:
-        self._file = file
-        self._name = name
-        self.cut: str | None = None
-        self.damaged = False
 
     def frames(self, program: Program) -> Iterator[RecordedFrame]:
         """Return them, as frames of `program`, without verdicts.
@@ -104,8 +103,7 @@ class FramesReader:
                 keyframe=read_keyframe(row.values.get("@keyframe")),
                 damaged=row.damaged,
             )
-        self.damaged = rows.damaged
-        self.cut = BREAKS_OFF if rows.broken_off else None
+        self._end(rows)
 
 
 _UNKNOWN = -1
