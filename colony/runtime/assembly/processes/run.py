@@ -102,7 +102,7 @@ class LedRun:
             self._children.start(job)
 
     def hold(self, values: Mapping[str, Value]) -> None:
-        """Hold these variables of DServer for as long as the run goes on."""
+        """Hold these variables of a DServer that runs already, from `follow` on to the end of the run."""
         self._held = values
 
     def pid(self, name: str) -> int | None:
