@@ -1,7 +1,8 @@
 """CTracker: counts the ceiling lights that the robot passes, and keeps its place along the corridor right
 (thesis sections 5.6 and 5.8).
 
-It waits for $TrackData, reads the lights to come from LightOffset, and looks at the ceiling every `period_s`.
+It waits for $TrackData, reads the lights to come from LightOffset, and looks at the ceiling twice a second or
+more often.
 CeilingLight is how many lights were passed; at each, $LightDet is upped. After the last one Overshoot is how
 far beyond it the robot is, and $EndLMode is upped. A tracker that is started anew goes on where one before
 it was ended (`track_goals.py`). Lights are given up where the robot has a goal of another kind meanwhile,
@@ -52,7 +53,7 @@ from colony.vision.lights.track_goals import (
     take_goal,
     unfinished_goal,
 )
-from colony.vision.periods import PERIOD_S, THESIS_PERIOD_S, period_of
+from colony.vision.periods import PERIOD_S, THESIS_PERIOD_S
 
 ASK_AGAIN_S = 1.0
 """How often it is asked, while tracking, whether there is a new goal in place of the present one."""
@@ -73,7 +74,6 @@ def light_tracker(
     *,
     cameras: Sequence[str] = ("CServerUp",),
     geometry: CeilingCamera | Sequence[CeilingCamera] = UPWARD,
-    period_s: float | None = None,
     thesis: bool = False,
 ) -> Script:
     """CTracker, which looks at its cameras itself.
@@ -81,17 +81,16 @@ def light_tracker(
     Args:
         cameras: without any, lights are passed by the position alone.
         geometry: of all cameras, or of each.
-        period_s: from one look at the ceiling to the next; 0.25 unless told, 0.5 as printed.
         thesis: count as printed, and tell no fix.
 
     Raises:
-        ValueError: there is not a geometry for each camera, or no period; later, in the script: the variables
-            of a goal are not what the Planner should have set.
+        ValueError: there is not a geometry for each camera; later, in the script: the variables of a goal are
+            not what the Planner should have set.
     """
     geometries = (geometry,) * len(cameras) if isinstance(geometry, CeilingCamera) else tuple(geometry)
     if len(geometries) != len(cameras):
         raise ValueError(f"{len(cameras)} cameras with {len(geometries)} geometries; expected one for each")
-    period = period_of(period_s, THESIS_PERIOD_S if thesis else PERIOD_S)
+    period = THESIS_PERIOD_S if thesis else PERIOD_S
     return _tracker(cameras_looker(cameras, geometries), cameras, period, thesis)
 
 
