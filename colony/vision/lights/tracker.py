@@ -2,11 +2,10 @@
 (thesis sections 5.6 and 5.8).
 
 It waits for $TrackData, reads the lights to come from LightOffset, and looks at the ceiling twice a second or
-more often.
-CeilingLight is how many lights were passed; at each, $LightDet is upped. After the last one Overshoot is how
-far beyond it the robot is, and $EndLMode is upped. A tracker that is started anew goes on where one before
-it was ended (`track_goals.py`). Lights are given up where the robot has a goal of another kind meanwhile,
-from another Planner.
+more often. CeilingLight is how many lights were passed; at each, $LightDet is upped. After the last one
+Overshoot is how far beyond it the robot is, and $EndLMode is upped. A tracker that is started anew goes on
+where one before it was ended (`track_goals.py`). Lights are given up where the robot has a goal of another
+kind meanwhile, from another Planner.
 
 The map knows the place of a light to centimeters, so each valid light also tells where the robot is along the
 corridor, and its tilted edges the heading. That goes to the estimator of the pose as LightFix; the tracker
@@ -99,7 +98,7 @@ def _tracker(looker: Looker, cameras: Sequence[str], period_s: float, thesis: bo
     for name in (TRACK_DATA, LIGHT_DETECTED, END_L_MODE):
         yield from do("DServer", data.create_semaphore(name, 0))
     scale = Scale()
-    again = yield from new_goal(0.0)
+    again = yield from new_goal()
     left = None if again else (yield from unfinished_goal())
     while True:
         if left is None and not again:
@@ -142,7 +141,7 @@ class _Tracking:
         while True:
             now_ns = yield from sleep(wait_s)
             if self._is_time_to_ask(now_ns):
-                if (yield from new_goal(0.0)):
+                if (yield from new_goal()):
                     return True
                 if (yield from is_given_up()):
                     yield from give_up()
@@ -162,7 +161,7 @@ class _Tracking:
                 self._track, passing = self._track.passing(progress)
                 if passing is None:
                     break
-                if self._track.done and (yield from new_goal(0.0)):
+                if self._track.done and (yield from new_goal()):
                     return True  # whose Planner must not be told of the end of this one
                 yield from self._tell(passing)
             if self._track.done:
