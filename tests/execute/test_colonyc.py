@@ -55,7 +55,6 @@ def test_a_behavior_comes_back_with_its_sources_and_places(path: Path) -> None:
     assert repr(replace(back, code=None)) == repr(replace(compiled, code=None))
     for name in ("ops", "kinds", "decided", "cells", "names", "places", "contracts", "sensors"):
         assert repr(getattr(back.code, name)) == repr(getattr(compiled.code, name)), name
-    assert back.source_hash == compiled.source_hash
     assert encode(back) == encode(compiled)
     for mine, theirs in zip(compiled.robot.sensors, back.robot.sensors, strict=True):
         assert (theirs.span.text, theirs.span.start) == (mine.span.text, mine.span.start)

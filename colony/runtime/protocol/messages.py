@@ -338,6 +338,17 @@ class Node(Protocol):
         ...
 
 
+class QuietNode:
+    """What is alike in nodes that wait for messages and hold nothing outside their process."""
+
+    def start(self, now_ns: int) -> Iterable[Effect]:
+        """Do nothing."""
+        return ()
+
+    def close(self) -> None:
+        """Close nothing."""
+
+
 @runtime_checkable
 class Settling(Protocol):
     """A node with something to bring to rest before its effects may leave: a transport calls `settle` after
