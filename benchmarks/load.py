@@ -1,4 +1,4 @@
-"""How much processor time a robot of processes takes a frame, process by process, beside a floor of bare zenoh.
+"""Processor time that a robot of processes takes a frame, process by process, beside a floor of bare zenoh.
 
 `colony run --processes` drives a behavior in a simulated building, with recording and monitor on, by the wall
 clock. The floor is seven processes that exchange messages of the same number and size and do nothing else:

@@ -20,11 +20,11 @@ import numpy as np
 from benchmarks.arguments import whole_number
 from colony.experiment.behavior import behavior_of
 from colony.experiment.lists import PUBLISHED_MAP, published_list
-from colony.experiment.variants import CEILING_CAMERA, OURS, PLANNER
 from colony.nav.maps.building import Building
 from colony.nav.maps.stickrep.reader import load_map
 from colony.nav.plan.plan import Plan
 from colony.nav.plan.route import plan
+from colony.robots.variants import CEILING_CAMERA, OURS, PLANNER
 from colony.runtime.assembly.loop import Loop
 from colony.runtime.transport.virtual import VirtualClock
 from colony.sim.cameras.ceiling import CeilingCamera

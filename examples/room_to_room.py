@@ -15,9 +15,9 @@ from __future__ import annotations
 import argparse
 import sys
 
-from colony.experiment.live_mission import LiveMission
 from colony.nav.maps.building import load_building
 from colony.nav.plan.route import NoPlan, plan
+from colony.robots.live_mission import LiveMission
 from colony.runtime.kit.connection import Session
 from colony.runtime.kit.errors import ConnectionProblem
 from colony.text.diagnostics import Failure

@@ -10,7 +10,7 @@ from colony.runtime.assembly.virtual import VirtualSession
 from colony.runtime.kit.script import Script
 from colony.runtime.kit.script_node import ScriptNode
 from colony.runtime.observe.observer import Sink
-from colony.runtime.servers.images import Image
+from colony.runtime.protocol.images import Image
 from colony.runtime.transport.virtual import VirtualClock
 from colony.sim.drivers import Plant, SimulatedCamera, simulated_drivers
 from colony.sim.world.world import World

@@ -12,7 +12,7 @@ from colony.runtime.library import data
 from colony.runtime.library.ask import Ask
 from colony.runtime.protocol.calls import Asked, Handler
 from colony.runtime.protocol.connections import Caller
-from colony.runtime.servers.images import Shot
+from colony.runtime.protocol.images import Shot
 
 FRAME_NS = 50_000_000
 ASKED = Asked(Caller("local/test", "test", 0, "local"), 1)

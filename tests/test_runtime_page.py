@@ -14,7 +14,7 @@ import pytest
 from colony.dsl.load import check_text
 from colony.runtime.arbitration.arbiter import timing
 from colony.runtime.clients import client
-from colony.runtime.frames import assembler, clock, liveness
+from colony.runtime.frames import assembler, clock, liveness, publishing
 from colony.runtime.kit import connection, conversation
 from colony.runtime.kit.connection import Session
 from colony.runtime.kit.errors import CallRefused
@@ -28,7 +28,6 @@ from colony.runtime.servers import (
     data_calls,
     data_methods,
     dserver,
-    publishing,
     rserver,
     semaphores,
     showing,

@@ -11,8 +11,7 @@ from typing import TYPE_CHECKING, BinaryIO
 import click
 
 from colony.cli.exit_codes import EXIT_ERRORS
-from colony.cli.reporting import load_program, refuse, report, say
-from colony.cli.run.progress import PATIENCE_S
+from colony.cli.reporting import PATIENCE_S, load_program, refuse, report, say
 
 if TYPE_CHECKING:
     from colony.ir.program import Program

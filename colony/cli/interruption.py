@@ -7,8 +7,7 @@ import threading
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 
-from colony.cli.reporting import say
-from colony.cli.run.progress import PATIENCE_S
+from colony.cli.reporting import PATIENCE_S, say
 
 
 def signals_that_end() -> tuple[signal.Signals, ...]:

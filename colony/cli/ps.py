@@ -22,7 +22,7 @@ from colony.cli.reporting import printable
 from colony.robots.finding import running_robots, session_with
 
 if TYPE_CHECKING:
-    from colony.runtime.assembly.processes.state import RobotState, ServerState
+    from colony.runtime.kit.robot_state import RobotState, ServerState
     from colony.runtime.library.leader import RunStatus
 
 
@@ -50,7 +50,7 @@ def command(robot: str | None, connect: str | None, security: Path | None, forma
     with problems_told():
         states = _states(robot, connect, security)
     if format_ == "json":
-        from colony.runtime.assembly.processes.state import as_json
+        from colony.runtime.kit.robot_state import as_json
 
         click.echo(as_json(states))
     elif not states:
@@ -64,7 +64,7 @@ def command(robot: str | None, connect: str | None, security: Path | None, forma
 
 def _states(robot: str | None, connect: str | None, security: Path | None) -> list[RobotState]:
     expect_robot_with_endpoint(robot, connect)
-    from colony.runtime.assembly.processes.state import state_of
+    from colony.runtime.kit.robot_state import state_of
 
     names = [robot] if robot is not None else list(running_robots())
     if connect in (None, HERE):

@@ -30,6 +30,9 @@ format_option = click.option(
 )
 """How a command writes what it found: a `Format`, as `format_`."""
 
+PATIENCE_S = 1.5
+"""For how long someone at a terminal is left without a word."""
+
 _CONTROL = re.compile("[\0-\x08\x0b-\x1f\x7f-\x9f]")
 """Characters that a terminal acts on, but for tabs and ends of lines."""
 

@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-import time
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
 
@@ -15,18 +14,9 @@ from colony.cli.reporting import say
 from colony.files import read_file, reason
 
 if TYPE_CHECKING:
-    from colony.vision.image_files import Rgb
-    from colony.vision.spotting import Detector, Spot
+    from colony.vision.spotting import Look, Spot
 
 _DETECTORS = ("plates", "markers", "lights")
-
-
-class _Look(NamedTuple):
-    """What a detector found, and how long it took."""
-
-    detector: Detector
-    found: tuple[Spot, ...]
-    milliseconds: float
 
 
 @click.command("vision", short_help="show what the detectors see in a picture")
@@ -86,7 +76,7 @@ class _Report(NamedTuple):
 
     file: str
     size: tuple[int, int]
-    looks: tuple[_Look, ...]
+    looks: tuple[Look, ...]
     picture: Path
     error: str | None = None
 
@@ -119,7 +109,9 @@ def _drawn(file: str) -> Path:
 def _looked_at(file: str, picture: Path, chosen: Sequence[str], files: Sequence[str]) -> _Report:
     """Read, look, draw; what is wrong with the file is said."""
     from colony.vision.annotate import annotate, encode_png
+    from colony.vision.gray_images import gray_image
     from colony.vision.image_files import MOST_BYTES, BadImage, decode_image
+    from colony.vision.spotting import Detector, looks_at
 
     try:
         image = decode_image(read_file(file, MOST_BYTES))
@@ -128,26 +120,10 @@ def _looked_at(file: str, picture: Path, chosen: Sequence[str], files: Sequence[
         say(f"{file}: error: {why}")
         return _Report(file, (0, 0), (), picture, why)
     check_output(picture, files)
-    looks = tuple(_looks(image, chosen))
+    looks = tuple(looks_at(gray_image(image), frozenset(map(Detector, chosen))))
     found = [(look.detector, spot) for look in looks for spot in look.found]
     write_whole(picture, encode_png(annotate(image, found)))
     return _Report(file, (image.shape[1], image.shape[0]), looks, picture)
-
-
-def _looks(image: Rgb, chosen: Sequence[str]) -> Iterator[_Look]:
-    """What each detector finds. A ceiling has no plates and markers, and a wall no ceiling lights: these are
-    looked for where nothing else is seen."""
-    from colony.vision.gray_images import gray_image
-    from colony.vision.spotting import Detector, spots
-
-    gray, seen = gray_image(image), False
-    for detector in Detector:
-        if detector.value in chosen or (not chosen and not (detector is Detector.LIGHTS and seen)):
-            spots(detector, gray)  # loads what the detector needs, which is not its time
-            start = time.perf_counter()
-            found = spots(detector, gray)
-            yield _Look(detector, found, (time.perf_counter() - start) * 1e3)
-            seen = seen or bool(found)
 
 
 def _box(spot: Spot) -> tuple[float, float, float, float]:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any
@@ -64,7 +64,10 @@ class Compilation:
 def compile_program(program: Program, python: tuple[SourceFile, ...] = ()) -> Compilation:
     """Run all passes over a typed program. Near-linear in the size of its network."""
     with gc_paused():
-        network, suppression, traversal, clients = _results(PASSES, program)
+        results: list[Any] = [program]
+        for one in PASSES:
+            results.append(one(results[-1]))
+    _, network, suppression, traversal, clients = results
     return Compilation(
         program=program,
         network=network,
@@ -73,18 +76,3 @@ def compile_program(program: Program, python: tuple[SourceFile, ...] = ()) -> Co
         clients=clients,
         python=python,
     )
-
-
-def compile_network(network: Network) -> ClientList:
-    """Run the passes over a network that no program describes, such as one drawn by a property test."""
-    with gc_paused():
-        clients: ClientList = _results(PASSES[1:], network)[-1]
-    return clients
-
-
-def _results(passes: Iterable[Callable[[Any], Any]], given: object) -> list[Any]:
-    """Return what each pass gives, which is what the next one takes."""
-    results = [given]
-    for one in passes:
-        results.append(one(results[-1]))
-    return results[1:]

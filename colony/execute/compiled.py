@@ -6,7 +6,6 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from hashlib import sha256
 from typing import Literal
 
 from colony.execute.code import Code, ContractCode
@@ -68,12 +67,3 @@ class Compiled:
     def announced(self) -> tuple[str, ...]:
         """The modules in Python, in the order written: each runs in a process of its own."""
         return tuple(call.module for call in self.code.python)
-
-    @property
-    def source_hash(self) -> str:
-        """The SHA-256 of all sources with their places, in hexadecimal digits."""
-        found = sha256()
-        for source in self.sources:
-            for part in (source.kind.encode(), source.place.encode(), source.data):
-                found.update(len(part).to_bytes(8, "big") + part)
-        return found.hexdigest()

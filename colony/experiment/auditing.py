@@ -12,8 +12,8 @@ from dataclasses import dataclass
 from colony.experiment.behavior import behavior_of
 from colony.experiment.record import RunKey
 from colony.experiment.runs import Run, RunSpec
-from colony.experiment.variants import VARIANTS
 from colony.ir.frame import Frame, Outcome
+from colony.robots.variants import VARIANTS
 from colony.verify.reference.interpreter import Interpreter
 
 

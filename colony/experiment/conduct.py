@@ -14,14 +14,14 @@ from colony.experiment.parallel import Engine
 from colony.experiment.record import RunKey
 from colony.experiment.results import R, Results
 from colony.experiment.runs import RunSpec, building_at
-from colony.experiment.variants import CEILING_CAMERA, SIDE_CAMERA, VARIANTS, VariantName
 from colony.nav.pose.tracker import ALL, Source
+from colony.robots.variants import CEILING_CAMERA, SIDE_CAMERA, VARIANTS, VariantName
 from colony.sim.hazards.hazards import Hazard, Hazards
 
 _KINDS = (".py", ".npz")
 """Of files that results depend on: programs, and the weights of the reader."""
 
-_SOURCES = ("experiment", "nav", "runtime", "sim", "vision")
+_SOURCES = ("experiment", "nav", "robots", "runtime", "sim", "vision")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

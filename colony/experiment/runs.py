@@ -15,18 +15,18 @@ from types import MappingProxyType
 from typing import Protocol, TypeVar
 
 from colony.experiment.behavior import behavior_of
-from colony.experiment.expected import expected_s
 from colony.experiment.hazards_met import hazards_met
 from colony.experiment.lists import PUBLISHED
 from colony.experiment.record import Failure, RunKey, RunResult
-from colony.experiment.run_cameras import run_cameras
-from colony.experiment.variants import CEILING_CAMERA, PLANNER, VARIANTS, Variant
 from colony.experiment.watching import Watcher
 from colony.nav.confidence.published_runs import PUBLISHED_RUNS
 from colony.nav.maps.building import Building, load_building
 from colony.nav.plan.plan import Plan
 from colony.nav.plan.route import plan
 from colony.nav.pose.tracker import ALL, Source
+from colony.robots.expected import AT_GOAL_MM, expected_s
+from colony.robots.run_cameras import run_cameras
+from colony.robots.variants import CEILING_CAMERA, PLANNER, VARIANTS, Variant
 from colony.runtime.assembly.loop import Loop, Watch
 from colony.runtime.kit.script import Script
 from colony.runtime.kit.script_local import ScriptFailed
@@ -36,9 +36,6 @@ from colony.sim.hazards.hazards import Hazards
 from colony.sim.hazards.scenery import Scenery
 from colony.sim.world.operator import operator
 from colony.sim.world.site import Site
-
-AT_GOAL_MM = 1000.0
-"""A robot that is farther from the goal has not reached it, whatever it believes."""
 
 R_co = TypeVar("R_co", covariant=True)
 

@@ -1,4 +1,4 @@
-"""Studies: experiments that count something besides whether runs reached their goals.
+"""Studies: what is counted in the runs of a list, whether they reached their goals or something besides.
 
 Each has a list of runs in the published building, a run that gives a record of its own kind, a table of a
 file of results in which these are kept, and tables of Markdown. `colony experiment NAME` carries one out.
@@ -7,21 +7,25 @@ file of results in which these are kept, and tables of Markdown. `colony experim
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
+from functools import partial
 from typing import Any, Generic
 
-from colony.experiment.figures import Target
+from colony.experiment.confidence import event_table, path_table
+from colony.experiment.figures import Target, targets
 from colony.experiment.lights.results import LIGHT_TABLE, LightResult, light_tables, light_targets
 from colony.experiment.lights.run import run_with_witness
-from colony.experiment.lists import ListedRun, plate_list, published_list
+from colony.experiment.lists import PUBLISHED, ListedRun, plate_list, published_list
 from colony.experiment.plates.figures import plate_targets
 from colony.experiment.plates.record import PLATE_TABLE, PlateResult
 from colony.experiment.plates.run import run_with_finders
 from colony.experiment.plates.tables import plate_tables
-from colony.experiment.results import R, Table
-from colony.experiment.runs import RunSpec
+from colony.experiment.record import RunResult
+from colony.experiment.results import RUN_TABLE, R, Table
+from colony.experiment.runs import RunSpec, run
 from colony.experiment.sources.results import SOURCE_TABLE, SourceResult, source_tables, source_targets
 from colony.experiment.sources.run import run_with_sources, source_list
+from colony.experiment.tables import failure_table, table, target_table
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -37,6 +41,7 @@ class Study(Generic[R]):
         targets: what was promised.
         tables: all that there is to show, for a terminal and for pages.
         as_json: a record for programs.
+        has_own_variant: its runs are those of one robot, which are not drawn and not audited.
     """
 
     name: str
@@ -47,6 +52,7 @@ class Study(Generic[R]):
     targets: Callable[[Sequence[R]], tuple[Target, ...]]
     tables: Callable[[Sequence[ListedRun], Sequence[R]], list[str]]
     as_json: Callable[[R], dict[str, object]]
+    has_own_variant: bool = True
 
 
 def _json(result: PlateResult | LightResult | SourceResult, **found: object) -> dict[str, object]:
@@ -72,6 +78,54 @@ def _sources_json(result: SourceResult) -> dict[str, object]:
     }
     return _json(result, outcomes=outcomes)
 
+
+def _run_tables(runs: Sequence[ListedRun], results: Sequence[RunResult]) -> list[str]:
+    if not results:
+        return []
+    published = any(run.published is not None for run in runs)
+    tables = [table(runs, results), target_table(results, published=published)]
+    if failures := failure_table(results):
+        tables.append(failures)
+    return [*tables, event_table(results), path_table(results)] if published else tables
+
+
+def _run_json(result: RunResult) -> dict[str, object]:
+    return {
+        **result.key._asdict(),
+        "from": result.origin,
+        "to": result.goal,
+        "reached": result.reached,
+        "failure": result.failure,
+        "failed_mode": result.failed_mode,
+        "remark": result.remark,
+        "along_mm": result.along_mm,
+        "off_mm": result.off_mm,
+        "distance_mm": result.distance_mm,
+        "travelled_mm": result.travelled_mm,
+        "time_s": result.time_s,
+        "top_mm_s": result.top_mm_s,
+        "modes": {name: mode._asdict() for name, mode in zip("LCD", result.modes, strict=True)},
+        "lights": result.lights._asdict(),
+        "contacts": result.contacts._asdict(),
+        "hazards": result.hazards,
+    }
+
+
+THESIS = Study(
+    name=PUBLISHED,
+    runs=published_list,
+    seeds=25,
+    work=run,
+    table=RUN_TABLE,
+    targets=partial(targets, published=True),
+    tables=_run_tables,
+    as_json=_run_json,
+    has_own_variant=False,
+)
+"""The forty published runs: whether they reach their goals, how exactly and how fast."""
+
+OWN = replace(THESIS, name="own", seeds=1, targets=partial(targets, published=False))
+"""The same of any other list of runs."""
 
 PLATES = Study(
     name="plates",
@@ -109,4 +163,4 @@ SOURCES = Study(
 )
 """What each source of the pose is worth, along some of the published runs."""
 
-STUDIES: Mapping[str, Study[Any]] = {study.name: study for study in (PLATES, LIGHTS, SOURCES)}
+STUDIES: Mapping[str, Study[Any]] = {study.name: study for study in (THESIS, PLATES, LIGHTS, SOURCES)}

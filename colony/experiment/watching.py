@@ -5,11 +5,11 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 
-from colony.experiment.expected import PATIENCE
 from colony.experiment.record import MODES, Contacts, Failure, LightCount, Mode, ModeCount
 from colony.nav.maps.stickrep.model import Pose
 from colony.nav.plan.plan import Plan, Segment
 from colony.nav.shared import CEILING_LIGHT, GoalKind
+from colony.robots.expected import PATIENCE
 from colony.runtime.assembly.loop import Loop
 from colony.sim.world.world import World
 

@@ -8,14 +8,14 @@ from dataclasses import replace
 from typing import TYPE_CHECKING
 
 from colony.execute.compiled import Compiled
-from colony.experiment.expected import longest_ns
-from colony.experiment.variants import OURS
 from colony.nav.maps.stickrep.model import Map
 from colony.nav.maps.stickrep.reader import load_map
 from colony.nav.maps.walls import walls_of
 from colony.robots.driven_path import DrivenPath
+from colony.robots.expected import longest_ns
 from colony.robots.recording import RunRecording, is_mcap, recording_into
 from colony.robots.request import Attendant, Driven, Misuse, RunRequest
+from colony.robots.variants import OURS
 from colony.runtime.assembly.virtual import VirtualSession
 from colony.runtime.observe.observer import FrameLog
 from colony.runtime.observe.summary import Tally, Travel

@@ -5,11 +5,11 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 
-from colony.experiment.run_cameras import run_cameras
-from colony.experiment.runs import AT_GOAL_MM
-from colony.experiment.variants import CEILING_CAMERA, FRONT_CAMERA, OURS, PLANNER, SIDE_CAMERA
 from colony.nav.missions.goal_verification import Verdict
+from colony.robots.expected import AT_GOAL_MM
 from colony.robots.request import Arrival, RunRequest
+from colony.robots.run_cameras import run_cameras
+from colony.robots.variants import CEILING_CAMERA, FRONT_CAMERA, OURS, PLANNER, SIDE_CAMERA
 from colony.robots.way import TOLD_OF_PLATE, Way
 from colony.runtime.kit.script_node import ScriptNode
 from colony.runtime.protocol.fields import DSERVER, PSERVER, RSERVER

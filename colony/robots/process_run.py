@@ -34,7 +34,7 @@ from colony.runtime.transport.live.place import Local, Place
 from colony.runtime.transport.live.run_directory import in_run_directory
 
 if TYPE_CHECKING:  # planning and leading are not for every run
-    from colony.experiment.live_mission import LiveMission
+    from colony.robots.live_mission import LiveMission
     from colony.robots.way import Way
 
 PLANT_S = 120.0
@@ -58,7 +58,7 @@ def run_here(compiled: Compiled, place: Local, request: RunRequest, attendant: A
     run = _Run(compiled, place, request, attendant, way)
     looking = dict(request.cameras)
     if way is not None:
-        from colony.experiment.variants import CEILING_CAMERA
+        from colony.robots.variants import CEILING_CAMERA
 
         looking = {CEILING_CAMERA: "up", **looking}
     building = load_map(request.map_path)
@@ -208,7 +208,7 @@ class _Run:
         """Lead it to its end, or to that of its way; whether it was interrupted before."""
         if self._way is None:
             return not led.follow(self.stop, meanwhile=meanwhile)
-        from colony.experiment.live_mission import LiveMission
+        from colony.robots.live_mission import LiveMission
 
         way, operator = self._way, None
         if len(way.plan.floors) > 1:

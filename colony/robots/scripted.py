@@ -17,15 +17,25 @@ from colony.ir.program import Robot, in_declared_units
 from colony.ir.types import ScalarValue
 from colony.runtime.arbitration.arbiter import Dispatch, timing
 from colony.runtime.assembly.virtual import Builders, VirtualRobot
+from colony.runtime.frames.publishing import Fields, Publisher
 from colony.runtime.observe.observer import FrameLog
 from colony.runtime.protocol import topics
 from colony.runtime.protocol.bindings import ActuatorBinding, Bindings, SensorBinding
 from colony.runtime.protocol.deployment import ActuatorTable, Deployment, commanded_by
 from colony.runtime.protocol.fields import DSERVER
-from colony.runtime.protocol.messages import Effect, Fetch, Message, Node, Request, Sample, Tick, Wake
+from colony.runtime.protocol.messages import (
+    Effect,
+    Fetch,
+    Message,
+    Node,
+    QuietNode,
+    Request,
+    Sample,
+    Tick,
+    Wake,
+)
 from colony.runtime.servers.commanding import CommandDesk
 from colony.runtime.servers.dserver import DServer
-from colony.runtime.servers.publishing import Fields, Publisher
 from colony.runtime.store.store import MemoryStore
 from colony.runtime.transport.virtual import Link, VirtualClock, perfect
 
@@ -46,7 +56,7 @@ class Sent(NamedTuple):
     fault: str | None
 
 
-class SensorServer:
+class SensorServer(QuietNode):
     """Publishes some of the sensors, as they are given."""
 
     def __init__(self, address: str, readings: Readings, names: tuple[str, ...], keep: int) -> None:
@@ -56,15 +66,9 @@ class SensorServer:
         self._publisher = Publisher(address, self._read, keep=keep)
         self.listens = self._publisher.listens
 
-    def start(self, now_ns: int) -> tuple[Effect, ...]:
-        return ()
-
     def handle(self, message: Message, now_ns: int) -> Iterator[Effect]:
         if isinstance(message, (Tick, Fetch)):
             yield from self._publisher.handle(message)
-
-    def close(self) -> None:
-        """It holds nothing."""
 
     def _read(self, tick: Tick) -> Fields:
         readings, fields = self._readings(tick), {}
@@ -75,7 +79,7 @@ class SensorServer:
         return fields
 
 
-class Actor:
+class Actor(QuietNode):
     """Takes the commands of every actuator, arbitrates, and notes in `sent` what leaves."""
 
     address = ACTING
@@ -87,9 +91,6 @@ class Actor:
         self._desk = CommandDesk(commanded, timing(deployed.frame_ns), lambda *_: None, told=self._told)
         self._sent = sent
         self.listens = (*self._publisher.listens, topics.requests(ACTING))
-
-    def start(self, now_ns: int) -> tuple[Effect, ...]:
-        return ()
 
     def handle(self, message: Message, now_ns: int) -> Iterator[Effect]:
         match message:
@@ -107,9 +108,6 @@ class Actor:
                 yield from self._desk.wake(now_ns)
             case _:
                 pass
-
-    def close(self) -> None:
-        """It holds nothing."""
 
     def _told(self, actuator: ActuatorTable, dispatch: Dispatch, now_ns: int) -> None:
         values = in_declared_units(dispatch.values, actuator.fields)

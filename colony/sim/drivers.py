@@ -8,9 +8,9 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 
+from colony.runtime.protocol.images import Image, Shot
 from colony.runtime.protocol.messages import Sample
 from colony.runtime.servers.drivers import BaseState, CameraDriver, Drivers
-from colony.runtime.servers.images import Image, Shot
 from colony.sim.compiled import Bytes2
 from colony.sim.config import limits_of
 from colony.sim.world.world import MAX_STEP_S, World

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from colony.runtime.servers.images import Image
+from colony.runtime.protocol.images import Image
 from colony.sim.cameras.camera import Camera
 from colony.sim.cameras.ceiling import CeilingCamera
 from colony.sim.drivers import image_of

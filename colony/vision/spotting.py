@@ -7,7 +7,8 @@ the camera that looks up. Large images are made smaller for it; places are told 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+import time
+from collections.abc import Callable, Iterator, Set
 from enum import StrEnum
 from typing import NamedTuple
 
@@ -45,6 +46,28 @@ class Spot(NamedTuple):
     label: str
     confidence: float | None
     label_confidence: float | None
+
+
+class Look(NamedTuple):
+    """What a detector found, and how long it took."""
+
+    detector: Detector
+    found: tuple[Spot, ...]
+    milliseconds: float
+
+
+def looks_at(image: Gray, chosen: Set[Detector]) -> Iterator[Look]:
+    """Look with the detectors that are chosen, or where none is with all that make sense: a ceiling has no
+    plates and markers, and a wall no ceiling lights, so these are looked for where nothing else is seen."""
+    seen = False
+    for detector in Detector:
+        if detector not in chosen if chosen else detector is Detector.LIGHTS and seen:
+            continue
+        spots(detector, image)  # loads what the detector needs, which is not its time
+        start = time.perf_counter()
+        found = spots(detector, image)
+        yield Look(detector, found, (time.perf_counter() - start) * 1e3)
+        seen = seen or bool(found)
 
 
 def spots(detector: Detector, image: Gray) -> tuple[Spot, ...]:

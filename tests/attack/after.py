@@ -5,8 +5,8 @@ from __future__ import annotations
 import time
 from typing import NamedTuple
 
-from colony.runtime.assembly.processes.state import STATUS
 from colony.runtime.kit.connection import Session
+from colony.runtime.library.ask import STATUS
 from colony.runtime.transport.live.errors import NotReached
 from tests.attack.lab import Lab, memory_mb
 

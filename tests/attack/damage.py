@@ -119,8 +119,8 @@ def flips(data: bytes, name: str, *, trials: int, seed: int) -> Flips:
 # --- bombs -----------------------------------------------------------------------------------------
 
 
-def bombs(recording: bytes, *, most: int = 1 << 32) -> Iterator[tuple[str, str, bytes]]:
-    """Yield recordings that are small and unpack to much, up to `most` bytes: what they are, a name, and what
+def bombs(recording: bytes) -> Iterator[tuple[str, str, bytes]]:
+    """Yield recordings that are small and unpack to much, up to 4 GiB: what they are, a name, and what
     they hold."""
     first = recording.index(b"zstd", recording.index(b"zstd") + 1) - 41  # the first chunk with frames
     for compression in ("zstd", "lz4"):
@@ -210,9 +210,9 @@ def cost(*arguments: str, patience_s: float = 120.0) -> Cost:
     return Cost(float(seconds), float(megabytes), int(code), said.strip())
 
 
-def costs(folder: Path, recording: bytes, *, most: int = 1 << 32) -> Iterator[tuple[str, str, int, Cost]]:
+def costs(folder: Path, recording: bytes) -> Iterator[tuple[str, str, int, Cost]]:
     """Yield of each bomb and command that reads it: what it is, the command, its bytes, and what it took."""
-    for what, name, data in bombs(recording, most=most):
+    for what, name, data in bombs(recording):
         path = folder / name
         path.write_bytes(data)
         yield what, "audit", len(data), cost("audit", str(path), str(BEHAVIOR))

@@ -6,7 +6,6 @@ import contextlib
 import socket
 import ssl
 import threading
-from types import TracebackType
 
 
 class HalfOpen:
@@ -53,9 +52,7 @@ class HalfOpen:
     def __enter__(self) -> HalfOpen:
         return self
 
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
+    def __exit__(self, *raised: object) -> None:
         self.rest()
         for made in self._sockets:
             made.close()

@@ -10,10 +10,10 @@ from typing import NamedTuple
 import msgspec
 import zenoh
 
-from colony.runtime.assembly.processes.state import STATUS
 from colony.runtime.kit.connection import Session
 from colony.runtime.kit.emergency import StopButton
 from colony.runtime.library import clock, data
+from colony.runtime.library.ask import STATUS
 from colony.runtime.protocol.calls import Open
 from colony.runtime.protocol.codec import LARGEST, VERSION
 from colony.runtime.protocol.messages import (

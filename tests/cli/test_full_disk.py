@@ -13,10 +13,10 @@ from pathlib import Path
 
 import pytest
 
-from colony.runtime.assembly.processes.state import STATUS
 from colony.runtime.kit.connection import Connection, Session
 from colony.runtime.kit.errors import CallRefused, ConnectionProblem
 from colony.runtime.library import data
+from colony.runtime.library.ask import STATUS
 from colony.runtime.transport.live.run_directory import RobotDirectory, RunDirectory
 from tests.cli.conftest import Colony
 from tests.cli.machine import MAP, ROBOT, WANDER, Machine, Started, until

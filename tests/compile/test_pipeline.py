@@ -8,7 +8,7 @@ from colony.compile.passes.elaborate import elaborate
 from colony.compile.passes.eliminate_inhibition import eliminate_inhibition
 from colony.compile.passes.forward_traversal import forward_traversal
 from colony.compile.passes.simplify import simplify
-from colony.compile.pipeline import PASSES, compile_network, compile_program
+from colony.compile.pipeline import PASSES, compile_program
 from tests.networks import chain, ladder, random_program
 
 
@@ -19,11 +19,6 @@ def test_each_pass_takes_what_the_one_before_it_gave(program) -> None:
     assert compilation.suppression == eliminate_inhibition(compilation.network)
     assert compilation.traversal == forward_traversal(compilation.suppression)
     assert compilation.clients == simplify(compilation.traversal)
-
-
-def test_a_network_without_a_program_compiles_to_the_same() -> None:
-    program = random_program(30, seed=5)
-    assert compile_network(elaborate(program)) == compile_program(program).clients
 
 
 def test_each_pass_is_named_for_its_file() -> None:

@@ -55,7 +55,6 @@ def test_a_behavior_comes_back_with_its_sources_and_places(path: Path) -> None:
     assert repr(replace(back, code=None)) == repr(replace(compiled, code=None))
     for name in ("ops", "kinds", "decided", "cells", "names", "places", "contracts", "sensors"):
         assert repr(getattr(back.code, name)) == repr(getattr(compiled.code, name)), name
-    assert back.source_hash == compiled.source_hash
     assert encode(back) == encode(compiled)
     for mine, theirs in zip(compiled.robot.sensors, back.robot.sensors, strict=True):
         assert (theirs.span.text, theirs.span.start) == (mine.span.text, mine.span.start)
@@ -81,7 +80,7 @@ def test_a_program_that_was_sent_does_what_the_reference_does(data: st.DataObjec
 
 # --- version -----------------------------------------------------------------------------------------
 
-SHAPES = {1: "57c8cea84ef54f5c"}
+SHAPES = {1: "aa5fcd419d70bc68"}
 """For each version of the format, the digest of the data classes that it is made of."""
 
 

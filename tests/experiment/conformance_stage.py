@@ -11,7 +11,7 @@ from colony.ir.frame import Decision, Frame, Outcome
 from colony.ir.program import in_declared_units
 from colony.runtime.kit.script import Script
 from colony.runtime.observe.observer import FrameLog
-from colony.runtime.servers.images import Image
+from colony.runtime.protocol.images import Image
 from colony.sim.world.world import World
 from tests.among_servers import FRAME_NS, run_among_servers
 from tests.experiment.loops import loop_of

@@ -8,7 +8,7 @@ from colony.experiment.behavior import Behavior
 from colony.ir.types import Value
 from colony.runtime.assembly.loop import Loop, Watch
 from colony.runtime.kit.script import Script
-from colony.runtime.servers.images import Shot
+from colony.runtime.protocol.images import Shot
 from colony.runtime.transport.virtual import VirtualClock
 from colony.sim.drivers import Plant, SimulatedCamera, simulated_drivers
 from colony.sim.world.world import World

@@ -6,7 +6,7 @@ from pathlib import Path
 
 from colony.experiment.record import RunKey
 from colony.experiment.runs import Run, RunSpec
-from colony.experiment.variants import CEILING_CAMERA, FRONT_CAMERA
+from colony.robots.variants import CEILING_CAMERA, FRONT_CAMERA
 from colony.sim.hazards.hazards import Hazards
 from tests.nav.floors import two_floors
 

@@ -6,11 +6,10 @@ import math
 from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
 
 import pytest
 
-from colony.experiment import auditing, runs, variants
+from colony.experiment import auditing
 from colony.experiment.auditing import audit, audited
 from colony.experiment.behavior import behavior_of
 from colony.experiment.conduct import Experiment, conduct, conduct_audit, of_experiment
@@ -19,12 +18,9 @@ from colony.experiment.parallel import PoolEngine, SerialEngine
 from colony.experiment.record import LightCount, ModeCount, RunKey, RunResult
 from colony.experiment.results import RUN_TABLE, Results
 from colony.experiment.runs import Run, RunSpec, chance_of, run
-from colony.experiment.variants import OURS, SIDE_CAMERA, Variant
 from colony.ir.frame import Decision, Frame, Outcome
-from colony.nav.maps.building import Building
-from colony.nav.plan.plan import Plan
-from colony.nav.plan.planner import OnSegment
 from colony.nav.pose.tracker import ALL, Source
+from colony.robots.variants import OURS, SIDE_CAMERA, Variant
 from colony.runtime.kit.script import Script, do, sleep
 from colony.runtime.library import robot
 from colony.sim.hazards.hazards import Hazard, Hazards
@@ -99,20 +95,11 @@ def test_overshoots_are_compensated_in_the_later_ones_of_the_published_runs(
 ) -> None:
     told: list[bool] = []
 
-    class Told(Variant):
-        def scripts(
-            self,
-            plan: Plan,
-            building: Building,
-            on_segment: OnSegment | None = None,
-            *,
-            compensate: bool = True,
-            **more: Any,
-        ) -> Mapping[str, Script]:
-            told.append(compensate)
-            return {}
+    def scripts(*rest: object, compensate: bool, **more: object) -> Mapping[str, Script]:
+        told.append(compensate)
+        return {}
 
-    monkeypatch.setattr(runs, "VARIANTS", {"ours": Told(name="ours", behavior=OURS.behavior, mm_s=1.0)})
+    monkeypatch.setattr(Variant, "scripts", scripts)
     for number in (26, 27):  # of December 21 and January 5
         Run(_spec(number)).close()
     Run(_short()).close()  # of no date
@@ -124,22 +111,8 @@ def test_overshoots_are_compensated_in_the_later_ones_of_the_published_runs(
 
 def _with_scripts(monkeypatch: pytest.MonkeyPatch, **others: Script) -> None:
     """Let some of the scripts be others."""
-
-    class Other(Variant):
-        def scripts(
-            self,
-            plan: Plan,
-            building: Building,
-            on_segment: OnSegment | None = None,
-            *,
-            compensate: bool = True,
-            **more: Any,
-        ) -> Mapping[str, Script]:
-            return {**OURS.scripts(plan, building, on_segment, compensate=compensate, **more), **others}
-
-    other = Other(name="ours", behavior=OURS.behavior, mm_s=OURS.mm_s)
-    monkeypatch.setattr(variants, "VARIANTS", {"ours": other})
-    monkeypatch.setattr(runs, "VARIANTS", {"ours": other})
+    scripts = Variant.scripts
+    monkeypatch.setattr(Variant, "scripts", lambda *args, **more: {**scripts(*args, **more), **others})
 
 
 def _idle() -> Script:

@@ -32,7 +32,7 @@ RUNTIME_TESTS = (
     *("observe/test_observer", "observe/test_monitor", "transport/test_virtual"),
     *("assembly/test_virtual", "assembly/test_virtual_faults", "kit/test_own_servers"),
     *("servers/test_rserver", "servers/test_rserver_calls", "servers/test_rserver_faults"),
-    "servers/test_publishing",
+    "frames/test_publishing",
 )
 
 TESTS: tuple[str, ...] = (

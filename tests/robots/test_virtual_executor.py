@@ -18,13 +18,13 @@ from colony.robots.faults import with_faults
 from colony.robots.virtual_executor import VirtualExecutor
 from colony.runtime.arbitration.arbiter import Arbiter
 from colony.runtime.frames.assembler import Assembled, FrameAssembler
-from colony.runtime.servers.publishing import Publisher
 from colony.verify.testing.agreement import disagreement, reference
 from colony.verify.testing.drawing import Choices
 from colony.verify.testing.frames import draw_trace
 from colony.verify.testing.strategies import run_of_seed
 from tests.paths import ROOT
 from tests.programs import program
+from tests.runtime.assembly.test_loss_policy import frames_invented
 
 RUNTIME = {"runtime": VirtualExecutor}
 
@@ -135,18 +135,6 @@ def frames_skipped(patch: pytest.MonkeyPatch) -> None:
         return effects
 
     patch.setattr(FrameAssembler, "take", wrong)
-
-
-def frames_invented(patch: pytest.MonkeyPatch) -> None:
-    """A server that was started anew says "no value" for frames that the dead one may have published."""
-    handle = Publisher.handle
-
-    def wrong(self: Publisher, message: object) -> object:
-        if self._since is not None:
-            self._forgotten = -1
-        return handle(self, message)  # type: ignore[arg-type]
-
-    patch.setattr(Publisher, "handle", wrong)
 
 
 @pytest.mark.parametrize("bug", [epochs_ignored, frames_skipped, frames_invented])

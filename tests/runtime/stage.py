@@ -10,6 +10,7 @@ from colony.ir.program import Program
 from colony.ir.types import ScalarValue
 from colony.runtime.arbitration.arbiter import Timing
 from colony.runtime.assembly.nodes import build_announcer, build_client, build_observer
+from colony.runtime.frames.publishing import Fields, Publisher
 from colony.runtime.protocol import topics
 from colony.runtime.protocol.bindings import ActuatorBinding, Bindings, SensorBinding
 from colony.runtime.protocol.deployment import ActuatorTable, commanded_by, deployment
@@ -20,6 +21,7 @@ from colony.runtime.protocol.messages import (
     Fetch,
     Message,
     Node,
+    QuietNode,
     Request,
     Sample,
     Send,
@@ -28,7 +30,6 @@ from colony.runtime.protocol.messages import (
     WakeAt,
 )
 from colony.runtime.servers.commanding import CommandDesk
-from colony.runtime.servers.publishing import Fields, Publisher
 from colony.runtime.servers.relaying import ActivityRelay
 from colony.runtime.transport.virtual import Link, VirtualClock, VirtualTransport, perfect
 from tests.runtime.scripted import Log
@@ -37,7 +38,7 @@ TIMES = Timing(deadline_ns=40_000_000, grace_ns=5_000_000)
 SERVER = DSERVER.name
 
 
-class TraceClock:
+class TraceClock(QuietNode):
     """Ticks at the times of a trace."""
 
     address = topics.CLOCK
@@ -59,11 +60,8 @@ class TraceClock:
             if self._k < len(self._ticks):
                 yield WakeAt(self._ticks[self._k].t_ns)
 
-    def close(self) -> None:
-        pass
 
-
-class TraceServer:
+class TraceServer(QuietNode):
     """Has every sensor of the trace as a field, and takes the commands of every actuator."""
 
     address = SERVER
@@ -78,9 +76,6 @@ class TraceServer:
         self.performed: list[tuple[int, str, tuple[ScalarValue, ...]]] = []
         listens = (*self._publisher.listens, *self._relay.listens, topics.requests(SERVER))
         self.listens = tuple(dict.fromkeys(listens))
-
-    def start(self, now_ns: int) -> Iterable[Effect]:
-        return ()
 
     def handle(self, message: Message, now_ns: int) -> Iterator[Effect]:
         match message:
@@ -100,9 +95,6 @@ class TraceServer:
                 yield from self._desk.wake(now_ns)
             case _:
                 pass
-
-    def close(self) -> None:
-        pass
 
     def _read(self, tick: Tick) -> Fields:
         readings = self._trace[tick.k].readings

@@ -57,7 +57,7 @@ def test_a_reading_from_the_future_is_a_fault() -> None:
 @given(st.data(), runs(python=False))
 def test_all_executors_agree_on_ages(data: st.DataObject, run: Run) -> None:
     program, trace = run
-    aged = tuple(frame._replace(taken_ns=data.draw(ages(program, frame))) for frame in trace)
+    aged = tuple(frame._replace(taken_ns=data.draw(ages(frame))) for frame in trace)
     assert disagreement(program, aged, EXECUTORS) is None
 
 
@@ -70,6 +70,6 @@ def test_all_executors_agree_on_limits(shots: list[dict[str, int]]) -> None:
     assert disagreement(PROGRAM, trace, EXECUTORS) is None
 
 
-def ages(program: object, frame: Frame) -> st.SearchStrategy[dict[str, int]]:
+def ages(frame: Frame) -> st.SearchStrategy[dict[str, int]]:
     names = list(frame.readings) or ["nothing"]
     return st.dictionaries(st.sampled_from(names), st.integers(frame.t_ns - 10**9, frame.t_ns + 1))

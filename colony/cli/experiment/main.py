@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import click
 
@@ -14,19 +16,8 @@ if TYPE_CHECKING:
     from colony.cli.experiment.outputs import Found
     from colony.experiment.auditing import AuditedRun
     from colony.experiment.conduct import Experiment
-    from colony.experiment.lists import ListedRun
     from colony.experiment.parallel import Engine
-    from colony.sim.hazards.hazards import Hazards
-
-RANDOM = "random"
-FLOORS = "floors"
-PAIRS = {RANDOM: 200, FLOORS: 100}
-THESIS = "thesis"
-THESIS_SEEDS = 25
-
-
-class _Misuse(Exception):
-    """What was asked for makes no sense."""
+    from colony.experiment.studies import Study
 
 
 def _part(context: click.Context, option: click.Parameter, value: float) -> float:
@@ -50,7 +41,7 @@ def _part(context: click.Context, option: click.Parameter, value: float) -> floa
     "--pairs",
     type=click.IntRange(1, 100_000),
     metavar="N",
-    help=f"With `random` and `floors`. [default: {PAIRS[RANDOM]}, {PAIRS[FLOORS]}]",
+    help="With `random` and `floors`. [default: 200, 100]",
 )
 @click.option(
     "--seed",
@@ -63,12 +54,9 @@ def _part(context: click.Context, option: click.Parameter, value: float) -> floa
 @click.option(
     "--hazards/--no-hazards", default=True, show_default=True, help="What goes wrong in a building."
 )
-@click.option(
-    "--no-hazard", "without", multiple=True, metavar="NAME", help="All but this one. May be repeated."
-)
+@click.option("--no-hazard", multiple=True, metavar="NAME", help="All but this one. May be repeated.")
 @click.option(
     "--no-source",
-    "no_sources",
     multiple=True,
     metavar="NAME",
     help="Estimate the pose without it: sonar, local-maps, lights, plates or markers. May be repeated.",
@@ -107,17 +95,6 @@ def _part(context: click.Context, option: click.Parameter, value: float) -> floa
 )
 @click.option("--format", "format_", type=click.Choice(["text", "json"]), default="text", show_default=True)
 def command(
-    runs: str,
-    map_path: Path | None,
-    seeds: int | None,
-    chosen: str | None,
-    pairs: int | None,
-    seed: int,
-    variant: str,
-    hazards: bool,
-    without: tuple[str, ...],
-    no_sources: tuple[str, ...],
-    side_camera: bool,
     audit: float,
     workers: int | None,
     engine: str,
@@ -125,6 +102,7 @@ def command(
     plot: Path | None,
     write: Path | None,
     format_: str,
+    **asked_for: Any,
 ) -> None:
     """Run a list of runs in simulation, each with many seeds, and say how they went.
 
@@ -150,147 +128,56 @@ def command(
       colony experiment plates --seeds 10 -o plates.sqlite --write docs/plates.md
     """
     from colony.cli.experiment.outputs import check_outputs, put_out
-    from colony.cli.experiment.studies import carry_out_study
-    from colony.experiment.lists import ListProblem
-    from colony.experiment.parallel import WorkersLost
-    from colony.experiment.results import ResultsError
-    from colony.experiment.studies import STUDIES
-    from colony.nav.plan.route import NoPlan
-    from colony.text.diagnostics import Failure
+    from colony.experiment.request import ExperimentRequest, experiment_of
 
-    try:
-        listed, name, place = _listed(runs, map_path, pairs, seed)
-        asked = _experiment(listed, name, place, seeds, chosen, variant, _hazards(hazards, without))
-        asked = _with_sources(asked, no_sources, side_camera)
-        if name in STUDIES and (plot is not None or audit or variant != "ours"):
-            raise _Misuse(f"`{name}` has a variant of its own; leave out --plot, --audit and --variant")
-        if plot is not None:
-            _check_plot(asked)
+    with _problems_told():
+        study, asked = experiment_of(ExperimentRequest(**asked_for))
+        _check(study, asked, audit, plot)
         check_outputs(asked, output, plot, write)
-        if name in STUDIES:
-            study, work = STUDIES[name], _engine(engine, workers)
-            if carry_out_study(study, asked, output, work, page=write, as_json=format_ == "json"):
-                raise click.exceptions.Exit(EXIT_INTERRUPTED)
-            return
-        found = _carry_out(asked, output, _engine(engine, workers), audit)
-        put_out(asked, found, plot=plot, page=write, as_json=format_ == "json")
-    except Failure as failure:
-        report(failure.diagnostics)
-        raise click.exceptions.Exit(EXIT_MISUSE) from None
-    except (ListProblem, NoPlan, ResultsError, WorkersLost, _Misuse) as problem:
-        say(f"error: {problem}")
-        raise click.exceptions.Exit(EXIT_MISUSE) from None
+        found = _carry_out(study, asked, output, _engine(engine, workers), audit)
+        put_out(study, asked, found, plot=plot, page=write, as_json=format_ == "json")
     if found.differences:
         raise click.exceptions.Exit(EXIT_ERRORS)
     if found.interrupted:
         raise click.exceptions.Exit(EXIT_INTERRUPTED)
 
 
-def _listed(
-    runs: str, map_path: Path | None, pairs: int | None, seed: int
-) -> tuple[tuple[ListedRun, ...], str, Path]:
-    """The runs, the name of their list, and the map."""
-    from hashlib import sha256
+@contextmanager
+def _problems_told() -> Iterator[None]:
+    """Tell what kept an experiment from being carried out, and exit."""
+    from colony.experiment.lists import ListProblem
+    from colony.experiment.parallel import WorkersLost
+    from colony.experiment.request import Misuse
+    from colony.experiment.results import ResultsError
+    from colony.nav.plan.route import NoPlan
+    from colony.text.diagnostics import Failure
 
-    from colony.experiment.lists import PUBLISHED_MAP, floors_list, own_list, published_list, random_list
-    from colony.experiment.studies import STUDIES
-    from colony.nav.maps.building import load_building
-
-    if pairs is not None and runs not in PAIRS:
-        raise _Misuse(f"--pairs goes with {' and '.join(f'`{name}`' for name in PAIRS)}, not with `{runs}`")
-    if runs == THESIS or runs in STUDIES:
-        if map_path is not None:
-            raise _Misuse("the published runs have a map of their own; leave out --map")
-        listed = STUDIES[runs].runs() if runs in STUDIES else published_list()
-        return listed, runs, PUBLISHED_MAP
-    path = Path(runs)
-    if runs not in PAIRS and path.suffix.lower() != ".csv":
-        known = ", ".join([THESIS, *PAIRS, *STUDIES])
-        raise _Misuse(f"there is no list `{runs}`; expected {known} or a file that ends in .csv")
-    if map_path is None and runs != FLOORS:
-        raise _Misuse("which building? give --map MAP, such as maps/loop.stickrep")
-    map_path = map_path or PUBLISHED_MAP
-    building = load_building(map_path)
-    floor = building.maps[0]
-    if runs in PAIRS:
-        count = pairs or PAIRS[runs]
-        listed = random_list(floor, count, seed) if runs == RANDOM else floors_list(building, count, seed)
-        return listed, f"{runs} {count} pairs, seed {seed}, {floor.name}", map_path
-    listed = own_list(path, building)
-    digest = sha256(repr([(run.origin, run.goal) for run in listed]).encode()).hexdigest()[:8]
-    return listed, f"{path.stem} {digest}, {floor.name}", map_path
+    try:
+        yield
+    except Failure as failure:
+        report(failure.diagnostics)
+        raise click.exceptions.Exit(EXIT_MISUSE) from None
+    except (ListProblem, NoPlan, ResultsError, WorkersLost, Misuse) as problem:
+        say(f"error: {problem}")
+        raise click.exceptions.Exit(EXIT_MISUSE) from None
 
 
-def _experiment(
-    listed: tuple[ListedRun, ...],
-    name: str,
-    place: Path,
-    seeds: int | None,
-    numbers: str | None,
-    variant: str,
-    hazards: Hazards,
-) -> Experiment:
-    from colony.experiment.conduct import Experiment
-    from colony.experiment.lists import chosen
-    from colony.experiment.studies import STUDIES
-    from colony.experiment.variants import CEILING_CAMERA, FRONT_CAMERA, VARIANTS
+def _check(study: Study[Any], asked: Experiment, audit: float, plot: Path | None) -> None:
+    """Refuse to draw, or to audit, what cannot be."""
+    from colony.experiment.request import Misuse
 
-    runs = listed if numbers is None else chosen(listed, numbers)
-    rides = any(run.rides for run in runs)  # elevators have markers for a camera that looks ahead
-    count = seeds or (STUDIES[name].seeds if name in STUDIES else THESIS_SEEDS if name == THESIS else 1)
-    return Experiment(
-        name=name,
-        map_path=place.resolve(),
-        runs=runs,
-        seeds=tuple(range(1, count + 1)),
-        variant=VARIANTS[variant].name,
-        hazards=hazards,
-        cameras=frozenset({CEILING_CAMERA, *([FRONT_CAMERA] if rides else [])}),
-    )
-
-
-def _check_plot(asked: Experiment) -> None:
-    for run in asked.runs:
+    if study.has_own_variant and (plot is not None or audit or asked.variant != "ours"):
+        raise Misuse(f"`{study.name}` has a variant of its own; leave out --plot, --audit and --variant")
+    for run in asked.runs if plot is not None else ():
         if run.rides:
             one = f"`colony run ... --from {run.origin} --to {run.goal}` draws each floor"
-            raise _Misuse(f"--plot is for ways on one floor; run {run.number} takes an elevator: {one}")
-
-
-def _with_sources(asked: Experiment, without: tuple[str, ...], side_camera: bool) -> Experiment:
-    from dataclasses import replace
-
-    from colony.experiment.studies import STUDIES
-    from colony.experiment.variants import SIDE_CAMERA
-    from colony.nav.pose.tracker import Source
-
-    if not without and not side_camera:
-        return asked
-    if asked.variant != "ours" or asked.name in STUDIES:
-        raise _Misuse(
-            f"--no-source and --side-camera are for the variant `ours`, and not for {', '.join(STUDIES)}"
-        )
-    names = {source.value: source for source in Source}
-    for name in without:
-        if name not in names:
-            raise _Misuse(f"there is no source `{name}`; expected {', '.join(names)}")
-    sources = asked.sources - {names[name] for name in without}
-    cameras = asked.cameras | {SIDE_CAMERA} if side_camera else asked.cameras
-    return replace(asked, sources=sources, cameras=cameras)
-
-
-def _hazards(on: bool, without: tuple[str, ...]) -> Hazards:
-    from colony.experiment.conduct import HAZARD_NAMES
-    from colony.sim.hazards.hazards import Hazards
-
-    for name in without:
-        if name not in HAZARD_NAMES:
-            raise _Misuse(f"there is no hazard `{name}`; expected {', '.join(HAZARD_NAMES)}")
-    return Hazards().without(*(HAZARD_NAMES[name] for name in without)) if on else Hazards.none()
+            raise Misuse(f"--plot is for ways on one floor; run {run.number} takes an elevator: {one}")
 
 
 def _engine(text: str, workers: int | None) -> Engine:
     from colony.experiment.dask_engine import DaskEngine
     from colony.experiment.parallel import PoolEngine, SerialEngine
+    from colony.experiment.request import Misuse
 
     name, _, address = text.partition("=")
     match name:
@@ -301,23 +188,24 @@ def _engine(text: str, workers: int | None) -> Engine:
         case "dask":
             return DaskEngine(address, workers)
         case _:
-            raise _Misuse(f"there is no engine `{text}`; expected pool, serial, dask or dask=tcp://HOST:PORT")
+            raise Misuse(f"there is no engine `{text}`; expected pool, serial, dask or dask=tcp://HOST:PORT")
 
 
-def _carry_out(asked: Experiment, output: Path | None, engine: Engine, part: float) -> Found:
+def _carry_out(
+    study: Study[Any], asked: Experiment, output: Path | None, engine: Engine, part: float
+) -> Found:
     """Run what is missing and audit what is to be; what is there counts, also where it was interrupted."""
     from colony.cli.experiment.outputs import Found
     from colony.cli.experiment.progress import progress
     from colony.experiment.conduct import conduct, conduct_audit, of_experiment
-    from colony.experiment.results import RUN_TABLE, Results
-    from colony.experiment.runs import run
+    from colony.experiment.results import Results
 
     audits: tuple[AuditedRun, ...] = ()
     interrupted = False
-    with Results(output, RUN_TABLE) as results:
+    with Results(output, study.table) as results:
         try:
             with progress("run") as tell:
-                conduct(asked, run, results, engine, tell=tell)
+                conduct(asked, study.work, results, engine, tell=tell)
             if part > 0.0:
                 with progress("audited") as tell_audit:
                     audits = conduct_audit(asked, engine, part, tell=tell_audit)

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from pathlib import Path
+from typing import Any
 
 import click
 
@@ -13,10 +15,8 @@ from colony.cli.outputs import cannot_write, check_output, write_whole
 from colony.cli.reporting import say
 from colony.experiment.auditing import AuditedRun
 from colony.experiment.conduct import Experiment
-from colony.experiment.confidence import event_table, path_table
-from colony.experiment.figures import targets
 from colony.experiment.record import RunResult
-from colony.experiment.tables import failure_table, table, target_table
+from colony.experiment.studies import Study
 from colony.files import read_file, reason
 
 BEGIN, END = "<!-- {} -->", "<!-- end of {} -->"
@@ -26,14 +26,14 @@ PAGE_BYTES = 4 * 1024 * 1024
 """Largest page that tables are put into."""
 
 _ROWS_ON_A_PAGE = 60
-"""A page has a row a run for lists of up to so many; of longer ones what they came to."""
+"""Runs of a list up to which a page has the first of its tables, which has a row a run."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Found:
     """What came of an experiment, as far as it got."""
 
-    results: tuple[RunResult, ...]
+    results: tuple[Any, ...]
     audits: tuple[AuditedRun, ...]
     interrupted: bool
 
@@ -57,85 +57,44 @@ def check_outputs(asked: Experiment, output: Path | None, plot: Path | None, pag
             cannot_write(plot, problem.strerror or str(problem))
 
 
-def put_out(asked: Experiment, found: Found, *, plot: Path | None, page: Path | None, as_json: bool) -> None:
+def put_out(
+    study: Study[Any], asked: Experiment, found: Found, *, plot: Path | None, page: Path | None, as_json: bool
+) -> None:
     """Say what was found, draw it, and put it into a page."""
-    click.echo(_json(asked, found) if as_json else _text(asked, found))
+    tables = study.tables(asked.runs, found.results)
+    audited = [_audit_line(found.audits)] if found.audits else []
+    if as_json:
+        click.echo(_json(study, asked, found))
+    else:
+        wanted = len(asked.runs) * len(asked.seeds)
+        head = f"{asked.name}, {asked.label}: {len(found.results)} of {wanted} runs"
+        click.echo("\n\n".join([head, *tables, *audited, *(one.difference for one in found.differences)]))
     if plot is not None and found.results:
         _draw(asked, found.results, plot)
-    if page is not None and found.results:
-        _write(asked, found, page)
+    if page is not None and tables:
+        shown = tables if len(asked.runs) <= _ROWS_ON_A_PAGE else tables[1:]
+        _put_into(asked, [*shown, *audited], page)
 
 
-def _is_published(asked: Experiment) -> bool:
-    return any(run.published is not None for run in asked.runs)
-
-
-def _text(asked: Experiment, found: Found) -> str:
-    wanted = len(asked.runs) * len(asked.seeds)
-    parts = [f"{asked.name}, {asked.label}: {len(found.results)} of {wanted} runs"]
-    if found.results:
-        parts.append(table(asked.runs, found.results))
-    parts += _tables(asked, found)
-    parts += [one.difference for one in found.differences]
-    return "\n\n".join(part for part in parts if part)
-
-
-def _tables(asked: Experiment, found: Found) -> list[str]:
-    if not found.results:
-        return []
-    published = _is_published(asked)
-    parts = [target_table(found.results, published=published), failure_table(found.results)]
-    if published:
-        parts += [event_table(found.results), path_table(found.results)]
-    if found.audits:
-        parts.append(audit_line(found.audits))
-    return parts
-
-
-def audit_line(audits: Sequence[AuditedRun]) -> str:
+def _audit_line(audits: Sequence[AuditedRun]) -> str:
     """What an audit found, in a line."""
     frames, other = sum(one.frames for one in audits), sum(bool(one.difference) for one in audits)
     alike = f"otherwise in {other} of them" if other else "alike in all of them"
     return f"Audited: {len(audits)} runs, {frames:,} frames; the reference interpreter decided {alike}."
 
 
-def _json(asked: Experiment, found: Found) -> str:
-    import json
-    from dataclasses import asdict
-
+def _json(study: Study[Any], asked: Experiment, found: Found) -> str:
     return json.dumps(
         {
             "list": asked.name,
             "variant": asked.label,
             "interrupted": found.interrupted,
-            "targets": [asdict(target) for target in targets(found.results, published=_is_published(asked))],
+            "targets": [asdict(target) for target in study.targets(found.results)],
             "audits": [{**asdict(one), "key": one.key._asdict()} for one in found.audits],
-            "results": [_run_json(result) for result in found.results],
+            "results": [study.as_json(result) for result in found.results],
         },
         indent=2,
     )
-
-
-def _run_json(result: RunResult) -> dict[str, object]:
-    return {
-        **result.key._asdict(),
-        "from": result.origin,
-        "to": result.goal,
-        "reached": result.reached,
-        "failure": result.failure,
-        "failed_mode": result.failed_mode,
-        "remark": result.remark,
-        "along_mm": result.along_mm,
-        "off_mm": result.off_mm,
-        "distance_mm": result.distance_mm,
-        "travelled_mm": result.travelled_mm,
-        "time_s": result.time_s,
-        "top_mm_s": result.top_mm_s,
-        "modes": {name: mode._asdict() for name, mode in zip("LCD", result.modes, strict=True)},
-        "lights": result.lights._asdict(),
-        "contacts": result.contacts._asdict(),
-        "hazards": result.hazards,
-    }
 
 
 def _draw(asked: Experiment, results: tuple[RunResult, ...], folder: Path) -> None:
@@ -159,14 +118,7 @@ def _draw(asked: Experiment, results: tuple[RunResult, ...], folder: Path) -> No
     say(f"drawn in {folder}: {len(goals)} pictures of paths, and errors.png")
 
 
-def _write(asked: Experiment, found: Found, page: Path) -> None:
-    parts = _tables(asked, found)
-    if len(asked.runs) <= _ROWS_ON_A_PAGE:
-        parts.insert(0, table(asked.runs, found.results))
-    put_into(asked, [part for part in parts if part], page)
-
-
-def put_into(asked: Experiment, tables: Sequence[str], page: Path) -> None:
+def _put_into(asked: Experiment, tables: Sequence[str], page: Path) -> None:
     """Put tables into a page, in place of those that it has of this list and variant."""
     before, after = _around(asked, page)
     text = "\n\n".join(tables)

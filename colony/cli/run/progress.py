@@ -7,11 +7,8 @@ import threading
 from collections.abc import Iterator
 from contextlib import contextmanager
 
-from colony.cli.reporting import say
+from colony.cli.reporting import PATIENCE_S, say
 from colony.runtime.observe.observer import FrameLog
-
-PATIENCE_S = 1.5
-"""For how long someone at a terminal is left without a word."""
 
 MOMENT_NS = 10_000_000_000
 """How often a word is said of a run without an end."""

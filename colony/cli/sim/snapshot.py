@@ -14,8 +14,6 @@ from colony.cli.reporting import report, say
 
 if TYPE_CHECKING:
     from colony.nav.maps.stickrep.model import Map
-    from colony.sim.compiled import Bytes2
-    from colony.sim.hazards.scenery import Scenery
     from colony.vision.signs_in_view import SignInView
 
 _YAWS = {"side": 90.0, "front": 0.0}
@@ -140,9 +138,9 @@ def snapshot_command(
         cannot_write(output, problem.strerror or str(problem))
     for name in names:
         check_output(output / f"{name}.png", [path])
-    from colony.sim.cameras.snapshot import png_of
+    from colony.sim.cameras.snapshot import png_of, snapshots
 
-    images = _images(floor, pose, _scenery(floor, hazards), size, speed)
+    images = snapshots(floor, pose, _YAWS, size, hazards=hazards, speed_mm_s=speed)
     for name in names:
         write_whole(output / f"{name}.png", png_of(images[name]))
     click.echo(f"at ({pose[0]:.0f} mm, {pose[1]:.0f} mm), heading {pose[2]:.0f} degrees")
@@ -164,35 +162,6 @@ def _pose(floor: Map, where: str, facing: float | None) -> _Pose:
         return standing_at(floor, where)
     x, y, heading = standing_before(floor, where)
     return x, y, heading if facing is None else facing % 360.0
-
-
-def _scenery(floor: Map, hazards: int | None) -> Scenery:
-    from colony.sim.hazards.hazards import Hazards, draw
-
-    return draw(Hazards.none() if hazards is None else Hazards(), floor, hazards or 0)
-
-
-def _images(
-    floor: Map, pose: _Pose, scenery: Scenery, size: tuple[int, int], speed: float
-) -> dict[str, Bytes2]:
-    from colony.sim.cameras.camera import CameraConfig
-    from colony.sim.cameras.ceiling import CeilingCamera, CeilingCameraConfig
-    from colony.sim.cameras.snapshot import snapshot
-
-    width, height = size
-    images = {
-        name: snapshot(
-            floor,
-            pose,
-            CameraConfig(width=width, height=height, yaw_deg=yaw),
-            scenery=scenery,
-            seed=scenery.seed,
-            speed_mm_s=speed,
-        )
-        for name, yaw in _YAWS.items()
-    }
-    ceiling = CeilingCamera(scenery, CeilingCameraConfig(width=width, height=height))
-    return images | {"up": ceiling.image(pose, 0)}
 
 
 def _seen(floor: Map, pose: _Pose, name: str, size: tuple[int, int]) -> str:

@@ -4,7 +4,6 @@ runtime in virtual time is one."""
 from __future__ import annotations
 
 from collections.abc import Collection, Iterator, Sequence
-from typing import TYPE_CHECKING
 
 from colony.cli.sarif import TraceStep
 from colony.ir.frame import Frame
@@ -15,10 +14,6 @@ from colony.text.wording import counted
 from colony.verify.snapshot import snapshot_of
 from colony.verify.testing.agreement import reference
 from colony.verify.testing.differential import Breach, Nondeterministic, Report, try_traces
-from colony.verify.testing.examples import facts_of_breach
-
-if TYPE_CHECKING:
-    from colony.verify.contracts.results import Refuted
 
 
 def reports(program: Program, count: int, seed: int, *, faults: bool = False) -> Iterator[Report]:
@@ -76,6 +71,7 @@ def _tried(report: Report) -> str:
 
 
 def _table(program: Program, breach: Breach) -> tuple[str, ...]:
+    from colony.verify.contracts.breach import refutation
     from colony.verify.contracts.table import table
 
     return table(program, breach.contract, refutation(program, breach).trace)
@@ -102,16 +98,12 @@ def _coverage(report: Report) -> Iterator[str]:
 
 def findings(
     program: Program, report: Report, file: str | None, known: Collection[str] = ()
-) -> tuple[Diagnostic, ...]:
-    """An error for every contract that a trace breaks but those that are `known` to be, and for a module in
-    Python that is not deterministic. `file` is what hints offer to add tests to, if they do."""
-    return tuple(traces(program, report, file, known))
-
-
-def traces(
-    program: Program, report: Report, file: str | None, known: Collection[str] = ()
 ) -> dict[Diagnostic, tuple[TraceStep, ...]]:
-    """Each of the findings, with the frames that lead to it."""
+    """Return an error for every contract that a trace breaks but those that are `known` to be, and for a
+    module in Python that is not deterministic, each with the frames that lead to it.
+
+    `file` is what hints offer to add tests to, if they do.
+    """
     made: dict[Diagnostic, tuple[TraceStep, ...]] = {}
     for breach in report.breaches:
         if breach.contract.name not in known:
@@ -124,6 +116,7 @@ def traces(
 
 
 def _broken(program: Program, breach: Breach, file: str | None) -> Diagnostic:
+    from colony.verify.contracts.breach import refutation
     from colony.verify.contracts.report import finding
 
     found = finding(refutation(program, breach), file)
@@ -139,29 +132,6 @@ def _nondeterministic(nondeterministic: Nondeterministic) -> Diagnostic:
     )
     hint = "let `step` depend on its params and on what it is given alone; for chance read Runtime.random"
     return error("P002", module.span, message, hint)
-
-
-def refuted(program: Program, report: Report) -> tuple[Refuted, ...]:
-    """The contracts that traces break, as the prover gives them."""
-    return tuple(refutation(program, breach) for breach in report.breaches)
-
-
-def refutation(program: Program, breach: Breach) -> Refuted:
-    """A breach as the prover would give it: readings that cannot be count as missing, the trace begins at 0.
-
-    Modules in Python are run for real.
-    """
-    from colony.verify.contracts.results import Refuted, Trace
-
-    first = breach.trace[0].t_ns
-    frames = tuple(frame._replace(t_ns=frame.t_ns - first) for frame in breach.trace)
-    snapshots = tuple(snapshot_of(program, frame) for frame in frames)
-    trace = Trace(
-        snapshots=snapshots,
-        outcomes=reference(program, frames),
-        found=facts_of_breach(program, breach.contract.name, snapshots),
-    )
-    return Refuted(contract=breach.contract, trace=trace)
 
 
 # --- traces ----------------------------------------------------------------------------------------
@@ -188,6 +158,7 @@ def _steps(program: Program, frames: Sequence[Frame], span: Span) -> tuple[Trace
 
 def row(program: Program, report: Report) -> dict[str, object]:
     """An object for JSON; its traces are as the prover's."""
+    from colony.verify.contracts.breach import refutation
     from colony.verify.contracts.report import steps
 
     broken = [

@@ -126,7 +126,7 @@ def _traces(one: Verified) -> dict[Diagnostic, Sequence[TraceStep]]:
                 for step in steps(one.program, result.trace)
             ]
     if one.report is not None:
-        made |= examples.traces(one.program, one.report, one.offered, one.known)
+        made |= examples.findings(one.program, one.report, one.offered, one.known)
     return made
 
 

@@ -117,7 +117,7 @@ class Work:
         one.left_open = patience.left_open
 
     def _examples(self, one: Verified, program: Program, tell: Tell) -> None:
-        from colony.cli.verify.examples import findings, refuted, reports
+        from colony.cli.verify.examples import findings, reports
 
         if self.names:
             asked = tuple(c for c in program.contracts if c.name in self.names)
@@ -132,5 +132,7 @@ class Work:
             if one.report is not None:
                 one.found += findings(program, one.report, one.offered, one.known)
         if one.writes_tests and one.report is not None:
-            new = [r for r in refuted(program, one.report) if r.contract.name not in one.known]
-            append_tests(one.file, program, new)
+            from colony.verify.contracts.breach import refutation
+
+            new = [b for b in one.report.breaches if b.contract.name not in one.known]
+            append_tests(one.file, program, [refutation(program, breach) for breach in new])

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 
 from colony.dsl import ast
 from colony.dsl.check.checker import Checker
@@ -85,13 +85,18 @@ def _report_mixture(checker: Checker, node: ast.Chain) -> None:
 
 def uses(wiring: ir.Wiring) -> Iterator[ir.Use]:
     """Every use of a module or wire, from the left."""
+    return _uses(wiring, lambda here: here.operands)
+
+
+def _uses(wiring: ir.Wiring, followed: Callable[[ir.Chain], tuple[ir.Wiring, ...]]) -> Iterator[ir.Use]:
+    """The uses in the operands that are followed, from the left."""
     stack = [wiring]
     while stack:
         here = stack.pop()
         if isinstance(here, ir.Use):
             yield here
         else:
-            stack.extend(reversed(here.operands))
+            stack.extend(reversed(followed(here)))
 
 
 def _in_order(
@@ -157,14 +162,7 @@ def check_outputs(
 
 def _passing(wiring: ir.Wiring) -> Iterator[ir.Use]:
     """The uses whose output may come out of the wiring, from the left."""
-    stack = [wiring]
-    while stack:
-        here = stack.pop()
-        if isinstance(here, ir.Use):
-            yield here
-        else:
-            passing = here.operands if here.relation == "suppresses" else here.operands[-1:]
-            stack.extend(reversed(passing))
+    return _uses(wiring, lambda here: here.operands if here.relation == "suppresses" else here.operands[-1:])
 
 
 def _first_misfit(

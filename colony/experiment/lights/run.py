@@ -10,8 +10,8 @@ from colony.experiment.lights.detection import LightWatch
 from colony.experiment.lights.results import LightResult
 from colony.experiment.runs import Run, RunSpec
 from colony.experiment.true_path import TruePath
-from colony.experiment.variants import CEILING_CAMERA
 from colony.nav.shared import GOAL_DIRECTION
+from colony.robots.variants import CEILING_CAMERA
 from colony.runtime.kit.errors import CallRefused
 from colony.runtime.kit.script import Script, Step, do, sleep
 from colony.runtime.library import data, robot
@@ -20,12 +20,12 @@ from colony.vision.lights.looks import Look, cameras_looker, hurry
 from colony.vision.periods import PERIOD_S
 
 
-def light_witness(on_look: Callable[[Look], None], *, period_s: float = PERIOD_S) -> Script:
+def light_witness(on_look: Callable[[Look], None]) -> Script:
     """Look at the ceiling as often as CTracker, with what it knows of the heading, and tell each look."""
-    yield from hurry((CEILING_CAMERA,), period_s)
+    yield from hurry((CEILING_CAMERA,), PERIOD_S)
     looks = cameras_looker((CEILING_CAMERA,), (UPWARD,))
     while True:
-        yield from sleep(period_s)
+        yield from sleep(PERIOD_S)
         for look in (yield from looks((yield from _tilt_deg()))):
             on_look(look)
 

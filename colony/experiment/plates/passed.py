@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 from colony.nav.maps.signs import PLATE_WIDTH_MM, Plate
 from colony.nav.maps.stickrep.geometry import direction
 from colony.nav.maps.stickrep.model import Pose
-from colony.vision.level_camera import SIDE, LevelCamera
+from colony.vision.level_camera import SIDE
 
 FARTHEST_MM = 2500.0
 """Of a plate's middle from the camera."""
@@ -45,14 +45,11 @@ class PassWatch:
     Args:
         plates: all plates of the floor.
         walls: (n, 4) in mm, what hides them.
-        camera: the one that looks for them.
     """
 
-    def __init__(
-        self, plates: Sequence[Plate], walls: NDArray[np.float64], camera: LevelCamera = SIDE
-    ) -> None:
-        self._walls, self._camera = walls, camera
-        self._half_view = math.radians(camera.view_deg / 2.0)
+    def __init__(self, plates: Sequence[Plate], walls: NDArray[np.float64]) -> None:
+        self._walls = walls
+        self._half_view = math.radians(SIDE.view_deg / 2.0)
         self._facing = np.array([plate.heading_deg for plate in plates])
         self._middles = np.array([plate.middle for plate in plates], dtype=np.float64).reshape(-1, 2)
         inward = [direction(plate.heading_deg) for plate in plates]
@@ -68,7 +65,7 @@ class PassWatch:
         depth = (to_plate * self._inward).sum(axis=1)
         # The robot that has the wall on its left goes along (inward.y, -inward.x).
         along = to_plate[:, 0] * self._inward[:, 1] - to_plate[:, 1] * self._inward[:, 0]
-        turned = np.remainder(pose.heading_deg + self._camera.yaw_deg - self._facing + 180.0, 360.0) - 180.0
+        turned = np.remainder(pose.heading_deg + SIDE.yaw_deg - self._facing + 180.0, 360.0) - 180.0
         near = (depth > 0.0) & (np.hypot(depth, along) <= FARTHEST_MM)
         self._look_at_views(t_ns, pose, near & (np.abs(turned) < STEEPEST_DEG))
         if self._along is not None:
@@ -87,7 +84,7 @@ class PassWatch:
         )
 
     def _look_at_views(self, t_ns: int, pose: Pose, candidates: NDArray[np.bool_]) -> None:
-        axis = direction(pose.heading_deg + self._camera.yaw_deg)
+        axis = direction(pose.heading_deg + SIDE.yaw_deg)
         for plate in np.flatnonzero(candidates).tolist():
             middle, inward = self._middles[plate], self._inward[plate]
             half = PLATE_WIDTH_MM / 2.0 * np.array([inward[1], -inward[0]])

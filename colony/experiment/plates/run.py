@@ -15,11 +15,11 @@ from colony.experiment.plates.passed import PassWatch
 from colony.experiment.plates.record import FINDERS, Finder, Outcome, PlateResult
 from colony.experiment.runs import Run, RunSpec, building_at, finished
 from colony.experiment.true_path import TruePath
-from colony.experiment.variants import SIDE_CAMERA
 from colony.nav.maps.signs import plates_of
 from colony.nav.maps.stickrep.geometry import Point
 from colony.nav.maps.stickrep.model import Pose
 from colony.nav.pose.tracker import Source
+from colony.robots.variants import SIDE_CAMERA
 from colony.runtime.kit.script import Script
 from colony.vision.plates.finder import plate_finder
 from colony.vision.plates.sights import PlateSight

@@ -146,11 +146,14 @@ def plate_event_table(results: Sequence[PlateResult]) -> str:
     return markdown(head, rows)
 
 
-def missed_table(results: Sequence[PlateResult], finders: Sequence[Finder] = ("ours", "map")) -> str:
+_OURS: tuple[Finder, ...] = ("ours", "map")
+
+
+def missed_table(results: Sequence[PlateResult]) -> str:
     """A row for each plate that one of our finders missed, read wrong, or saw where none is; "" without."""
     rows = []
     for result in results:
-        for finder in finders:
+        for finder in _OURS:
             for one in result.outcomes[finder]:
                 wrong = one.kind == "found" and not one.right
                 if not wrong and one.kind not in ("missed", "false"):

@@ -22,11 +22,11 @@ from colony.experiment.sources.results import (
     SourceOutcome,
     SourceResult,
 )
-from colony.experiment.variants import CEILING_CAMERA, SIDE_CAMERA
 from colony.nav.maps.stickrep.model import Pose
 from colony.nav.pose.pose import PoseEstimate, pose_of
 from colony.nav.pose.tracker import ALL, Source
 from colony.nav.shared import POSE
+from colony.robots.variants import CEILING_CAMERA, SIDE_CAMERA
 
 NUMBERS = (1, 22, 24, 28, 35, 39)
 """Of the published runs: one corridor, two corners, many; and in the new wing a short way, a long one past

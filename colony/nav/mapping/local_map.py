@@ -45,16 +45,19 @@ def seen_from(origin: LocalPose, pose: LocalPose) -> LocalPose:
     )
 
 
+_SPACING_MM, _SPACING_RAD = 60.0, math.radians(3.0)
+"""Way and turn from one scan of a trail to the next, at least one of them."""
+
+
 class Trail:
     """The scans of the last few meters, by odometry alone. Mutable.
 
     A map is made of them only when one is wanted, around the place where the robot is then.
     """
 
-    def __init__(self, length_mm: float, spacing_mm: float = 60.0, spacing_deg: float = 3.0) -> None:
-        """Remember scans along so much of the way; not more than one each so many mm, or degrees of turn."""
+    def __init__(self, length_mm: float) -> None:
+        """Remember scans along so much of the way."""
         self._length_mm = length_mm
-        self._spacing_mm, self._spacing_rad = spacing_mm, math.radians(spacing_deg)
         self._scans: deque[tuple[float, LocalPose, Floats]] = deque()
         self._at = LocalPose(0.0, 0.0, 0.0)
         self._way_mm = 0.0
@@ -77,7 +80,7 @@ class Trail:
         if self._scans:
             way, last, _ = self._scans[-1]
             turned = abs(self._at.heading_rad - last.heading_rad)
-            if self._way_mm - way < self._spacing_mm and turned < self._spacing_rad:
+            if self._way_mm - way < _SPACING_MM and turned < _SPACING_RAD:
                 return
         self._scans.append((self._way_mm, self._at, ranges))
         while self._way_mm - self._scans[0][0] > self._length_mm:

@@ -29,33 +29,31 @@ from colony.runtime.library.robot import Position
 LIGHTS_A_MAP = 3
 """A map begins below one light and ends below the second one after it, where the next map begins."""
 
+PERIOD_S = 0.1
+"""Seconds from scan to scan."""
 
-def local_mapper(*, period_s: float = 0.1, sonar: SonarModel | None = None) -> Script:
+
+def local_mapper() -> Script:
     """Correct RServer's heading in the ceiling-light tracking mode, by the lines in a map of every three
-    lights, for ever.
-
-    Args:
-        period_s: from scan to scan.
-        sonar: what the sonars are believed to be like.
-    """
-    model = sonar or SonarModel()
+    lights, for ever."""
+    model = SonarModel()
     himm = HimmSetting(full_range_mm=model.full_range_mm, ring_mm=model.ring_mm)
     for name in (START_MAP, LIGHT_DETECTED):
         yield from do("DServer", data.create_semaphore(name, 0))
     while True:
         yield from do("DServer", data.wait(START_MAP))
-        while (yield from _map_segment(period_s, himm)):
+        while (yield from _map_segment(himm)):
             pass
 
 
-def _map_segment(period_s: float, himm: HimmSetting) -> Generator[Step, Any, bool]:
+def _map_segment(himm: HimmSetting) -> Generator[Step, Any, bool]:
     """Make maps along a segment until its last light; True where the next segment began before that."""
     while (yield from taken(LIGHT_DETECTED, 0.0)):  # a light of the segment before
         pass
     lights_left = int((yield from do("DServer", data.get(GOAL_DISTANCE, type=float))))
     local, origin, lights, heard_ns = HimmMap(himm), None, 0, -1
     while lights_left > 0:
-        yield from sleep(period_s)
+        yield from sleep(PERIOD_S)
         if (yield from taken(START_MAP, 0.0)):
             return True
         scan, where = yield from _scan_and_position()

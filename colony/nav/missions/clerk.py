@@ -36,37 +36,37 @@ TRACKER_S = 1.0
 """For how long CTracker has time to take notice of new lights."""
 
 
-def clerk(*, period_s: float = PERIOD_S) -> Script:
+def clerk() -> Script:
     """Hand goals from the Planner to the network and its answers back; never ends."""
     for name in (GOAL_DATA, ROBOT_STATUS):
         yield from do("DServer", data.create_semaphore(name, 0))
     number = int((yield from _value(GOAL_NUMBER)) or 0)
     pursued = number != int((yield from _value(GOAL_ANSWERED)) or 0)
     while True:
-        if pursued and (yield from _reached(number, period_s)):
+        if pursued and (yield from _reached(number)):
             # In this order: the Planner throws away one answer too many, and waits for ever for one lost.
             yield from do("DServer", data.signal(ROBOT_STATUS))
             yield from do("DServer", data.set(GOAL_ANSWERED, number))
             pursued = False
         if not pursued:
             yield from do("DServer", data.wait(GOAL_DATA))
-        yield from _await_tracker(period_s)
+        yield from _await_tracker()
         number += 1
         yield from do("DServer", data.set(GOAL_NUMBER, number))
         pursued = True
 
 
-def _reached(number: int, period_s: float) -> Generator[Step, Any, bool]:
+def _reached(number: int) -> Generator[Step, Any, bool]:
     """Until the goal is reached (True), or there is another one in its place (False)."""
     while True:
         # Waiting for the next goal is the pause between two looks.
-        if (yield from taken(GOAL_DATA, period_s)):
+        if (yield from taken(GOAL_DATA, PERIOD_S)):
             return False
         if (yield from _value(GOAL_REACHED)) == number:
             return True
 
 
-def _await_tracker(period_s: float) -> Generator[Step, Any, None]:
+def _await_tracker() -> Generator[Step, Any, None]:
     """Where lights are the goal, hold it back until CeilingLight is not that of the goal before.
 
     CTracker sets it to 0 when it has taken its data, and a network that saw the goal first would take the old
@@ -77,7 +77,7 @@ def _await_tracker(period_s: float) -> Generator[Step, Any, None]:
         return
     begun_ns = now_ns = yield from sleep(0.0)
     while told[CEILING_LIGHT] >= told[GOAL_DISTANCE] and now_ns - begun_ns < TRACKER_S * 1e9:
-        now_ns = yield from sleep(period_s)
+        now_ns = yield from sleep(PERIOD_S)
         told[CEILING_LIGHT] = yield from do("DServer", data.get(CEILING_LIGHT))
 
 

@@ -110,7 +110,7 @@ def segments_of(
         marks = _lights_on(leg, lights, first=i == 0, last=last)
         at = 0.0
         if i > 0:
-            at = _leaving(leg, marks, last)
+            at = _leaving(leg, marks)
             segments.append(_segment(GoalKind.CORNER, leg, 0.0, at, floor))
             modes += "c"
         if marks:
@@ -137,7 +137,7 @@ def _lights_on(leg: Leg, lights: tuple[Point, ...], first: bool, last: bool) -> 
     return tuple(sorted(marks))
 
 
-def _leaving(leg: Leg, marks: tuple[float, ...], last: bool) -> float:
+def _leaving(leg: Leg, marks: tuple[float, ...]) -> float:
     """How far to drive out of the turning space in which a leg begins.
 
     Never beyond half of the leg, so that a robot that drives too far still has its end before it, and never

@@ -16,7 +16,6 @@ from typing import Any
 
 from colony.nav.asks import adjusted, asked
 from colony.nav.maps.walls import Walls
-from colony.nav.pose.echoes import SonarModel
 from colony.nav.pose.fixes import fix_of
 from colony.nav.pose.pose import pose_list
 from colony.nav.pose.tracker import ALL, PoseTracker, Source, Told, position_at
@@ -37,7 +36,6 @@ def pose_estimator(
     *,
     sources: frozenset[Source] = ALL,
     period_s: float = 0.1,
-    sonar: SonarModel | None = None,
 ) -> Script:
     """Estimate the robot's pose from all sources together, and correct RServer's position, for ever.
 
@@ -47,23 +45,22 @@ def pose_estimator(
         floors: the walls of each floor, by the names that FLOOR has; the first one until it is set.
         sources: what is believed besides the odometry.
         period_s: from one look at the sonars and the position to the next.
-        sonar: what the sonars are believed to be like.
 
     Raises:
         ValueError: there is no floor; later, in the script: FLOOR is none of them.
     """
     if not floors:
         raise ValueError("there is no floor; expected the walls of at least one")
-    return _Estimator(floors, sources, sonar or SonarModel()).run(period_s)
+    return _Estimator(floors, sources).run(period_s)
 
 
 class _Estimator:
     """Mutable: the tracker, the floor, and the newest of all that was told."""
 
-    def __init__(self, floors: Mapping[str, Walls], sources: frozenset[Source], sonar: SonarModel) -> None:
+    def __init__(self, floors: Mapping[str, Walls], sources: frozenset[Source]) -> None:
         self._floors, self._sources = floors, sources
         self._floor = next(iter(floors))
-        self._tracker = PoseTracker(floors[self._floor], sonar, sources=sources)
+        self._tracker = PoseTracker(floors[self._floor], sources=sources)
         self._newest_ns = dict.fromkeys(_FIXES, -1)
         self._scan_ns = -1
         self._last: Position | None = None

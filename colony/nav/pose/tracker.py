@@ -95,11 +95,9 @@ class PoseTracker:
     """Where a robot is. Mutable: the filter, the newest position that it was given, its way and the scans of
     the last meters, the walls near by, and the fixes of moments that are still to come."""
 
-    def __init__(
-        self, walls: Walls, sonar: SonarModel | None = None, *, sources: frozenset[Source] = ALL
-    ) -> None:
+    def __init__(self, walls: Walls, *, sources: frozenset[Source] = ALL) -> None:
         """Begin without a position: the first one is taken as it is."""
-        self._sonar = sonar or SonarModel()
+        self._sonar = SonarModel()
         self._sources = sources
         self._ring = Ring(self._sonar)
         self._himm = HimmSetting(

@@ -24,8 +24,6 @@ import math
 from dataclasses import dataclass, replace
 from typing import Literal, NamedTuple, assert_never
 
-from colony.runtime.servers.virtual_position import OdometerPose
-
 Mode = Literal[
     "joystick",
     "go",
@@ -64,6 +62,14 @@ class Speeds(NamedTuple):
 
 
 STILL = Speeds(0.0, 0.0)
+
+
+class OdometerPose(NamedTuple):
+    """x and y in mm, heading in degrees counterclockwise from north."""
+
+    x: float
+    y: float
+    heading: float
 
 
 class Seen(NamedTuple):

@@ -17,7 +17,7 @@ import msgspec
 from colony.ir.frame import Executor, Frame, Outcome, Reading
 from colony.ir.program import Robot
 from colony.ir.types import Value
-from colony.runtime.arbitration.motion import Speeds
+from colony.runtime.frames.publishing import Fields
 from colony.runtime.kit.script import Script
 from colony.runtime.kit.script_local import LocalScripts, LocalServer
 from colony.runtime.library.ask import Ask
@@ -32,7 +32,6 @@ from colony.runtime.servers.cserver import Camera
 from colony.runtime.servers.data_methods import DataMethods, command
 from colony.runtime.servers.drivers import CameraDriver, Drivers
 from colony.runtime.servers.pserver import PServer
-from colony.runtime.servers.publishing import Fields
 from colony.runtime.servers.runtime_server import random_of_frame
 from colony.runtime.servers.semaphores import Semaphores
 from colony.runtime.servers.variables import Variables
@@ -181,7 +180,7 @@ class Loop:
         for i, act in self._drives:
             values = decisions[i].values
             if values is not None:
-                self._drive(speeds_of(act, values))
+                self.base.drive(speeds_of(act, values))
         self.data.expire(now_ns)
         for camera in self._cameras:
             camera.tend(now_ns)
@@ -194,11 +193,6 @@ class Loop:
         """Stop the robot and end all scripts."""
         self.base.stop()
         self.scripts.close()
-
-    def _drive(self, wanted: Speeds) -> None:
-        """Send a command, but not one that goes into a bumper that is pressed."""
-        bumper = self.base.pressed(wanted.velocity)
-        self.base.drive(wanted if bumper is None else Speeds(0.0, wanted.turn))
 
     def _readings(self, now_ns: int) -> dict[str, Reading]:
         self.base.look()

@@ -65,7 +65,8 @@ class VirtualRobot:
         order_seed: of the order in which messages of one moment arrive; no result depends on it.
         link: faults of the transport.
         requests: whether frames come with what the clients asked for.
-        nodes: who else takes part, such as camera servers and scripts; started last, in this order.
+        nodes: who else takes part, such as camera servers and scripts; started last, in this order, and never
+            again: `restart` and `revive` are for the processes of `processes`.
         isolate: whether each client is a process of its own.
 
     Raises:

@@ -14,7 +14,16 @@ from colony.runtime.frames.assembler import FrameAssembler
 from colony.runtime.frames.membership import Membership
 from colony.runtime.protocol import topics
 from colony.runtime.protocol.fields import DSERVER
-from colony.runtime.protocol.messages import Announcement, Effect, Fetch, Message, Send, ServerFrame, Tick
+from colony.runtime.protocol.messages import (
+    Announcement,
+    Effect,
+    Fetch,
+    Message,
+    QuietNode,
+    Send,
+    ServerFrame,
+    Tick,
+)
 
 
 class Answering(Protocol):
@@ -25,7 +34,7 @@ class Answering(Protocol):
     def restart(self) -> None: ...
 
 
-class Announcer:
+class Announcer(QuietNode):
     """Mutable: the module's memory, what it announced, and frames that are not complete yet.
 
     It tells the answers of every frame, also of those that it is late for: others wait for them. What it told
@@ -65,9 +74,6 @@ class Announcer:
                 yield Send(topics.announcements(DSERVER.name), self._told[message.k])
             case _:
                 return
-
-    def close(self) -> None:
-        """It holds nothing outside this process."""
 
     def _announce(self) -> Iterator[Effect]:
         for assembled in self._assembler.complete():

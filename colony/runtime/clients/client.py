@@ -20,7 +20,16 @@ from colony.runtime.frames.assembler import Assembled, FrameAssembler
 from colony.runtime.frames.membership import Membership
 from colony.runtime.protocol import topics
 from colony.runtime.protocol.fields import DSERVER
-from colony.runtime.protocol.messages import Checkpoint, Effect, Message, Recall, Send, ServerFrame, Tick
+from colony.runtime.protocol.messages import (
+    Checkpoint,
+    Effect,
+    Message,
+    QuietNode,
+    Recall,
+    Send,
+    ServerFrame,
+    Tick,
+)
 
 CHECKPOINT_NS = 500_000_000
 """Of the robot's time, between two checkpoints."""
@@ -29,7 +38,7 @@ RECALL_NS = 1_000_000_000
 """For how long DServer is asked for a checkpoint, once a frame, before the client does without."""
 
 
-class ClientNode:
+class ClientNode(QuietNode):
     """Mutable: the memory of its clients, and frames that are not complete yet.
 
     Args:
@@ -82,9 +91,6 @@ class ClientNode:
                 yield from self._take_back(message, now_ns)
             case _:
                 return
-
-    def close(self) -> None:
-        """It holds nothing outside this process."""
 
     @property
     def frontier(self) -> tuple[int, int]:

@@ -24,6 +24,7 @@ from pathlib import Path
 
 from colony.runtime.arbitration.stop_latch import StopLatch
 from colony.runtime.frames.liveness import Liveness, TickAnswers, lease
+from colony.runtime.frames.publishing import FRAME_BYTES, FRAMES_KEPT, FetchBudget
 from colony.runtime.frames.registry import ClientRegistry
 from colony.runtime.library.clock import ServerWho, Who
 from colony.runtime.protocol import topics
@@ -31,6 +32,7 @@ from colony.runtime.protocol.calls import Asked, CallDesk, Nothing, Refused, met
 from colony.runtime.protocol.connections import Caller
 from colony.runtime.protocol.deployment import DEPLOYMENT_BYTES, Deployment, client_addresses
 from colony.runtime.protocol.fields import DSERVER
+from colony.runtime.protocol.leadership import Leadership
 from colony.runtime.protocol.messages import (
     Alive,
     Announcement,
@@ -50,8 +52,6 @@ from colony.runtime.protocol.messages import (
     WakeAt,
 )
 from colony.runtime.protocol.plausibility import NUMBER_NS
-from colony.runtime.servers.leadership import Leadership
-from colony.runtime.servers.publishing import FRAME_BYTES, FRAMES_KEPT, FetchBudget
 
 IDLE_FRAME_NS = 50_000_000
 """The frames of a robot without a program."""

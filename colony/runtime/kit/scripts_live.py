@@ -9,7 +9,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from threading import Event, Lock, Thread
-from types import TracebackType
 
 from colony.runtime.kit.connection import Session
 from colony.runtime.kit.errors import ConnectionProblem
@@ -62,9 +61,7 @@ class LiveScripts:
             thread.start()
         return self
 
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
+    def __exit__(self, *raised: object) -> None:
         self.close()
 
     def _run(self, name: str, script: Script) -> None:

@@ -19,7 +19,6 @@ from __future__ import annotations
 import os
 import sys
 from collections.abc import Iterable, Mapping
-from types import TracebackType
 
 from colony.runtime.kit.service import Field, Report, Service, field, method
 from colony.runtime.protocol.calls import Method, Refused
@@ -90,7 +89,5 @@ class Server:
     def __enter__(self) -> Server:
         return self
 
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
+    def __exit__(self, *raised: object) -> None:
         self.close()

@@ -9,12 +9,22 @@ from typing import Any, NamedTuple, TypeVar
 import msgspec
 
 from colony.ir.types import Value
+from colony.runtime.frames.publishing import Fields, Publisher
 from colony.runtime.kit.description import Description, FieldDescription, MethodDescription, field_type
 from colony.runtime.protocol import calls, topics
 from colony.runtime.protocol.calls import Asked, CallDesk, Method, Nothing, Refused
 from colony.runtime.protocol.connections import Caller
-from colony.runtime.protocol.messages import Effect, Fetch, Message, Right, Sample, Send, ServerFrame, Tick
-from colony.runtime.servers.publishing import Fields, Publisher
+from colony.runtime.protocol.messages import (
+    Effect,
+    Fetch,
+    Message,
+    QuietNode,
+    Right,
+    Sample,
+    Send,
+    ServerFrame,
+    Tick,
+)
 
 A = TypeVar("A", bound=msgspec.Struct)
 
@@ -68,7 +78,7 @@ def method(
     return calls.method(name, arguments, handle, right=right, largest=largest)
 
 
-class Service:
+class Service(QuietNode):
     """A server of a user's methods and fields. Mutable: its connections, and the frames that it published.
 
     What a handler or a field raises is reported, and is the answer, or "no value"; the server lives on.
@@ -93,9 +103,6 @@ class Service:
         self._now_ns = 0
         self.listens = (*self._desk.listens, *(self._publisher.listens if self._fields else ()))
 
-    def start(self, now_ns: int) -> Iterable[Effect]:
-        return ()
-
     def handle(self, message: Message, now_ns: int) -> Iterator[Effect]:
         if isinstance(message, (Tick, Fetch)):
             self._now_ns = now_ns
@@ -104,9 +111,6 @@ class Service:
                 yield from _answered(effect)
         else:
             yield from self._desk.handle(message, now_ns)
-
-    def close(self) -> None:
-        """Do nothing: what the handlers hold is closed by the user's program."""
 
     def _guarded(self, guarded: Method) -> calls.Handler:
         def handle(asked: Asked, arguments: Any, now_ns: int) -> object:

@@ -13,6 +13,7 @@ from typing import Any, Generic, NamedTuple, TypeVar
 
 import msgspec
 
+from colony.runtime.protocol.calls import Nothing, Status
 from colony.runtime.protocol.messages import Right
 
 T = TypeVar("T")
@@ -31,3 +32,7 @@ class Ask(NamedTuple, Generic[T]):
     right: Right
     repeatable: bool = False
     wait_s: float | None = None
+
+
+STATUS: Ask[Status] = Ask("status", Nothing(), Status, "read", repeatable=True)
+"""Ask a server who is connected to it, and which of its limits are reached."""

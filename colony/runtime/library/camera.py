@@ -12,7 +12,7 @@ import msgspec
 
 from colony.runtime.library.ask import Ask
 from colony.runtime.protocol.calls import Nothing
-from colony.runtime.servers.images import Image
+from colony.runtime.protocol.images import Image
 
 if TYPE_CHECKING:
     import numpy as np

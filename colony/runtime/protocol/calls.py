@@ -185,7 +185,6 @@ class CallDesk:
         methods: what it does; `open`, `close` and `status` it has already.
         admit: asked before a connection opens; raises `Refused` to turn it away.
         lost: told that a connection ended, by `close` or by its lease; gives effects.
-        lease_ns: after which silence a connection is lost.
         stop: carries out an emergency stop, given the connection and the time; raises `Refused` if it could
             not do all of it. Without it the server has nothing to stop.
         full: returns sentences about limits that the server's other parts have reached, for `status`.
@@ -198,7 +197,6 @@ class CallDesk:
         *,
         admit: Callable[[Caller], None] = lambda caller: None,
         lost: Callable[[Caller, int], Iterable[Effect]] = lambda caller, now_ns: (),
-        lease_ns: int = LEASE_NS,
         stop: Callable[[str, int], None] | None = None,
         full: Callable[[], Iterable[str]] = lambda: (),
     ) -> None:
@@ -213,7 +211,6 @@ class CallDesk:
         self._methods = {m.name: (m, msgspec.msgpack.Decoder(m.arguments)) for m in (*own, *methods)}
         self._admit = admit
         self._lost = lost
-        self._lease_ns = lease_ns
         self._connections: dict[str, Connection] = {}
         self._stops: OrderedDict[tuple[str, int], Effect] = OrderedDict()
         self._answer_bytes = 0
@@ -269,11 +266,6 @@ class CallDesk:
             raw = msgspec.Raw(msgspec.msgpack.encode(body))
             notice = Notice(connection=caller.connection, subject=subject, body=raw)
             yield Send(topics.replies(self._server, caller.connection), notice)
-
-    @property
-    def callers(self) -> tuple[Caller, ...]:
-        """Who is connected, in the order in which they came."""
-        return tuple(c.caller for c in self._connections.values())
 
     # --- calls ---------------------------------------------------------------------------------------
 
@@ -444,7 +436,7 @@ class CallDesk:
         if not self._connections:
             self._alarm = None
             return
-        due = min(c.heard_ns for c in self._connections.values()) + self._lease_ns + 1
+        due = min(c.heard_ns for c in self._connections.values()) + LEASE_NS + 1
         if self._alarm is None or now_ns >= self._alarm or due < self._alarm:
             self._alarm = max(due, now_ns + 1)
             yield WakeAt(self._alarm)
@@ -452,7 +444,7 @@ class CallDesk:
     def _expire(self, now_ns: int) -> Iterator[Effect]:
         if self._alarm is None or now_ns < self._alarm:
             return
-        dead = [k for k, c in self._connections.items() if now_ns - c.heard_ns > self._lease_ns]
+        dead = [k for k, c in self._connections.items() if now_ns - c.heard_ns > LEASE_NS]
         for connection in dead:
             yield from self._end(connection, now_ns)
             yield self._fail(connection, 0, _CLOSED)

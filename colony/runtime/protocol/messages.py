@@ -351,6 +351,17 @@ class Node(Protocol):
         ...
 
 
+class QuietNode:
+    """What is alike in nodes that wait for messages and hold nothing outside their process."""
+
+    def start(self, now_ns: int) -> Iterable[Effect]:
+        """Do nothing."""
+        return ()
+
+    def close(self) -> None:
+        """Close nothing."""
+
+
 @runtime_checkable
 class Deferring(Node, Protocol):
     """A node that is in no hurry for the messages of some topics, which servers publish in each frame."""

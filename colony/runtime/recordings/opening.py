@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
+from io import BufferedReader
 from typing import BinaryIO, NoReturn
 
 from colony.files import open_regular, reason
-from colony.runtime.recordings.reader import MAGIC, LinesReader
+from colony.runtime.recordings.reader import MAGIC, FramesReader, LinesReader
 from colony.runtime.recordings.recorded import RecordingReader
 from colony.runtime.recordings.replay import SUM_BEGINS
 from colony.text.diagnostics import Failure, error
@@ -25,6 +26,19 @@ def open_recording(path: str) -> BinaryIO:
         return open_regular(path)
     except OSError as problem:
         _unreadable(path, reason(problem))
+
+
+def read_frames(file: BinaryIO, name: str) -> RecordingReader:
+    """Return the reader of frames to decide: of a recording as MCAP, or of lines, a recording or not.
+
+    Raises:
+        Failure: A002, it is no recording of a run; A006, what precedes its frames is damaged.
+    """
+    if isinstance(file, BufferedReader) and file.peek(len(MAGIC)).startswith(MAGIC):
+        from colony.runtime.recordings.mcap_reader import McapReader
+
+        return McapReader(file, name)
+    return FramesReader(file, name)
 
 
 def _unreadable(path: str, why: str) -> NoReturn:

@@ -27,11 +27,8 @@ MAGIC = b"\x89MCAP0\r\n"
 BREAKS_OFF = "it breaks off in the middle of a frame"
 
 
-class LinesReader:
-    """A recording in JSON lines. Mutable: how far it was read.
-
-    `name` is what messages call it. It does not tell of which run it is.
-    """
+class _Lines:
+    """A file of JSON lines. Mutable: how far it was read."""
 
     run = None
 
@@ -41,11 +38,22 @@ class LinesReader:
         self.cut: str | None = None
         self.damaged = False
 
+    def _end(self, rows: Rows) -> None:
+        self.damaged = rows.damaged
+        self.cut = BREAKS_OFF if rows.broken_off else None
+
+
+class LinesReader(_Lines):
+    """A recording in JSON lines. Mutable: how far it was read.
+
+    `name` is what messages call it. It does not tell of which run it is.
+    """
+
     def frames(self, program: Program) -> Iterator[RecordedFrame]:
         """Its frames, as frames of `program`.
 
         Raises:
-            Failure: at the first bad line. Codes: those of `read_frames`, A004 for what it says of
+            Failure: at the first bad line. Codes: those of `Rows`, A004 for what it says of
                 actuators, and A001 where it cannot be read or a line is too long.
         """
         actuators, start = program.robot.actuators, None
@@ -62,8 +70,7 @@ class LinesReader:
                 message = f"what is recorded is no decision of this program: {problem}"
                 raise Failure([located("A004", self._name, row.number, row.text, 0, message)]) from None
             yield recorded
-        self.damaged = rows.damaged
-        self.cut = BREAKS_OFF if rows.broken_off else None
+        self._end(rows)
 
     def _bounded(self) -> Iterator[bytes]:
         try:
@@ -71,6 +78,32 @@ class LinesReader:
         except OSError as problem:
             message = f"cannot read the recording: {reason(problem)}"
             raise Failure([error("A001", Span(Source(self._name, ""), 0, 0), message)]) from None
+
+
+class FramesReader(_Lines):
+    """Frames in JSON lines, of a recording or of whatever wrote them: what they say of actuators is passed
+    over. Mutable: how far they were read.
+    """
+
+    def frames(self, program: Program) -> Iterator[RecordedFrame]:
+        """Return them, as frames of `program`, without verdicts.
+
+        Raises:
+            Failure: at the first bad line, with the codes of `Rows`.
+            OSError: they cannot be read.
+        """
+        rows = Rows(bounded_lines(self._file, LINE_BYTES), self._name, program)
+        for k, row in enumerate(rows):
+            yield RecordedFrame(
+                tick=Tick(k=k, t_ns=row.frame.t_ns),
+                frame=row.frame,
+                verdicts={},
+                restart=row.values.get("@restart") is True,
+                memory_unknown=row.values.get("@skipped") is not None,
+                keyframe=read_keyframe(row.values.get("@keyframe")),
+                damaged=row.damaged,
+            )
+        self._end(rows)
 
 
 _UNKNOWN = -1

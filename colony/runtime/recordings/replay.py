@@ -38,16 +38,6 @@ _LATEST_S = 9e9
 """The largest time in seconds, almost 300 years: in ns it fits 64 bits."""
 
 
-def read_frames(lines: Iterable[bytes], name: str, program: Program) -> Iterator[Frame]:
-    """The frames of a recording, in order; `name` is what messages call the file.
-
-    Raises:
-        Failure: at the first bad line. Codes: F001 not JSON, F002 not an object, F003 no proper time, F004
-            time does not rise, F005 unknown sensor, F006 wrong length, F007 not text.
-    """
-    return (row.frame for row in Rows(lines, name, program))
-
-
 class Row(NamedTuple):
     """A line of a recording: where it is, the frame in it, all that it says by name, and whether lines before
     it are damaged."""
@@ -60,11 +50,13 @@ class Row(NamedTuple):
 
 
 class Rows:
-    """The lines of a recording as rows, with what they say of actuators as it stands there. Mutable: how the
-    file ends, once all were read.
+    """The lines of a recording as rows, with what they say of actuators as it stands there; `name` is what
+    messages call the file. Mutable: how the file ends, once all were read.
 
     Raises:
-        Failure: while it is iterated, as `read_frames`.
+        Failure: while it is iterated, at the first bad line. Codes: F001 not JSON, F002 not an object,
+            F003 no proper time, F004 time does not rise, F005 unknown sensor, F006 wrong length,
+            F007 not text.
     """
 
     def __init__(self, lines: Iterable[bytes], name: str, program: Program) -> None:

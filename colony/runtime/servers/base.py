@@ -4,15 +4,15 @@ from __future__ import annotations
 
 import math
 
-from colony.runtime.arbitration.motion import STILL, Seen, Speeds
+from colony.runtime.arbitration.motion import STILL, OdometerPose, Seen, Speeds
+from colony.runtime.frames.publishing import Fields
 from colony.runtime.library import robot
 from colony.runtime.protocol.calls import Asked, Method, Nothing, Refused, method
 from colony.runtime.protocol.fields import RSERVER
 from colony.runtime.protocol.messages import Sample
 from colony.runtime.servers.drivers import BaseDriver, BaseLimits, BaseState
 from colony.runtime.servers.piloting import Bumper
-from colony.runtime.servers.publishing import Fields
-from colony.runtime.servers.virtual_position import Odometer, OdometerPose
+from colony.runtime.servers.virtual_position import Odometer
 
 FARTHEST_MM = 1e7
 """Largest x and y of a position that a call may set: 10 km. With much larger numbers a step of dead reckoning
@@ -90,27 +90,30 @@ class Base:
         """Return what motions go by, `elapsed_s` after the last command."""
         return Seen(self._odometer.track, self._setting, elapsed_s)
 
-    def pressed(self, velocity: float) -> Bumper | None:
-        """Return the bumper, pressed at the last `look`, that `velocity` would drive into.
+    def drive(self, speeds: Speeds) -> Bumper | None:
+        """Send these speeds to the base, but only the turn where they would drive into a bumper.
 
-        None where the way is free, or bumpers are ignored.
+        Returns:
+            the bumper, pressed at the last `look`, that they would drive into; None where the way is free, or
+            bumpers are ignored.
         """
+        bumper = self._pressed(speeds.velocity)
+        self._setting = speeds if bumper is None else Speeds(0.0, speeds.turn)
+        self._driver.drive(*self._setting)
+        return bumper
+
+    def stop(self) -> None:
+        """Stop the base."""
+        self._setting = STILL
+        self._driver.stop()
+
+    def _pressed(self, velocity: float) -> Bumper | None:
         state = self._state
         if state is None or not velocity or not self._guarded:
             return None
         if not (state.front_bumper if velocity > 0.0 else state.rear_bumper):
             return None
         return "front" if velocity > 0.0 else "rear"
-
-    def drive(self, speeds: Speeds) -> None:
-        """Send these speeds to the base."""
-        self._setting = speeds
-        self._driver.drive(*speeds)
-
-    def stop(self) -> None:
-        """Stop the base."""
-        self._setting = STILL
-        self._driver.stop()
 
     # --- calls ---------------------------------------------------------------------------------------
 

@@ -12,6 +12,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator
 
 from colony.runtime.arbitration.locks import LockQueue
+from colony.runtime.frames.publishing import FRAMES_KEPT, Publisher
 from colony.runtime.library.camera import GrabRows, ImageSize, LockImage, SetPeriod
 from colony.runtime.protocol.calls import (
     LATER,
@@ -25,6 +26,7 @@ from colony.runtime.protocol.calls import (
 )
 from colony.runtime.protocol.codec import LARGEST
 from colony.runtime.protocol.connections import Caller
+from colony.runtime.protocol.images import Image, Shot
 from colony.runtime.protocol.messages import (
     Alive,
     Call,
@@ -32,13 +34,12 @@ from colony.runtime.protocol.messages import (
     Fetch,
     Malformed,
     Message,
+    QuietNode,
     Tick,
     Wake,
     WakeAt,
 )
 from colony.runtime.servers.drivers import CameraDriver
-from colony.runtime.servers.images import Image, Shot
-from colony.runtime.servers.publishing import FRAMES_KEPT, Publisher
 
 CSERVER = "CServer"
 """The name of the only camera; where there are several, what their names begin with."""
@@ -59,16 +60,15 @@ class Camera:
     Args:
         address: the server's name.
         driver: the camera.
-        period_ns: from one image to the next.
 
     Attributes:
         answers: results, or refusals, of calls that waited for the lock; whoever sends them empties the list.
     """
 
-    def __init__(self, address: str, driver: CameraDriver, period_ns: int = PERIOD_NS) -> None:
+    def __init__(self, address: str, driver: CameraDriver) -> None:
         self.address = address
         self._driver = driver
-        self._period_ns = period_ns
+        self._period_ns = PERIOD_NS
         self._lock = LockQueue()
         self._shot: Shot | None = None
         self._due_ns = 0
@@ -156,26 +156,18 @@ class Camera:
         self._due_ns = min(self._due_ns, now_ns + period_ns)
 
 
-class CServer:
+class CServer(QuietNode):
     """Serves a camera. Mutable: the camera's image, its lock, the period.
 
     Args:
         driver: the camera.
         address: the server's name, an identifier.
-        period_ns: from one image to the next.
         keep: how many frames are kept for who missed one.
     """
 
-    def __init__(
-        self,
-        driver: CameraDriver,
-        *,
-        keep: int = FRAMES_KEPT,
-        address: str = CSERVER,
-        period_ns: int = PERIOD_NS,
-    ) -> None:
+    def __init__(self, driver: CameraDriver, *, keep: int = FRAMES_KEPT, address: str = CSERVER) -> None:
         self.address = address
-        self._camera = Camera(address, driver, period_ns)
+        self._camera = Camera(address, driver)
         self._publisher = Publisher(address, lambda tick: {}, keep=keep)
         self._desk = CallDesk(address, self._camera.methods, lost=self._lost)
         self._alarm: int | None = None
@@ -195,9 +187,6 @@ class CServer:
                 yield from self._keep_time(now_ns)
             case _:
                 pass
-
-    def close(self) -> None:
-        """It holds nothing."""
 
     def _keep_time(self, now_ns: int) -> Iterator[Effect]:
         """Answer the calls that waited for the lock, and see to it that a wake comes."""

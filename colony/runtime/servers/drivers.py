@@ -11,8 +11,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Protocol
 
+from colony.runtime.protocol.images import Shot
 from colony.runtime.protocol.messages import Sample
-from colony.runtime.servers.images import Shot
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

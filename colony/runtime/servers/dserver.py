@@ -19,6 +19,7 @@ from colony.ir.types import ScalarValue, Value
 from colony.runtime.arbitration.arbiter import timing
 from colony.runtime.arbitration.ballot import NOBODY, STOPPED
 from colony.runtime.arbitration.stop_latch import StopFollower
+from colony.runtime.frames.publishing import FRAMES_KEPT, Fields, Publisher
 from colony.runtime.protocol import topics
 from colony.runtime.protocol.calls import Asked, Refused, method
 from colony.runtime.protocol.deployment import (
@@ -29,6 +30,7 @@ from colony.runtime.protocol.deployment import (
     commanded_by,
 )
 from colony.runtime.protocol.fields import DSERVER
+from colony.runtime.protocol.leadership import Leadership
 from colony.runtime.protocol.messages import (
     Alive,
     Announcement,
@@ -49,9 +51,7 @@ from colony.runtime.servers.checkpoints import Checkpoints
 from colony.runtime.servers.commanding import CommandDesk
 from colony.runtime.servers.data_calls import DataCalls
 from colony.runtime.servers.data_methods import command
-from colony.runtime.servers.leadership import Leadership
 from colony.runtime.servers.once import CallAnswers
-from colony.runtime.servers.publishing import FRAMES_KEPT, Fields, Publisher
 from colony.runtime.servers.relaying import ActivityRelay
 from colony.runtime.servers.semaphores import Semaphores
 from colony.runtime.servers.showing import Wanted

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable
 
+from colony.runtime.frames.publishing import FRAMES_KEPT, Fields, Publisher
 from colony.runtime.library.proximity import InfraredReading, SetTimeouts, SonarReading
 from colony.runtime.protocol.calls import Asked, CallDesk, Nothing, Refused, method
 from colony.runtime.protocol.fields import PROXIMITY_SENSORS, PSERVER
@@ -15,15 +16,15 @@ from colony.runtime.protocol.messages import (
     Fetch,
     Malformed,
     Message,
+    QuietNode,
     Sample,
     Tick,
     Wake,
 )
 from colony.runtime.servers.drivers import ProximityDriver
-from colony.runtime.servers.publishing import FRAMES_KEPT, Fields, Publisher
 
 
-class PServer:
+class PServer(QuietNode):
     """Publishes both rings each frame, each with the time at which it was measured. Mutable: the time-outs.
 
     A time-out is the greatest range of a sonar: what is farther away reads as that, in frames and in calls.
@@ -44,9 +45,6 @@ class PServer:
         self._desk = CallDesk(self.address, self.methods, full=lambda: self._publisher.reached)
         self.listens = (*self._publisher.listens, *self._desk.listens)
 
-    def start(self, now_ns: int) -> Iterable[Effect]:
-        return ()
-
     def handle(self, message: Message, now_ns: int) -> Iterable[Effect]:
         match message:
             case Tick() | Fetch():
@@ -55,9 +53,6 @@ class PServer:
                 return self._desk.handle(message, now_ns)
             case _:
                 return ()
-
-    def close(self) -> None:
-        """It holds nothing."""
 
     def sonar(self) -> Sample | None:
         """Return 24 ranges in mm, up to the time-outs."""

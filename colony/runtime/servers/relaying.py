@@ -5,9 +5,9 @@ from __future__ import annotations
 from collections.abc import Iterable
 
 from colony.runtime.frames.assembler import COMMAND, ERROR
+from colony.runtime.frames.publishing import KEPT_BYTES, FetchBudget, frame_bytes
 from colony.runtime.protocol import topics
 from colony.runtime.protocol.messages import Announcement, Effect, Fetch, Sample, Send, ServerFrame
-from colony.runtime.servers.publishing import KEPT_BYTES, FetchBudget, frame_bytes
 
 
 class ActivityRelay:

@@ -18,12 +18,14 @@ from colony.ir.types import ScalarValue
 from colony.runtime.arbitration.arbiter import Dispatch, timing
 from colony.runtime.arbitration.motion import Seen, Speeds
 from colony.runtime.arbitration.stop_latch import StopFollower
+from colony.runtime.frames.publishing import FRAMES_KEPT, Fields, Publisher
 from colony.runtime.library import robot
 from colony.runtime.protocol import topics
 from colony.runtime.protocol.calls import Asked, CallDesk, Method, Nothing, Refused, method
 from colony.runtime.protocol.connections import Caller
 from colony.runtime.protocol.deployment import DEPLOYMENT_BYTES, ActuatorTable, Deployment
 from colony.runtime.protocol.fields import RSERVER
+from colony.runtime.protocol.leadership import Leadership
 from colony.runtime.protocol.messages import (
     Alive,
     Call,
@@ -41,9 +43,7 @@ from colony.runtime.servers.base import Base
 from colony.runtime.servers.base_actuator import base_actuator, misfit, speeds_of
 from colony.runtime.servers.commanding import ActuatorCounts, CommandDesk
 from colony.runtime.servers.drivers import BaseDriver
-from colony.runtime.servers.leadership import Leadership
 from colony.runtime.servers.piloting import Bumper, Pilot
-from colony.runtime.servers.publishing import FRAMES_KEPT, Fields, Publisher
 
 WATCHDOG_FRAMES = 2
 
@@ -182,21 +182,20 @@ class RServer:
         wanted = speeds_of(actuator, values) if speeds is None else speeds
         if wanted.velocity:
             self._base.look()
-        bumper = self._base.pressed(wanted.velocity)
-        self._base.drive(wanted if bumper is None else self._reflex(wanted, bumper, now_ns))
+        bumper = self._base.drive(wanted)
+        if bumper is not None:
+            self._bumped(wanted, bumper, now_ns)
         self._commanded_at = now_ns
 
     def _stale(self, now_ns: int) -> bool:
         """Return whether the present frame is long over. In lockstep the times of ticks only count frames."""
         return not self._actuator.lockstep and now_ns - self._tick_ns > STALE_FRAMES * self._actuator.frame_ns
 
-    def _reflex(self, wanted: Speeds, bumper: Bumper, now_ns: int) -> Speeds:
-        """Keep the base from driving into a bumper that is pressed."""
+    def _bumped(self, wanted: Speeds, bumper: Bumper, now_ns: int) -> None:
         note = f"frame {self._k}: {wanted.velocity:g} mm/s was not sent, the {bumper} bumper is pressed"
         self._desk.remark(self._actuator.name, note)
         if self._outside_speeds is not None and self._acting is not None:
             self._pilot.bumped(self._acting, bumper, self._seen(now_ns))
-        return Speeds(0.0, wanted.turn)
 
     def _halt(self) -> None:
         self._commanded_at = self._bark_at = None

@@ -5,10 +5,12 @@ from __future__ import annotations
 from collections.abc import Iterable
 from hashlib import blake2b
 
+from colony.runtime.frames.publishing import FRAMES_KEPT, Fields, Publisher
 from colony.runtime.protocol.calls import Asked, CallDesk, method
 from colony.runtime.protocol.connections import Caller
 from colony.runtime.protocol.deployment import DEPLOYMENT_BYTES, Deployment
 from colony.runtime.protocol.fields import RUNTIME
+from colony.runtime.protocol.leadership import Leadership
 from colony.runtime.protocol.messages import (
     Alive,
     Call,
@@ -16,15 +18,14 @@ from colony.runtime.protocol.messages import (
     Fetch,
     Malformed,
     Message,
+    QuietNode,
     Sample,
     Tick,
     Wake,
 )
-from colony.runtime.servers.leadership import Leadership
-from colony.runtime.servers.publishing import FRAMES_KEPT, Fields, Publisher
 
 
-class RuntimeServer:
+class RuntimeServer(QuietNode):
     """Publishes `random`, which is a function of the run's seed and the frame's number and of nothing else,
     so that a server that was started anew goes on with the same numbers. Mutable: the seed.
 
@@ -49,9 +50,6 @@ class RuntimeServer:
         """From the next frame on, give the numbers of this run."""
         self._seed = deployed.seed
 
-    def start(self, now_ns: int) -> Iterable[Effect]:
-        return ()
-
     def handle(self, message: Message, now_ns: int) -> Iterable[Effect]:
         match message:
             case Tick() | Fetch():
@@ -60,9 +58,6 @@ class RuntimeServer:
                 return self._desk.handle(message, now_ns)
             case _:
                 return ()
-
-    def close(self) -> None:
-        """It holds nothing."""
 
     def _read(self, tick: Tick) -> Fields:
         return {"random": Sample(random_of_frame(self._seed, tick.k), tick.t_ns)}

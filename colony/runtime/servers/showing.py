@@ -12,10 +12,10 @@ from typing import NamedTuple
 import msgspec
 
 from colony.ir.types import Value
+from colony.runtime.frames.publishing import Fields
 from colony.runtime.protocol.calls import Refused
 from colony.runtime.protocol.messages import Sample
 from colony.runtime.servers.bounds import Bound
-from colony.runtime.servers.publishing import Fields
 from colony.runtime.store.store import Journal, Key
 
 FRAME_SPACE = 1 << 16

@@ -15,10 +15,10 @@ from typing import NamedTuple
 import msgspec
 
 from colony.ir.types import Value
+from colony.runtime.frames.publishing import Fields
 from colony.runtime.protocol.calls import Refused
 from colony.runtime.servers.bounds import Bound
 from colony.runtime.servers.naming import Names
-from colony.runtime.servers.publishing import Fields
 from colony.runtime.servers.showing import FRAME_SPACE, Showing, Shown, showing
 from colony.runtime.store.store import Journal, Key
 

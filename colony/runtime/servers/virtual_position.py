@@ -11,8 +11,8 @@ Positions that users set are kept here and not in the registers: what was rememb
 from __future__ import annotations
 
 import math
-from typing import NamedTuple
 
+from colony.runtime.arbitration.motion import OdometerPose
 from colony.runtime.servers.drivers import BaseState
 
 
@@ -39,14 +39,6 @@ class VirtualAxis:
     def reset(self) -> None:
         """Forget all: the next value is taken as it is."""
         self._last, self._rounds = None, 0
-
-
-class OdometerPose(NamedTuple):
-    """x and y in mm, heading in degrees counterclockwise from north."""
-
-    x: float
-    y: float
-    heading: float
 
 
 class Odometer:

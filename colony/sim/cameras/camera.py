@@ -29,6 +29,7 @@ from colony.sim.world.world import World
 MOST_PIXELS = 4_000_000
 
 _NOBODY = np.zeros((0, 2))
+_ROBOT_HEIGHT_MM = 1000.0
 _RECORDS = (Atlas, Lighting)  # parts of a scene, whose types the compiler looks up here
 
 
@@ -68,14 +69,14 @@ class CameraConfig:
             raise ValueError(f"above_floor_mm is {self.above_floor_mm}; expected a height above 0")
 
 
-def lens_of(config: CameraConfig, *, robot_radius_mm: float, robot_height_mm: float) -> Lens:
+def lens_of(config: CameraConfig, *, robot_radius_mm: float) -> Lens:
     """A camera as the renderer takes it."""
     return Lens(
         focal=config.width / 2.0 / math.tan(math.radians(config.view_deg) / 2.0),
         above_floor=float(config.above_floor_mm),
         yaw=math.radians(config.yaw_deg),
         robot_radius=float(robot_radius_mm),
-        robot_height=float(robot_height_mm),
+        robot_height=_ROBOT_HEIGHT_MM,
         rays=config.optics.rays,
         exposure=float(config.optics.exposure_s),
     )
@@ -116,29 +117,21 @@ class Camera:
     Args:
         scene: what there is to be seen.
         config: the camera.
-        robot_radius_mm, robot_height_mm: the hull of other robots.
+        robot_radius_mm: the radius of other robots.
         seed: of the noise and of the gain.
 
     Raises:
         ValueError: the lens would be in the ceiling or above.
     """
 
-    def __init__(
-        self,
-        scene: Scene,
-        config: CameraConfig,
-        *,
-        robot_radius_mm: float,
-        robot_height_mm: float = 1000.0,
-        seed: int = 0,
-    ) -> None:
+    def __init__(self, scene: Scene, config: CameraConfig, *, robot_radius_mm: float, seed: int = 0) -> None:
         if config.above_floor_mm >= scene.ceiling:
             found = f"above_floor_mm is {config.above_floor_mm}"
             raise ValueError(f"{found}; expected less than the ceiling's {scene.ceiling}")
         self.config = config
         self._scene = scene
         self._seen_walls: Floats2 | None = None
-        self._lens = lens_of(config, robot_radius_mm=robot_radius_mm, robot_height_mm=robot_height_mm)
+        self._lens = lens_of(config, robot_radius_mm=robot_radius_mm)
         own_seed = seed * 1_000_003 + round(config.yaw_deg * 1000.0) % 360_000
         self._sensor = sensor_of(config.optics, width=config.width, seed=own_seed)
         self._canvas: Canvas | None = None

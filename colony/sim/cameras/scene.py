@@ -68,18 +68,17 @@ class _Shelf(NamedTuple):
     rooms: int
 
 
-def scene_of(floor: Map, scenery: Scenery | None = None, *, ceiling_mm: float = CEILING_MM) -> Scene:
+def scene_of(floor: Map, scenery: Scenery | None = None) -> Scene:
     """The scene of a map, as it is in one run: with its posters, its lights, and its doors open or shut.
 
     Without a scenery all doors are shut, all lights are on, and nothing hangs there but plates and markers.
     """
-    walls, shelf = walls_of(floor), _shelf(floor, ceiling_mm)
+    walls, shelf = walls_of(floor), _shelf(floor)
     lights = premises_of(floor).lights if scenery is None else scenery.lights
     kinds = walls.kinds
     made = scene(
         walls.segments,
         _panels_of(walls),
-        ceiling_mm=ceiling_mm,
         covers=shelf.covers,
         hung=[*_signs(floor, shelf), *(_furnishings(scenery, shelf) if scenery is not None else ())],
         atlas=shelf.atlas,
@@ -95,7 +94,7 @@ def scene_of(floor: Map, scenery: Scenery | None = None, *, ceiling_mm: float = 
 
 
 @lru_cache(maxsize=_SHELVES)
-def _shelf(floor: Map, ceiling_mm: float) -> _Shelf:
+def _shelf(floor: Map) -> _Shelf:
     """All pictures that may be seen on a floor, and no others, as covers are large: 3 MB each. Kept, since
     experiments ask for the floors of a building again and again."""
     walls = walls_of(floor)
@@ -106,13 +105,13 @@ def _shelf(floor: Map, ceiling_mm: float) -> _Shelf:
         return PEOPLE + len(pictures) - len(more)
 
     looks = [_cover(walls, edge) for edge in range(len(walls.kinds))]
-    covers = {made: put(made(ceiling_mm)) for made in dict.fromkeys(looks)}
+    covers = {made: put(made(CEILING_MM)) for made in dict.fromkeys(looks)}
     texts = dict.fromkeys(sign.text for sign in plates_of(floor))
     codes = dict.fromkeys(sign.code for sign in markers_of(floor))
     plates = {text: put(plate(text)) for text in texts}
     markers = {code: put(marker(code)) for code in codes}
     first, cylinder, sign = put(*posters()), put(extinguisher()), put(extinguisher_sign())
-    rooms = put(textures.shelves(ceiling_mm))
+    rooms = put(textures.shelves(CEILING_MM))
     return _Shelf(
         atlas=atlas_with(pictures), covers=tuple(covers[made] for made in looks),
         plates=plates, markers=markers, posters=first, cylinder=cylinder, sign=sign, rooms=rooms,

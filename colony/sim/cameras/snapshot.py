@@ -3,14 +3,17 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 
 import numpy as np
 
 from colony.nav.maps.stickrep.model import Map
 from colony.sim.cameras.camera import Camera, CameraConfig
+from colony.sim.cameras.ceiling import CeilingCamera, CeilingCameraConfig
 from colony.sim.cameras.scene import scene_of
 from colony.sim.compiled import Bytes2, Floats2
 from colony.sim.config import RobotConfig
+from colony.sim.hazards.hazards import Hazards, draw
 from colony.sim.hazards.scenery import Scenery
 
 
@@ -20,7 +23,6 @@ def snapshot(
     config: CameraConfig,
     *,
     scenery: Scenery | None = None,
-    t_ns: int = 0,
     seed: int = 0,
     speed_mm_s: float = 0.0,
 ) -> Bytes2:
@@ -29,7 +31,7 @@ def snapshot(
     Args:
         scenery: the building in one run, its people where they begin; without one everything is shut, and
             nobody is there.
-        t_ns, seed: of the noise.
+        seed: of the noise.
         speed_mm_s: how fast the robot drives, which smears what is near.
 
     Raises:
@@ -39,8 +41,38 @@ def snapshot(
         raise ValueError(f"the pose is {tuple(pose)}; expected finite numbers")
     camera = Camera(scene_of(floor, scenery), config, robot_radius_mm=RobotConfig().radius_mm, seed=seed)
     return camera.image(
-        np.array([pose], dtype=np.float64), 0, t_ns, people=_people(scenery), speed=(speed_mm_s, 0.0)
+        np.array([pose], dtype=np.float64), 0, 0, people=_people(scenery), speed=(speed_mm_s, 0.0)
     )
+
+
+def snapshots(
+    floor: Map,
+    pose: tuple[float, float, float],
+    yaws: Mapping[str, float],
+    size: tuple[int, int],
+    *,
+    hazards: int | None,
+    speed_mm_s: float,
+) -> dict[str, Bytes2]:
+    """Return what cameras of this width and height see: those that look along the floor, with so many degrees
+    counterclockwise from ahead, and `up`, the one that looks at the ceiling.
+
+    Args:
+        hazards: the seed of what goes wrong in the building; None for nothing.
+
+    Raises:
+        ValueError: as `snapshot`.
+    """
+    scenery = draw(Hazards.none() if hazards is None else Hazards(), floor, hazards or 0)
+    width, height = size
+    images = {}
+    for name, yaw in yaws.items():
+        config = CameraConfig(width=width, height=height, yaw_deg=yaw)
+        images[name] = snapshot(
+            floor, pose, config, scenery=scenery, seed=scenery.seed, speed_mm_s=speed_mm_s
+        )
+    ceiling = CeilingCamera(scenery, CeilingCameraConfig(width=width, height=height))
+    return images | {"up": ceiling.image(pose, 0)}
 
 
 def png_of(image: Bytes2) -> bytes:

@@ -10,8 +10,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import assert_never
 
+from colony.runtime.protocol.images import Image
 from colony.runtime.servers.drivers import BaseState
-from colony.runtime.servers.images import Image
 from colony.sim.cameras.camera import Camera
 from colony.sim.cameras.ceiling import CeilingCamera
 from colony.sim.compiled import Bytes2

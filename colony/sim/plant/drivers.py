@@ -23,9 +23,9 @@ from typing import Generic, TypeVar
 
 import msgspec
 
+from colony.runtime.protocol.images import Image
 from colony.runtime.protocol.messages import Sample
 from colony.runtime.servers.drivers import BaseState
-from colony.runtime.servers.images import Image
 from colony.sim.config import RobotConfig, limits_of
 from colony.sim.plant.protocol import (
     LARGEST_FROM_PLANT,

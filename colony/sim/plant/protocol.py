@@ -22,8 +22,8 @@ from typing import Generic, TypeVar
 
 import msgspec
 
+from colony.runtime.protocol.images import Image
 from colony.runtime.servers.drivers import BaseState
-from colony.runtime.servers.images import Image
 
 VERSION = 2
 

@@ -28,11 +28,10 @@ from colony.verify.lints.proof import Patience, Prover
 _MOST_NAMED = 12
 
 
-def lint(program: Program, seed: int = 0, patience: Patience | None = None) -> tuple[Diagnostic, ...]:
+def lint(program: Program, patience: Patience | None = None) -> tuple[Diagnostic, ...]:
     """Everything odd that is found, as warnings V020 to V031, in the order of the text.
 
-    `seed` is what concrete runs are drawn from: they save work, and no warning depends on them. What
-    `patience` does not reach to is not told of.
+    What `patience` does not reach to is not told of.
     """
     patience = Patience() if patience is None else patience
     case = case_of(program)
@@ -43,7 +42,7 @@ def lint(program: Program, seed: int = 0, patience: Patience | None = None) -> t
         never |= source.claims(case)
     for broken_source in (ranges, fail_open, pauses):
         can |= broken_source.claims(case)
-    seen = broken(program, case.observed, never, seed)
+    seen = broken(program, case.observed, never)
     left = {name: claim for name, claim in never.items() if name not in seen}
     prover = Prover(case.observed, left | can, patience)
     proved = prover.proved(left)

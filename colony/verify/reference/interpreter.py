@@ -115,7 +115,7 @@ class Interpreter:
         self._derived_values(moment)
         self._modules(moment, records)
         self._network(moment)
-        limits = self._limits(moment)
+        limits = self._limits()
         decisions = [self._decide(a, moment, limits, records) for a in self.program.robot.actuators]
         breaches = [c.name for c in self.program.contracts if self.value_of(c.expression) is False]
         self._states = self._states | self._next
@@ -262,7 +262,7 @@ class Interpreter:
 
     # --- what is sent ----------------------------------------------------------------------------
 
-    def _limits(self, moment: Moment) -> list[tuple[ir.Limit, float]]:
+    def _limits(self) -> list[tuple[ir.Limit, float]]:
         """The limits that apply in this frame with their bounds, in the order written."""
         applying = []
         for limit in self.program.limits:

@@ -276,7 +276,7 @@ class Arithmetic:
             return x
         low, high = bounding.floors(x.bounds)
         if low is not None and high is not None and high - low < FEW_WHOLES:
-            return self._steps(x, low, high, lambda n: cast(z3.BoolRef, x.value >= integer_value(n)))
+            return self._steps(low, high, lambda n: cast(z3.BoolRef, x.value >= integer_value(n)))
         term, new = self.builder.auxiliary(Operation.FLOOR, (x,), z3.IntSort())
         if new:
             self.builder.define(term, cast(z3.BoolRef, z3.ToReal(term) <= x.value))
@@ -289,7 +289,7 @@ class Arithmetic:
             return x
         low, high = bounding.rounds(x.bounds)
         if low is not None and high is not None and high - low < FEW_WHOLES:
-            return self._steps(x, low, high, lambda n: _reaches(x.value, n))
+            return self._steps(low, high, lambda n: _reaches(x.value, n))
         term, new = self.builder.auxiliary(Operation.ROUND, (x,), z3.IntSort())
         if new:
             half, near = real(Fraction(1, 2)), z3.ToReal(term)
@@ -300,8 +300,8 @@ class Arithmetic:
             self.builder.define(term, implied(tie, even))
         return of_whole(term, _whole_bounds(low, high))
 
-    def _steps(self, x: Number, low: int, high: int, reaches: Callable[[int], z3.BoolRef]) -> Number:
-        """The greatest n of low .. high that `x` reaches, by cases."""
+    def _steps(self, low: int, high: int, reaches: Callable[[int], z3.BoolRef]) -> Number:
+        """The greatest n of low .. high that is reached, by cases."""
         steps = [reaches(n) for n in range(low + 1, high + 1)]
         cases = []
         for i in range(high - low + 1):

@@ -187,7 +187,7 @@ class _Examination:
             self._know(nondeterministic=nondeterministic)
             return
         self._guide.learn(trace, run.patterns)
-        self._count(trace, run)
+        self._count(run)
         for name in dict.fromkeys(name for outcome in run.outcomes for name in outcome.breaches):
             self._breach(name, trace, run)
         if not self._difference(trace, run.outcomes):
@@ -240,7 +240,7 @@ class _Examination:
 
     # --- what came of it -------------------------------------------------------------------------
 
-    def _count(self, trace: tuple[Frame, ...], run: _Run) -> None:
+    def _count(self, run: _Run) -> None:
         for outcome, active, silent in zip(run.outcomes, run.active, run.silent, strict=True):
             self._counts.update((name, "won") for name in {d.by for d in outcome.decisions if d.by})
             self._counts.update((name, "active") for name in active)

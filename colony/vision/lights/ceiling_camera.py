@@ -15,9 +15,6 @@ from dataclasses import dataclass
 LIGHT_LENGTH_MM = 600.0
 """Of a ceiling light, along the corridor."""
 
-LIGHT_WIDTH_MM = 1200.0
-"""Of a ceiling light, across the corridor."""
-
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class CeilingCamera:

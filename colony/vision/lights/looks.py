@@ -10,7 +10,7 @@ import numpy as np
 from colony.runtime.kit.errors import CallRefused, ConnectionLost, ServerNotFound, TimedOut
 from colony.runtime.kit.script import Step, do
 from colony.runtime.library import camera
-from colony.runtime.servers.images import Image
+from colony.runtime.protocol.images import Image
 from colony.vision.lights.ceiling_camera import CeilingCamera
 from colony.vision.lights.scan_lines import Light, ceiling_lights
 

@@ -20,7 +20,6 @@ middle of the corridor, is taken where it is whole and its edges are very clear.
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
 from itertools import combinations
 from typing import NamedTuple
 
@@ -100,17 +99,14 @@ class _Edge(NamedTuple):
     rise: float
 
 
-def ceiling_lights(
-    lines: Lines, camera: CeilingCamera, *, tilt_deg: float = 0.0, at_rows: Sequence[int] | None = None
-) -> tuple[Light, ...]:
+def ceiling_lights(lines: Lines, camera: CeilingCamera, *, tilt_deg: float = 0.0) -> tuple[Light, ...]:
     """The lights that the lines agree upon, best first, none overlapping a better one.
 
     Args:
-        lines: n x columns, one row of the image each.
+        lines: n x columns, the scan lines of the camera.
         tilt_deg: the heading against the corridor by what is known otherwise, for lights that do not tell it.
-        at_rows: which rows of the image these are; the camera's scan lines, where it is not told.
     """
-    lefts = [camera.left_of(row) for row in (camera.scan_rows if at_rows is None else at_rows)]
+    lefts = [camera.left_of(row) for row in camera.scan_rows]
     found = line_lights(lines, camera)
     if not any(found):
         return ()

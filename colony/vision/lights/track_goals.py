@@ -38,9 +38,9 @@ class Unfinished(NamedTuple):
     passed: int
 
 
-def new_goal(wait_s: float) -> Generator[Step, Any, bool]:
-    """Whether $TrackData is upped within this time, and so there is another goal."""
-    return (yield from taken(TRACK_DATA, wait_s))
+def new_goal() -> Generator[Step, Any, bool]:
+    """Whether $TrackData is upped, and so there is another goal."""
+    return (yield from taken(TRACK_DATA, 0.0))
 
 
 def take_goal() -> Generator[Step, Any, LightGoal]:

@@ -1,11 +1,11 @@
 """CTracker: counts the ceiling lights that the robot passes, and keeps its place along the corridor right
 (thesis sections 5.6 and 5.8).
 
-It waits for $TrackData, reads the lights to come from LightOffset, and looks at the ceiling every `period_s`.
-CeilingLight is how many lights were passed; at each, $LightDet is upped. After the last one Overshoot is how
-far beyond it the robot is, and $EndLMode is upped. A tracker that is started anew goes on where one before
-it was ended (`track_goals.py`). Lights are given up where the robot has a goal of another kind meanwhile,
-from another Planner.
+It waits for $TrackData, reads the lights to come from LightOffset, and looks at the ceiling twice a second or
+more often. CeilingLight is how many lights were passed; at each, $LightDet is upped. After the last one
+Overshoot is how far beyond it the robot is, and $EndLMode is upped. A tracker that is started anew goes on
+where one before it was ended (`track_goals.py`). Lights are given up where the robot has a goal of another
+kind meanwhile, from another Planner.
 
 The map knows the place of a light to centimeters, so each valid light also tells where the robot is along the
 corridor, and its tilted edges the heading. That goes to the estimator of the pose as LightFix; the tracker
@@ -52,7 +52,7 @@ from colony.vision.lights.track_goals import (
     take_goal,
     unfinished_goal,
 )
-from colony.vision.periods import PERIOD_S, THESIS_PERIOD_S, period_of
+from colony.vision.periods import PERIOD_S, THESIS_PERIOD_S
 
 ASK_AGAIN_S = 1.0
 """How often it is asked, while tracking, whether there is a new goal in place of the present one."""
@@ -73,7 +73,6 @@ def light_tracker(
     *,
     cameras: Sequence[str] = ("CServerUp",),
     geometry: CeilingCamera | Sequence[CeilingCamera] = UPWARD,
-    period_s: float | None = None,
     thesis: bool = False,
 ) -> Script:
     """CTracker, which looks at its cameras itself.
@@ -81,17 +80,16 @@ def light_tracker(
     Args:
         cameras: without any, lights are passed by the position alone.
         geometry: of all cameras, or of each.
-        period_s: from one look at the ceiling to the next; 0.25 unless told, 0.5 as printed.
         thesis: count as printed, and tell no fix.
 
     Raises:
-        ValueError: there is not a geometry for each camera, or no period; later, in the script: the variables
-            of a goal are not what the Planner should have set.
+        ValueError: there is not a geometry for each camera; later, in the script: the variables of a goal are
+            not what the Planner should have set.
     """
     geometries = (geometry,) * len(cameras) if isinstance(geometry, CeilingCamera) else tuple(geometry)
     if len(geometries) != len(cameras):
         raise ValueError(f"{len(cameras)} cameras with {len(geometries)} geometries; expected one for each")
-    period = period_of(period_s, THESIS_PERIOD_S if thesis else PERIOD_S)
+    period = THESIS_PERIOD_S if thesis else PERIOD_S
     return _tracker(cameras_looker(cameras, geometries), cameras, period, thesis)
 
 
@@ -100,7 +98,7 @@ def _tracker(looker: Looker, cameras: Sequence[str], period_s: float, thesis: bo
     for name in (TRACK_DATA, LIGHT_DETECTED, END_L_MODE):
         yield from do("DServer", data.create_semaphore(name, 0))
     scale = Scale()
-    again = yield from new_goal(0.0)
+    again = yield from new_goal()
     left = None if again else (yield from unfinished_goal())
     while True:
         if left is None and not again:
@@ -143,7 +141,7 @@ class _Tracking:
         while True:
             now_ns = yield from sleep(wait_s)
             if self._is_time_to_ask(now_ns):
-                if (yield from new_goal(0.0)):
+                if (yield from new_goal()):
                     return True
                 if (yield from is_given_up()):
                     yield from give_up()
@@ -163,7 +161,7 @@ class _Tracking:
                 self._track, passing = self._track.passing(progress)
                 if passing is None:
                     break
-                if self._track.done and (yield from new_goal(0.0)):
+                if self._track.done and (yield from new_goal()):
                     return True  # whose Planner must not be told of the end of this one
                 yield from self._tell(passing)
             if self._track.done:

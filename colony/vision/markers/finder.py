@@ -1,6 +1,6 @@
 """The marker finder: looks for the marker of an elevator that the robot is to take (thesis section 5.4.6).
 
-While GoalType is that of an elevator it looks at the camera ahead every `period_s`: at the middle half of the
+While GoalType is that of an elevator it looks at the camera ahead every 0.2 s: at the middle half of the
 image, and where the marker was seen, next time only at the rows around it. MarkerBearing, MarkerFacing and
 MarkerDistance are where the marker is from where the robot is when they are set. Where no marker is seen
 nothing is set, so that they grow old.
@@ -36,14 +36,13 @@ from colony.runtime.kit.script import Script, Step, do, sleep
 from colony.runtime.library import camera as library
 from colony.runtime.library import data, robot
 from colony.runtime.library.robot import Position
-from colony.runtime.servers.images import Image
+from colony.runtime.protocol.images import Image
 from colony.vision.level_camera import AHEAD, LevelCamera
 from colony.vision.level_looks import made_ready
 from colony.vision.lights.looks import SILENT
 from colony.vision.lights.tracker import position_at
 from colony.vision.markers.pose import MarkerPose, marker_pose, marker_rows
 from colony.vision.markers.rows import find_markers
-from colony.vision.periods import period_of
 from colony.vision.sightings import MarkerBox
 
 PERIOD_S = 0.2
@@ -69,7 +68,6 @@ def marker_finder(
     *,
     camera: str = "CServerFront",
     geometry: LevelCamera = AHEAD,
-    period_s: float | None = None,
 ) -> Script:
     """Tell where the marker of the elevator is that the robot is to take; never ends.
 
@@ -77,12 +75,11 @@ def marker_finder(
         floors: the markers of each floor, by the name of its map (`nav.signs.markers_of`).
         camera: the server of the camera that looks ahead.
         geometry: of that camera.
-        period_s: from one look to the next.
 
     Raises:
-        ValueError: no period; later, in the script: the camera's images are not as large as `geometry` says.
+        ValueError: in the script, where the camera's images are not as large as `geometry` says.
     """
-    return _finder(_Finder(floors, camera, geometry), period_of(period_s, PERIOD_S))
+    return _finder(_Finder(floors, camera, geometry), PERIOD_S)
 
 
 def _finder(finder: _Finder, period_s: float) -> Script:

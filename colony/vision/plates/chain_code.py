@@ -65,16 +65,14 @@ def traced(binary: NDArray[np.bool_], column: int, row: int) -> Border | None:
         back = (code + 3) % 8 if code % 2 else (code + 2) % 8
 
 
-def cornerness(
-    codes: NDArray[np.int64], *, segments: tuple[int, ...] = SEGMENTS, longest_arm: int = LONGEST_ARM
-) -> Floats:
+def cornerness(codes: NDArray[np.int64], *, longest_arm: int = LONGEST_ARM) -> Floats:
     """How much of a corner each pixel of a closed border is, (n,): by how much the border turns there, in
     radians, positive to the right, times the root of the lengths of its two arms."""
     total = np.zeros(len(codes))
-    for segment in segments:
+    for segment in SEGMENTS:
         if segment < len(codes):
             total += _cornerness(codes, segment, longest_arm)
-    return total / len(segments)
+    return total / len(SEGMENTS)
 
 
 def corners(border: Border) -> NDArray[np.int64]:

@@ -1,6 +1,6 @@
 """PlFinder: finds the door plates that the robot passes (thesis section 5.7).
 
-It looks through a camera at the wall on the robot's left, `period_s` after `period_s`, while the robot heads
+It looks through a camera at the wall on the robot's left, four times a second, while the robot heads
 along the hallway, give or take 50 degrees. Each plate is told once: at DServer in PlateSeen, and to whom it
 may concern (`on_plate`). That is when enough looks agree upon it (`search.py`).
 
@@ -34,12 +34,12 @@ from colony.runtime.library import camera as cameras
 from colony.runtime.library import data, proximity, robot
 from colony.runtime.library.ask import Ask
 from colony.runtime.library.robot import Position
-from colony.runtime.servers.images import Image
+from colony.runtime.protocol.images import Image
 from colony.vision.gray_images import gray_image
 from colony.vision.level_camera import SIDE, LevelCamera
 from colony.vision.level_looks import made_ready
 from colony.vision.lights.looks import SILENT
-from colony.vision.periods import PERIOD_S, THESIS_PERIOD_S, period_of
+from colony.vision.periods import PERIOD_S, THESIS_PERIOD_S
 from colony.vision.plates.geometry import is_too_steep
 from colony.vision.plates.map import gate_mm
 from colony.vision.plates.search import Known, PlateSearch, Search, ThesisSearch, View
@@ -80,7 +80,6 @@ def plate_finder(
     *,
     camera: str = "CServerSide",
     geometry: LevelCamera = SIDE,
-    period_s: float | None = None,
     reader: PlateReader | None = read,
     thesis: bool = False,
     on_plate: OnPlate | None = None,
@@ -90,16 +89,14 @@ def plate_finder(
     Args:
         floors: the plates of each floor, by the name of its map; None: the map is not known.
         camera: the server of the camera, `geometry` what it is like.
-        period_s: from image to image; 0.25 unless told, 0.5 as printed.
         reader: reads what is on a plate; None: nobody does.
         thesis: find as printed, which knows no map.
         on_plate: is told of each plate.
 
     Raises:
-        ValueError: the period is no time above 0; later, in the script: the camera's images are not as large
-            as `geometry` says.
+        ValueError: in the script, where the camera's images are not as large as `geometry` says.
     """
-    period = period_of(period_s, THESIS_PERIOD_S if thesis else PERIOD_S)
+    period = THESIS_PERIOD_S if thesis else PERIOD_S
     search: Search = ThesisSearch(geometry, reader) if thesis else PlateSearch(geometry, reader)
     eye = _Eye(camera, geometry, period, lock=thesis)
     maps = None if thesis or floors is None else _Maps(floors)

@@ -47,11 +47,6 @@ class WallView(NamedTuple):
         """In which column a place is seen, in the image or beside it; the place is ahead of the camera."""
         return camera.column_of(math.degrees(math.atan(place_mm / self.distance_mm)) - self.tilt_deg)
 
-    def depth_of(self, camera: LevelCamera, column: float) -> float:
-        """How deep in the image, along the optical axis, the wall is in a column."""
-        bearing = math.radians(camera.bearing_of(column))
-        return self.distance_mm * math.cos(bearing) / math.cos(bearing + math.radians(self.tilt_deg))
-
     def _reach_mm(self, angle_deg: float) -> float:
         return self.distance_mm * math.tan(math.radians(angle_deg)) if angle_deg < 90.0 else math.inf
 

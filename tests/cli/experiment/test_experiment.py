@@ -147,15 +147,18 @@ def test_differences_are_told() -> None:
         interrupted=False,
     )
     assert [one.frames for one in found.differences] == [4]
-    assert experiment_outputs.audit_line(found.audits).endswith("decided otherwise in 1 of them.")
+    assert experiment_outputs._audit_line(found.audits).endswith("decided otherwise in 1 of them.")
 
 
 @pytest.mark.parametrize(
     ("arguments", "told"),
     [
         (("rounds.csv",), "give --map MAP"),
-        (("rounds",), "no list `rounds`; expected thesis, random, floors, plates, lights"),
-        (("rounds", "--map", MAP), "no list `rounds`; expected thesis, random, floors, plates, lights"),
+        (("rounds",), "no list `rounds`; expected thesis, plates, lights, sources, random"),
+        (
+            ("rounds", "--map", MAP),
+            "no list `rounds`; expected thesis, plates, lights, sources, random",
+        ),
         (("none.csv", "--map", MAP), "none.csv: cannot be read"),
         (("thesis", "--map", MAP), "leave out --map"),
         (("thesis", "--runs", "41"), "there is no run 41"),

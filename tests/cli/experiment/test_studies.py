@@ -76,7 +76,7 @@ def test_ctrl_c_loses_no_run_that_was_finished(
 
         conduct(asked, *rest, tell=stop)  # type: ignore[arg-type]
 
-    monkeypatch.setattr("colony.cli.experiment.studies.conduct", interrupted)
+    monkeypatch.setattr("colony.experiment.conduct.conduct", interrupted)
     result = colony("experiment", *QUICK, "-o", str(kept))
     assert result.code == 130
     assert "lights, ours/no-hazards: 1 of 2 runs" in result.out

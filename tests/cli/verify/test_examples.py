@@ -12,9 +12,10 @@ import pytest
 from sarif_kit.validate import validation_errors
 
 from colony.cli.sarif import sarif
-from colony.cli.verify.examples import bug, findings, lines, refuted, reports, row, traces
+from colony.cli.verify.examples import bug, findings, lines, reports, row
 from colony.dsl.load import load_file, load_text
 from colony.ir.program import Program
+from colony.verify.contracts.breach import refutation
 from colony.verify.reference.interpreter import Interpreter
 from colony.verify.testing.differential import Report
 from tests.cli.conftest import Colony
@@ -83,17 +84,18 @@ def test_findings_are_errors_at_the_contract_with_a_trace(of: Program, report: R
     (found,) = findings(of, report, "b.colony")
     assert (found.code, found.span.text) == ("V010", "no_forward_after_bump")
     assert "drive by cruise" in found.message
-    ((_, steps),) = traces(of, report, "b.colony").items()
+    ((_, steps),) = findings(of, report, "b.colony").items()
     assert steps[0].message == "t = 0 s; drive by back: velocity = -100 mm/s"
     assert steps[0].values["bumper"] == "true"
     assert len(steps) == 2
-    assert findings(of, report, "b.colony", known=["no_forward_after_bump"]) == ()
-    log = sarif([found], directory="/", command="verify", traces=traces(of, report, "b.colony"))
+    assert findings(of, report, "b.colony", known=["no_forward_after_bump"]) == {}
+    log = sarif([found], directory="/", command="verify", traces=findings(of, report, "b.colony"))
     assert validation_errors(json.loads(log)) == []
 
 
 def test_a_breach_is_one_for_the_prover_too(of: Program, report: Report) -> None:
-    (result,) = refuted(of, report)
+    (breach,) = report.breaches
+    result = refutation(of, breach)
     interpreter = Interpreter(of)
     for snapshot, outcome in zip(result.trace.snapshots, result.trace.outcomes, strict=True):
         assert repr(interpreter.step_in_base_units(snapshot.t_ns, snapshot.readings)) == repr(outcome)

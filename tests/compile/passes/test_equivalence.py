@@ -7,11 +7,10 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from colony.compile.network import Network
-from colony.compile.passes.elaborate import elaborate
 from colony.compile.passes.eliminate_inhibition import eliminate_inhibition
 from colony.compile.passes.forward_traversal import forward_traversal
 from colony.compile.passes.simplify import simplify
-from colony.compile.pipeline import compile_network, compile_program
+from colony.compile.pipeline import compile_program
 from tests.compile.passes.network_semantics import History, all_valuations, assert_same, histories, networks
 from tests.networks import chain, ladder, random_program
 
@@ -43,5 +42,5 @@ def test_clients_are_the_network_on_random_programs(seed: int, history: History)
 
 @pytest.mark.parametrize("program", [ladder(6), chain(6)])
 def test_clients_are_the_network_on_ladders_and_chains(program) -> None:
-    network = elaborate(program)
-    assert_same(network, compile_network(network), all_valuations(network))
+    compiled = compile_program(program)
+    assert_same(compiled.network, compiled.clients, all_valuations(compiled.network))

@@ -11,7 +11,7 @@ from colony.experiment.plates.record import FINDERS, PlateResult, tally
 from colony.experiment.plates.run import PlateRun
 from colony.experiment.record import RunKey
 from colony.experiment.runs import Run, RunSpec
-from colony.experiment.variants import CEILING_CAMERA
+from colony.robots.variants import CEILING_CAMERA
 from colony.sim.hazards.hazards import Hazards
 
 SPEC = RunSpec(

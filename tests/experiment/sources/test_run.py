@@ -24,10 +24,10 @@ from colony.experiment.sources.results import (
     source_targets,
 )
 from colony.experiment.sources.run import CHOICES, run_with_sources, source_list, with_look
-from colony.experiment.variants import CEILING_CAMERA, SIDE_CAMERA
 from colony.nav.maps.stickrep.model import Pose
 from colony.nav.pose.pose import PoseEstimate
 from colony.nav.pose.tracker import ALL, Source
+from colony.robots.variants import CEILING_CAMERA, SIDE_CAMERA
 from colony.sim.hazards.hazards import Hazards
 
 KEY = RunKey("sources", 29, 1, "ours")

@@ -19,7 +19,7 @@ from colony.nav.plan.route import plan
 from colony.nav.shared import GoalKind
 from colony.runtime.kit.script import Script, do
 from colony.runtime.library import robot
-from colony.runtime.servers.images import Shot
+from colony.runtime.protocol.images import Shot
 from colony.sim.cameras.camera import Camera, CameraConfig
 from colony.sim.cameras.scene import scene_of
 from colony.sim.hazards.hazards import Hazards

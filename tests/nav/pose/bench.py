@@ -11,13 +11,13 @@ from numpy.typing import NDArray
 
 from colony.nav.maps.stickrep.model import EdgeKind
 from colony.nav.maps.walls import Walls
+from colony.runtime.arbitration.motion import OdometerPose
 from colony.runtime.kit.script import Script
 from colony.runtime.kit.script_local import LocalServer
 from colony.runtime.library.proximity import SonarReading
 from colony.runtime.library.robot import PoseArguments
 from colony.runtime.protocol.calls import Asked
 from colony.runtime.servers.base import Base
-from colony.runtime.servers.virtual_position import OdometerPose
 from colony.sim.drivers import Plant, SimulatedBase
 from colony.sim.world.world import World
 from tests.script_stage import ASKED, FRAME_NS, ScriptStage, Server

@@ -6,6 +6,7 @@ The bounds are about twice what was measured, so that they hold for other seeds 
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from typing import Any
 
 import msgspec
@@ -138,19 +139,15 @@ def test_glass_that_is_not_seen_does_no_harm() -> None:
     assert log.y.max() < 40.0
 
 
-def test_a_heading_that_is_wrong_by_half_a_right_angle_is_found_by_the_lines_of_a_map() -> None:
+@pytest.mark.parametrize(
+    "go_wrong",
+    [lambda robot: robot.slip(38.0), lambda robot: robot.adjust(0.0, 450.0, 15.0)],
+    ids=["heading, by half a right angle", "place across the corridor, by far"],
+)
+def test_what_is_wrong_is_found_by_the_lines_of_a_map(go_wrong: Callable[[Bench], object]) -> None:
     robot = bench(config=RobotConfig())
     drive(robot, [(8_000.0, SOUTH)])
-    robot.slip(38.0)
-    log = drive(robot, [(16_000.0, SOUTH)])
-    assert log.heading[-1] < 1.5
-    assert log.y[-1] < 60.0
-
-
-def test_a_place_across_the_corridor_that_is_wrong_by_far_is_found_by_the_lines_of_a_map() -> None:
-    robot = bench(config=RobotConfig())
-    drive(robot, [(8_000.0, SOUTH)])
-    robot.adjust(0.0, 450.0, 15.0)
+    go_wrong(robot)
     log = drive(robot, [(16_000.0, SOUTH)])
     assert log.heading[-1] < 1.5
     assert log.y[-1] < 60.0

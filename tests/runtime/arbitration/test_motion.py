@@ -17,6 +17,7 @@ from colony.runtime.arbitration.motion import (
     Jog,
     Motion,
     Move,
+    OdometerPose,
     Seen,
     Speeds,
     Turn,
@@ -25,7 +26,6 @@ from colony.runtime.arbitration.motion import (
     mode,
     step,
 )
-from colony.runtime.servers.virtual_position import OdometerPose
 
 DT = 0.05
 AT_ONCE = Speeds(1e9, 1e9)

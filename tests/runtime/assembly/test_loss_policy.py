@@ -10,8 +10,8 @@ import pytest
 from colony.runtime.clients import client
 from colony.runtime.frames import liveness
 from colony.runtime.frames.assembler import Assembled, FrameAssembler
+from colony.runtime.frames.publishing import Publisher
 from colony.runtime.protocol.messages import Effect, Tick
-from colony.runtime.servers.publishing import Publisher
 from tests.runtime.assembly.loss_policy import run
 
 SEEDS = 120

@@ -255,9 +255,12 @@ def test_requests_come_with_the_frames_if_that_is_asked_for() -> None:
 # --- modules in Python ---------------------------------------------------------------------------
 
 
-def test_the_client_of_a_module_in_python_that_is_started_anew_goes_on(log: Log) -> None:
+@pytest.mark.parametrize(("address", "late_ns"), [("drive/pulse", 10 * MS), ("DServer", 0)])
+def test_a_client_of_a_module_in_python_or_dserver_that_is_started_anew_goes_on(
+    log: Log, address: str, late_ns: int
+) -> None:
     whole = session(pulsing(), Script(), log)
-    whole.transport.at(3 * S + 10 * MS, lambda: whole.restart("drive/pulse"))
+    whole.transport.at(3 * S + late_ns, lambda: whole.restart(address))
     assert whole.run(5 * S)
     assert not any(f.restart or f.disagreements for f in log.frames)
     assert log.winners()[66:] == ["cruise", "cruise", "pulse"] * 11 + ["cruise"]
@@ -271,11 +274,3 @@ def test_an_object_in_python_that_is_gone_makes_everyone_begin_anew(log: Log) ->
     assert anew <= 63
     assert log.winners()[anew:] == (["cruise", "cruise", "pulse"] * 40)[: 100 - anew]
     assert not any(f.disagreements for f in log.frames)
-
-
-def test_dserver_that_is_started_anew_is_told_the_activity_again(log: Log) -> None:
-    whole = session(pulsing(), Script(), log)
-    whole.transport.at(3 * S, lambda: whole.restart("DServer"))
-    assert whole.run(5 * S)
-    assert not any(f.restart or f.disagreements for f in log.frames)
-    assert log.winners()[66:] == ["cruise", "cruise", "pulse"] * 11 + ["cruise"]

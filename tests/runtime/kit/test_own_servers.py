@@ -7,7 +7,7 @@ from colony.runtime.frames.clock import Clock
 from colony.runtime.kit.service import Service, field
 from colony.runtime.protocol import topics
 from colony.runtime.protocol.deployment import Deployment
-from colony.runtime.protocol.messages import Message, Send, ServerFrame, Tick
+from colony.runtime.protocol.messages import Message, QuietNode, Send, ServerFrame, Tick
 from colony.runtime.transport.virtual import VirtualClock, VirtualTransport
 
 FRAME_NS = 50_000_000
@@ -20,7 +20,7 @@ def battery() -> Service:
     return Service("Battery", (), [field("level", lambda: 0.5)], report=print)
 
 
-class Listener:
+class Listener(QuietNode):
     """Keeps ticks and frames. Mutable: these."""
 
     address = "listener"
@@ -30,18 +30,12 @@ class Listener:
         self.ticks: list[Tick] = []
         self.frames: list[ServerFrame] = []
 
-    def start(self, now_ns: int) -> tuple[Send, ...]:
-        return ()
-
     def handle(self, message: Message, now_ns: int) -> tuple[Send, ...]:
         if isinstance(message, Tick):
             self.ticks.append(message)
         elif isinstance(message, ServerFrame):
             self.frames.append(message)
         return ()
-
-    def close(self) -> None:
-        """It holds nothing."""
 
 
 def test_a_server_that_a_program_reads_is_watched() -> None:

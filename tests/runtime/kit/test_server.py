@@ -12,7 +12,6 @@ from colony.ir.program import Sensor
 from colony.ir.types import BOOL, PLAIN, Array, Quantity
 from colony.runtime.kit.connection import Session, connect
 from colony.runtime.kit.description import Description, FieldDescription, describe, field_type, server_spec
-from colony.runtime.kit.discovery import discover
 from colony.runtime.kit.errors import CallRefused
 from colony.runtime.kit.server import Server, field
 from colony.runtime.protocol import topics
@@ -71,7 +70,7 @@ def test_it_says_what_it_has_so_that_programs_can_be_bound_to_it(environment: Ma
         session.connect(BATTERY) as connection,
     ):
         description = connection.do(describe())
-        (spec,) = discover(session, [BATTERY])
+    spec = server_spec(description)
     assert [(m.name, m.right) for m in description.methods][:2] == [("level", "read"), ("charge", "command")]
     assert spec.name == BATTERY
     assert spec.fields == (

@@ -253,10 +253,10 @@ def test_who_is_not_admitted(sums: Sums) -> None:
 def test_the_priority_is_the_connections(sums: Sums) -> None:
     assert code(sums.tell(call(ANN, 2, "sum", priority=9))) == "arguments"
     assert sums.open(BOB, priority=9).problem is None
-    assert [(c.connection, c.priority, c.user) for c in sums.desk.callers] == [
-        (ANN, 0, "ann"),
-        (BOB, 9, "bob"),
-    ]
+    for connection, priority in ((ANN, 0), (BOB, 9)):
+        assert sums.tell(call(connection, 3, "wait", priority=priority)) == []
+    callers = [asked.caller for asked in sums.asked]
+    assert [(c.connection, c.priority, c.user) for c in callers] == [(ANN, 0, "ann"), (BOB, 9, "bob")]
 
 
 def test_an_answer_that_comes_later(sums: Sums) -> None:
@@ -270,11 +270,12 @@ def test_an_answer_that_comes_later(sums: Sums) -> None:
 
 
 def test_notices(sums: Sums) -> None:
-    (caller,) = sums.desk.callers
+    sums.tell(call(ANN, 2, "wait"))
+    caller = sums.asked[0].caller
     (notice,) = sums.sent(sums.desk.notify(caller, "weather", {"rain": True}))
     assert isinstance(notice, Notice)
     assert (notice.subject, msgspec.msgpack.decode(notice.body)) == ("weather", {"rain": True})
-    sums.tell(call(ANN, 2, "close"))
+    sums.tell(call(ANN, 3, "close"))
     assert sums.sent(sums.desk.notify(caller, "weather", 1)) == []
 
 

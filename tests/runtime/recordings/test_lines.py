@@ -19,7 +19,7 @@ from colony.ir.types import BOOL, PLAIN, Array
 from colony.runtime.observe.observer import FrameLog
 from colony.runtime.protocol.messages import Sample, Tick, Verdict
 from colony.runtime.recordings.lines import Recording, encoder, seconds_text, summed
-from colony.runtime.recordings.replay import Rows, has_right_sum, read_frames
+from colony.runtime.recordings.replay import Rows, has_right_sum
 from colony.text.diagnostics import Failure
 from colony.text.units import nanoseconds
 from tests.runtime.programs import roam
@@ -69,9 +69,9 @@ def test_what_is_read_back_is_decided_as_it_was() -> None:
     lines, log = recorded(script())
     program = roam()
     executor = ProgramExecutor(compile_program(program).compiled)
-    for line, frame, took in zip(lines, read_frames(lines, "run.jsonl", program), log.frames, strict=True):
-        assert frame.t_ns == took.frame.t_ns
-        decision = executor.step(frame).decisions[0]
+    for line, back, took in zip(lines, Rows(lines, "run.jsonl", program), log.frames, strict=True):
+        assert back.frame.t_ns == took.frame.t_ns
+        decision = executor.step(back.frame).decisions[0]
         row = json.loads(line)
         assert row["drive"] == {"by": decision.by, "velocity": decision.values[0], "turn": decision.values[1]}  # type: ignore[index]
         assert ("sonar" in row) is ("sonar" in took.frame.readings)
@@ -140,11 +140,11 @@ def test_readings_are_valid_json_that_means_the_same(reading: Reading, text: str
     assert members(line({"n": reading})) == f'{{"t": 0.0, "@tick": 0, "n": {text}}}'
     array: Reading = (reading, 0.0)  # type: ignore[assignment]
     assert members(line({"a": array})) == f'{{"t": 0.0, "@tick": 0, "a": [{text}, 0.0]}}'
-    (back,) = read_frames([line({"n": reading}).encode()], "x", small())
+    (row,) = Rows([line({"n": reading}).encode()], "x", small())
     if isinstance(reading, float) and math.isnan(reading):
-        assert isinstance(back.readings["n"], str)
+        assert isinstance(row.frame.readings["n"], str)
     else:
-        assert back.readings["n"] == reading
+        assert row.frame.readings["n"] == reading
 
 
 def test_faulty_readings_stay_faulty() -> None:

@@ -19,6 +19,7 @@ from colony.runtime.frames.clock import Clock
 from colony.runtime.protocol import codec, topics
 from colony.runtime.protocol.calls import CallDesk, Method, Open
 from colony.runtime.protocol.codec import LARGEST, NotAMessage
+from colony.runtime.protocol.images import Image
 from colony.runtime.protocol.messages import (
     Announcement,
     Call,
@@ -46,7 +47,6 @@ from colony.runtime.protocol.messages import (
 )
 from colony.runtime.servers.cserver import CServer
 from colony.runtime.servers.dserver import DServer
-from colony.runtime.servers.images import Image
 from colony.runtime.servers.pserver import PServer
 from colony.runtime.servers.rserver import RServer
 from colony.runtime.servers.runtime_server import RuntimeServer

@@ -7,9 +7,9 @@ import pytest
 from colony.runtime.library import camera
 from colony.runtime.protocol.calls import LEASE_NS
 from colony.runtime.protocol.codec import LARGEST
+from colony.runtime.protocol.images import Image
 from colony.runtime.protocol.messages import Fetch, Send, ServerFrame, Tick
 from colony.runtime.servers.cserver import CServer
-from colony.runtime.servers.images import Image
 from tests.runtime.asking import Asker, Trouble
 
 MS = 1_000_000

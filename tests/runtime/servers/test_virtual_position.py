@@ -7,8 +7,9 @@ import random
 
 import pytest
 
+from colony.runtime.arbitration.motion import OdometerPose
 from colony.runtime.servers.drivers import BaseState
-from colony.runtime.servers.virtual_position import Odometer, OdometerPose, VirtualAxis
+from colony.runtime.servers.virtual_position import Odometer, VirtualAxis
 
 HALF = 1 << 15
 

@@ -14,8 +14,8 @@ import numpy as np
 import pytest
 
 from colony.runtime.library.camera import array
+from colony.runtime.protocol.images import Image
 from colony.runtime.servers.drivers import BaseState
-from colony.runtime.servers.images import Image
 from colony.sim.cameras.camera import Camera, CameraConfig
 from colony.sim.cameras.scene import scene_of
 from colony.sim.config import IDEAL

@@ -7,7 +7,7 @@ import random
 
 import pytest
 
-from colony.runtime.servers.images import Image
+from colony.runtime.protocol.images import Image
 from colony.sim.plant.protocol import (
     LARGEST_TO_PLANT,
     AttachBase,

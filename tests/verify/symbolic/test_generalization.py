@@ -9,7 +9,6 @@ import pytest
 import z3
 
 from colony.dsl.load import load_file
-from colony.ir.frame import Frame
 from colony.ir.program import Program
 from colony.ir.types import Value
 from colony.verify.reference.interpreter import Interpreter
@@ -91,11 +90,11 @@ def test_runs_in_floats_are_runs_of_it(start: int) -> None:
         for i, frame in enumerate(trace):
             interpreter.step(frame)
             solver.add(*unrolling.step(i))
-            solver.add(*(unrolling.at(i, x) for x in _facts(drawn, general, interpreter, frame)))
+            solver.add(*(unrolling.at(i, x) for x in _facts(drawn, general, interpreter)))
         assert solver.check() == z3.sat, f"seed {seed}"
 
 
-def _facts(drawn: Program, system: System, interpreter: Interpreter, frame: Frame) -> Iterator[z3.BoolRef]:
+def _facts(drawn: Program, system: System, interpreter: Interpreter) -> Iterator[z3.BoolRef]:
     """What a frame was given and what the interpreter made of it, to the last bit."""
     moment = interpreter._moment
     assert moment is not None

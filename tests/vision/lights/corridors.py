@@ -30,7 +30,7 @@ from colony.runtime.kit.errors import CallRefused
 from colony.runtime.kit.script import Script, do, sleep
 from colony.runtime.library import data, robot
 from colony.runtime.protocol.calls import Asked, Refused
-from colony.runtime.servers.images import Image
+from colony.runtime.protocol.images import Image
 from colony.vision.lights.ceiling_camera import UPWARD, CeilingCamera
 from tests.script_stage import ASKED, FRAME_NS, ScriptStage, Server, Shutter
 

@@ -5,8 +5,8 @@ import math
 import numpy as np
 import pytest
 
-from colony.sim.cameras.ceiling import LIGHT_ACROSS_MM, LIGHT_ALONG_MM, CeilingCameraConfig, lens_of
-from colony.vision.lights.ceiling_camera import LIGHT_LENGTH_MM, LIGHT_WIDTH_MM, UPWARD, CeilingCamera
+from colony.sim.cameras.ceiling import LIGHT_ALONG_MM, CeilingCameraConfig, lens_of
+from colony.vision.lights.ceiling_camera import LIGHT_LENGTH_MM, UPWARD, CeilingCamera
 
 
 def test_the_image_covers_what_the_thesis_says() -> None:
@@ -40,7 +40,7 @@ def test_the_simulator_renders_with_the_same_geometry() -> None:
     assert (lens.along_mm, lens.across_mm) == pytest.approx((UPWARD.mm_a_column, UPWARD.mm_a_row))
     assert lens.middle_column == pytest.approx(UPWARD.column_of(0.0))
     assert lens.middle_row == pytest.approx(UPWARD.row_of(0.0))
-    assert (LIGHT_ALONG_MM, LIGHT_ACROSS_MM) == (LIGHT_LENGTH_MM, LIGHT_WIDTH_MM)
+    assert LIGHT_ALONG_MM == LIGHT_LENGTH_MM
 
 
 @pytest.mark.parametrize(

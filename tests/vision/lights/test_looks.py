@@ -9,9 +9,9 @@ import pytest
 from colony.runtime.kit.errors import CallRefused, TimedOut
 from colony.runtime.kit.script import Do, Step
 from colony.runtime.library import camera
-from colony.runtime.servers.images import Image
+from colony.runtime.protocol.images import Image
 from colony.vision.lights.ceiling_camera import UPWARD
-from colony.vision.lights.looks import Look, cameras_looker
+from colony.vision.lights.looks import Look, cameras_looker, hurry
 from colony.vision.lights.tracker import light_tracker
 from tests.vision.lights.corridors import Ceiling, Robot, Stage, rendered
 
@@ -87,9 +87,9 @@ def test_a_camera_that_does_not_answer_does_not_blind_the_others(problem: Except
 
 
 def test_cameras_are_hurried_only_where_they_are_too_slow() -> None:
-    stage = Stage(LIT, Robot(), {"tracker": light_tracker(period_s=0.25)}, seed=1, goals=[LIGHTS])
+    stage = Stage(LIT, Robot(), {"tracker": light_tracker()}, seed=1, goals=[LIGHTS])
     stage.run(1.0)
     assert stage.camera_period_s("CServerUp") == 0.25
-    stage = Stage(LIT, Robot(), {"tracker": light_tracker(period_s=1.0)}, seed=1, goals=[LIGHTS])
+    stage = Stage(LIT, Robot(), {"slow": hurry(("CServerUp",), 1.0)}, seed=1, goals=[LIGHTS])
     stage.run(1.0)
     assert stage.camera_period_s("CServerUp") == 0.5

@@ -181,14 +181,14 @@ def test_what_is_traveled_without_lights_is_corrected_by_the_scale() -> None:
 
 
 def test_as_printed_no_fix_is_told() -> None:
-    stage = driven(ceiling(), Robot(scale=1.01), thesis=True, period_s=0.5)
+    stage = driven(ceiling(), Robot(scale=1.01), thesis=True)
     assert numbers(stage)[-1] == 5
     assert stage.base.corrections == []
     assert fix_of(stage.variable(LIGHT_FIX)) is None
 
 
 def test_as_printed_a_last_light_that_is_out_ends_nothing() -> None:
-    stage = driven(ceiling(4), Robot(), thesis=True, period_s=0.5)
+    stage = driven(ceiling(4), Robot(), thesis=True)
     assert numbers(stage) == [0, 1, 2, 3, 4]
     assert stage.log.overshoots == []
 
@@ -289,8 +289,6 @@ def test_a_goal_that_is_none_is_refused_in_words() -> None:
     [
         {"cameras": ("a", "b"), "geometry": (UPWARD,)},
         {"geometry": (UPWARD, UPWARD)},
-        {"period_s": 0.0},
-        {"period_s": math.nan},
     ],
 )
 def test_what_is_no_tracker_is_refused_at_once(wrong: dict[str, Any]) -> None:

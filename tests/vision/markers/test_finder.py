@@ -217,9 +217,3 @@ def test_without_a_camera_it_goes_on_asking() -> None:
     stand = Stand(RIDE, camera=False)
     stand.run(2.0)
     assert stand.told(MARKER_BEARING) is None
-
-
-@pytest.mark.parametrize("period_s", [0.0, -1.0, math.inf, math.nan])
-def test_a_period_that_is_none_is_refused(period_s: float) -> None:
-    with pytest.raises(ValueError, match="period_s is"):
-        marker_finder({}, period_s=period_s)

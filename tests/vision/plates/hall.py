@@ -13,7 +13,7 @@ from colony.runtime.assembly.loop import LocalCamera
 from colony.runtime.kit.script import Script
 from colony.runtime.library import proximity, robot
 from colony.runtime.protocol.calls import Asked, Handler, Refused
-from colony.runtime.servers.images import Image
+from colony.runtime.protocol.images import Image
 from colony.vision.level_camera import SIDE
 from colony.vision.plates.geometry import WallView
 from tests.script_stage import FRAME_NS, ScriptStage, Server, Shutter

@@ -158,12 +158,6 @@ def test_what_is_told_can_be_odd() -> None:
     assert [sight.door for sight in told] == ["352", "354"]
 
 
-@pytest.mark.parametrize("period", [0.0, -1.0, float("nan"), float("inf")])
-def test_a_period_is_a_time(period: float) -> None:
-    with pytest.raises(ValueError, match="expected a finite time above 0"):
-        plate_finder(period_s=period)
-
-
 def test_plates_are_read_unless_told_otherwise() -> None:
     told: list[PlateSight] = []
     stage = Stage(Hall(boards=(plate("352", 0.0),)), plates=plate_finder(on_plate=told.append))

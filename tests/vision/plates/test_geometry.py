@@ -58,16 +58,6 @@ def test_columns_and_places_are_inverse(distance: float, tilt: float, offset: fl
     assert view.column_of(SIDE, place) == pytest.approx(column, abs=1e-6)
 
 
-@given(distances, st.floats(-20.0, 20.0), st.floats(0.0, 239.0))
-def test_depth_is_along_the_optical_axis(distance: float, tilt: float, column: float) -> None:
-    view = WallView(distance, tilt)
-    place = view.place_of(SIDE, column)
-    away = math.hypot(place, distance)
-    assert view.depth_of(SIDE, column) == pytest.approx(
-        away * math.cos(math.radians(SIDE.bearing_of(column)))
-    )
-
-
 @given(distances, st.floats(-15.0, 15.0), st.floats(-15.0, 15.0), st.floats(0.0, 6000.0))
 def test_the_overlap_is_what_both_images_show(d: float, one: float, other: float, moved: float) -> None:
     first, second = WallView(d, one), WallView(d, other)

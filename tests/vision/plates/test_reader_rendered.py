@@ -7,7 +7,7 @@ import math
 import numpy as np
 import pytest
 
-from colony.nav.maps.signs import PLATE_HEIGHT_MM, PLATE_WIDTH_MM, SIGN_HEIGHT_MM, Plate, plates_of
+from colony.nav.maps.signs import PLATE_HEIGHT_MM, PLATE_WIDTH_MM, SIGN_HEIGHT_MM, plates_of
 from colony.sim.cameras.camera import Camera, CameraConfig
 from colony.sim.cameras.scene import scene_of
 from colony.vision.level_camera import SIDE
@@ -25,7 +25,7 @@ def camera() -> Camera:
     return Camera(scene_of(FLOOR), CameraConfig(yaw_deg=SIDE.yaw_deg), robot_radius_mm=400.0, seed=1)
 
 
-def _box(plate: Plate, distance_mm: float, tilt_deg: float) -> PlateBox:
+def _box(distance_mm: float, tilt_deg: float) -> PlateBox:
     """Where the plate is in the image of a camera that stands before its middle and is turned a little."""
     turn = math.radians(tilt_deg)
     corners: list[Corner] = []
@@ -49,7 +49,7 @@ def test_plates_of_the_building_are_read(camera: Camera, distance_mm: float) -> 
         tilt = float(random.uniform(-12.0, 12.0))
         pose = np.array([[x, y, plate.heading_deg - 90.0 + tilt]])
         image = camera.image(pose, 0, i * 10**9, people=NOBODY, speed=(400.0, 0.0))
-        reading = read_plate(image, _box(plate, distance_mm, tilt))
+        reading = read_plate(image, _box(distance_mm, tilt))
         if reading.text != plate.text:
             wrong.append((plate.text, reading.text))
     assert len(PLATES[::6]) >= 18

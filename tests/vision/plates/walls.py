@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import lru_cache
@@ -79,10 +80,15 @@ def corners_of(board: Board, view: WallView, camera: LevelCamera = SIDE) -> NDAr
     w, h = board.width_mm / 2.0, board.height_mm / 2.0
     corners = []
     for side, up in ((w, h), (-w, h), (-w, -h), (w, -h)):
-        place = board.place_mm + side
-        column = view.column_of(camera, place)
-        corners.append((column, camera.row_of(board.above_floor_mm + up, view.depth_of(camera, column))))
+        corners.append(_seen(board.place_mm + side, board.above_floor_mm + up, view, camera))
     return np.array(corners)
+
+
+def _seen(place_mm: float, above_floor_mm: float, view: WallView, camera: LevelCamera) -> tuple[float, float]:
+    """The column and the row in which a place of the wall is seen."""
+    column = view.column_of(camera, place_mm)
+    depth_mm = math.hypot(place_mm, view.distance_mm) * math.cos(math.radians(camera.bearing_of(column)))
+    return column, camera.row_of(above_floor_mm, depth_mm)
 
 
 def _ahead(place_mm: float, view: WallView) -> float:
@@ -99,8 +105,7 @@ def _pixel(
     place_mm: float, above_floor_mm: float, view: WallView, camera: LevelCamera
 ) -> tuple[float, float]:
     """In the image that is `_SUPER` times as large."""
-    column = view.column_of(camera, place_mm)
-    row = camera.row_of(above_floor_mm, view.depth_of(camera, column))
+    column, row = _seen(place_mm, above_floor_mm, view, camera)
     return (column + 0.5) * _SUPER - 0.5, (row + 0.5) * _SUPER - 0.5
 
 

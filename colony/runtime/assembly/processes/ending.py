@@ -42,12 +42,11 @@ class Ending:
     """Tells when to end. Mutable: why, and what is to be done then.
 
     `note` may be called from any thread, and again; only the first reason counts. From then on the process
-    has `patience_s` to close what it holds, and ends in any case.
+    has `PATIENCE_S` to close what it holds, and ends in any case.
     """
 
-    def __init__(self, *, patience_s: float | None = PATIENCE_S) -> None:
+    def __init__(self) -> None:
         self._event = threading.Event()
-        self._patience_s = patience_s
         self._then: Callable[[], None] = lambda: None
         self.why: str | None = None
 
@@ -56,10 +55,9 @@ class Ending:
         if self.why is not None:
             return
         self.why = why
-        if self._patience_s is not None:
-            timer = threading.Timer(self._patience_s, self._end_hard)
-            timer.daemon = True
-            timer.start()
+        timer = threading.Timer(PATIENCE_S, self._end_hard)
+        timer.daemon = True
+        timer.start()
         self._event.set()
         self._then()
 

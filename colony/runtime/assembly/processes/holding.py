@@ -1,5 +1,5 @@
-"""Variables of DServer that are held, as an operator holds a lever: set again and again, so that they are as
-fresh as any sensor that reads them wants them to be."""
+"""Variables of a DServer that runs already, held as an operator holds a lever: set again and again, so that
+they are fresh enough for sensors that read them. A DServer that is started with a run holds them itself."""
 
 from __future__ import annotations
 

@@ -11,7 +11,6 @@ import threading
 import time
 from collections.abc import Callable, Iterable, Mapping
 from contextlib import ExitStack
-from types import TracebackType
 
 from colony.collector import collector_past_startup
 from colony.ir.types import Value
@@ -103,7 +102,7 @@ class LedRun:
             self._children.start(job)
 
     def hold(self, values: Mapping[str, Value]) -> None:
-        """Hold these variables of DServer for as long as the run goes on."""
+        """Hold these variables of a DServer that runs already, from `follow` on to the end of the run."""
         self._held = values
 
     def pid(self, name: str) -> int | None:
@@ -172,9 +171,7 @@ class LedRun:
     def __enter__(self) -> LedRun:
         return self
 
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
+    def __exit__(self, *raised: object) -> None:
         self.close()
 
     # --- inside --------------------------------------------------------------------------------------

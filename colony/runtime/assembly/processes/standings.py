@@ -11,7 +11,7 @@ from colony.runtime.library.leader import LEADER, ClientStanding, RunStatus, Sta
 from colony.runtime.observe.observer import FrameLog
 from colony.runtime.protocol.calls import Asked, CallDesk, Nothing, method
 from colony.runtime.protocol.deployment import Deployment, client_addresses
-from colony.runtime.protocol.messages import Effect, Message
+from colony.runtime.protocol.messages import Effect, Message, QuietNode
 from colony.runtime.protocol.topics import client_address
 
 
@@ -91,7 +91,7 @@ class Standings:
         )
 
 
-class LeaderServer:
+class LeaderServer(QuietNode):
     """Answers `run` with the standings. Mutable: who is connected."""
 
     address = LEADER
@@ -101,14 +101,8 @@ class LeaderServer:
         self._desk = CallDesk(LEADER, (method("run", Nothing, self._run, right="read"),))
         self.listens = self._desk.listens
 
-    def start(self, now_ns: int) -> Iterable[Effect]:
-        return ()
-
     def handle(self, message: Message, now_ns: int) -> Iterable[Effect]:
         return self._desk.handle(message, now_ns)
-
-    def close(self) -> None:
-        """It holds nothing."""
 
     def _run(self, asked: Asked, arguments: object, now_ns: int) -> RunStatus:
         return self._standings.status()

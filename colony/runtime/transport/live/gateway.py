@@ -13,7 +13,7 @@ import msgspec
 
 from colony.runtime.library.ask import Ask
 from colony.runtime.protocol.calls import Asked, CallDesk, Nothing, method
-from colony.runtime.protocol.messages import Effect, Message, WakeAt
+from colony.runtime.protocol.messages import Effect, Message, QuietNode, WakeAt
 from colony.runtime.transport.live import configuration
 from colony.runtime.transport.live.access import access_control
 from colony.runtime.transport.live.configuration import GATEWAY as GATEWAY
@@ -54,7 +54,7 @@ def resident_bytes() -> int:
         return int(file.read().split()[1]) * resource.getpagesize()
 
 
-class GatewayNode:
+class GatewayNode(QuietNode):
     """Answers `whoami`, and watches the memory. Users that are not in the table are those of this machine,
     who have every right.
 
@@ -92,9 +92,6 @@ class GatewayNode:
         if used > self._began_with + GROWTH_BYTES:
             most = (self._began_with + GROWTH_BYTES) >> 20
             raise GatewayFull(f"{GATEWAY}: {used >> 20} MiB of memory are used; expected at most {most}")
-
-    def close(self) -> None:
-        """It holds nothing."""
 
     def _whoami(self, asked: Asked, arguments: Nothing, now_ns: int) -> Admitted:
         user = asked.caller.user

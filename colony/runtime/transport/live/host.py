@@ -22,7 +22,6 @@ import heapq
 from collections.abc import Callable, Iterable, Sequence
 from contextlib import ExitStack, suppress
 from threading import Event, Lock
-from types import TracebackType
 
 import zenoh
 
@@ -93,7 +92,6 @@ class Host:
         self._network = network
         self._time = time
         self._learned = time if isinstance(time, LearnedTime) else None
-        self._report = report
         self._inbox = Inbox(WaitingRoom())
         session, robot, user = network.session, network.robot, network.user
         self._outbox = Outbox(session, robot, report, user=user)
@@ -188,9 +186,7 @@ class Host:
     def __enter__(self) -> Host:
         return self
 
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
+    def __exit__(self, *raised: object) -> None:
         self.close()
 
     # --- the thread of `run` -------------------------------------------------------------------------

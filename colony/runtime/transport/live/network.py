@@ -8,7 +8,6 @@ import resource
 import time
 from collections.abc import Callable
 from contextlib import ExitStack
-from types import TracebackType
 
 import zenoh
 
@@ -124,9 +123,7 @@ class ZenohSession:
     def __enter__(self) -> ZenohSession:
         return self
 
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
+    def __exit__(self, *raised: object) -> None:
         self.close()
 
 

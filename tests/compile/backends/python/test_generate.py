@@ -282,3 +282,14 @@ def test_generated_source_is_the_same_each_time(data: st.DataObject) -> None:
     executors = [load(source) for _ in range(2)]
     for frame in data.draw(traces(program)):
         assert len({repr(e.step(frame)) for e in executors}) == 1
+
+
+@given(data=st.data())
+def test_leaving_contracts_out_changes_nothing_else(data: st.DataObject) -> None:
+    program = data.draw(programs())
+    clients = compile_program(program).clients
+    whole = load(generate(lower(program, clients)))
+    without = load(generate(lower(replace(program, contracts=()), clients)))
+    for frame in data.draw(traces(program)):
+        expected, found = whole.step(frame), without.step(frame)
+        assert repr(found) == repr(expected._replace(breaches=()))

@@ -1,4 +1,4 @@
-"""How long a plan is expected to take, and for how long it makes sense to wait for its end."""
+"""The time that a plan is expected to take, the longest that a run waits, and how near its goal it ends."""
 
 from __future__ import annotations
 
@@ -12,6 +12,9 @@ RIDE_S = 60.0
 
 PATIENCE = 3.0
 """How many times the expected time a run may take."""
+
+AT_GOAL_MM = 1000.0
+"""A robot that is farther from the goal has not reached it, whatever it believes."""
 
 
 def expected_s(plan: Plan, mm_s: float) -> float:

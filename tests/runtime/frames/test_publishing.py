@@ -5,14 +5,14 @@ from __future__ import annotations
 from collections.abc import Iterable
 
 from colony.ir.frame import Answer
-from colony.runtime.protocol.messages import Announcement, Effect, Fetch, Sample, Send, ServerFrame, Tick
-from colony.runtime.servers.publishing import (
+from colony.runtime.frames.publishing import (
     KEPT_BYTES,
     REPUBLISHED_BYTES,
     REPUBLISHED_FRAMES,
     Fields,
     Publisher,
 )
+from colony.runtime.protocol.messages import Announcement, Effect, Fetch, Sample, Send, ServerFrame, Tick
 from colony.runtime.servers.relaying import ActivityRelay
 
 

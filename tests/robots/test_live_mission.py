@@ -5,10 +5,10 @@ from __future__ import annotations
 import pytest
 
 from colony.experiment.lists import PUBLISHED_MAP
-from colony.experiment.live_mission import LiveMission
 from colony.nav.maps.building import load_building
 from colony.nav.plan.route import plan
 from colony.nav.shared import ELEVATOR_CALL, FLOOR
+from colony.robots.live_mission import LiveMission
 from colony.runtime.kit.connection import Session
 from colony.runtime.kit.errors import ServerNotFound
 from colony.runtime.library import data

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from colony.runtime.library.camera import array
-from colony.runtime.servers.images import Image
+from colony.runtime.protocol.images import Image
 
 
 def ramp(height: int = 4, width: int = 3, channels: int = 1) -> Image:

@@ -10,11 +10,11 @@ import msgspec
 
 from colony.runtime.kit.connection import Session
 from colony.runtime.kit.errors import ConnectionProblem
-from colony.runtime.library.ask import Ask
+from colony.runtime.library.ask import STATUS, Ask
 from colony.runtime.library.clock import Who, who
 from colony.runtime.library.leader import LEADER, RunStatus, run_status
 from colony.runtime.library.robot import Arbitration, arbitration
-from colony.runtime.protocol.calls import ConnectionStatus, Nothing, Status
+from colony.runtime.protocol.calls import ConnectionStatus
 from colony.runtime.protocol.fields import DSERVER, PSERVER, RSERVER, RUNTIME
 from colony.runtime.protocol.topics import CLOCK, OBSERVER
 from colony.runtime.transport.live.place import Local, Place
@@ -23,8 +23,6 @@ ALWAYS = (CLOCK, RSERVER.name, PSERVER.name, DSERVER.name, RUNTIME.name)
 """The servers that every robot has."""
 
 PATIENCE_S = 1.0
-
-STATUS: Ask[Status] = Ask("status", Nothing(), Status, "read", repeatable=True)
 
 T = TypeVar("T")
 

@@ -4,7 +4,7 @@
         mission.wait()
     print(mission.arrival)
 
-In an experiment the same scripts run in one loop with the simulated robot (`runs.py`).
+In virtual time the same scripts are nodes (`mission.py`), in an experiment they run in the fast loop.
 """
 
 from __future__ import annotations
@@ -14,11 +14,11 @@ import time
 from contextlib import suppress
 from typing import Any
 
-from colony.experiment.variants import CEILING_CAMERA, FRONT_CAMERA, OURS, PLANNER, SIDE_CAMERA
 from colony.nav.maps.building import Building
 from colony.nav.missions.goal_verification import Verdict
 from colony.nav.plan.plan import Plan
 from colony.nav.shared import ELEVATOR_CALL, FLOOR, FLOOR_REACHED, GOAL_TYPE, GoalKind
+from colony.robots.variants import CEILING_CAMERA, FRONT_CAMERA, OURS, PLANNER, SIDE_CAMERA
 from colony.runtime.kit.connection import Connection, Session
 from colony.runtime.kit.errors import CallRefused, ConnectionProblem, ServerNotFound
 from colony.runtime.kit.script import Script, do

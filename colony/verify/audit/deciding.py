@@ -1,0 +1,76 @@
+"""Recorded frames decided once more, by any executor and beyond damage, as far as memory is known."""
+
+from __future__ import annotations
+
+from typing import Literal
+
+from colony.compile.pipeline import compile_program
+from colony.execute.executor import ProgramExecutor
+from colony.ir.frame import Executor, Outcome
+from colony.ir.program import Program
+from colony.verify.audit.audit import Recorded, Remembered
+from colony.verify.audit.resuming import Resuming
+from colony.verify.reference.interpreter import Interpreter
+
+Backend = Literal["network", "clients", "python"]
+
+
+class Decider:
+    """Decides frames, and goes on after damage where that can be. Mutable: the executor, what was damaged,
+    and how many frames were not decided.
+
+    Args:
+        backend: the reference interpreter, the client list, or the generated Python.
+    """
+
+    def __init__(self, program: Program, backend: Backend) -> None:
+        self._program, self._backend = program, backend
+        self._resuming = Resuming(program)
+        self._executor: Executor | None = self._fresh()
+        self._last_ns: int | None = None
+        self.damage: list[str] = []
+        self.undecided = 0
+
+    def step(self, recorded: Recorded) -> Outcome | None:
+        """Decide a frame; None where memory is not known."""
+        if recorded.damaged:
+            self._executor = None
+            self._note(f"to {recorded.frame.t_ns / 1e9:.10g} s")
+        self._last_ns = recorded.frame.t_ns
+        if recorded.restart:
+            self._executor = self._fresh()
+        elif recorded.memory_unknown:
+            self._executor = None
+        elif self._executor is None and recorded.keyframe is not None:
+            self._executor = self._resumed(recorded.keyframe)
+        if self._executor is None:
+            self.undecided += 1
+            return None
+        return self._executor.step(recorded.frame)
+
+    def end(self, *, damaged: bool) -> None:
+        """Note whether what comes after the last frame is damaged."""
+        if damaged:
+            self._note("to its end")
+
+    def _fresh(self) -> Executor:
+        if self._backend == "network":
+            return Interpreter(self._program)
+        compiled = compile_program(self._program).compiled
+        if self._backend == "clients":
+            return ProgramExecutor(compiled)
+        from colony.compile.backends.python.generate import generate, load
+
+        return load(generate(compiled))
+
+    def _resumed(self, keyframe: Remembered) -> Executor | None:
+        if self._backend != "network" or keyframe.memory is None:
+            return None
+        try:
+            return self._resuming.interpreter(keyframe.memory)
+        except ValueError:
+            return None
+
+    def _note(self, end: str) -> None:
+        start = "" if self._last_ns is None else f" from {self._last_ns / 1e9:.10g} s"
+        self.damage.append(f"damaged{start} {end}")

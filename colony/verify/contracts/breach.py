@@ -1,0 +1,26 @@
+"""A contract that a drawn trace breaks, as the prover would refute it."""
+
+from __future__ import annotations
+
+from colony.ir.program import Program
+from colony.verify.contracts.results import Refuted, Trace
+from colony.verify.snapshot import snapshot_of
+from colony.verify.testing.agreement import reference
+from colony.verify.testing.differential import Breach
+from colony.verify.testing.examples import facts_of_breach
+
+
+def refutation(program: Program, breach: Breach) -> Refuted:
+    """Return a breach as a refutation: readings that cannot be count as missing, the trace begins at 0.
+
+    Modules in Python are run for real.
+    """
+    first = breach.trace[0].t_ns
+    frames = tuple(frame._replace(t_ns=frame.t_ns - first) for frame in breach.trace)
+    snapshots = tuple(snapshot_of(program, frame) for frame in frames)
+    trace = Trace(
+        snapshots=snapshots,
+        outcomes=reference(program, frames),
+        found=facts_of_breach(program, breach.contract.name, snapshots),
+    )
+    return Refuted(contract=breach.contract, trace=trace)
