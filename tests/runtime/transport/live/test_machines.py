@@ -193,7 +193,7 @@ def test_a_robot_stops_when_the_cable_is_pulled_and_goes_on_when_it_is_back(tmp_
             pulled_ns = split.set("down")
             until(lambda: base.velocity == 0.0, "the robot stops")
             assert base.changed_ns - pulled_ns < 2 * SECOND
-            until(lambda: not split.server._calls.callers, "the client is lost")
+            until(lambda: not split.server._calls._connections, "the client is lost")
             split.remote.says("TimedOut")
             split.set("up")
             until(lambda: base.velocity == 100.0, "the robot drives again")
