@@ -320,7 +320,7 @@ class Host:
                         key = keys.listening_to_calls(robot, topic, right)
                         self._subscribe(key, self._takes_call(topic), declared)
                 self._listen_to_stops(topic, declared)
-            elif self._defers(topic):
+            elif self._defers(topic) and keys.kind_of_users(topic) is None:
                 self._listen_later(topic, declared)
             else:
                 self._subscribe(keys.listening(robot, topic), self._takes_frame(topic), declared)
@@ -328,14 +328,15 @@ class Host:
             self._learned.stop_listening()  # `_read` tells it of ticks: each is decoded once
 
     def _defers(self, topic: str) -> bool:
-        """Whether all who listen to a topic are in no hurry for it. What users send is taken at once all the
-        same, because it is to be counted."""
+        """Whether all who listen to a topic are in no hurry for it."""
         listeners = self._listeners[topic]
-        waits = all(isinstance(node, Deferring) and topic in node.deferred for node in listeners)
-        return waits and keys.kind_of_users(topic) is None
+        return all(isinstance(node, Deferring) and topic in node.deferred for node in listeners)
 
     def _listen_later(self, topic: str, declared: ExitStack) -> None:
-        """Have messages kept outside of Python until others are handled: no thread is woken for them."""
+        """Have messages kept outside of Python until others are handled: no thread is woken for them.
+
+        Those of users are not kept there, because they are to be counted.
+        """
         key = keys.listening(self._network.robot, topic)
         handler: zenoh.handlers.RingChannel[zenoh.Sample] = zenoh.handlers.RingChannel(DEFERRED_MOST)
         subscriber = self._network.session.declare_subscriber(key, handler)
@@ -370,8 +371,9 @@ class Host:
             declared.callback(self._network.session.liveliness().declare_token(key).undeclare)
 
     def _takes_frame(self, topic: str) -> Callable[[zenoh.Sample], None]:
-        frame, direct, border = self._inbox.frame, self._direct, self._border
-        kind = keys.kind_of_users(topic)
+        frame, border = self._inbox.frame, self._border
+        kind, defers = keys.kind_of_users(topic), self._defers(topic)
+        direct = self._direct and not defers
 
         def take(sample: zenoh.Sample) -> None:
             payload = sample.payload
@@ -384,7 +386,7 @@ class Host:
             if size > LARGEST:
                 frame(topic, _too_large(topic, None, size))
             elif not (direct and self._at_once(topic, data)):
-                frame(topic, data)
+                frame(topic, data, rouse=not defers)
 
         return take
 

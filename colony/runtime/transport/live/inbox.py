@@ -26,11 +26,12 @@ class Inbox:
         self._calls: SimpleQueue[None] = SimpleQueue()
         self._asleep = False
 
-    def frame(self, topic: str, data: bytes | Malformed) -> None:
-        """A message that is no call."""
+    def frame(self, topic: str, data: bytes | Malformed, *, rouse: bool = True) -> None:
+        """A message that is no call; its taker is not roused for one that may wait for others."""
         with self._lock:
             self._room.frame(topic, data)
-            asleep, self._asleep = self._asleep, False
+            asleep = self._asleep and rouse
+            self._asleep = self._asleep and not rouse
         if asleep:
             self._calls.put(None)
 
