@@ -21,6 +21,7 @@ MODULES = (
     "data_server",
     "data_limits",
     "processes",
+    "load",
 )
 PAGE = Path(__file__).parent.parent / "docs" / "benchmarks.md"
 MARK = "<!-- results -->"

@@ -1,8 +1,8 @@
 """How fast a robot of processes is: frames in lockstep, many clients at one server, and the start of a run.
 
-Everything runs over the real transport on this machine, each part in a process of its own. In lockstep a
-frame begins as soon as the one before it is decided: Clock, servers, ten clients and the observer take part
-in each. The robot is scripted: its devices cost nothing.
+Everything runs over the real transport on this machine. In lockstep a frame begins as soon as the one before
+it is decided: Clock, servers, ten clients, each in a process of its own or all in one, and the observer take
+part in each. The robot is scripted: its devices cost nothing.
 
     python -m benchmarks.processes
 """
@@ -59,7 +59,7 @@ CROWD = 100
 CROWD_PROCESSES = 4
 CROWD_FRAMES = 600
 TARGET_CROWD_MS = 40.0
-TARGET_START_S = 3.0
+TARGET_START_S = 2.0
 STARTS = 3
 
 ROBOT = """
@@ -148,13 +148,13 @@ class Bench(NamedTuple):
     folder: Path
 
 
-def frames_in_lockstep() -> Times:
-    """A process a client, each frame as soon as the one before it is decided."""
+def frames_in_lockstep(*, isolate: bool) -> Times:
+    """Return the times of frames, each as soon as the one before it is decided; all clients share a process,
+    or each has its own."""
     times = Times()
     with robot_of(CLIENTS, WARM_UP + FRAMES, times, lockstep=True) as bench:
-        bench.led.start(
-            client_jobs(bench.place, bench.deployed, bench.compiled, bench.bindings, bench.folder)
-        )
+        told = (bench.place, bench.deployed, bench.compiled, bench.bindings, bench.folder)
+        bench.led.start(client_jobs(*told, isolate=isolate))
         bench.led.follow(lambda: False)
     return times
 
@@ -249,9 +249,11 @@ def run() -> list[Row]:
     """Measure; a row has name, value, unit, target, ok and note. `target` is the most that `value` may be."""
     start_of_a_run()  # what is compiled and cached once is not counted
     start_s = statistics.median(start_of_a_run() for _ in range(STARTS))
-    times = frames_in_lockstep()
-    gaps = sorted(b - a for a, b in itertools.pairwise(times.at[WARM_UP:]))
+    apart = frames_in_lockstep(isolate=True)
+    gaps = _gaps(apart)
     mean_ms = statistics.fmean(gaps) * 1e3
+    together = frames_in_lockstep(isolate=False)
+    together_ms = statistics.fmean(_gaps(together)) * 1e3
     crowd = crowd_at_one_server()
     ms = sorted(crowd.ms)
     return [
@@ -259,13 +261,25 @@ def run() -> list[Row]:
             f"a frame of {CLIENTS} clients", mean_ms, "ms", TARGET_FRAME_MS, f"{1e3 / mean_ms:.0f} frames/s"
         ),
         _row("its median", statistics.median(gaps) * 1e3, "ms", None, ""),
-        _row("its 99th percentile", _p99(gaps) * 1e3, "ms", None, f"{times.bad} late or lost"),
+        _row("its 99th percentile", _p99(gaps) * 1e3, "ms", None, f"{apart.bad} late or lost"),
+        _row(
+            "the same clients in one process",
+            together_ms,
+            "ms",
+            None,
+            f"{together_ms / mean_ms:.2f} times as long; {together.bad} late or lost",
+        ),
         _row(f"{CROWD} clients: median", statistics.median(ms), "ms", None, "from tick to verdict"),
         _row(
             f"{CROWD} clients: 99th percentile", _p99(ms), "ms", TARGET_CROWD_MS, f"{crowd.bad} late or lost"
         ),
         _row("start to first frame", start_s, "s", TARGET_START_S, "colony run --processes"),
     ]
+
+
+def _gaps(times: Times) -> list[float]:
+    """Return the seconds between frames, in order of size."""
+    return sorted(b - a for a, b in itertools.pairwise(times.at[WARM_UP:]))
 
 
 def _p99(ordered: list[float]) -> float:

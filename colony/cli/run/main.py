@@ -68,7 +68,9 @@ PICTURE = "run.png"
     help="With --to: people, open doors, lights that are out and more, drawn from this seed.",
 )
 @click.option("--fsync", is_flag=True, help="With --processes: DServer's data outlives a loss of power.")
-@click.option("--isolate", is_flag=True, help="Of processes: one for each client.")
+@click.option(
+    "--isolate", is_flag=True, help="With --processes or --connect: each client is a process of its own."
+)
 @click.option("--format", "format_", type=click.Choice(["text", "json"]), default="text", show_default=True)
 def command(**given: Any) -> None:
     """Run a behavior on a robot that is simulated in the building of a map, or on a real one.
@@ -76,9 +78,10 @@ def command(**given: Any) -> None:
     FILE is a behavior, or what `colony compile` made of one (`-o NAME.colonyc`).
 
     With --map alone everything is one process, in virtual time: the same seed gives the same run. With
-    --processes each server and each client is a process of its own, as on a robot; who dies is started
-    again, and other programs can take part (`colony ps`, `colony stop`). With --connect only the clients
-    are started, for a robot that `colony serve` serves; without --duration until Ctrl-C.
+    --processes each server is a process, as on a robot, and the clients share one (with --isolate each
+    client has its own); who dies is started again, and other programs can take part (`colony ps`, `colony
+    stop`). With --connect only the clients are started, for a robot that `colony serve` serves; without
+    --duration until Ctrl-C.
 
     --from and --to have a planner and its helpers lead the robot from room to room, for a behavior that takes
     goals, as navigator.colony does; the run ends when it has arrived, with exit code 1 where it did not. A

@@ -69,10 +69,11 @@ whole megabyte, because a message is dropped if one of its fragments finds no ro
 
 def _sizes(robot: str) -> list[dict[str, Any]]:
     """Limit the size of messages by their keys; where several keys match, the smallest limit counts."""
-    small = ("*/call/stop/**", "*/fetches/**", "Clock/ready/**", "Clock/restarts/**")
+    small = ("*/call/stop/**", "*/fetches/**", "Clock/restarts/**")
+    middle = ("*/call/read/**", "*/requests/**", "*/announcements/**", "Clock/ready/**")
     return [
         _size(robot, "small", small, SMALL),
-        _size(robot, "middle", ("*/call/read/**", "*/requests/**", "*/announcements/**"), MIDDLE),
+        _size(robot, "middle", middle, MIDDLE),
         _size(robot, "large", ("**",), LARGEST + SMALL),
     ]
 
