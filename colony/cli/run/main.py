@@ -69,7 +69,7 @@ PICTURE = "run.png"
 )
 @click.option("--fsync", is_flag=True, help="With --processes: DServer's data outlives a loss of power.")
 @click.option(
-    "--isolate", is_flag=True, help="With --processes or --connect: each client is a process of its own."
+    "--isolate", is_flag=True, help="Of processes: each client is one of its own."
 )
 @click.option("--format", "format_", type=click.Choice(["text", "json"]), default="text", show_default=True)
 def command(**given: Any) -> None:
