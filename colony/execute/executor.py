@@ -51,9 +51,9 @@ class ProgramExecutor:
         """Return one frame: every actuator's decision, what was recorded, contracts that were broken."""
         machine, code = self._machine, self.code
         machine.begin(frame, answers)
-        machine.run(0, code.decided)
+        machine.run()
         decisions = tuple(self._decide(actuator) for actuator in code.actuators)
-        machine.run(code.decided, len(code.ops))
+        machine.run_on()
         values = machine.values
         breaches = tuple(c.name for c in code.contracts if values[c.present] and not values[c.value])
         machine.commit()
@@ -191,7 +191,7 @@ class ClientsExecutor:
         """
         machine = self._machine
         machine.begin(frame, answers, lost)
-        machine.run(0, len(self.code.ops))
+        machine.run(decides=False)
         records, values = machine.records(), machine.values
         machine.commit()
         return tuple([_client_step(actuator, c, values, records) for actuator, c in self._decided_by])
@@ -267,7 +267,7 @@ class ModuleExecutor:
         """Return the module's answer in a frame."""
         machine = self._machine
         machine.begin(frame)
-        machine.run(0, len(self._code.ops))
+        machine.run(decides=False)
         machine.commit()
         (answer,) = machine.answers.values()
         return answer

@@ -29,7 +29,7 @@ from colony.execute.code import (
 )
 from colony.execute.decisions import Decided
 from colony.execute.intake import Records, of_age
-from colony.execute.operators import FUNCTIONS
+from colony.execute.operators import FUNCTIONS, Operator
 from colony.execute.python_step import PythonStep
 from colony.execute.sensors import age_limits, take
 from colony.ir.frame import Answer, Frame, Record
@@ -43,7 +43,7 @@ Step = Callable[[], Any]
 class Machine:
     """Runs the ops of a Code over its memory. Mutable.
 
-    A frame is `begin`, `run` of all ops (with `decided` before those that depend on decisions), `commit`.
+    A frame is `begin`, `run`, the decisions (`decided`) and `run_on`, where there are some, then `commit`.
     With `answered` the Python modules run elsewhere, and their answers are given with each frame.
     """
 
@@ -63,7 +63,13 @@ class Machine:
         self._records: Records = ()
         self._within_ns = age_limits(self.code.sensors)
         self._arrays = frozenset(s.name for s in code.sensors if isinstance(s.type, Array))
-        self._steps = tuple(self._step(op) for op in code.ops)
+        self._steps: list[tuple[int, Step]] = []
+        for i, op in enumerate(code.ops):
+            if isinstance(op, Literal):
+                self.values[i] = op.value
+            else:
+                self._steps.append((i, self._step(op)))
+        self._decided_from = sum(i < code.decided for i, _ in self._steps)
 
     def begin(
         self, frame: Frame, answers: Mapping[str, Answer] | None = None, lost: frozenset[str] = frozenset()
@@ -83,13 +89,18 @@ class Machine:
             value, fresh, self._records = take(sensor, readings.get(sensor.name), self._records)
             self._sensors[sensor.name], self._fresh[sensor.name] = value, fresh
 
-    def run(self, start: int, stop: int) -> None:
-        """Compute the values of ops `start` up to, and not including, `stop`."""
-        values, steps = self.values, self._steps
-        for i in range(start, stop):
-            values[i] = steps[i]()
-        if start == 0:
-            self._call_python()
+    def run(self, *, decides: bool = True) -> None:
+        """Compute the values of the ops before decisions; of all ops, where nobody `decides` by them."""
+        values = self.values
+        for i, step in self._steps[: self._decided_from] if decides else self._steps:
+            values[i] = step()
+        self._call_python()
+
+    def run_on(self) -> None:
+        """Compute the values of the ops that depend on decisions."""
+        values = self.values
+        for i, step in self._steps[self._decided_from :]:
+            values[i] = step()
 
     def decided(self, actuator: str, decided: Decided) -> None:
         """Take a decision in, for the ops that depend on it and for the records."""
@@ -111,14 +122,12 @@ class Machine:
         values = self.values
         match op:
             case Apply(operator=operator, arguments=arguments):
-                return _applied(FUNCTIONS[operator], arguments, values)
+                return _applied(operator, arguments, values)
             case SensorElement(sensor=sensor, index=index):
                 sensors = self._sensors
                 if sensor in self._arrays:
                     return lambda: sensors[sensor][index]
                 return lambda: sensors[sensor]
-            case Literal(value=value):
-                return lambda: value
             case OldCell(cell=cell):
                 return lambda: self.cells[cell]
             case SensorFresh(sensor=sensor):
@@ -179,8 +188,34 @@ class Machine:
         return self.answers[module].values
 
 
-def _applied(function: Callable[..., Any], arguments: tuple[int, ...], values: list[Any]) -> Step:
-    """An operator of earlier values."""
+def _applied(operator: Operator, arguments: tuple[int, ...], values: list[Any]) -> Step:
+    """Compute an operator of earlier values: what `FUNCTIONS` says, for most ops without a call."""
+    match operator, arguments:
+        case Operator.NOT, (one,):
+            return lambda: not values[one]
+        case Operator.AND, (left, right):
+            return lambda: values[left] and values[right]
+        case Operator.OR, (left, right):
+            return lambda: values[left] or values[right]
+        case Operator.SELECT, (condition, yes, no):
+            return lambda: values[yes] if values[condition] else values[no]
+        case ((Operator.ADD | Operator.TIME_ADD), (left, right)):
+            return lambda: values[left] + values[right]
+        case ((Operator.SUBTRACT | Operator.TIME_SUBTRACT), (left, right)):
+            return lambda: values[left] - values[right]
+        case Operator.MULTIPLY, (left, right):
+            return lambda: values[left] * values[right]
+        case ((Operator.LESS | Operator.TIME_LESS), (left, right)):
+            return lambda: values[left] < values[right]
+        case Operator.LESS_EQUAL, (left, right):
+            return lambda: values[left] <= values[right]
+        case Operator.EQUAL, (left, right):
+            return lambda: values[left] == values[right]
+        case _:
+            return _called(FUNCTIONS[operator], arguments, values)
+
+
+def _called(function: Callable[..., Any], arguments: tuple[int, ...], values: list[Any]) -> Step:
     match arguments:
         case (one,):
             return lambda: function(values[one])

@@ -142,7 +142,7 @@ class Clock:
             case Announcement():
                 self._heard(topics.activity(DSERVER.name, message.module), message.k, 0, now_ns)
             case Verdict():
-                self._registry.judged(message)
+                self._registry.judged(message, now_ns)
                 if message.k == self._tick.k:
                     self._decided.add(message.actuator)
             case Fetch():

@@ -11,9 +11,9 @@ from colony.runtime.protocol.messages import Effect, Ready, Restart, Send, Tick
 READY_AGAIN_NS = 200_000_000
 """While the frames are not those of the run, every so often it is said again that one is ready."""
 
-ALIVE_AGAIN_NS = 40_000_000
-"""How often a client that sends requests tells the Clock so, at most: in each frame, unless frames are
-shorter than that. It is a small part of the shortest lease."""
+ALIVE_AGAIN_NS = 90_000_000
+"""Nanoseconds between two times that a client which sends requests tells the Clock so, at least: it is a part
+of the shortest lease. Of requests that are on time the Clock hears by the verdicts, too."""
 
 
 class Membership:

@@ -8,7 +8,9 @@ from dataclasses import dataclass
 from colony.runtime.frames.liveness import Liveness
 from colony.runtime.library.clock import ClientWho
 from colony.runtime.protocol import topics
-from colony.runtime.protocol.messages import Verdict
+from colony.runtime.protocol.messages import Fate, Verdict
+
+_UNHEARD: frozenset[Fate] = frozenset({"late", "lost", "refused"})
 
 
 @dataclass(frozen=False, slots=True)
@@ -61,11 +63,14 @@ class ClientRegistry:
         """Renew the lease of a client that sent a request; ignore an address that is no client."""
         self._liveness.heard(client, now_ns)
 
-    def judged(self, verdict: Verdict) -> None:
-        """Count the requests that were on time, and those that were late."""
+    def judged(self, verdict: Verdict, now_ns: int) -> None:
+        """Count the requests that were on time, which renew leases, and those that were late."""
         for name, fate in verdict.fates:
-            member = self._clients.get(topics.client_address(verdict.actuator, name))
+            client = topics.client_address(verdict.actuator, name)
+            member = self._clients.get(client)
             if member is not None:
+                if fate not in _UNHEARD:
+                    self._liveness.heard(client, now_ns)
                 member.on_time += fate not in ("late", "lost")
                 member.late += fate == "late"
 

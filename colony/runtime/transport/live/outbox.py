@@ -36,6 +36,9 @@ from colony.runtime.transport.live import keys
 IDLE_NS = 10_000_000_000
 """Nanoseconds without a message after which the publisher for a connection is given back."""
 
+SMALL_BYTES = 1024
+"""Bytes of the memory of a client that goes together with that of others."""
+
 PASSING_MOST = 256
 """Publishers for connections at a time."""
 
@@ -61,9 +64,11 @@ class Outbox:
 
     def send_all(self, sends: Iterable[Send], now_ns: int) -> None:
         """Send messages; what clients say to one server goes in one piece."""
-        batches: dict[str, list[Request | Ready]] = {}
+        batches: dict[str, list[Request | Ready | Checkpoint]] = {}
         for topic, message in sends:
-            if isinstance(message, (Request, Ready)):
+            if isinstance(message, (Request, Ready)) or (
+                isinstance(message, Checkpoint) and len(message.memory) <= SMALL_BYTES
+            ):
                 batches.setdefault(topic, []).append(message)
             else:
                 self.send(topic, message, now_ns)
@@ -79,6 +84,10 @@ class Outbox:
         try:
             data = codec.encode(message)
         except ValueError as problem:
+            if isinstance(message, Batch):
+                for one in message.messages:
+                    self.send(topic, one, now_ns)
+                return
             self._report(f"to {topic}: {problem}")
             if not isinstance(message, Reply):
                 return
