@@ -130,37 +130,44 @@ def count(name):
     function = getattr(codec, name)
     def counting(given):
         result = function(given)
-        message, data = (result, given) if name == "decode" else (given, result)
+        said, data = (given, result) if name == "encode" else (result, given)
         spec = next((Path(one).stem for one in sys.argv if one.endswith(".json")), "leader")
-        sender = getattr(message, "server", getattr(message, "client", getattr(message, "actuator", "")))
-        which = type(message).__name__, getattr(message, "k", ""), sender
-        print(name, spec, *which, sha256(data).hexdigest(), sep="\\t", file=log)
+        for i, message in enumerate(said if name == "decode_all" else getattr(said, "messages", (said,))):
+            sender = getattr(message, "server", getattr(message, "client", getattr(message, "actuator", "")))
+            which = type(message).__name__, getattr(message, "k", ""), sender
+            print(name, spec, *which, f"{sha256(data).hexdigest()}/{i}", sep="\\t", file=log)
         return result
     setattr(codec, name, counting)
 
 count("encode")
 count("decode")
+count("decode_all")
 """
-"""Has each process of a run write down what it encodes and decodes, and goes on with it."""
+"""Has each process of a run write down what messages it encodes and decodes, and goes on with it."""
 
+CRUISE = "the process of cruise"
 WAY = {
     "PServer": [("Tick", "")],
     "DServer": [("Tick", "")],
-    "drive.cruise": [("Tick", ""), ("ServerFrame", "PServer"), ("ServerFrame", "DServer")],
+    CRUISE: [("Tick", ""), ("ServerFrame", "PServer"), ("ServerFrame", "DServer")],
     "RServer": [("Tick", ""), ("Request", "cruise")],
     "leader": [("Tick", ""), ("ServerFrame", "PServer"), ("ServerFrame", "DServer"), ("Verdict", "drive")],
 }
 """What each process hears, and from whom, in a frame that `cruise` decides."""
 
 
-def test_each_message_is_decoded_once_in_each_process_that_hears_it(tmp_path: Path) -> None:
+@pytest.mark.parametrize(("options", "cruise"), [((), "clients"), (("--isolate",), "drive.cruise")])
+def test_each_message_is_decoded_once_in_each_process_that_hears_it(
+    tmp_path: Path, options: tuple[str, ...], cruise: str
+) -> None:
+    """Also where several clients of a process hear it."""
     counted, inside = tmp_path / "counted", tmp_path / "inside"
     for folder in (counted, inside):
         folder.mkdir()
     (inside / "sitecustomize.py").write_text(COUNTING)
     (tmp_path / "roam.colony").write_text(TEXT)
     paths = {"PYTHONPATH": f"{inside}:{ROOT}", "COUNTED": str(counted)}
-    options = ("--map", MAP, "--processes", "--set", f"Limit={LIMIT}", "--no-picture", "--duration", "1")
+    options += ("--map", MAP, "--processes", "--set", f"Limit={LIMIT}", "--no-picture", "--duration", "1")
     with closing(Machine(tmp_path, **paths)) as machine:
         run = machine.run("run", str(tmp_path / "roam.colony"), *options, "--record", "run.jsonl")
     assert run.process.returncode == 0, run.err
@@ -181,6 +188,7 @@ def test_each_message_is_decoded_once_in_each_process_that_hears_it(tmp_path: Pa
     commanded = [frame for frame in frames if frame["drive"]["by"] == "cruise"]
     assert {frame["drive"]["velocity"] for frame in commanded} == {LIMIT}
     for frame in commanded:
-        for process, messages in WAY.items():
+        for name, messages in WAY.items():
+            process = cruise if name == CRUISE else name
             for kind, sender in messages:
                 assert (process, kind, sender, str(frame["@tick"])) in heard

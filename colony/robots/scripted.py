@@ -147,6 +147,7 @@ class ScriptedRobot(VirtualRobot):
         seed: int = 0,
         ticking: bool = True,
         link: Link = perfect,
+        isolate: bool = False,
     ) -> None:
         self.sent: list[Sent] = []
         self.log = Log()
@@ -172,6 +173,7 @@ class ScriptedRobot(VirtualRobot):
             sinks=sinks,
             ticking=ticking,
             link=link,
+            isolate=isolate,
         )
 
 

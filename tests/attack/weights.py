@@ -17,6 +17,8 @@ from colony.runtime.library.ask import STATUS
 from colony.runtime.protocol.calls import Open
 from colony.runtime.protocol.codec import LARGEST, VERSION
 from colony.runtime.protocol.messages import (
+    MOST_IN_BATCH,
+    Batch,
     Call,
     Checkpoint,
     Fetch,
@@ -83,12 +85,15 @@ def _calls(server: str, connection: str) -> Iterator[Weight]:
     )
 
 
-def _frames(server: str) -> Iterator[tuple[str, str, Sent]]:
+def _frames(server: str) -> Iterator[tuple[str, str, Sent | Batch]]:
     yield (
         "request",
         f"{server}/requests",
         Request(k=1, actuator="d", client="c", bid="command", values=(True,) * 4_000_000),
     )
+    asking = Request(k=1, actuator="d", client="c", bid="silent")
+    yield "batch", f"{server}/requests", Batch(messages=(asking,) * 200_000)
+    yield "batch of many", f"{server}/requests", Batch(messages=(asking,) * MOST_IN_BATCH)
     yield "fetch", f"{server}/fetches", Fetch(server="x" * 4_000_000, k=1)
     yield "tick", "Clock/ticks", Tick(k=1 << 62, t_ns=0, lost=("ab",) * 1_300_000)
     yield "tick that cannot be", "Clock/ticks", Tick(k=1 << 62, t_ns=0)
@@ -116,7 +121,7 @@ def _call(server: str, connection: str, number: int, method: str, arguments: obj
     return f"{server}/call/command/{connection}", _bytes(call)
 
 
-def _bytes(message: Sent) -> bytes:
+def _bytes(message: Sent | Batch) -> bytes:
     """The bytes of a message, also of one that is too large for its kind; as much as goes into the
     largest."""
     return (bytes([VERSION]) + msgspec.msgpack.encode(message))[:LARGEST]

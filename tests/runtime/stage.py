@@ -9,7 +9,8 @@ from colony.ir.frame import Decision, Frame
 from colony.ir.program import Program
 from colony.ir.types import ScalarValue
 from colony.runtime.arbitration.arbiter import Timing
-from colony.runtime.assembly.nodes import build_announcer, build_client, build_observer
+from colony.runtime.assembly.nodes import build_announcer, build_clients, build_observer
+from colony.runtime.assembly.sharing import shared_clients
 from colony.runtime.frames.publishing import Fields, Publisher
 from colony.runtime.protocol import topics
 from colony.runtime.protocol.bindings import ActuatorBinding, Bindings, SensorBinding
@@ -118,8 +119,15 @@ class Played:
         ]
 
 
-def play(program: Program, trace: Sequence[Frame], *, order_seed: int = 0, link: Link = perfect) -> Played:
-    """Run a program's clients over a trace in virtual time."""
+def play(
+    program: Program,
+    trace: Sequence[Frame],
+    *,
+    isolate: bool = False,
+    order_seed: int = 0,
+    link: Link = perfect,
+) -> Played:
+    """Run a program's clients over a trace in virtual time, together or each alone."""
     compiled = compile_program(program).compiled
     bindings = Bindings(
         sensors=tuple(
@@ -138,9 +146,10 @@ def play(program: Program, trace: Sequence[Frame], *, order_seed: int = 0, link:
     server = TraceServer(trace, commanded_by(deployed, SERVER), compiled.announced)
     observer = build_observer(compiled, bindings, (log,), "")
     transport = VirtualTransport(VirtualClock(trace[0].t_ns), seed=order_seed, link=link)
+    processes = shared_clients(compiled, isolate=isolate)
     nodes: tuple[Node, ...] = (
         server,
-        *(build_client(compiled, bindings, actuator, module, "") for actuator, module, _ in compiled.clients),
+        *(node for clients in processes for node in build_clients(compiled, bindings, clients, "")),
         *(build_announcer(compiled, bindings, module, "") for module in compiled.announced),
         observer,
         TraceClock(trace),

@@ -6,7 +6,7 @@ A message that is too large, of another version, or not of its type is never hal
 
 from __future__ import annotations
 
-from typing import TypeVar
+from typing import TypeVar, get_args
 
 import msgspec
 
@@ -41,8 +41,10 @@ _LARGEST: dict[type, int] = {
 """Bytes of the largest message of each kind that frames consist of: many small values take long to decode,
 and these messages are decoded in every frame."""
 
-_LARGEST_BY_TAG = {msgspec.msgpack.encode(kind.__name__): most for kind, most in _LARGEST.items()}
-"""The same limits by tag, which is the name of the kind in msgpack."""
+_LARGEST_BY_TAG = {
+    msgspec.msgpack.encode(kind.__name__): _LARGEST.get(kind, LARGEST) for kind in (*get_args(Sent), Batch)
+}
+"""The limits of all kinds by tag, which is the name of the kind in msgpack."""
 
 _TAG_AT = 2
 """Index of the tag in a message, after the version and the length of the array."""
@@ -99,7 +101,11 @@ def decode_all(data: bytes) -> tuple[Sent, ...]:
         NotAMessage: these bytes are neither, or too many for their kind.
     """
     found = _decoded(data, _decoder_of_all)
-    return found.messages if isinstance(found, Batch) else (found,)
+    if not isinstance(found, Batch):
+        return (found,)
+    if count(data) != len(found.messages):  # msgpack has several ways to write a batch; only one is counted
+        raise NotAMessage("a batch whose messages cannot be counted without reading them")
+    return found.messages
 
 
 def count(data: bytes) -> int:
@@ -129,11 +135,12 @@ def _decoded(data: bytes, decoder: msgspec.msgpack.Decoder[T]) -> T:
 
 
 def _largest_here(data: bytes) -> int:
-    """Return the limit, in bytes, for messages that begin like these bytes."""
+    """Return the limit, in bytes, for messages that begin like these bytes; one in which the tag is not where
+    `encode` puts it has to be small."""
     if len(data) <= _SMALLEST_LIMIT:
         return _SMALLEST_LIMIT
     tag = data[_TAG_AT : _TAG_AT + 1 + (data[_TAG_AT] & 0x1F)]  # a short string of msgpack, with its length
-    return _LARGEST_BY_TAG.get(tag, LARGEST)
+    return _LARGEST_BY_TAG.get(tag, _SMALLEST_LIMIT)
 
 
 _SMALLEST_LIMIT = min(_LARGEST.values())

@@ -15,7 +15,7 @@ from tests.cli.conftest import Colony
 from tests.cli.machine import MAP, ROBOT, WANDER, Machine, Started, children_of, lives, status, until
 
 SERVERS = ("Clock", "RServer", "PServer", "DServer", "Simulator")
-CLIENTS = 4
+CLIENTS = ("drive/back_off", "drive/avoid", "drive/keep_middle", "drive/cruise")
 
 
 def start(machine: Machine, *options: str, duration: str = "1000", seed: str = "1") -> Started:
@@ -37,12 +37,13 @@ def audit(colony: Colony, recording: Path) -> None:
     assert result.code == 0, result.out + result.err
 
 
+@pytest.mark.parametrize(("options", "of_clients"), [((), 1), (("--isolate",), len(CLIENTS))])
 def test_a_run_decides_as_the_interpreter_does_and_leaves_nothing_behind(
-    machine: Machine, colony: Colony
+    machine: Machine, colony: Colony, options: tuple[str, ...], of_clients: int
 ) -> None:
-    run = start(machine, "--record", "run.mcap", "--format", "json", duration="3")
+    run = start(machine, "--record", "run.mcap", "--format", "json", *options, duration="3")
     processes = driving(machine, run)
-    assert len(processes) == len(SERVERS) + CLIENTS
+    assert len(processes) == len(SERVERS) + of_clients
     assert run.wait() == 0, run.err
     assert not any(map(lives, processes))
     assert machine.directory.running() == {}
@@ -67,16 +68,22 @@ def test_ctrl_c_stops_the_robot_and_keeps_the_recording(machine: Machine, colony
     audit(colony, run.folder / "run.mcap")
 
 
-def test_who_dies_or_is_frozen_comes_back(machine: Machine, colony: Colony) -> None:
-    run = start(machine, "--record", "run.mcap", "--no-picture", "--format", "json")
+@pytest.mark.parametrize("isolate", [True, False], ids=["alone", "together"])
+def test_who_dies_or_is_frozen_comes_back(machine: Machine, colony: Colony, isolate: bool) -> None:
+    def with_it(address: str) -> tuple[str, tuple[str, ...]]:
+        """The process of a client, and the clients that it is."""
+        return (address, (address,)) if isolate else ("clients", CLIENTS)
+
+    options = ("--isolate",) if isolate else ()
+    run = start(machine, "--record", "run.mcap", "--no-picture", "--format", "json", *options)
     driving(machine, run)
     with machine.session() as session:
 
         def standing() -> RunStatus:
             return until(lambda: status(session), "the leader answers")
 
-        def client(found: RunStatus, address: str = "drive/cruise") -> ClientStanding:
-            return next(c for c in found.clients if c.address == address)
+        def clients(*addresses: str) -> list[ClientStanding]:
+            return [c for c in standing().clients if c.address in addresses]
 
         def goes_on() -> None:
             """All of them are there again, and the robot drives."""
@@ -96,15 +103,22 @@ def test_who_dies_or_is_frozen_comes_back(machine: Machine, colony: Colony) -> N
             os.kill(pid, signal.SIGKILL)
             until(lambda name=name, pid=pid: machine.pid(name) not in (None, pid), f"{name} is started again")
             goes_on()
-        until(lambda: client(standing()).on_time > 0, "the client is on time")
-        (victim,) = _client_processes(run, "drive.cruise")
+        killed, gone = with_it("drive/cruise")
+        until(lambda: all(c.on_time > 0 for c in clients(*gone)), "they are on time")
+        (victim,) = _client_processes(run, killed)
         os.kill(victim, signal.SIGKILL)
-        until(lambda: client(standing()).restarts == 1, "the client is started again")
+        until(lambda: all(c.restarts == 1 for c in clients(*gone)), "they are started again")
+        assert {c.last_error for c in clients(*gone)} == {"was killed by SIGKILL"}
+        assert {c.restarts for c in clients(*CLIENTS) if c.address not in gone} <= {0}
+        shown = colony("ps", "--robot", ROBOT).out
+        assert shown.count("was killed by SIGKILL") == len(gone), shown
         goes_on()
         driver = f"drive/{standing().commanded_by['drive']}"  # whoever it is: while it is lost, nobody drives
-        (victim,) = _client_processes(run, driver.replace("/", "."))
+        frozen, gone = with_it(driver)
+        (victim,) = _client_processes(run, frozen)
         os.kill(victim, signal.SIGSTOP)
-        until(lambda: client(standing(), driver).standing == "lost", "the client is lost")
+        until(lambda: all(c.standing == "lost" for c in clients(*gone)), "they are lost")
+        assert "lost" not in {c.standing for c in clients(*CLIENTS) if c.address not in gone}
         until(machine.stands, "the robot stands")
         os.kill(victim, signal.SIGCONT)
         goes_on()
@@ -117,13 +131,13 @@ def test_who_dies_or_is_frozen_comes_back(machine: Machine, colony: Colony) -> N
         run.tell(signal.SIGINT)
     assert run.wait() == 130
     assert json.loads(run.out)["disagreements"] == []
-    for name in (*SERVERS, "drive/cruise"):
+    for name in (*SERVERS, killed):
         assert f"{name} was killed by SIGKILL; it is started again" in run.err
     audit(colony, run.folder / "run.mcap")
 
 
 def _client_processes(run: Started, name: str) -> list[int]:
-    spec = re.compile(rf"/{re.escape(name)}\.json\0$")
+    spec = re.compile(rf"/{re.escape(name.replace('/', '.'))}\.json\0$")
     return [pid for pid in children_of(run.pid) if spec.search(Path(f"/proc/{pid}/cmdline").read_text())]
 
 
@@ -179,6 +193,7 @@ BAD_OPTIONS: list[tuple[tuple[str, ...], str]] = [
     ((), "found neither --map nor --connect"),
     (("--map", MAP, "--connect"), "--connect is for a robot that is there"),
     (("--map", MAP, "--fsync"), "--fsync goes with --processes"),
+    (("--map", MAP, "--isolate"), "--isolate goes with --processes or --connect"),
     (("--map", MAP, "--camera", "90"), "--camera goes with --processes"),
     (("--map", MAP, "--processes", "--camera", "left=down"), "found `left=down`"),
     (("--map", MAP, "--processes", "--robot", "a/b"), "`a/b` cannot be the name of a robot"),

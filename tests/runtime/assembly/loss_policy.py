@@ -3,7 +3,8 @@ lost on its way, no command is sent that the reference interpreter would not hav
 
     python -m tests.runtime.assembly.loss_policy --seeds 10000
 
-Each seed is a program, a trace, and a plan of faults, in virtual time. What the frames were is taken from the
+Each seed is a program, a trace, and a plan of faults, in virtual time; clients share a process in every other
+one. What the frames were is taken from the
 network afterwards: what servers published, and what the Clock said of them. Then
 
 - every command that left arbitration is the interpreter's for that frame, or the idle one;
@@ -34,7 +35,6 @@ from typing import Literal, NamedTuple
 from colony.ir.frame import Answer, Decision, Frame, Reading
 from colony.ir.program import Program
 from colony.robots.scripted import SENSING, Sent
-from colony.runtime.clients.client import ClientNode
 from colony.runtime.clients.memory import decode_memory
 from colony.runtime.protocol import topics
 from colony.runtime.protocol.messages import Message, Tick
@@ -74,14 +74,14 @@ def drawn(number: int, degrade: bool) -> Drawn:
 def plan(robot: Robot, random: Random, until_ns: int) -> None:
     """Kill, freeze and revive processes; at `until_ns` all live."""
     for _ in range(random.choice((0, 1, 1, 2, 3, 5))):
-        address = random.choice(robot.addresses)
+        process = random.choice(robot.processes)
         at = random.randrange(until_ns)
         back = min(until_ns, at + random.choice((0, 30, 200, 600, 1500, 4000)) * MS)
         do = robot.kill if random.random() < 0.6 else robot.freeze
-        robot.transport.at(at, partial(do, address))
-        robot.transport.at(back, partial(robot.revive, address))
-    for address in robot.addresses:
-        robot.transport.at(until_ns, partial(robot.revive, address))
+        robot.transport.at(at, partial(do, process))
+        robot.transport.at(back, partial(robot.revive, process))
+    for process in robot.processes:
+        robot.transport.at(until_ns, partial(robot.revive, process))
 
 
 def link(seed: int, random: Random, until_ns: int, robot: list[Robot]) -> Faults:
@@ -107,7 +107,8 @@ def run(seed: int, *, degrade: bool = False) -> Counter[str]:
     until_ns = FAULTY * frame_ns
     made: list[Robot] = []
     faults = link(seed, random, until_ns, made)
-    robot = Robot(what.program, what.trace, frame_ns=frame_ns, seed=seed, link=faults)
+    isolate = seed % 2 == 1
+    robot = Robot(what.program, what.trace, frame_ns=frame_ns, seed=seed, link=faults, isolate=isolate)
     made.append(robot)
     plan(robot, random, until_ns)
     try:
@@ -228,8 +229,7 @@ def check_memory(robot: Robot, epoch: list[Tick], paths: list[Path], counts: Cou
     seen, degrading = robot.seen, any(a.on_loss == "degrade" for a in robot.program.robot.actuators)
     for actuator, module, _ in robot.compiled.clients:
         address = topics.client_address(actuator, module)
-        node = robot.nodes[address]
-        assert isinstance(node, ClientNode)
+        node = robot.client(address)
         at_end = node.frontier if node.frontier[0] == epoch[0].start else (-1, -1)
         saved = {t.k: seen.checkpoints[address, t.k] for t in epoch if (address, t.k) in seen.checkpoints}
         if not saved and at_end[1] < epoch[0].k:
@@ -252,7 +252,7 @@ def check_memory(robot: Robot, epoch: list[Tick], paths: list[Path], counts: Cou
             found = repr(decode_memory(data))
             assert found in allowed[k], f"{address}: checkpoint {k} is {found}, due was {allowed[k]}"
         if at_end[1] in allowed:
-            found = repr(decode_memory(node.part.memory))
+            found = repr(decode_memory(node.part.memory(address)))
             assert found in allowed[at_end[1]], f"{address}: remembers {found}, due was {allowed[at_end[1]]}"
 
 

@@ -10,6 +10,7 @@ from colony.compile.pipeline import compile_program
 from colony.ir.frame import Frame
 from colony.ir.program import Program
 from colony.robots.scripted import ScriptedRobot, Sent
+from colony.runtime.clients.client import ClientNode
 from colony.runtime.protocol.fields import DSERVER
 from colony.runtime.protocol.messages import (
     Checkpoint,
@@ -75,6 +76,7 @@ class Robot(ScriptedRobot):
         frame_ns: int,
         seed: int,
         link: Link,
+        isolate: bool,
     ) -> None:
         self.program = replace(program, robot=replace(program.robot, frame_ns=frame_ns))
         self.frame_ns = frame_ns
@@ -87,6 +89,7 @@ class Robot(ScriptedRobot):
             clock=self._clock,
             seed=seed,
             link=self._noting,
+            isolate=isolate,
         )
         self.seen = Seen(sent=self.sent)
         self.start()
@@ -94,6 +97,12 @@ class Robot(ScriptedRobot):
     def _noting(self, sender: str, receiver: str, message: Message) -> Delay:
         self.seen.note(sender, message)
         return self._link(sender, receiver, message)
+
+    def client(self, address: str) -> ClientNode:
+        """The node of a client."""
+        nodes = (node for node in self.nodes.values() if isinstance(node, ClientNode))
+        (found,) = (node for node in nodes if address in node.part.clients)
+        return found
 
     @property
     def now_ns(self) -> int:

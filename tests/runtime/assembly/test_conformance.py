@@ -20,10 +20,10 @@ from tests.runtime.stage import play
 QUIET = (HealthCheck.too_slow, HealthCheck.data_too_large, HealthCheck.filter_too_much)
 
 
-def check(program: Program, trace: tuple[Frame, ...], order_seed: int) -> None:
+def check(program: Program, trace: tuple[Frame, ...], order_seed: int, isolate: bool) -> None:
     interpreter = Interpreter(program)
     by_list = ProgramExecutor(compile_program(program).compiled)
-    played = play(program, trace, order_seed=order_seed)
+    played = play(program, trace, isolate=isolate, order_seed=order_seed)
     assert len(played.log.frames) == len(trace)
     for frame, log in zip(trace, played.log.frames, strict=True):
         expected = interpreter.step(frame)
@@ -42,25 +42,25 @@ def _in_order(expected: Outcome, decided: Iterable[str]) -> list[Decision]:
 
 
 @settings(suppress_health_check=QUIET)
-@given(st.data(), st.integers(0, 5))
-def test_networks(data: st.DataObject, order_seed: int) -> None:
+@given(st.data(), st.integers(0, 5), st.booleans())
+def test_networks(data: st.DataObject, order_seed: int, isolate: bool) -> None:
     program = data.draw(networks())
-    check(program, data.draw(traces(program)), order_seed)
+    check(program, data.draw(traces(program)), order_seed, isolate)
 
 
 @settings(suppress_health_check=QUIET)
-@given(st.data(), st.integers(0, 5))
-def test_programs(data: st.DataObject, order_seed: int) -> None:
+@given(st.data(), st.integers(0, 5), st.booleans())
+def test_programs(data: st.DataObject, order_seed: int, isolate: bool) -> None:
     program = data.draw(programs())
-    check(program, data.draw(traces(program)), order_seed)
+    check(program, data.draw(traces(program)), order_seed, isolate)
 
 
 @settings(suppress_health_check=QUIET)
-@given(st.data())
-def test_the_order_of_messages_changes_nothing(data: st.DataObject) -> None:
+@given(st.data(), st.booleans())
+def test_the_order_of_messages_changes_nothing(data: st.DataObject, isolate: bool) -> None:
     program = data.draw(programs())
     trace = data.draw(traces(program))
-    one, other = play(program, trace, order_seed=1), play(program, trace, order_seed=2)
+    one, other = (play(program, trace, isolate=isolate, order_seed=seed) for seed in (1, 2))
     assert repr(one.decisions()) == repr(other.decisions()) or _same(one.decisions(), other.decisions())
     assert repr(sorted(one.performed, key=repr)) == repr(sorted(other.performed, key=repr))
 
@@ -71,8 +71,10 @@ def _same(one: list[tuple[Decision, ...]], other: list[tuple[Decision, ...]]) ->
 
 
 @settings(suppress_health_check=QUIET)
-@given(st.data(), st.integers(0, 100))
-def test_when_messages_are_lost_it_decides_the_same_or_idles(data: st.DataObject, fault_seed: int) -> None:
+@given(st.data(), st.integers(0, 100), st.booleans())
+def test_when_messages_are_lost_it_decides_the_same_or_idles(
+    data: st.DataObject, fault_seed: int, isolate: bool
+) -> None:
     program = data.draw(networks())
     trace = data.draw(traces(program))
     chance = random.Random(fault_seed)
@@ -82,7 +84,7 @@ def test_when_messages_are_lost_it_decides_the_same_or_idles(data: st.DataObject
             return 0
         return None if chance.random() < 0.1 else chance.choice((0, 0, 0, 3, 60_000_000))
 
-    played = play(program, trace, order_seed=fault_seed, link=link)
+    played = play(program, trace, isolate=isolate, order_seed=fault_seed, link=link)
     assert [log.tick.k for log in played.log.frames] == list(range(len(played.log.frames)))
     interpreter = Interpreter(program)
     for log in played.log.frames:

@@ -7,6 +7,7 @@ from collections.abc import Callable, Iterator
 
 import pytest
 
+from colony.execute.executor import ClientKey, ClientMemory, ClientsExecutor
 from colony.runtime.clients import client
 from colony.runtime.frames import liveness
 from colony.runtime.frames.assembler import Assembled, FrameAssembler
@@ -101,6 +102,18 @@ def never_asked_for_again(patch: pytest.MonkeyPatch) -> None:
     patch.setattr(FrameAssembler, "lost", property(lambda self: False))
 
 
+def memory_of_the_first_client_alone(patch: pytest.MonkeyPatch) -> None:
+    """Of several clients in one process, only the first gets its memory back."""
+    recall = ClientsExecutor.recall
+
+    def wrong(self: ClientsExecutor, memories: dict[ClientKey, ClientMemory]) -> None:
+        first = memories[self.clients[0]]
+        others = {c: first._replace(cells=self.memory(c).cells) for c in self.clients[1:]}
+        recall(self, memories | others)
+
+    patch.setattr(ClientsExecutor, "recall", wrong)
+
+
 def liveness_forgotten(patch: pytest.MonkeyPatch) -> None:
     """Whoever was missing once is missing for good."""
 
@@ -120,6 +133,7 @@ def liveness_forgotten(patch: pytest.MonkeyPatch) -> None:
         frames_given_up_by_guess,
         frames_invented,
         never_asked_for_again,
+        memory_of_the_first_client_alone,
         liveness_forgotten,
     ],
 )

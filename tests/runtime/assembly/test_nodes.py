@@ -3,16 +3,69 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from typing import Literal
 
 import pytest
 
 from colony.compile.pipeline import compile_program
-from colony.ir.program import PythonModule
-from colony.runtime.assembly.nodes import build_announcer, build_client, build_observer
+from colony.execute.compiled import Compiled
+from colony.ir.program import Actuator, ActuatorField, Command, Module, PythonModule, Use, Wire
+from colony.ir.types import PLAIN
+from colony.runtime.assembly.nodes import build_announcer, build_clients, build_observer
+from colony.runtime.assembly.sharing import name_of_process, shared_clients
 from colony.runtime.protocol.bindings import bind
 from colony.text.diagnostics import Failure
 from tests.runtime.assembly.test_virtual import pulsing
-from tests.runtime.programs import roam
+from tests.runtime.programs import constant, drive, number, roam
+
+
+def with_light(on_loss: Literal["stop", "degrade"]) -> Compiled:
+    """A program with a second actuator, for which this is declared."""
+    light = Actuator(
+        name="light",
+        fields=(ActuatorField(name="value", type=PLAIN),),
+        server="DServer",
+        command="Light",
+        idle=None,
+        on_loss=on_loss,
+    )
+    program, lit = roam(), Command(actuator="light", fields=(number(1.0),))
+    return compile_program(
+        replace(
+            program,
+            robot=replace(program.robot, actuators=(drive(), light)),
+            modules=(*program.modules, Module(name="shine", when=constant(True), command=lit)),
+            wires=(*program.wires, Wire(name="light", actuator="light", wiring=Use(name="shine"))),
+        )
+    ).compiled
+
+
+DRIVING = (("drive", "back_off"), ("drive", "avoid"), ("drive", "cruise"))
+SHINE = ("light", "shine")
+
+
+def test_all_clients_share_a_process_unless_they_are_to_be_lost_one_by_one() -> None:
+    assert shared_clients(with_light("stop"), isolate=False) == ((*DRIVING, SHINE),)
+    assert shared_clients(with_light("degrade"), isolate=False) == (DRIVING, (SHINE,))
+    for program in (with_light("stop"), with_light("degrade")):
+        assert shared_clients(program, isolate=True) == tuple((client,) for client in (*DRIVING, SHINE))
+    assert name_of_process((*DRIVING, SHINE)) == "clients"
+    assert name_of_process((SHINE,)) == "light/shine"
+
+
+def test_clients_of_a_process_share_a_node_where_they_wait_for_the_same() -> None:
+    compiled = with_light("stop")
+    (all_of_them,) = shared_clients(compiled, isolate=False)
+    nodes = build_clients(compiled, bind(compiled.robot), all_of_them, "run")
+    assert [node.part.clients for node in nodes] == [
+        ("drive/back_off",),
+        ("drive/avoid", "drive/cruise"),
+        ("light/shine",),
+    ]
+    assert {topic for topic in nodes[0].listens if topic.endswith("/frames")} == {
+        "Clock/frames",
+        "RServer/frames",
+    }
 
 
 def test_members_of_a_program() -> None:
@@ -31,22 +84,23 @@ def test_each_module_in_python_is_a_process_of_its_own_and_no_other_imports_it()
     assert compiled.announced == ("pulse",)
     assert compiled.places == {"drive": ("pulse", "cruise")}
     bindings = bind(program.robot)
-    assert build_client(compiled, bindings, "drive", "cruise", "run").address == "drive/cruise"
-    assert build_client(compiled, bindings, "drive", "pulse", "run").address == "drive/pulse"
+    for module in ("cruise", "pulse"):
+        (node,) = build_clients(compiled, bindings, [("drive", module)], "run")
+        assert node.address == f"drive/{module}"
     assert "DServer/activity/pulse/frames" in build_observer(compiled, bindings, (), "run").listens
     with pytest.raises(Failure, match="P001"):
         build_announcer(compiled, bindings, "pulse", "run")
     with pytest.raises(KeyError):
         build_announcer(compiled, bindings, "cruise", "run")
     with pytest.raises(KeyError):
-        build_client(compiled, bindings, "drive", "nobody", "run")
+        build_clients(compiled, bindings, [("drive", "cruise"), ("drive", "nobody")], "run")
 
 
 def test_one_client_listens_to_no_more_than_it_reads() -> None:
     program = roam()
     compiled = compile_program(program).compiled
     bindings = bind(program.robot)
-    back_off = build_client(compiled, bindings, "drive", "back_off", "run")
+    (back_off,) = build_clients(compiled, bindings, [("drive", "back_off")], "run")
     assert back_off.listens == (
         "Clock/ticks",
         "Clock/frames",

@@ -1,4 +1,5 @@
-"""Sessions in which messages are lost, and processes die, freeze and come back."""
+"""Sessions in which messages are lost, and processes die, freeze and come back: with a process for each
+client, and with one for all."""
 
 from __future__ import annotations
 
@@ -17,26 +18,52 @@ from tests.runtime.assembly.test_virtual import MS, S, pulsing, run, script
 from tests.runtime.programs import drive, go, less, nearest, roam
 from tests.runtime.scripted import FAR, Log, Script, session
 
+SERVERS = ("Clock", "RServer", "PServer", "DServer", "Runtime")
+
 
 @pytest.fixture
 def log() -> Log:
     return Log()
 
 
+@pytest.fixture(params=[True, False], ids=["alone", "together"])
+def isolate(request: pytest.FixtureRequest) -> bool:
+    """Whether each client is a process of its own."""
+    return bool(request.param)
+
+
+def process_of(client: str, isolate: bool) -> str:
+    """The process that dies with a client."""
+    return client if isolate else "clients"
+
+
+def fates_of(log: Log, client: str) -> list[str | None]:
+    """What became of a client of `drive` in each frame; None where it was not decided."""
+    return [dict(f.verdicts["drive"].fates)[client] if f.verdicts else None for f in log.frames]
+
+
 def cut_off(address: str, from_ns: int) -> Link:
-    """Nothing that this node sends arrives from then on."""
+    """Nothing that this client says of itself arrives from then on."""
+
+    def says(message: Message) -> bool:
+        match message:
+            case Request():
+                return f"{message.actuator}/{message.client}" == address
+            case Ready():
+                return message.client == address
+        return False
 
     def link(sender: str, receiver: str, message: Message) -> int | None:
-        cut = sender == address and isinstance(message, (Request, Ready)) and message.k * 50 * MS >= from_ns
+        cut = says(message) and message.k * 50 * MS >= from_ns  # type: ignore[union-attr]
         return None if cut else 0
 
     return link
 
 
-def test_a_client_cut_off_is_late_then_lost_and_the_robot_idles_at_the_deadline() -> None:
+def test_a_client_cut_off_is_late_then_lost_and_the_robot_idles_at_the_deadline(isolate: bool) -> None:
     stage = Script()
-    log = run(roam(), stage, 3 * S, link=cut_off("drive/cruise", 1 * S))
-    fates = [dict(f.verdicts["drive"].fates)["cruise"] for f in log.frames]
+    log = run(roam(), stage, 3 * S, link=cut_off("drive/cruise", 1 * S), isolate=isolate)
+    fates = fates_of(log, "cruise")
     assert set(fates[20:25]) == {"late"}
     assert set(fates[26:]) == {"lost"}
     assert stage.told[20][0] == 20 * 50 * MS + 40 * MS
@@ -45,32 +72,61 @@ def test_a_client_cut_off_is_late_then_lost_and_the_robot_idles_at_the_deadline(
     assert all(not f.disagreements for f in log.frames)
 
 
-def test_with_on_loss_degrade_lesser_behaviors_take_over() -> None:
+def test_with_on_loss_degrade_lesser_behaviors_take_over(isolate: bool) -> None:
     program = roam()
     degrading = replace(
         program, robot=replace(program.robot, actuators=(replace(drive(), on_loss="degrade"),))
     )
     for other, winner in ((program, None), (degrading, "cruise")):
         stage = Script(sonar_at=lambda t: Sample((400.0, *FAR[1:]), t))
-        log = run(other, stage, 3 * S, link=cut_off("drive/avoid", 0))
+        log = run(other, stage, 3 * S, link=cut_off("drive/avoid", 0), isolate=isolate)
         assert set(log.winners()[10:]) <= {winner, None}
         assert (winner in log.winners()[10:]) is True
 
 
-def test_a_killed_client_never_gives_way_to_a_lesser_one() -> None:
+def test_a_killed_client_never_gives_way_to_a_lesser_one(isolate: bool) -> None:
     stage, log = Script(sonar_at=lambda t: Sample((400.0, *FAR[1:]), t)), Log()
-    whole = session(roam(), stage, log)
-
-    def stop() -> bool:
-        if stage.clock() >= 1 * S and "drive/avoid" not in killed:
-            whole.transport.kill("drive/avoid")
-            killed.append("drive/avoid")
-        return False
-
-    killed: list[str] = []
-    assert whole.run(3 * S, stop=stop)
+    whole = session(roam(), stage, log, isolate=isolate)
+    whole.transport.at(1 * S, lambda: whole.kill(process_of("drive/avoid", isolate)))
+    assert whole.run(3 * S)
     assert "avoid" in log.winners()[:20]
     assert set(log.winners()[21:]) == {None}
+
+
+@pytest.mark.parametrize("dies", [True, False])
+def test_with_their_process_all_clients_are_late_and_then_lost_and_come_back_with_their_memory(
+    log: Log, dies: bool
+) -> None:
+    """The bumper was pressed at 3 s; the process is away from 6 s to 7 s, and the robot idles meanwhile."""
+    whole = session(latching(), remembering(), log)
+    assert [p for p in whole.processes if p not in SERVERS] == ["clients"]
+    whole.transport.at(6 * S, lambda: (whole.kill if dies else whole.freeze)("clients"))
+    whole.transport.at(7 * S, lambda: whole.revive("clients"))
+    assert whole.run(9 * S)
+    for client in ("seen", "cruise"):
+        fates = fates_of(log, client)
+        assert set(fates[:120]) <= {"won", "suppressed", "silent"}
+        assert set(fates[120:125]) == {"late"}
+        assert set(fates[126:140]) == {"lost"}
+        assert set(fates[142:]) == ({"won"} if client == "seen" else {"suppressed"})
+    lost = {address for f in log.frames for address in f.tick.lost}
+    assert lost == {"drive/seen", "drive/cruise"}
+    assert set(log.winners()[120:140]) == {None}
+    assert not any(f.restart or f.disagreements for f in log.frames)
+
+
+def test_clients_of_one_process_do_not_wait_for_the_servers_of_others(log: Log) -> None:
+    """What PServer has is late from 1 s on: who reads it is late, the one beside it that does not is not."""
+
+    def slow(sender: str, receiver: str, message: Message) -> int | None:
+        late = isinstance(message, ServerFrame) and message.server == "PServer" and message.k >= 20
+        return 48 * MS if late and receiver.startswith("drive/") else 0
+
+    whole = session(roam(), remembering(), log, link=slow)
+    assert whole.run(4 * S)
+    assert set(fates_of(log, "cruise")[20:60]) == set(fates_of(log, "avoid")[20:60]) == {"late"}
+    assert set(fates_of(log, "back_off")) == {"silent", "won"}
+    assert "won" in fates_of(log, "back_off")[60:]
 
 
 def test_when_the_ticks_stop_the_watchdog_stops_the_robot() -> None:
@@ -88,12 +144,13 @@ def test_when_the_ticks_stop_the_watchdog_stops_the_robot() -> None:
     assert stage.stopped == [0, 1 * S + 100 * MS, 3 * S]
 
 
-def test_late_ticks_and_frames_are_caught_up_with() -> None:
+def test_late_ticks_and_frames_are_caught_up_with(isolate: bool) -> None:
     def slow_to_cruise(sender: str, receiver: str, message: Message) -> int | None:
-        far = receiver == "drive/cruise" and isinstance(message, (Tick, ServerFrame))
+        far = receiver == node and isinstance(message, (Tick, ServerFrame))
         return 130 * MS if far and 20 <= message.k < 25 else 0  # type: ignore[union-attr]
 
-    log = run(roam(), Script(), 3 * S, link=slow_to_cruise)
+    node = "drive/cruise" if isolate else "drive/avoid"  # the first of those that read the same
+    log = run(roam(), Script(), 3 * S, link=slow_to_cruise, isolate=isolate)
     fates = [dict(f.verdicts["drive"].fates)["cruise"] for f in log.frames]
     assert "late" in fates[20:28]
     assert "late" not in fates[30:]
@@ -146,10 +203,13 @@ def latching() -> Program:
     )
 
 
-def test_a_client_that_is_started_anew_remembers(log: Log) -> None:
-    whole = session(latching(), remembering(), log)
-    whole.transport.at(6 * S, lambda: whole.transport.kill("drive/seen"))
-    whole.transport.at(7 * S, lambda: whole.restart("drive/seen"))
+def test_a_client_that_is_started_anew_remembers(log: Log, isolate: bool) -> None:
+    whole, process = (
+        session(latching(), remembering(), log, isolate=isolate),
+        process_of("drive/seen", isolate),
+    )
+    whole.transport.at(6 * S, lambda: whole.kill(process))
+    whole.transport.at(7 * S, lambda: whole.restart(process))
     assert whole.run(9 * S)
     same = as_by_the_interpreter(latching(), log)
     assert [k for k, right in enumerate(same) if not right] == list(range(120, 141))
@@ -159,22 +219,28 @@ def test_a_client_that_is_started_anew_remembers(log: Log) -> None:
     assert not any(f.restart or f.disagreements for f in log.frames)
 
 
-def test_without_dserver_it_cannot_remember_and_everyone_begins_anew(log: Log) -> None:
-    whole = session(latching(), remembering(), log)
-    whole.transport.at(6 * S, lambda: whole.transport.kill("DServer"))
-    whole.transport.at(7 * S, lambda: whole.restart("drive/seen"))
+def test_without_dserver_it_cannot_remember_and_everyone_begins_anew(log: Log, isolate: bool) -> None:
+    whole = session(latching(), remembering(), log, isolate=isolate)
+    whole.transport.at(6 * S, lambda: whole.kill("DServer"))
+    whole.transport.at(7 * S, lambda: whole.restart(process_of("drive/seen", isolate)))
     assert whole.run(10 * S)
     (anew,) = (f.tick.k for f in log.frames if f.restart)
     assert 140 + 20 <= anew <= 140 + 23
-    assert log.winners()[anew - 1 : anew + 1] == [None, "cruise"]
-    assert all(as_by_the_interpreter(latching(), log)[anew:])
+    assert log.winners()[anew - 1] is None
+    same = as_by_the_interpreter(latching(), log)[anew:]
+    assert same == [isolate, *[True] * (len(same) - 1)], (
+        "whoever was lost when the epoch began drives in the next frame"
+    )
+    assert log.winners()[anew + 1] == "cruise"
     assert not any(f.disagreements for f in log.frames)
 
 
 @pytest.mark.parametrize("server", ["PServer", "DServer", "Runtime", "RServer"])
 @pytest.mark.parametrize("away_ms", [0, 60, 1000])
-def test_a_server_that_is_started_anew_costs_nobody_its_memory(log: Log, server: str, away_ms: int) -> None:
-    whole = session(roam(), script(), log)
+def test_a_server_that_is_started_anew_costs_nobody_its_memory(
+    log: Log, server: str, away_ms: int, isolate: bool
+) -> None:
+    whole = session(roam(), script(), log, isolate=isolate)
     whole.transport.at(1 * S + 10 * MS, lambda: whole.transport.kill(server))
     whole.transport.at(1 * S + (10 + away_ms) * MS, lambda: whole.restart(server))
     assert whole.run(5 * S)
@@ -185,8 +251,8 @@ def test_a_server_that_is_started_anew_costs_nobody_its_memory(log: Log, server:
     assert len(decided) >= 100 - away_ms // 50 - 2
 
 
-def test_the_clock_that_is_started_anew_begins_an_epoch(log: Log) -> None:
-    whole = session(latching(), remembering(), log)
+def test_the_clock_that_is_started_anew_begins_an_epoch(log: Log, isolate: bool) -> None:
+    whole = session(latching(), remembering(), log, isolate=isolate)
     whole.transport.at(4 * S + 10 * MS, lambda: whole.restart("Clock"))
     assert whole.run(6 * S)
     (anew,) = (f.tick for f in log.frames if f.restart)
@@ -196,13 +262,13 @@ def test_the_clock_that_is_started_anew_begins_an_epoch(log: Log) -> None:
     assert log.winners()[-1] == "cruise"
 
 
-def test_frozen_for_a_while_a_client_catches_up_without_asking_for_anything() -> None:
+def test_frozen_for_a_while_a_client_catches_up_without_asking_for_anything(isolate: bool) -> None:
     for asleep_ms in (100, 1000, 1900):
         log = Log()
-        whole = session(latching(), remembering(), log)
-        thaw = (2900 + asleep_ms) * MS
-        whole.transport.at(2900 * MS, partial(whole.transport.freeze, "drive/seen"))
-        whole.transport.at(thaw, partial(whole.transport.thaw, "drive/seen"))
+        whole = session(latching(), remembering(), log, isolate=isolate)
+        thaw, process = (2900 + asleep_ms) * MS, process_of("drive/seen", isolate)
+        whole.transport.at(2900 * MS, partial(whole.freeze, process))
+        whole.transport.at(thaw, partial(whole.revive, process))
         assert whole.run(6 * S)
         assert not any(f.restart or f.disagreements for f in log.frames)
         assert log.winners()[-1] == "seen"
@@ -210,18 +276,19 @@ def test_frozen_for_a_while_a_client_catches_up_without_asking_for_anything() ->
 
 
 @pytest.mark.parametrize("dies", [True, False])
-def test_with_degrade_the_lesser_behavior_takes_over_within_a_second_and_hands_back(dies: bool) -> None:
+def test_with_degrade_the_lesser_behavior_takes_over_within_a_second_and_hands_back(
+    dies: bool, isolate: bool
+) -> None:
     program = roam()
     degrading = replace(
         program, robot=replace(program.robot, actuators=(replace(drive(), on_loss="degrade"),))
     )
     quiet = (*program.modules[:3], Module(name="asleep", when=less(nearest(), 0.0)))
     log = Log()
-    whole = session(replace(degrading, modules=quiet), Script(sonar_at=near), log)
-    transport = whole.transport
-    down = transport.kill if dies else transport.freeze
-    transport.at(2 * S, lambda: down("drive/avoid"))
-    transport.at(3500 * MS, lambda: whole.restart("drive/avoid") if dies else transport.thaw("drive/avoid"))
+    whole = session(replace(degrading, modules=quiet), Script(sonar_at=near), log, isolate=isolate)
+    down = whole.kill if dies else whole.freeze
+    whole.transport.at(2 * S, lambda: down("drive/avoid"))
+    whole.transport.at(3500 * MS, lambda: whole.revive("drive/avoid"))
     assert whole.run(5 * S)
     winners = log.winners()
     assert winners[:40] == ["avoid"] * 40
@@ -231,9 +298,9 @@ def test_with_degrade_the_lesser_behavior_takes_over_within_a_second_and_hands_b
     assert not any(f.disagreements or f.restart for f in log.frames)
 
 
-def test_rubbish_for_every_topic_changes_nothing() -> None:
+def test_rubbish_for_every_topic_changes_nothing(isolate: bool) -> None:
     log, plain = Log(), run(roam(), script())
-    whole = session(roam(), script(), log)
+    whole = session(roam(), script(), log, isolate=isolate)
 
     def throw() -> None:
         for address in whole.transport.addresses:
@@ -246,8 +313,8 @@ def test_rubbish_for_every_topic_changes_nothing() -> None:
     assert log.winners() == plain.winners()
 
 
-def test_requests_come_with_the_frames_if_that_is_asked_for() -> None:
-    log = run(roam(), script(), 1 * S, requests=True)
+def test_requests_come_with_the_frames_if_that_is_asked_for(isolate: bool) -> None:
+    log = run(roam(), script(), 1 * S, requests=True, isolate=isolate)
     assert all(len(f.requests) == 3 for f in log.frames[:-1])
     assert {r.bid for f in log.frames for r in f.requests} == {"command", "inhibited", "silent"}
 
@@ -257,17 +324,18 @@ def test_requests_come_with_the_frames_if_that_is_asked_for() -> None:
 
 @pytest.mark.parametrize(("address", "late_ns"), [("drive/pulse", 10 * MS), ("DServer", 0)])
 def test_a_client_of_a_module_in_python_or_dserver_that_is_started_anew_goes_on(
-    log: Log, address: str, late_ns: int
+    log: Log, address: str, late_ns: int, isolate: bool
 ) -> None:
-    whole = session(pulsing(), Script(), log)
-    whole.transport.at(3 * S + late_ns, lambda: whole.restart(address))
+    whole = session(pulsing(), Script(), log, isolate=isolate)
+    process = address if address in SERVERS else process_of(address, isolate)
+    whole.transport.at(3 * S + late_ns, lambda: whole.restart(process))
     assert whole.run(5 * S)
     assert not any(f.restart or f.disagreements for f in log.frames)
     assert log.winners()[66:] == ["cruise", "cruise", "pulse"] * 11 + ["cruise"]
 
 
-def test_an_object_in_python_that_is_gone_makes_everyone_begin_anew(log: Log) -> None:
-    whole = session(pulsing(), Script(), log)
+def test_an_object_in_python_that_is_gone_makes_everyone_begin_anew(log: Log, isolate: bool) -> None:
+    whole = session(pulsing(), Script(), log, isolate=isolate)
     whole.transport.at(3 * S + 10 * MS, lambda: whole.restart("DServer/activity/pulse"))
     assert whole.run(5 * S)
     (anew,) = (f.tick.k for f in log.frames if f.restart)

@@ -10,7 +10,7 @@ import pytest
 from colony.compile.pipeline import compile_program
 from colony.execute.executor import ClientMemory
 from colony.ir.program import Program
-from colony.runtime.assembly.nodes import build_client
+from colony.runtime.assembly.nodes import build_clients
 from colony.runtime.clients.client import RECALL_NS, ClientNode
 from colony.runtime.clients.memory import encode_memory
 from colony.runtime.frames.assembler import frames_kept
@@ -44,7 +44,9 @@ HELD = "back_off held 0 until"
 def back_off(program: Program | None = None, module: str = "back_off") -> ClientNode:
     """Active for a second after the bumper was pressed."""
     program = roam() if program is None else program
-    return build_client(compile_program(program).compiled, bind(program.robot), "drive", module, "run")
+    compiled = compile_program(program).compiled
+    (node,) = build_clients(compiled, bind(program.robot), [("drive", module)], "run")
+    return node
 
 
 def tick(k: int, *, start: int = 0, run: str = "run") -> Tick:

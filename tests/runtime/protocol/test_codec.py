@@ -12,10 +12,21 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from colony.ir.frame import Answer
-from colony.runtime.protocol.codec import LARGEST, VERSION, NotAMessage, decode, encode, largest
+from colony.runtime.protocol.codec import (
+    LARGEST,
+    VERSION,
+    NotAMessage,
+    count,
+    decode,
+    decode_all,
+    encode,
+    largest,
+)
 from colony.runtime.protocol.messages import (
+    MOST_IN_BATCH,
     Alive,
     Announcement,
+    Batch,
     Call,
     Checkpoint,
     Fetch,
@@ -155,3 +166,113 @@ def test_one_that_is_too_large_for_its_kind_is_not_read(message: Sent) -> None:
 def test_a_frame_that_is_too_large_is_not_sent() -> None:
     with pytest.raises(ValueError, match=r"ServerFrame: .* bytes; expected at most 262144"):
         encode(ServerFrame(server="S", k=0, fields={"scan": Sample((1.5,) * 40_000, 0)}))
+
+
+def other_heads(message: Sent | Batch) -> tuple[bytes, ...]:
+    """The message in other ways that msgpack has for the same: more elements, a longer head, a longer tag."""
+    encoded = msgspec.msgpack.encode(message)
+    elements, tag = encoded[0] & 0x0F, encoded[1] & 0x1F
+    return tuple(
+        bytes([VERSION]) + head + encoded[skip:] + tail
+        for head, skip, tail in (
+            (bytes([0x90 | (elements + 1)]), 1, b"\xc0"),
+            (bytes([0xDC, 0, elements]), 1, b""),
+            (bytes([0x90 | elements, 0xD9, tag]), 2, b""),
+        )
+    )
+
+
+def test_the_limit_of_a_kind_holds_however_it_is_written() -> None:
+    large = ServerFrame(server="S", k=0, fields={"scan": Sample((1.5,) * 40_000, 0)})
+    for data in other_heads(large):
+        with pytest.raises(NotAMessage, match="bytes; expected at most"):
+            decode(data)
+
+
+# --- batches ---------------------------------------------------------------------------------------
+
+
+SAID = (
+    Request(k=3, actuator="drive", client="avoid", bid="command", values=(200.0, True)),
+    Request(k=3, actuator="light", client="shine", bid="silent"),
+    Ready(client="drive/avoid", run="r", k=3),
+    Checkpoint(client="drive/avoid", k=3, start=1, memory=b"\x00\xff"),
+)
+
+
+@given(st.lists(st.sampled_from(SAID), max_size=80))
+def test_a_batch_comes_back_as_its_messages_and_is_counted_without_reading_it(
+    messages: list[Request | Ready | Checkpoint],
+) -> None:
+    data = encode(Batch(messages=tuple(messages)))
+    assert decode_all(data) == tuple(messages)
+    assert count(data) == len(messages)
+
+
+@pytest.mark.parametrize("messages", [15, 16, 255, 256, MOST_IN_BATCH])
+def test_where_msgpack_writes_lengths_in_another_way_batches_are_counted_right(messages: int) -> None:
+    data = encode(Batch(messages=(Ready(client="c"),) * messages))
+    assert count(data) == len(decode_all(data)) == messages
+
+
+@pytest.mark.parametrize("message", MESSAGES, ids=lambda m: type(m).__name__)
+def test_any_other_message_is_one(message: Sent) -> None:
+    assert count(encode(message)) == 1
+    assert decode_all(encode(message)) == (message,)
+
+
+def test_nobody_but_a_transport_reads_batches() -> None:
+    with pytest.raises(NotAMessage, match="Invalid value 'Batch'"):
+        decode(encode(Batch(messages=SAID)))
+
+
+def counted_or_refused(data: bytes) -> None:
+    """What comes in counts for as many messages as it has: otherwise a rate could be got around."""
+    counted = count(data)
+    with suppress(NotAMessage):
+        assert len(decode_all(data)) == counted
+
+
+@given(st.lists(st.sampled_from(SAID), min_size=1, max_size=20), st.data())
+def test_a_batch_with_a_bit_gone_wrong_is_counted_right_or_refused(
+    messages: list[Request | Ready | Checkpoint], draw: st.DataObject
+) -> None:
+    data = bytearray(encode(Batch(messages=tuple(messages))))
+    data[draw.draw(st.integers(0, len(data) - 1))] = draw.draw(st.integers(0, 255))
+    counted_or_refused(bytes(data))
+    counted_or_refused(bytes(data[: draw.draw(st.integers(0, len(data)))]))
+
+
+def test_a_batch_that_is_written_in_another_way_is_refused() -> None:
+    batch = Batch(messages=SAID)
+    ways = [*other_heads(batch), *(way for way in wider_lengths(batch))]
+    for data in ways[:3]:
+        with pytest.raises(NotAMessage, match="cannot be counted"):
+            decode_all(data)
+    for data in ways:
+        counted_or_refused(data)
+
+
+def wider_lengths(batch: Batch) -> tuple[bytes, ...]:
+    """A batch whose number of messages is written in more bytes than needed."""
+    number = len(batch.messages)
+    head, rest = encode(batch)[: len(encode(Batch(messages=()))) - 1], encode(batch)
+    rest = rest[len(head) + 1 :]
+    return tuple(
+        head + length + rest for length in (b"\xdc" + number.to_bytes(2), b"\xdd" + number.to_bytes(4))
+    )
+
+
+@pytest.mark.parametrize(
+    ("batch", "why"),
+    [
+        (Batch(messages=(Ready(client="c"),) * (MOST_IN_BATCH + 1)), "length <= 1000"),
+        (Batch(messages=(Fetch(server="S", k=0),)), "Invalid value 'Fetch'"),  # type: ignore[arg-type]
+        (Batch(messages=(Batch(messages=SAID),)), "Invalid value 'Batch'"),  # type: ignore[arg-type]
+        (Batch(messages=(Ready(client="c" * 1000),) * 400), "bytes; expected at most 262144"),
+    ],
+    ids=["too many", "another kind", "a batch", "too large"],
+)
+def test_what_is_no_batch(batch: Batch, why: str) -> None:
+    with pytest.raises(NotAMessage, match=why):
+        decode_all(bytes([VERSION]) + msgspec.msgpack.encode(batch))

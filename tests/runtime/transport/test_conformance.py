@@ -264,7 +264,7 @@ def test_the_largest_message_arrives_and_a_larger_one_is_malformed(stage: Stage)
     stage.tell(topics.calls("node"), largest)
     stage.until(lambda: len(node.got) == 1)
     assert node.got == [largest]
-    stage.throw(topics.calls("node"), b"\x01" + b"x" * LARGEST, "ada/7")
+    stage.throw(topics.calls("node"), codec.encode(largest) + b"x" * 8, "ada/7")
     stage.until(lambda: len(node.got) == 2)
     malformed = node.got[1]
     assert isinstance(malformed, Malformed)

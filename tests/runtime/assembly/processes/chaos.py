@@ -42,8 +42,8 @@ def schedule(
 
     Args:
         seed: Seed of all that is drawn.
-        servers: Names of servers, each with its freezes per second.
-        clients: Names of clients, likewise.
+        servers: Names of servers, each with its freezes per second; their first deaths come early.
+        clients: Names of clients, likewise, whose first deaths may come late.
         seconds: Length of the schedule.
     """
     faults: list[Fault] = []

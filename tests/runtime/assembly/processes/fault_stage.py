@@ -54,6 +54,7 @@ class Run:
         machine: Machine,
         *options: str,
         seed: int,
+        isolate: bool,
         program: str = WANDER,
         keep: int | None = None,
         on_verdict: Callable[[Verdict], None] = lambda verdict: None,
@@ -61,10 +62,13 @@ class Run:
         """Start the run.
 
         Args:
+            isolate: Whether each client is a process of its own.
             keep: Number of the newest verdicts and ticks to keep; None keeps all of them.
             on_verdict: Called with each verdict of `drive`, by a thread of the network.
         """
         self.machine, self.random, self._on_verdict = machine, Random(seed), on_verdict
+        self._isolate = isolate
+        options = (*options, *(("--isolate",) if isolate else ()))
         arguments = ("--map", MAP, "--processes", "--duration", LONG_S, "--seed", str(seed))
         self.started: Started = machine.start("run", program, *arguments, "--no-picture", *options)
         self.verdicts: deque[Verdict] = deque(maxlen=keep)
@@ -128,7 +132,7 @@ class Run:
     # --- its processes -----------------------------------------------------------------------------------
 
     def pids(self) -> dict[str, int]:
-        """Return the processes that live, by name: servers, and clients as `drive.NAME`."""
+        """Return the processes that live, by name: servers, and clients (see `process_of`)."""
         found = {}
         for pid in children_of(self.started.pid):
             try:
@@ -139,8 +143,17 @@ class Run:
                 found[spec[1]] = pid
         return found
 
+    def process_of(self, client: str) -> str:
+        """The name of the process that a client of `drive` is in."""
+        return f"drive.{client}" if self._isolate else "clients"
+
+    def lost_with(self, client: str) -> frozenset[str]:
+        """The clients of `drive` that are lost with the process of one."""
+        everyone = frozenset(name for name, _ in self.verdicts[-1].fates)
+        return frozenset({client}) if self._isolate else everyone
+
     def pid(self, name: str) -> int | None:
-        """The process of a server, or of the client `drive.NAME`; None while there is none."""
+        """The process of this name; None while there is none."""
         return self.pids().get(name)
 
     def signal(self, name: str, number: signal.Signals) -> tuple[int, int]:

@@ -1,4 +1,5 @@
-"""A run of twenty clients in which every process but the leader is frozen and killed again and again.
+"""A run of twenty clients in which every process but the leader is frozen and killed again and again: the one
+that they share or, with `--isolate`, that of each.
 
 No process may grow, and every decision has to be the interpreter's.
 
@@ -203,8 +204,8 @@ class Seen:
             self.longest_s = max(self.longest_s, gap_s)
 
 
-def soak(folder: Path, *, seconds: float, seed: int) -> Figures:
-    """Soak a robot for so long.
+def soak(folder: Path, *, seconds: float, seed: int, isolate: bool) -> Figures:
+    """Soak a robot for so long; if `isolate`, each of its clients is a process of its own.
 
     Raises:
         AssertionError: the run does not begin, does not go on to the end, or is not well in the end.
@@ -214,7 +215,15 @@ def soak(folder: Path, *, seconds: float, seed: int) -> Figures:
         path = folder / "soak.colony"
         path.write_text(program())
         options = ("--record", "run.mcap", "--format", "json", "--set", "Goal=90")
-        run = Run(machine, *options, seed=seed, program=str(path), keep=100, on_verdict=figures.seen.take)
+        run = Run(
+            machine,
+            *options,
+            seed=seed,
+            isolate=isolate,
+            program=str(path),
+            keep=100,
+            on_verdict=figures.seen.take,
+        )
         try:
             _soak(run, figures, seed)
             run.started.tell(signal.SIGINT)
@@ -236,8 +245,10 @@ def _soak(run: Run, figures: Figures, seed: int) -> None:
     since = run.now()
     until(lambda: run.ended() or run.well(since), "all clients are there", patience_s=PATIENCE_S)
     assert not run.ended(), run.started.err
-    clients = {f"drive.{name}": CLIENT_FREEZES_PER_S for name in NAMES}
+    clients = {run.process_of(name): CLIENT_FREEZES_PER_S for name in NAMES}
     servers = dict.fromkeys(SERVERS, SERVER_FREEZES_PER_S)
+    if len(clients) == 1:  # their one process dies as early as a server, so that a short run sees it
+        servers, clients = servers | clients, {}
     chaos = Chaos(schedule(seed, servers, clients, figures.seconds), run.pid)
     try:
         _strike(run, figures, chaos)
@@ -268,9 +279,10 @@ def main() -> int:
     parser = argparse.ArgumentParser(description=(__doc__ or "").split("\n", 1)[0])
     parser.add_argument("--seconds", type=float, default=60.0)
     parser.add_argument("--seed", type=int, default=1)
+    parser.add_argument("--isolate", action="store_true", help="one process for each client")
     options = parser.parse_args()
     with tempfile.TemporaryDirectory(prefix="soak-") as folder:
-        figures = soak(Path(folder), seconds=options.seconds, seed=options.seed)
+        figures = soak(Path(folder), seconds=options.seconds, seed=options.seed, isolate=options.isolate)
     print(f"seed {options.seed}: {figures}")
     for problem in figures.problems():
         print(problem, file=sys.stderr)

@@ -34,12 +34,14 @@ SLACK_NS = 30_000_000
 """From a command to the plant's next step and the reading of it."""
 
 
-@pytest.fixture(scope="module")
-def run(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Run]:
+@pytest.fixture(scope="module", params=[True, False], ids=["alone", "together"])
+def run(tmp_path_factory: pytest.TempPathFactory, request: pytest.FixtureRequest) -> Iterator[Run]:
+    """A run in which each client is a process of its own, and one in which they share one."""
     print(f"seed {SEED}")
     machine = Machine(tmp_path_factory.mktemp("faults"))
     try:
-        made = Run(machine, "--record", "run.mcap", "--format", "json", seed=SEED)
+        options = ("--record", "run.mcap", "--format", "json")
+        made = Run(machine, *options, seed=SEED, isolate=request.param)
         yield made
         made.close()
     finally:
@@ -71,19 +73,20 @@ def test_a_client_that_is_killed_or_frozen_is_silent_from_the_next_frame(
 ) -> None:
     run.goes_on()
     victim = run.driving()
-    pid, since = run.signal(f"drive.{victim}", number)
+    process, silent = run.process_of(victim), run.lost_with(victim)
+    pid, since = run.signal(process, number)
     if number is STOP:
         until(lambda: len(run.since(since)) >= 8, "frames are decided without it")
         os.kill(pid, CONT)
     else:
-        until(lambda: run.pid(f"drive.{victim}") not in (None, pid), "it is started again")
+        until(lambda: run.pid(process) not in (None, pid), "it is started again")
     ended = run.now()
     run.goes_on()
     without = [v for v in run.since(since) if v.t_ns < ended - FRAME_NS]
     first, *_ = run.since(since)
     for verdict in (first, *without):
-        assert dict(verdict.fates)[victim] in UNHEARD, verdict
-        assert verdict.by != victim
+        assert all(dict(verdict.fates)[client] in UNHEARD for client in silent), verdict
+        assert verdict.by not in silent
 
 
 @pytest.mark.parametrize("number", [KILL, STOP])
@@ -187,7 +190,7 @@ def test_no_acknowledged_write_is_lost_when_dserver_is_killed(run: Run, session:
 def test_all_is_back_within_two_seconds_of_a_restart(run: Run, name: str) -> None:
     def measure() -> int:
         run.goes_on()
-        victim = f"drive.{run.driving()}" if name == "client" else name
+        victim = run.process_of(run.driving()) if name == "client" else name
         pid, since = run.signal(victim, KILL)
         until(lambda: run.pid(victim) not in (None, pid), f"{victim} is started again")
         began = run.now()

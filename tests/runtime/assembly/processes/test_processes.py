@@ -59,9 +59,9 @@ def deployed(of: Program) -> Deployment:
     return deployment(compile_program(of).compiled, bind(of.robot), run="r1", seed=1)
 
 
-def jobs_of(of: Program, place: Place, folder: Path) -> tuple[Job, ...]:
+def jobs_of(of: Program, place: Place, folder: Path, *, isolate: bool = True) -> tuple[Job, ...]:
     compiled = compile_program(of).compiled
-    return client_jobs(place, deployed(of), compiled, bind(of.robot), folder, ("modules",))
+    return client_jobs(place, deployed(of), compiled, bind(of.robot), folder, ("modules",), isolate=isolate)
 
 
 def log(k: int, *fates: tuple[str, Fate], by: str | None = None, restart: bool = False) -> FrameLog:
@@ -118,6 +118,7 @@ def test_specs_come_back_as_they_were(roaming: Program, tmp_path: Path) -> None:
         folder = fresh_folder(tmp_path / "told")
         jobs = jobs_of(roaming, place, folder)
         assert [job.name for job in jobs] == CLIENTS
+        assert [job.clients for job in jobs] == [(client,) for client in CLIENTS]
         specs = [read_spec(Path(job.arguments[0])) for job in jobs]
         assert [name_of(spec.part) for spec in specs] == CLIENTS
         assert {place_of(spec.place) for spec in specs} == {place}
@@ -133,6 +134,18 @@ def test_a_client_is_built_of_its_spec(roaming: Program, tmp_path: Path) -> None
     with ExitStack() as holds:
         (node,) = nodes_of(read_spec(Path(jobs[1].arguments[0])).part, place, None, holds)  # type: ignore[arg-type]
     assert node.address == "drive/avoid"
+
+
+def test_clients_share_a_process_of_which_each_is_known(roaming: Program, tmp_path: Path) -> None:
+    place = Local(RobotDirectory(tmp_path, "rome"))
+    (job,) = jobs_of(roaming, place, tmp_path, isolate=False)
+    assert (job.name, job.clients) == ("clients", tuple(CLIENTS))
+    part = read_spec(Path(job.arguments[0])).part
+    assert name_of(part) == "clients"
+    assert not serves(part)  # type: ignore[arg-type]
+    with ExitStack() as holds:
+        nodes = nodes_of(part, place, None, holds)  # type: ignore[arg-type]
+    assert [node.address for node in nodes] == ["drive/back_off", "drive/avoid"]
 
 
 def test_a_server_of_hardware_wants_a_driver(tmp_path: Path) -> None:
@@ -208,12 +221,13 @@ def test_the_leader_counts_who_was_on_time(roaming: Program) -> None:
     standings.take(log(1, ("back_off", "silent"), ("avoid", "won"), by="avoid"))
     standings.take(log(2, ("back_off", "late"), ("avoid", "won"), by="avoid"))
     standings.take(log(3, ("back_off", "lost"), ("avoid", "suppressed"), restart=True))
-    standings.died("drive/back_off", "MemoryError")
-    standings.died("RServer", "is no client")
+    standings.died(("drive/back_off", "drive/cruise"), "MemoryError")  # they share a process
+    standings.died((), "of a server")
     status = standings.status()
-    a, b, _ = status.clients
+    a, b, c = status.clients
     assert (a.address, a.standing, a.on_time, a.late, a.lost) == ("drive/back_off", "lost", 1, 1, 1)
-    assert (a.restarts, a.last_error) == (1, "MemoryError")
+    assert [of.restarts for of in (a, b, c)] == [1, 0, 1]
+    assert [of.last_error for of in (a, b, c)] == ["MemoryError", None, "MemoryError"]
     assert (b.address, b.standing, b.on_time, b.late, b.lost) == ("drive/avoid", "alive", 3, 0, 0)
     assert (status.k, status.frames, status.restarts) == (3, 3, 1)
     assert status.commanded_by == {"drive": None}

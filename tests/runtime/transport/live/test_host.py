@@ -20,7 +20,6 @@ from colony.runtime.protocol.messages import (
     Notice,
     Reply,
     Send,
-    Sent,
     Tick,
 )
 from colony.runtime.transport.live.errors import AlreadyRunning
@@ -81,13 +80,18 @@ def test_a_host_on_another_machine_decodes_each_tick_once_and_learns_the_time_fr
     environment: Mapping[str, str], outside: Outside, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     decoded: list[bytes] = []
-    original = codec.decode
 
-    def decode(data: bytes) -> Sent:
-        decoded.append(data)
-        return original(data)
+    def count(name: str) -> None:
+        original = getattr(codec, name)
 
-    monkeypatch.setattr(codec, "decode", decode)
+        def counting(data: bytes) -> object:
+            decoded.append(data)
+            return original(data)
+
+        monkeypatch.setattr(codec, name, counting)
+
+    count("decode")
+    count("decode_all")
     node = Recorder(SERVER, topics.TICKS)
     with ThreadPoolExecutor() as pool, ZenohSession.open(place(environment), listens=(SERVER,)) as network:
         learning = pool.submit(learned_time, network)
