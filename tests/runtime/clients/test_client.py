@@ -118,9 +118,9 @@ def test_with_its_requests_it_tells_the_clock_that_it_lives_but_not_more_often_t
 ) -> None:
     list(node.start(0))
     told = [m for m in run(node, range(10)) if isinstance(m, Ready)]
-    assert told == [Ready(client=ADDRESS, run="run", k=k) for k in range(10)]
+    assert told == [Ready(client=ADDRESS, run="run", k=k) for k in range(0, 10, 2)]
     quick = [m for k in range(10, 20) for m in take(node, tick(k), base(k), now_ns=9 * FRAME + k * 10 * MS)]
-    assert [m.k for m in quick if isinstance(m, Ready)] == [10, 14, 18]
+    assert [m.k for m in quick if isinstance(m, Ready)] == [10, 19]
     assert [m.k for m in only(Request, quick)] == [*range(10, 20)]  # type: ignore[union-attr]
     assert not only(Ready, take(node, tick(20), tick(21), base(20), now_ns=20 * FRAME)), "it is behind"
 

@@ -70,7 +70,7 @@ def test_each_asks_and_lives_for_itself(both: ClientNode) -> None:
         for k, all_bids in enumerate((silent, silent, silent, silent, active))
         for client, bid in zip(("seen", "cruise"), all_bids, strict=True)
     ]
-    assert only(Ready, got) == [Ready(client=c, run="run", k=k) for k in range(5) for c in BOTH]
+    assert only(Ready, got) == [Ready(client=c, run="run", k=k) for k in (0, 2, 4) for c in BOTH]
 
 
 def test_each_asks_the_server_of_its_actuator() -> None:
