@@ -68,9 +68,7 @@ PICTURE = "run.png"
     help="With --to: people, open doors, lights that are out and more, drawn from this seed.",
 )
 @click.option("--fsync", is_flag=True, help="With --processes: DServer's data outlives a loss of power.")
-@click.option(
-    "--isolate", is_flag=True, help="Of processes: each client is one of its own."
-)
+@click.option("--isolate", is_flag=True, help="Of processes: each client is one of its own.")
 @click.option("--format", "format_", type=click.Choice(["text", "json"]), default="text", show_default=True)
 def command(**given: Any) -> None:
     """Run a behavior on a robot that is simulated in the building of a map, or on a real one.

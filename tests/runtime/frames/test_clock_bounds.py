@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+from typing import get_args
+
 import msgspec
+import pytest
 
 from colony.ir.frame import Answer
 from colony.ir.program import Actuator, Program
@@ -14,6 +17,7 @@ from colony.runtime.protocol import topics
 from colony.runtime.protocol.deployment import Deployment
 from colony.runtime.protocol.messages import (
     Announcement,
+    Fate,
     Fetch,
     Ready,
     Restart,
@@ -300,10 +304,18 @@ def test_a_leader_may_go_on_to_another_run_of_which_is_told() -> None:
 
 def test_the_registry_counts_fates() -> None:
     registry = ClientRegistry(("drive/a", "drive/b"), lease_ns=10, now_ns=0)
-    registry.judged(verdict(0, ("a", "won"), ("b", "late")))
-    registry.judged(verdict(0, ("a", "lost"), ("b", "lost")))
-    registry.judged(verdict(0, ("a", "silent"), ("b", "late")))
+    registry.judged(verdict(0, ("a", "won"), ("b", "late")), 0)
+    registry.judged(verdict(0, ("a", "lost"), ("b", "lost")), 0)
+    registry.judged(verdict(0, ("a", "silent"), ("b", "late")), 0)
     assert [(c.client, c.on_time, c.late) for c in registry.who(0)] == [("drive/a", 2, 0), ("drive/b", 0, 2)]
+
+
+@pytest.mark.parametrize("fate", get_args(Fate))
+def test_a_verdict_renews_the_lease_of_a_client_whose_request_came(fate: Fate) -> None:
+    registry = ClientRegistry(("drive/a", "drive/b"), lease_ns=10, now_ns=0)
+    registry.judged(verdict(0, ("a", fate)), 8)
+    unheard = fate in ("late", "lost", "refused")
+    assert registry.lost(15) == (("drive/a", "drive/b") if unheard else ("drive/b",))
 
 
 def test_who_is_not_ready_when_a_run_begins_is_lost_at_once() -> None:
