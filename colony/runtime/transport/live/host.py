@@ -12,8 +12,9 @@ Emergency stops have a thread of their own (`stop_lane.py`). It takes over the n
 handled their present message, before everything that waits, and never waits for room to send its replies.
 
 For nodes that never keep anyone waiting there is a shorter way: in a `direct` host the thread that receives
-a message of a frame hands it to the nodes itself, if nothing else waits or is being handled, and spares two
-switches between threads. Calls always wait in the inbox, where the urgent ones overtake the others.
+a message hands it to the nodes itself, if nothing else waits or is being handled, and spares two switches
+between threads. Calls that find others waiting go to the inbox, where the urgent ones overtake the others. A
+thread of the network waits for no room: a small reply that finds none is dropped, and its caller asks again.
 """
 
 from __future__ import annotations
@@ -49,7 +50,7 @@ from colony.runtime.transport.live import keys
 from colony.runtime.transport.live.border import Border
 from colony.runtime.transport.live.inbox import Inbox
 from colony.runtime.transport.live.network import ZenohSession, local_user
-from colony.runtime.transport.live.outbox import Outbox, Report
+from colony.runtime.transport.live.outbox import SMALL_BYTES, Outbox, Report
 from colony.runtime.transport.live.place import Place
 from colony.runtime.transport.live.robot_time import LearnedTime, time_of
 from colony.runtime.transport.live.stop_lane import StopLane
@@ -95,6 +96,7 @@ class Host:
         self._inbox = Inbox(WaitingRoom())
         session, robot, user = network.session, network.robot, network.user
         self._outbox = Outbox(session, robot, report, user=user)
+        self._quick_outbox = Outbox(session, robot, report, user=user, patient=False)
         self._stop_outbox = Outbox(session, robot, report, user=user, urgent=True)
         self._border = Border(local_user())
         self._listeners: dict[str, list[Node]] = {}
@@ -285,21 +287,21 @@ class Host:
 
     # --- the threads of the network ------------------------------------------------------------------
 
-    def _at_once(self, topic: str, data: bytes) -> bool:
-        """Handle a message of a frame in this thread, and what waits because of it; False if it must wait."""
+    def _at_once(self, topic: str, message: bytes | Call) -> bool:
+        """Handle a message in this thread, and what waits because of it; False if it must wait."""
         if not self._calm.is_set() or not self._handling.acquire(blocking=False):
             return False  # somebody is handling, perhaps this very thread: a node hears another of its host
         try:
             if self._stopping or not self._inbox.claim():
                 return False
-            waiting: Waiting | None = Waiting(topic, data)
+            waiting: Waiting | None = Waiting(topic, message)
             while waiting is not None:
                 effects: list[_Due] = []
                 self._take_deferred(effects)
                 self._deliver(waiting.topic, self._read(waiting), effects)
                 sends = self._note_wakes(effects)
                 self._later += filter(_may_be_large, sends)
-                self._send([send for send in sends if not _may_be_large(send)], self._outbox)
+                self._send([send for send in sends if not _may_be_large(send)], self._quick_outbox)
                 waiting = self._inbox.pop()
             if self._later or (self._wakes and self._wakes[0][0] < self._sleeps_until):
                 self._sleeps_until = self._wakes[0][0] if self._wakes else NEVER_NS
@@ -391,7 +393,7 @@ class Host:
         return take
 
     def _takes_call(self, topic: str) -> Callable[[zenoh.Sample], None]:
-        inbox, border = self._inbox, self._border
+        inbox, border, direct = self._inbox, self._border, self._direct
 
         def take(sample: zenoh.Sample) -> None:
             payload = sample.payload
@@ -412,7 +414,8 @@ class Host:
                 malformed = Malformed(topic=topic, connection=key.connection, reason=str(problem))
                 inbox.call(topic, key.connection, malformed, 0)
             else:
-                inbox.call(topic, key.connection, message, size)
+                if not (direct and isinstance(message, Call) and self._at_once(topic, message)):
+                    inbox.call(topic, key.connection, message, size)
 
         return take
 
@@ -485,7 +488,11 @@ _Due = tuple[Node, Effect]
 def _may_be_large(send: Send) -> bool:
     """Whether this is to be sent by the thread of `run`: it may be larger than the room that a link has at
     once, and must not be dropped. A thread of the network that waited for room would wait for itself."""
-    return isinstance(send.message, (Checkpoint, Reply, Notice))
+    match send.message:
+        case Reply(result=result):
+            return len(bytes(result)) > SMALL_BYTES
+        case message:
+            return isinstance(message, (Checkpoint, Notice))
 
 
 def _too_large(topic: str, connection: str | None, size: int) -> Malformed:

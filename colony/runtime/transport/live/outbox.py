@@ -37,7 +37,8 @@ IDLE_NS = 10_000_000_000
 """Nanoseconds without a message after which the publisher for a connection is given back."""
 
 SMALL_BYTES = 1024
-"""Bytes of the memory of a client that goes together with that of others."""
+"""Bytes of a small message: of the memory of a client that goes together with that of others, and of a reply
+that a thread of the network sends."""
 
 PASSING_MOST = 256
 """Publishers for connections at a time."""
@@ -50,14 +51,22 @@ class Outbox:
     """Mutable: the publishers, and when those for connections were used last."""
 
     def __init__(
-        self, session: zenoh.Session, robot: str, report: Report, *, user: str, urgent: bool = False
+        self,
+        session: zenoh.Session,
+        robot: str,
+        report: Report,
+        *,
+        user: str,
+        patient: bool = True,
+        urgent: bool = False,
     ) -> None:
-        """If `urgent`, replies overtake all else, and are dropped instead of waiting for room: callers ask
-        again."""
+        """Unless `patient`, replies are dropped instead of waiting for room: callers ask again. If `urgent`,
+        they overtake all else besides."""
         self._session = session
         self._robot = robot
         self._report = report
         self._user = user
+        self._patient = patient and not urgent
         self._urgent = urgent
         self._lasting: dict[str, zenoh.Publisher] = {}
         self._passing: dict[str, tuple[zenoh.Publisher, int]] = {}
@@ -114,7 +123,7 @@ class Outbox:
         if publisher is None:
             self._tidy(now_ns)
             haste = Haste.STOP if self._urgent else haste_of(message)
-            publisher = publish(self._session, key, haste=haste, patient=not self._urgent)
+            publisher = publish(self._session, key, haste=haste, patient=self._patient)
         self._passing[key] = (publisher, now_ns)  # the last one, so that the first was idle for longest
         publisher.put(data)
 
