@@ -22,9 +22,10 @@ from colony.runtime.protocol.messages import (
     ServerFrame,
     Tick,
 )
+from colony.runtime.transport.live import border, keys
 from colony.runtime.transport.live import host as hosts
-from colony.runtime.transport.live import keys
 from colony.runtime.transport.live.host import Host
+from colony.runtime.transport.live.meter import Rate
 from tests.runtime.transport.live.outside import SERVER, Outside
 from tests.runtime.transport.live.stage import ROBOT, Recorder, hosted, place, running, until
 
@@ -151,10 +152,21 @@ def test_where_another_node_of_the_process_is_in_a_hurry_nobody_waits(
         until(lambda: frame(0) in reader.heard, "it is heard without a tick")
 
 
-def test_what_users_send_is_taken_at_once_and_counted(
-    environment: Mapping[str, str], outside: Outside, reader: Reader
+@pytest.mark.parametrize("direct", [False, True])
+def test_what_users_send_waits_too_and_is_counted(
+    environment: Mapping[str, str],
+    outside: Outside,
+    reader: Reader,
+    monkeypatch: pytest.MonkeyPatch,
+    direct: bool,
 ) -> None:
-    request = Request(k=0, actuator="drive", client="c", bid="silent")
-    with hosted(environment, [reader]):
-        outside.put(f"{REQUESTS}/ada", codec.encode(request))
-        until(lambda: request in reader.heard, "it is heard without a tick")
+    monkeypatch.setattr(border, "PROGRAMS", Rate(per_s=0.0, burst=2.0))
+    reader.go.set()
+    requests = [Request(k=k, actuator="drive", client="c", bid="silent") for k in range(3)]
+    with Host.open(place(environment), [reader], serves=True, direct=direct) as host, running(host):
+        until(lambda: reader.address in outside.network.alive(), "it is there")
+        for request in requests:
+            outside.put(f"{REQUESTS}/ada", codec.encode(request))
+        put(outside, tick(0))
+        until(lambda: tick(0) in reader.heard, "the tick is heard")
+    assert reader.heard == [*requests[:2], tick(0)]

@@ -11,17 +11,21 @@ import zenoh
 
 from colony.runtime.protocol import codec, topics
 from colony.runtime.protocol.messages import (
+    MOST_IN_BATCH,
     Alive,
     Call,
     Effect,
     Message,
+    Ready,
     Reply,
+    Request,
     Send,
 )
-from colony.runtime.transport.live import keys
+from colony.runtime.transport.live import border, keys
 from colony.runtime.transport.live.limits import MIDDLE
+from colony.runtime.transport.live.meter import Rate
 from colony.runtime.transport.live.network import ZenohSession
-from colony.runtime.transport.live.outbox import Haste, publish
+from colony.runtime.transport.live.outbox import Haste, Outbox, publish
 from tests.runtime.calling import plain_call
 from tests.runtime.transport.live.gateway_lab import Lab, listen, note, put
 from tests.runtime.transport.live.stage import ROBOT, Recorder, hosted, place, until
@@ -158,3 +162,37 @@ def _urgent(network: ZenohSession, key: str) -> None:
     with publish(network.session, key, haste=Haste.STOP) as publisher:
         until(lambda: publisher.matching_status.matching, f"nobody listens to {key}")  # type: ignore[attr-defined]
         publisher.put(b"x")
+
+
+def test_the_largest_batches_of_clients_get_through_and_are_counted_by_their_messages(
+    lab: Lab, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """As large as a process of a thousand clients with long names sends them, in each of some frames."""
+    monkeypatch.setattr(border, "PROGRAMS", Rate(per_s=0.0, burst=3 * (2 * MOST_IN_BATCH + 30)))
+    clients = [f"{'c' * 150}{i}" for i in range(MOST_IN_BATCH)]
+    frames = [
+        [
+            *(Send(topics.requests("RServer"), _asks(k, client)) for client in clients),
+            *(Send(topics.READY, Ready(client=client, run="run", k=k)) for client in clients),
+        ]
+        for k in range(4)
+    ]
+    node = Recorder("RServer", topics.requests("RServer"), topics.READY)
+    with hosted(lab.environment, [node]), ZenohSession.open(lab.remote("eva")) as network:
+        until(lambda: "RServer" in network.alive(), "it is there")
+        reports: list[str] = []
+        box = Outbox(network.session, ROBOT, reports.append, user="eva")
+        for sends in frames[:3]:
+            heard = len(node.got) + len(sends)
+            box.send_all(sends, 0)
+            until(lambda heard=heard: len(node.got) == heard, "all of the frame is heard")  # type: ignore[misc]
+        before = len(node.got)
+        box.send_all(frames[3], 0)
+        box.send_all([Send(topics.READY, Ready(client="one more", run="run"))], 0)
+        until(lambda: Ready(client="one more", run="run") in node.got, "there is room for one more")
+    assert node.got[before:] == [Ready(client="one more", run="run")], "but not for a whole batch"
+    assert not reports
+
+
+def _asks(k: int, client: str) -> Request:
+    return Request(k=k, actuator="drive", client=client, bid="silent")
