@@ -35,8 +35,7 @@ LARGEST = 4 * 1024 * 1024
 _LARGEST: dict[type, int] = {
     **dict.fromkeys((Tick, Verdict, Checkpoint, Recall), 1024 * 1024 + 65_536),
     ServerFrame: 256 * 1024,
-    Batch: 256 * 1024,
-    **dict.fromkeys((Request, Announcement, Fetch, Ready, Restart), 65_536),
+    **dict.fromkeys((Batch, Request, Announcement, Fetch, Ready, Restart), 65_536),
 }
 """Bytes of the largest message of each kind that frames consist of: many small values take long to decode,
 and these messages are decoded in every frame."""
@@ -109,17 +108,18 @@ def decode_all(data: bytes) -> tuple[Sent, ...]:
 
 
 def count(data: bytes) -> int:
-    """Return how many messages these bytes claim to be, without decoding them; 1 where they are no batch."""
+    """Return how many messages these bytes claim to be, without decoding them; at least 1."""
     if not data.startswith(_BATCH):
         return 1
     head = data[len(_BATCH) : len(_BATCH) + 5]
     match head[:1]:
         case b"\xdc":
-            return int.from_bytes(head[1:3], "big")
+            claimed = int.from_bytes(head[1:3], "big")
         case b"\xdd":
-            return int.from_bytes(head[1:5], "big")
+            claimed = int.from_bytes(head[1:5], "big")
         case _:
-            return head[0] & 0x0F if head else 1
+            claimed = head[0] & 0x0F if head else 1
+    return max(1, claimed)
 
 
 def _decoded(data: bytes, decoder: msgspec.msgpack.Decoder[T]) -> T:

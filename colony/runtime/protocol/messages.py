@@ -214,7 +214,9 @@ class Batch(_Message, frozen=True, kw_only=True):
     Transports put it together and take it apart; no node sees one.
     """
 
-    messages: Annotated[tuple[Request | Ready | Checkpoint, ...], msgspec.Meta(max_length=MOST_IN_BATCH)]
+    messages: Annotated[
+        tuple[Request | Ready | Checkpoint, ...], msgspec.Meta(min_length=1, max_length=MOST_IN_BATCH)
+    ]
 
 
 # --- calls -----------------------------------------------------------------------------------------

@@ -200,7 +200,7 @@ SAID = (
 )
 
 
-@given(st.lists(st.sampled_from(SAID), max_size=80))
+@given(st.lists(st.sampled_from(SAID), min_size=1, max_size=80))
 def test_a_batch_comes_back_as_its_messages_and_is_counted_without_reading_it(
     messages: list[Request | Ready | Checkpoint],
 ) -> None:
@@ -267,11 +267,12 @@ def wider_lengths(batch: Batch) -> tuple[bytes, ...]:
     ("batch", "why"),
     [
         (Batch(messages=(Ready(client="c"),) * (MOST_IN_BATCH + 1)), "length <= 1000"),
+        (Batch(messages=()), "length >= 1"),
         (Batch(messages=(Fetch(server="S", k=0),)), "Invalid value 'Fetch'"),  # type: ignore[arg-type]
         (Batch(messages=(Batch(messages=SAID),)), "Invalid value 'Batch'"),  # type: ignore[arg-type]
-        (Batch(messages=(Ready(client="c" * 1000),) * 400), "bytes; expected at most 262144"),
+        (Batch(messages=(Ready(client="c" * 1000),) * 400), "bytes; expected at most 65536"),
     ],
-    ids=["too many", "another kind", "a batch", "too large"],
+    ids=["too many", "none", "another kind", "a batch", "too large"],
 )
 def test_what_is_no_batch(batch: Batch, why: str) -> None:
     with pytest.raises(NotAMessage, match=why):

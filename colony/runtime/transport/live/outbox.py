@@ -93,9 +93,10 @@ class Outbox:
         try:
             data = codec.encode(message)
         except ValueError as problem:
-            if isinstance(message, Batch):
-                for one in message.messages:
-                    self.send(topic, one, now_ns)
+            if isinstance(message, Batch) and len(message.messages) > 1:
+                half = len(message.messages) // 2
+                for part in (message.messages[:half], message.messages[half:]):
+                    self.send(topic, Batch(messages=part), now_ns)
                 return
             self._report(f"to {topic}: {problem}")
             if not isinstance(message, Reply):
