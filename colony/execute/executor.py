@@ -12,6 +12,7 @@ from colony.execute.code import ActuatorCode, ClientCode, Kind, PythonActive, Py
 from colony.execute.compiled import Compiled
 from colony.execute.decisions import decide
 from colony.execute.machine import Machine
+from colony.execute.needs import ClientKey, needs_of_clients
 from colony.execute.views import of_clients, of_module, unsimplified, whole
 from colony.ir.frame import Answer, Bid, Decision, Frame, Outcome, Record
 from colony.ir.memory import ProgramMemory
@@ -113,10 +114,6 @@ class ProgramExecutor:
 # --- clients ---------------------------------------------------------------------------------
 
 
-ClientKey = tuple[str, str]
-"""Actuator and module of a client."""
-
-
 class ClientStep(NamedTuple):
     """What a client has for its server in a frame: whether it is active by its own knowledge, its command.
 
@@ -164,7 +161,7 @@ class ClientsExecutor:
         self.code = of_clients(compiled.code, self.clients)
         by_key = {(a.actuator.name, c.module): (a, c) for a in self.code.actuators for c in a.clients}
         self._decided_by = tuple(by_key[key] for key in self.clients)
-        self._cells = {key: _cells_of(compiled, key) for key in self.clients}
+        self._cells = self._shares()
         self.restart()
 
     @property
@@ -201,11 +198,9 @@ class ClientsExecutor:
         self._machine = Machine(self.code)
 
     def memory(self, client: ClientKey) -> ClientMemory:
-        """Return a copy of all that one client remembers."""
-        machine = self._machine
-        mine = self._cells[client]
-        cells = {cell.name: machine.cells[i] for i, cell in enumerate(self.code.cells) if cell.name in mine}
-        return ClientMemory(machine.first_ns, cells)
+        """Return a copy of what one client remembers, and none before it among `clients`."""
+        machine, cells = self._machine, self.code.cells
+        return ClientMemory(machine.first_ns, {cells[i].name: machine.cells[i] for i in self._cells[client]})
 
     def recall(self, memories: Mapping[ClientKey, ClientMemory]) -> None:
         """Go on from the memories of all of them after one frame.
@@ -214,16 +209,21 @@ class ClientsExecutor:
             ValueError: they are not of these clients: their cells or the types of these differ.
         """
         for client, mine in self._cells.items():
-            if memories[client].cells.keys() != mine:
+            if memories[client].cells.keys() != {self.code.cells[i].name for i in mine}:
                 raise ValueError("the memory is of another client")
         known = {name: value for memory in memories.values() for name, value in memory.cells.items()}
         restored = [_restored(c.name, c.kind, known[c.name]) for c in self.code.cells]
         (first_ns,) = {memory.first_ns for memory in memories.values()}
         self._machine.first_ns, self._machine.cells = first_ns, restored
 
-
-def _cells_of(compiled: Compiled, client: ClientKey) -> frozenset[str]:
-    return frozenset(cell.name for cell in of_clients(compiled.code, (client,)).cells)
+    def _shares(self) -> dict[ClientKey, list[int]]:
+        """Return the cells of each client, each cell once: with the first client that needs it."""
+        needs, shared = needs_of_clients(self.code), set[int]()
+        shares: dict[ClientKey, list[int]] = {}
+        for client in self.clients:
+            shares[client] = [i for i in needs[client].cells if i not in shared]
+            shared.update(shares[client])
+        return shares
 
 
 def _client_step(

@@ -6,7 +6,9 @@ from __future__ import annotations
 from collections.abc import Iterable
 
 from colony.execute.compiled import Compiled
-from colony.execute.executor import ClientKey, ModuleExecutor, ProgramExecutor
+from colony.execute.executor import ModuleExecutor, ProgramExecutor
+from colony.execute.needs import ClientKey, needs_of_clients
+from colony.execute.views import of_clients
 from colony.runtime.clients.announcer import Announcer
 from colony.runtime.clients.client import ClientNode
 from colony.runtime.clients.client_program import ClientProgram
@@ -25,11 +27,12 @@ def build_clients(
         KeyError: there is no such client.
     """
     on_loss = {a.name: a.on_loss for a in compiled.robot.actuators}
+    here = tuple(clients)
+    needs = needs_of_clients(of_clients(compiled.code, here))
     groups: dict[object, list[ClientKey]] = {}
-    for client in clients:
-        alone = ClientProgram(compiled, (client,))
-        servers = frozenset(b.server for b in _only(bindings.sensors, alone.sensors))
-        groups.setdefault((servers, alone.python_modules, on_loss[client[0]]), []).append(client)
+    for client in here:
+        servers = frozenset(b.server for b in _only(bindings.sensors, needs[client].sensors))
+        groups.setdefault((servers, needs[client].python_modules, on_loss[client[0]]), []).append(client)
     return tuple(_client_node(compiled, bindings, group, run) for group in groups.values())
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from colony.execute.compiled import Compiled
-from colony.execute.executor import ClientKey
+from colony.execute.needs import ClientKey
 from colony.runtime.protocol.topics import client_address
 
 

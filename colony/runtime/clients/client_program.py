@@ -5,7 +5,8 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping
 
 from colony.execute.compiled import Compiled
-from colony.execute.executor import ClientKey, ClientsExecutor
+from colony.execute.executor import ClientsExecutor
+from colony.execute.needs import ClientKey
 from colony.ir.frame import Answer
 from colony.runtime.clients.memory import BadMemory, decode_memory, encode_memory
 from colony.runtime.frames.assembler import Assembled
