@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from importlib import import_module
+from types import MappingProxyType
 from typing import Any
 
 from colony.execute.code import (
@@ -188,31 +189,34 @@ class Machine:
         return self.answers[module].values
 
 
+INLINE: Mapping[Operator, Callable[..., Step]] = MappingProxyType(
+    {
+        Operator.NOT: lambda v, a: lambda: not v[a],
+        Operator.AND: lambda v, a, b: lambda: v[a] and v[b],
+        Operator.OR: lambda v, a, b: lambda: v[a] or v[b],
+        Operator.SELECT: lambda v, a, b, c: lambda: v[b] if v[a] else v[c],
+        Operator.ADD: lambda v, a, b: lambda: v[a] + v[b],
+        Operator.SUBTRACT: lambda v, a, b: lambda: v[a] - v[b],
+        Operator.MULTIPLY: lambda v, a, b: lambda: v[a] * v[b],
+        Operator.LESS: lambda v, a, b: lambda: v[a] < v[b],
+        Operator.LESS_EQUAL: lambda v, a, b: lambda: v[a] <= v[b],
+        Operator.EQUAL: lambda v, a, b: lambda: v[a] == v[b],
+        Operator.TIME_ADD: lambda v, a, b: lambda: v[a] + v[b],
+        Operator.TIME_SUBTRACT: lambda v, a, b: lambda: v[a] - v[b],
+        Operator.TIME_LESS: lambda v, a, b: lambda: v[a] < v[b],
+    }
+)
+"""What most ops are, on a list of values and places in it: as `FUNCTIONS` says, with a call less."""
+
+_OF_ANY_NUMBER = (Operator.AND, Operator.OR)
+
+
 def _applied(operator: Operator, arguments: tuple[int, ...], values: list[Any]) -> Step:
-    """Compute an operator of earlier values: what `FUNCTIONS` says, for most ops without a call."""
-    match operator, arguments:
-        case Operator.NOT, (one,):
-            return lambda: not values[one]
-        case Operator.AND, (left, right):
-            return lambda: values[left] and values[right]
-        case Operator.OR, (left, right):
-            return lambda: values[left] or values[right]
-        case Operator.SELECT, (condition, yes, no):
-            return lambda: values[yes] if values[condition] else values[no]
-        case ((Operator.ADD | Operator.TIME_ADD), (left, right)):
-            return lambda: values[left] + values[right]
-        case ((Operator.SUBTRACT | Operator.TIME_SUBTRACT), (left, right)):
-            return lambda: values[left] - values[right]
-        case Operator.MULTIPLY, (left, right):
-            return lambda: values[left] * values[right]
-        case ((Operator.LESS | Operator.TIME_LESS), (left, right)):
-            return lambda: values[left] < values[right]
-        case Operator.LESS_EQUAL, (left, right):
-            return lambda: values[left] <= values[right]
-        case Operator.EQUAL, (left, right):
-            return lambda: values[left] == values[right]
-        case _:
-            return _called(FUNCTIONS[operator], arguments, values)
+    """Compute an operator of earlier values."""
+    inline = INLINE.get(operator)
+    if inline is None or (operator in _OF_ANY_NUMBER and len(arguments) != 2):
+        return _called(FUNCTIONS[operator], arguments, values)
+    return inline(values, *arguments)
 
 
 def _called(function: Callable[..., Any], arguments: tuple[int, ...], values: list[Any]) -> Step:

@@ -5,6 +5,8 @@ from __future__ import annotations
 from math import inf, nan
 
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
 from colony.execute.code import (
     Apply,
@@ -20,6 +22,7 @@ from colony.execute.code import (
     operands,
     remapped,
 )
+from colony.execute.machine import INLINE
 from colony.execute.operators import FUNCTIONS, Operator
 
 OPS = (
@@ -93,3 +96,21 @@ def test_picking_is_total() -> None:
     for index in ODD:
         assert isinstance(FUNCTIONS[Operator.PICK_NUMBER]((1.0, 2.0, 3.0), index), float)
         assert isinstance(FUNCTIONS[Operator.PICK_BOOL]((True, False, True), index), bool)
+
+
+@given(st.sampled_from(sorted(INLINE, key=lambda op: op.value)), st.data())
+def test_what_is_inline_computes_what_the_functions_do(operator: Operator, drawn: st.DataObject) -> None:
+    truths, numbers = st.booleans(), st.floats(allow_nan=True)
+    match operator:
+        case Operator.NOT:
+            given_values = [drawn.draw(truths)]
+        case Operator.AND | Operator.OR:
+            given_values = [drawn.draw(truths), drawn.draw(truths)]
+        case Operator.SELECT:
+            given_values = [drawn.draw(truths), drawn.draw(numbers), drawn.draw(numbers)]
+        case Operator.TIME_ADD | Operator.TIME_SUBTRACT | Operator.TIME_LESS:
+            given_values = [drawn.draw(st.integers()), drawn.draw(st.integers())]
+        case _:
+            given_values = [drawn.draw(numbers), drawn.draw(numbers)]
+    places = range(len(given_values))
+    assert repr(INLINE[operator](given_values, *places)()) == repr(FUNCTIONS[operator](*given_values))

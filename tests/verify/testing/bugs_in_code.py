@@ -129,6 +129,8 @@ def operator(which: Operator, function: Callable[..., Any]) -> Plant:
     def plant(monkeypatch: pytest.MonkeyPatch) -> None:
         functions: Mapping[Operator, Callable[..., Any]] = MappingProxyType({**FUNCTIONS, which: function})
         monkeypatch.setattr(executor_machine, "FUNCTIONS", functions)
+        inline = {operator: made for operator, made in executor_machine.INLINE.items() if operator != which}
+        monkeypatch.setattr(executor_machine, "INLINE", inline)
 
     return plant
 

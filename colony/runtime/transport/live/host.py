@@ -59,9 +59,12 @@ from colony.runtime.transport.live.waiting import Waiting, WaitingRoom
 BATCH = 64
 """How many messages are handled, at most, before nodes settle and their effects leave."""
 
-DEFERRED_MOST = 512
+DEFERRED_MOST = 128
 """Messages of a topic that wait to be handled with others; of more, the oldest are dropped, and asked for
-again."""
+again. At their largest they are as many bytes as may wait of all other frames."""
+
+DEFERRED_BATCH = 8
+"""Messages of a topic that are handled before others get their turn."""
 
 NEVER_NS = 1 << 63
 """A time that does not come."""
@@ -234,7 +237,9 @@ class Host:
         """Handle the messages that may wait until others are handled; whether there were any."""
         handled = False
         for topic, subscriber in self._deferred:
-            while (sample := subscriber.try_recv()) is not None:
+            for _ in range(DEFERRED_BATCH):
+                if not self._calm.is_set() or (sample := subscriber.try_recv()) is None:
+                    break
                 data = sample.payload.to_bytes()
                 waiting = Waiting(topic, data if len(data) <= LARGEST else _too_large(topic, None, len(data)))
                 self._deliver(topic, self._read(waiting), effects)
@@ -302,7 +307,7 @@ class Host:
                 sends = self._note_wakes(effects)
                 self._later += filter(_may_be_large, sends)
                 self._send([send for send in sends if not _may_be_large(send)], self._quick_outbox)
-                waiting = self._inbox.pop()
+                waiting = self._inbox.pop() if self._calm.is_set() else None
             if self._later or (self._wakes and self._wakes[0][0] < self._sleeps_until):
                 self._sleeps_until = self._wakes[0][0] if self._wakes else NEVER_NS
                 self._inbox.rouse()
