@@ -208,6 +208,8 @@ class ClientsExecutor:
         Raises:
             ValueError: they are not of these clients: their cells or the types of these differ.
         """
+        if memories.keys() != self._cells.keys():
+            raise ValueError("the memories are not of these clients")
         for client, mine in self._cells.items():
             if memories[client].cells.keys() != {self.code.cells[i].name for i in mine}:
                 raise ValueError("the memory is of another client")

@@ -39,7 +39,8 @@ class Job:
     """A process to start: `module` is run with `arguments`, and what it prints goes into the file `log`.
 
     `wave` tells when it is ended: those of wave 0 first, the next ones when these are gone. Without an
-    `essential` one there is no point in going on. `clients` are those that it is, by address.
+    `essential` one there is no point in going on. With `one_thread` zenoh has one for all of its tasks.
+    `clients` are those that it is, by address.
     """
 
     name: str
@@ -48,6 +49,7 @@ class Job:
     log: Path
     wave: int
     essential: bool
+    one_thread: bool = False
     clients: tuple[str, ...] = ()
 
 
@@ -132,7 +134,7 @@ class Children:
                 stdin=subprocess.PIPE,
                 stdout=log,
                 stderr=subprocess.STDOUT,
-                env=_environment(one_thread=not child.job.essential),
+                env=_environment(one_thread=child.job.one_thread),
                 process_group=0,
             )
         child.began_ns, child.due_ns = self._clock(), None

@@ -145,12 +145,14 @@ def job_of(place: Place, part: Part, folder: Path, wave: int, *, hardware: str =
     spec = folder / f"{name.replace('/', '.')}.json"
     write_spec(spec, Spec(place=said_of(place), part=part))
     driving = isinstance(part, (RServerPart, PServerPart, CServerPart))
+    clients = tuple(client_address(*c) for c in part.clients) if isinstance(part, ClientsPart) else ()
     return Job(
         name=name,
         module=hardware if driving else CHILD,
         arguments=(str(spec),),
         log=spec.with_suffix(".log"),
         wave=wave,
-        essential=wave != CLIENTS,
-        clients=tuple(client_address(*c) for c in part.clients) if isinstance(part, ClientsPart) else (),
+        essential=wave != CLIENTS or len(clients) > 1,
+        one_thread=wave == CLIENTS,
+        clients=clients,
     )

@@ -60,7 +60,7 @@ BATCH = 64
 """How many messages are handled, at most, before nodes settle and their effects leave."""
 
 DEFERRED_MOST = 128
-"""Messages of a topic that wait to be handled with others; of more, the oldest are dropped, and asked for
+"""Frames of a server that wait to be handled with others; of more, the oldest are dropped, and asked for
 again. At their largest they are as many bytes as may wait of all other frames."""
 
 DEFERRED_BATCH = 8
@@ -221,13 +221,10 @@ class Host:
         effects: list[_Due] = []
         handled = self._take_deferred(effects) | self._wake(effects)
         for _ in range(BATCH if self._settling else 1):
-            waiting = self._inbox.pop()
-            if waiting is None:
+            if not self._calm.is_set() or (waiting := self._inbox.pop()) is None:
                 break
             handled = True
             self._deliver(waiting.topic, self._read(waiting), effects)
-            if not self._calm.is_set():
-                break
         if handled:
             self._settle()
             sends += self._note_wakes(effects)
@@ -299,14 +296,16 @@ class Host:
         try:
             if self._stopping or not self._inbox.claim():
                 return False
+            effects: list[_Due] = []
+            if self._take_deferred(effects):
+                self._send_at_once(effects)
+            if not self._calm.is_set():
+                return False
             waiting: Waiting | None = Waiting(topic, message)
             while waiting is not None:
-                effects: list[_Due] = []
-                self._take_deferred(effects)
+                effects = []
                 self._deliver(waiting.topic, self._read(waiting), effects)
-                sends = self._note_wakes(effects)
-                self._later += filter(_may_be_large, sends)
-                self._send([send for send in sends if not _may_be_large(send)], self._quick_outbox)
+                self._send_at_once(effects)
                 waiting = self._inbox.pop() if self._calm.is_set() else None
             if self._later or (self._wakes and self._wakes[0][0] < self._sleeps_until):
                 self._sleeps_until = self._wakes[0][0] if self._wakes else NEVER_NS
@@ -318,6 +317,11 @@ class Host:
             self._handling.release()
         return True
 
+    def _send_at_once(self, effects: list[_Due]) -> None:
+        sends = self._note_wakes(effects)
+        self._later += filter(_may_be_large, sends)
+        self._send([send for send in sends if not _may_be_large(send)], self._quick_outbox)
+
     def _listen(self, declared: ExitStack) -> None:
         robot = self._network.robot
         for topic in self._listeners:
@@ -327,7 +331,7 @@ class Host:
                         key = keys.listening_to_calls(robot, topic, right)
                         self._subscribe(key, self._takes_call(topic), declared)
                 self._listen_to_stops(topic, declared)
-            elif self._defers(topic) and keys.kind_of_users(topic) is None:
+            elif self._defers(topic) and keys.takes_frames(topic):
                 self._listen_later(topic, declared)
             else:
                 self._subscribe(keys.listening(robot, topic), self._takes_frame(topic), declared)
@@ -340,9 +344,10 @@ class Host:
         return all(isinstance(node, Deferring) and topic in node.deferred for node in listeners)
 
     def _listen_later(self, topic: str, declared: ExitStack) -> None:
-        """Have messages kept outside of Python until others are handled: no thread is woken for them.
+        """Have frames kept outside of Python until other messages are handled: no thread is woken for them.
 
-        Those of users are not kept there, because they are to be counted.
+        Other messages are not kept there: those of users are to be counted, and of a verdict that is dropped
+        for lack of room nobody can ask for another.
         """
         key = keys.listening(self._network.robot, topic)
         handler: zenoh.handlers.RingChannel[zenoh.Sample] = zenoh.handlers.RingChannel(DEFERRED_MOST)

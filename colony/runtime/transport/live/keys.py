@@ -78,6 +78,11 @@ def takes_calls(topic: str) -> bool:
     return topic.endswith(_CALL)
 
 
+def takes_frames(topic: str) -> bool:
+    """Return True if a topic is one of frames, which can be asked for again."""
+    return topic.endswith("/frames")
+
+
 def kind_of_users(topic: str) -> str | None:
     """Return the kind of messages on a topic if clients send them with their user in the key, else None."""
     _, _, kind = topic.partition("/")

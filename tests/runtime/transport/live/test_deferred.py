@@ -6,12 +6,14 @@ from __future__ import annotations
 import threading
 from collections.abc import Iterable, Iterator, Mapping
 
+import msgspec
 import pytest
 import zenoh
 
 from colony.runtime.frames.assembler import FrameAssembler
 from colony.runtime.protocol import codec, topics
 from colony.runtime.protocol.bindings import SensorBinding
+from colony.runtime.protocol.calls import EMERGENCY_STOP
 from colony.runtime.protocol.messages import (
     Effect,
     Fetch,
@@ -24,8 +26,9 @@ from colony.runtime.protocol.messages import (
 )
 from colony.runtime.transport.live import border, keys
 from colony.runtime.transport.live import host as hosts
-from colony.runtime.transport.live.host import Host
+from colony.runtime.transport.live.host import DEFERRED_BATCH, Host
 from colony.runtime.transport.live.meter import Rate
+from tests.runtime.calling import plain_call
 from tests.runtime.transport.live.outside import SERVER, Outside
 from tests.runtime.transport.live.stage import ROBOT, Recorder, hosted, place, running, until
 
@@ -170,3 +173,32 @@ def test_what_users_send_waits_too_and_is_counted(
         put(outside, tick(0))
         until(lambda: tick(0) in reader.heard, "the tick is heard")
     assert reader.heard == [*requests[:2], tick(0)]
+
+
+class Stoppable(Recorder):
+    """Is in no hurry for frames; handles the first one for as long as `go` is not set."""
+
+    deferred = (FRAMES,)
+
+    def __init__(self) -> None:
+        super().__init__(SERVER, topics.calls(SERVER), topics.TICKS, FRAMES)
+        self.busy, self.go = threading.Event(), threading.Event()
+
+    def handle(self, message: Message, now_ns: int) -> Iterable[Effect]:
+        if message == frame(0):
+            self.busy.set()
+            assert self.go.wait(20)
+        return super().handle(message, now_ns)
+
+
+def test_an_emergency_stop_waits_for_none_of_them(environment: Mapping[str, str], outside: Outside) -> None:
+    node = Stoppable()
+    stop = msgspec.structs.replace(plain_call("u/a", 1, right="stop"), method=EMERGENCY_STOP)
+    with hosted(environment, [node]) as host:
+        put(outside, *map(frame, range(5 * DEFERRED_BATCH)), tick(0))
+        assert node.busy.wait(20)
+        outside.call(stop)
+        until(lambda: not host._calm.is_set(), "the stop is there")
+        node.go.set()
+        until(lambda: tick(0) in node.got, "the tick is handled")
+    assert node.got[:2] == [frame(0), stop]
