@@ -323,6 +323,10 @@ def placed(wander: Compiled, at: SpanShape) -> bytes:
     return signed(msgspec.msgpack.encode(shaped(wander, lambda span: at)))
 
 
+def test_a_span_is_three_numbers_in_the_file() -> None:
+    assert msgspec.msgpack.encode(SpanShape(None, 1, 2)) == b"\x93\xc0\x01\x02"
+
+
 def test_a_span_may_be_empty_and_reach_to_the_end(wander: Compiled) -> None:
     size = len(wander.sources[0].data.decode())
     for start, end in ((0, 0), (0, size), (size, size)):

@@ -26,3 +26,4 @@ def test_a_network_without_time_constants_has_clients_without() -> None:
     by_hand = SuppressionNetwork(nodes=made.nodes, guards=made.guards, outputs=made.outputs)
     assert by_hand == replace(made, wires=(), observed=())
     assert forward_traversal(by_hand).windows == ()
+    assert by_hand == replace(by_hand, windows=(("w", 0),)), "names in memory make no other network"

@@ -155,6 +155,14 @@ def test_only_what_is_missing_of_who_lives_is_asked_for() -> None:
     assert asked(tick(0), void=(("R", 0),)) == {"P"}
 
 
+def test_a_portion_begins_behind_the_one_before(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("colony.runtime.frames.assembler.ASKED_AT_ONCE", 8)
+    assembler = FrameAssembler((BUMPER,), keep=100)
+    for latest, numbers in ((20, (0, 1, 2, 3)), (21, (4, 5, 6, 7))):
+        requests = assembler.take(tick(latest))
+        assert requests[::2] == tuple(Send("Clock/fetches", Fetch(server="Clock", k=k)) for k in numbers)
+
+
 def test_what_does_not_come_is_asked_for_again_after_twice_as_many_frames() -> None:
     """Frame 3 is missing: its age in frames counts, whatever its number."""
     assembler = FrameAssembler((BUMPER,), keep=100)
