@@ -18,13 +18,14 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from colony.cli.programs import compile_file
+from colony.compile.lower.lower import lower
 from colony.compile.pipeline import compile_program
 from colony.execute.code import Apply, Cell, Code, Kind, Literal, OldCell, PythonActive, SensorElement, Table
 from colony.execute.colonyc import LARGEST, VERSION, decode, encode, is_compiled, read
 from colony.execute.compiled import Compiled
 from colony.execute.executor import ProgramExecutor
 from colony.execute.operators import Operator
-from colony.execute.shapes import SpanShape
+from colony.execute.shapes import SpanShape, shaped
 from colony.text.diagnostics import Failure
 from colony.text.source import Span
 from colony.verify.testing.agreement import disagreement
@@ -130,9 +131,13 @@ def test_other_bytes_and_other_versions_are_refused(wander: Compiled, tmp_path: 
     large = tmp_path / "large.colonyc"
     with open(large, "wb") as file:
         file.truncate(LARGEST + 1)
-    for path in (large, tmp_path / "none.colonyc", tmp_path):
-        with pytest.raises(Failure, match="C001"):
+    cut = tmp_path / "cut.colonyc"
+    cut.write_bytes(data[:-1])
+    for path in (large, tmp_path / "none.colonyc", tmp_path, cut):
+        with pytest.raises(Failure, match="C001") as caught:
             read(path)
+        (found,) = caught.value.diagnostics
+        assert found.span.source.name == str(path)
 
 
 @pytest.mark.parametrize(
@@ -313,8 +318,41 @@ def test_spans_lead_into_the_sources(wander: Compiled) -> None:
     decode(encode(shorter), "p")  # spans of other texts were left out
 
 
+def placed(wander: Compiled, at: SpanShape) -> bytes:
+    """Return the program with all its spans at one place, signed."""
+    return signed(msgspec.msgpack.encode(shaped(wander, lambda span: at)))
+
+
+def test_a_span_is_three_numbers_in_the_file() -> None:
+    assert msgspec.msgpack.encode(SpanShape(None, 1, 2)) == b"\x93\xc0\x01\x02"
+
+
+def test_a_span_may_be_empty_and_reach_to_the_end(wander: Compiled) -> None:
+    size = len(wander.sources[0].data.decode())
+    for start, end in ((0, 0), (0, size), (size, size)):
+        (span, *_) = (s.span for s in decode(placed(wander, SpanShape(0, start, end)), "p").robot.sensors)
+        assert (span.start, span.end, len(span.source.text)) == (start, end, size)
+
+
+def test_a_span_outside_the_sources_is_refused(wander: Compiled) -> None:
+    size = len(wander.sources[0].data.decode())
+    count = len(wander.sources)
+    outside = ((-1, 0, 0), (count, 0, 0), (0, -1, 0), (0, 2, 1), (0, 0, size + 1), (0, size + 1, size + 1))
+    for place in outside:
+        assert "a span outside its sources" in refused(placed(wander, SpanShape(*place))), place
+
+
 def test_a_program_without_sources_is_sent_without_places() -> None:
     from tests.runtime.programs import roam
 
     compiled = compile_program(replace(roam(), files=())).compiled
+    assert compiled.root == ""
     assert decode(encode(compiled), "p") == compiled
+
+
+def test_code_that_was_lowered_alone_can_be_sent() -> None:
+    from tests.runtime.programs import roam
+
+    compilation = compile_program(replace(roam(), files=()))
+    alone = lower(compilation.program, compilation.clients, compilation.traversal)
+    assert decode(encode(alone), "p") == compilation.compiled

@@ -99,6 +99,12 @@ def test_a_class_that_cannot_be_built_is_named_with_what_to_do() -> None:
         )
 
 
+def test_a_module_that_fails_is_recorded_by_its_name() -> None:
+    (call,) = lowered(load_text(MOODY)).python
+    failing = replace(call, params=(("seed", 2.0),))
+    assert build(failing).step(0, {}, ())[2] == (("python error", "m"),)
+
+
 # --- exclusive guards, contracts -----------------------------------------------------------------------
 
 
@@ -108,6 +114,9 @@ def test_two_exclusive_guards_at_once_are_told_by_name() -> None:
     (drive,) = clients.actuators
     wrong = tuple(replace(c, exclusive=c.guard) for c in drive.clients)
     broken = replace(clients, actuators=(replace(drive, clients=wrong),))
+    frame = Frame(0, {"sonar": (100.0,) * 24, "bumper": False, "chance": 0.5})
     executor = ProgramExecutor(lower(program, broken), exclusive=True)
     with pytest.raises(NotExclusive, match=r"^drive: avoid, cruise$"):
-        executor.step(Frame(0, {"sonar": (100.0,) * 24, "bumper": False, "chance": 0.5}))
+        executor.step(frame)
+    by_priority = ProgramExecutor(lower(program, broken))
+    assert by_priority.step(frame).decisions[0].by == "avoid", "priority decides unless told otherwise"

@@ -22,6 +22,7 @@ RUNTIME_TESTS = (
     *(
         "frames/test_clock",
         "frames/test_clock_bounds",
+        "frames/test_clock_stop",
         "frames/test_assembler",
         "frames/test_assembler_bounds",
     ),
@@ -38,6 +39,7 @@ RUNTIME_TESTS = (
 TESTS: tuple[str, ...] = (
     *("tests/compile", "tests/execute", "tests/semantics"),
     *("tests/verify/testing/test_agreement.py", "tests/verify/testing/test_drawn_runs.py"),
+    "tests/text/test_wording.py",
     *(f"tests/runtime/{name}.py" for name in RUNTIME_TESTS),
 )
 """Tests in this process and in virtual time only: sockets and processes of their own would take hours."""

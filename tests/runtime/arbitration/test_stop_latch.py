@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 import os
 import resource
 import socket
@@ -11,6 +12,8 @@ from zlib import crc32
 
 import pytest
 
+from colony.files import open_descriptor
+from colony.runtime.arbitration import stop_file
 from colony.runtime.arbitration.stop_file import FILE_BYTES
 from colony.runtime.arbitration.stop_latch import LONGEST_BY, UNREADABLE, StopFollower, StopLatch
 from colony.runtime.protocol.messages import Stopped, Tick
@@ -312,6 +315,36 @@ def test_a_file_that_cannot_be_made_whole_is_not_left_behind(path: Path) -> None
     assert not path.exists(), "a Clock that is started again is not stopped by it"
     latch.save(0)
     assert latch.trouble is None
+
+
+def test_of_a_file_that_cannot_be_made_whole_and_goes_away_the_first_problem_is_told(
+    path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def full(descriptor: int, data: bytes, offset: int) -> int:
+        path.unlink()
+        raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+
+    monkeypatch.setattr(os, "pwrite", full)
+    assert begun(path).trouble == f"{path}: No space left on device"
+    assert not path.exists()
+
+
+@pytest.mark.parametrize("is_link", [True, False], ids=["a link", "a file"])
+def test_what_appears_where_the_file_is_to_be_made_is_not_written(
+    path: Path, monkeypatch: pytest.MonkeyPatch, is_link: bool
+) -> None:
+    """Between the look for the file and its making another process may put something there."""
+    other = path.with_name("other")
+
+    def late(where: Path, flags: int) -> int:
+        if flags & os.O_CREAT:
+            _ = path.symlink_to(other) if is_link else path.write_bytes(b"another's")
+        return open_descriptor(where, flags)
+
+    monkeypatch.setattr(stop_file, "open_descriptor", late)
+    assert begun(path).trouble == f"{path}: {'it is not a regular file' if is_link else 'File exists'}"
+    assert not other.exists()
+    assert is_link or path.read_bytes() == b"another's"
 
 
 def test_a_file_that_is_up_to_date_is_not_written_again(latch: StopLatch, path: Path) -> None:

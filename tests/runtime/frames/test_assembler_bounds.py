@@ -155,6 +155,27 @@ def test_only_what_is_missing_of_who_lives_is_asked_for() -> None:
     assert asked(tick(0), void=(("R", 0),)) == {"P"}
 
 
+def test_a_portion_begins_behind_the_one_before(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("colony.runtime.frames.assembler.ASKED_AT_ONCE", 8)
+    assembler = FrameAssembler((BUMPER,), keep=100)
+    for latest, numbers in ((20, (0, 1, 2, 3)), (21, (4, 5, 6, 7))):
+        requests = assembler.take(tick(latest))
+        assert requests[::2] == tuple(Send("Clock/fetches", Fetch(server="Clock", k=k)) for k in numbers)
+
+
+def test_what_does_not_come_is_asked_for_again_after_twice_as_many_frames() -> None:
+    """Frame 3 is missing: its age in frames counts, whatever its number."""
+    assembler = FrameAssembler((BUMPER,), keep=100)
+    asked = []
+    for k in range(24):
+        requests = assembler.take(tick(k))
+        if k != 3:
+            assembler.take(base(k))
+        list(assembler.complete())
+        asked += [k for e in requests if e == Send("R/fetches", Fetch(server="R", k=3))]
+    assert asked == [3 + age for age in (1, 2, 4, 8, 16)]
+
+
 def test_a_portion_ends_with_a_whole_frame() -> None:
     asked = FrameAssembler((SONAR, BUMPER)).take(tick(ASKED_AT_ONCE))
     assert len(asked) == 3 * (ASKED_AT_ONCE // 3 + 1)

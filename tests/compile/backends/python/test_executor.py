@@ -16,6 +16,7 @@ robot r {
   actuator out { v : number } to DServer.out idle hold
 }
 """
+MS = 1_000_000
 COUNTING = f"{ROBOT} state n = 0 next n = n + 1 module m {{ when b do out(v = n) }} network {{ out = m }}"
 
 
@@ -33,6 +34,16 @@ def test_it_begins_anew_with_its_initial_memory() -> None:
     assert sent(2) == [(0.0,), (1.0,)]
     executor.restart()
     assert sent(1) == [(0.0,)]
+
+
+def test_a_reading_that_was_taken_too_long_ago_is_missing() -> None:
+    text = COUNTING.replace("from DServer.b", "from DServer.b within 100 ms")
+    executor = load(generated(text))
+
+    def winner(taken_ns: int) -> str | None:
+        return executor.step(Frame(300 * MS, {"b": True}, {"b": taken_ns})).decisions[0].by
+
+    assert (winner(200 * MS), winner(200 * MS - 1)) == ("m", None)
 
 
 def test_what_it_is_called() -> None:
