@@ -21,7 +21,7 @@ from colony.runtime.kit.errors import CallRefused
 from colony.runtime.library import leader, robot
 from colony.runtime.library.ask import Ask
 from colony.runtime.protocol import calls, codec, deployment
-from colony.runtime.protocol.messages import Request, ServerFrame
+from colony.runtime.protocol.messages import MOST_IN_BATCH, Batch, Request, ServerFrame
 from colony.runtime.servers import (
     base,
     checkpoints,
@@ -103,6 +103,7 @@ def test_the_behavior_is_right() -> None:
         ("| a message | 4 MiB |", codec.LARGEST == 4 << 20),
         ("| a frame of a server | 256 KiB |", codec.largest(ServerFrame) == 256 << 10),
         ("| a request of a client | 64 KiB |", codec.largest(Request) == 64 << 10),
+        ("in one message | 64 KiB, 1000 of them;", (codec.largest(Batch), MOST_IN_BATCH) == (64 << 10, 1000)),
         ("| connections to a server | 1000 |", calls.CONNECTIONS == 1000),
         ("| connections to a server of one user | 500 |", calls.CONNECTIONS_EACH == 500),
         ("| answers that a server keeps | 8 MiB |", calls.ANSWER_BYTES == 8 << 20),
