@@ -13,7 +13,7 @@ from colony.sim.cameras.ceiling import CeilingCamera
 from colony.sim.cameras.surfaces import scene
 from colony.sim.config import IDEAL
 from colony.sim.hazards.scenery import CeilingLight, bare
-from colony.sim.plant.devices import MOST_BEHIND_NS, WATCHDOG_NS, Devices
+from colony.sim.plant.devices import MOST_BEHIND_NS, STEP_NS, WATCHDOG_NS, Devices
 from colony.sim.plant.ports import reading
 from colony.sim.plant.protocol import AttachBase, AttachCamera, AttachProximity
 from colony.sim.world.world import World
@@ -83,8 +83,8 @@ def test_what_is_too_late_is_skipped_and_nothing_moved_meanwhile() -> None:
     before = one.truth(0)
     one.advance(400 * MS + 3600 * S)
     after = one.truth(0)
-    assert after.t_ns == pytest.approx(400 * MS + 3600 * S, abs=10 * MS)
-    assert after.skipped_ns == pytest.approx(3600 * S, abs=20 * MS)
+    assert after.t_ns == pytest.approx(400 * MS + 3600 * S, abs=STEP_NS)
+    assert after.skipped_ns == pytest.approx(3600 * S, abs=2 * STEP_NS)
     assert not after.driven
     assert after.distance == before.distance
     one.advance(one.reached_ns + 20 * MS)

@@ -86,6 +86,7 @@ def test_robots_of_one_plant_see_each_other(robot: Robot, control: PlantControl)
 
 
 def test_images_are_those_of_the_camera(robot: Robot, control: PlantControl) -> None:
+    wait_for(lambda: control.truth("rome").velocity == 0.0 == control.truth("remus").velocity)
     truths = [control.truth(name) for name in ("rome", "remus")]
     poses = np.array([(t.x, t.y, t.heading) for t in truths])
     camera = Camera(scene_of(HALLWAY), CameraConfig(), robot_radius_mm=IDEAL.radius_mm)

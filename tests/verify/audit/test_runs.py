@@ -80,14 +80,17 @@ def test_messages_late_lost_and_doubled(program: Program, seed: int) -> None:
 @pytest.mark.parametrize("program", [roam(), DEGRADING], ids=["stop", "degrade"])
 @pytest.mark.parametrize("client", ["drive/avoid", "drive/cruise", "drive/back_off"])
 def test_a_client_that_dies(program: Program, client: str) -> None:
-    report = audited(program, lambda s: s.transport.at(2 * S, lambda: s.transport.kill(client)))
+    report = audited(program, lambda s: s.transport.at(2 * S, lambda: s.kill(client)), isolate=True)
     assert report.first is None
     assert report.lost > 50
 
 
-@pytest.mark.parametrize("address", ["drive/avoid", "drive/cruise", "Clock", "RServer", "PServer", "DServer"])
+@pytest.mark.parametrize(
+    "address", ["drive/avoid", "drive/cruise", "clients", "Clock", "RServer", "PServer", "DServer"]
+)
 def test_a_process_that_is_started_again(address: str) -> None:
-    report = audited(roam(), lambda s: s.transport.at(2 * S, lambda: s.restart(address)))
+    isolate = address.startswith("drive/")
+    report = audited(roam(), lambda s: s.transport.at(2 * S, lambda: s.restart(address)), isolate=isolate)
     assert report.first is None
     assert report.frames > 100
     assert report.compared + report.unheard + report.unknown >= report.frames

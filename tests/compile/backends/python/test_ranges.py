@@ -111,7 +111,7 @@ def test_every_value_lies_in_its_range(data: st.DataObject) -> None:
     known, machine = ranges(code), Machine(code)
     for frame in data.draw(traces(program)):
         machine.begin(Frame(frame.t_ns, frame.readings))
-        machine.run(0, code.decided)
+        machine.run()
         for at in range(code.decided):
             if code.kinds[at] is Kind.NUMBER:
                 value, of = machine.values[at], known[at]
