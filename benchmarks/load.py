@@ -25,7 +25,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 from benchmarks import floor, parts
-from benchmarks.processes import LOOP, ROOT, Row, scratch
+from benchmarks.processes import ROOT, Row, colony_run, expect_alive, row, scratch
 from colony.runtime.kit.connection import Connection, Session
 from colony.runtime.kit.errors import ConnectionProblem, ServerNotFound
 from colony.runtime.library.leader import LEADER, RunStatus, run_status
@@ -92,35 +92,22 @@ def _running(
     behavior: str, folder: Path, options: tuple[str, ...], with_parts: bool
 ) -> Iterator[tuple[subprocess.Popen[bytes], Session]]:
     (folder / "parts").mkdir()
-    environment = {
-        **os.environ,
-        "COLONY_RUN_DIR": str(folder / "r"),
-        "PYTHONPATH": str(ROOT),
-        parts.FOLDER: str(folder / "parts"),
-    }
+    os.environ[parts.FOLDER] = str(folder / "parts")
     file, record = ROOT / "behaviors" / f"{behavior}.colony", folder / "run.mcap"
-    arguments = ["run", str(file), "--map", str(LOOP), "--processes", "--no-picture", "--duration", "60min"]
-    modules = ["benchmarks.parts"] if with_parts else []
-    process = subprocess.Popen(
-        [sys.executable, "-m", *modules, "colony.cli.main", *arguments, "--record", str(record), *options],
-        stdout=subprocess.DEVNULL,
-        stderr=subprocess.DEVNULL,
-        env=environment,
+    modules = ("benchmarks.parts", "colony.cli.main") if with_parts else ("colony.cli.main",)
+    process = colony_run(
+        file, folder, "--duration", "60min", "--record", str(record), *options, modules=modules
     )
+    environment = {**os.environ, "COLONY_RUN_DIR": str(folder / "r")}
     try:
         while not record.exists():
-            _expect_alive(process)
+            expect_alive(process)
             time.sleep(0.01)
         with Session.open("rome", environment=environment) as session:
             yield process, session
     finally:
         process.send_signal(signal.SIGINT)
         process.wait()
-
-
-def _expect_alive(process: subprocess.Popen[bytes]) -> None:
-    if process.poll() is not None:
-        raise RuntimeError(f"the run ended with {process.returncode}")
 
 
 def _leader(session: Session) -> Connection:
@@ -137,7 +124,7 @@ def _leader(session: Session) -> Connection:
 def _status(process: subprocess.Popen[bytes], leader: Connection, frames: int) -> RunStatus:
     """Wait until the run has had so many frames."""
     while (status := leader.do(run_status())).frames < frames:
-        _expect_alive(process)
+        expect_alive(process)
         time.sleep(0.2)
     return status
 
@@ -177,7 +164,7 @@ def run() -> list[Row]:
         for behavior in BEHAVIORS:
             loads[behavior].append(robot(behavior))
     bare = statistics.median(floors)
-    rows = [_row("floor: seven bare processes", bare, "ms a frame", None, "median of 3")]
+    rows = [row("floor: seven bare processes", bare, "ms a frame", None, "median of 3")]
     for behavior in BEHAVIORS:
         rows += _rows(behavior, loads[behavior], bare)
         rows += _shares(behavior, robot(behavior, with_parts=True))
@@ -189,12 +176,12 @@ def _rows(behavior: str, loads: list[Load], bare: float) -> Iterator[Row]:
     total = sum(middle.ms.values())
     simulator = middle.ms["Simulator"]
     note = f"without the simulator {total - simulator:.2f} ms; median of {len(loads)}"
-    yield _row(f"{behavior}", total, "ms a frame", TARGET_MS[behavior], note)
+    yield row(f"{behavior}", total, "ms a frame", TARGET_MS[behavior], note)
     late = f"{sum(load.late for load in loads)} late in {FRAMES * len(loads)} frames"
-    yield _row(f"{behavior} / floor", total / bare, "x", TARGET_RATIO[behavior], late)
-    yield _row(f"{behavior}: unshared memory", sum(middle.mb.values()), "MB", TARGET_MB, "")
+    yield row(f"{behavior} / floor", total / bare, "x", TARGET_RATIO[behavior], late)
+    yield row(f"{behavior}: unshared memory", sum(middle.mb.values()), "MB", TARGET_MB, "")
     for name, ms in sorted(middle.ms.items(), key=lambda item: -item[1]):
-        yield _row(f"{behavior}: {name}", ms, "ms a frame", None, f"{middle.mb[name]:.0f} MB")
+        yield row(f"{behavior}: {name}", ms, "ms a frame", None, f"{middle.mb[name]:.0f} MB")
 
 
 def _shares(behavior: str, load: Load) -> Iterator[Row]:
@@ -205,12 +192,7 @@ def _shares(behavior: str, load: Load) -> Iterator[Row]:
             rest = max(0.0, ms - sum(known.values()))
             shown = [*sorted(known.items(), key=lambda item: -item[1]), ("zenoh, threads, system", rest)]
             note = ", ".join(f"{part} {spent:.2f}" for part, spent in shown if spent >= 0.005)
-            yield _row(f"{behavior}, with clocks: {name}", ms, "ms a frame", None, note)
-
-
-def _row(name: str, value: float, unit: str, target: float | None, note: str) -> Row:
-    ok = target is None or value <= target
-    return {"name": name, "value": value, "unit": unit, "target": target, "ok": ok, "note": note}
+            yield row(f"{behavior}, with clocks: {name}", ms, "ms a frame", None, note)
 
 
 def main() -> None:
@@ -221,8 +203,8 @@ def main() -> None:
     for behavior in behaviors:
         rows += _rows(behavior, [robot(behavior, *options)], floor_ms())
         rows += _shares(behavior, robot(behavior, *options, with_parts=True))
-    for row in rows:
-        print(f"{row['name']:36} {row['value']:7.2f} {row['unit']:10} {row['note']}")
+    for each in rows:
+        print(f"{each['name']:36} {each['value']:7.2f} {each['unit']:10} {each['note']}")
 
 
 if __name__ == "__main__":

@@ -214,31 +214,40 @@ def _crowd_job(bench: Bench, name: str, *numbers: str) -> Job:
     )
 
 
+def colony_run(
+    behavior: Path, folder: Path, *options: str, modules: tuple[str, ...] = ("colony.cli.main",)
+) -> subprocess.Popen[bytes]:
+    """Start `colony run --processes` of a behavior in the building with a loop, by `python -m MODULES`.
+
+    Its run directory is `folder / "r"`.
+    """
+    arguments = ["run", str(behavior), "--map", str(LOOP), "--processes", "--no-picture", *options]
+    return subprocess.Popen(
+        [sys.executable, "-m", *modules, *arguments],
+        stdout=subprocess.DEVNULL,
+        stderr=subprocess.DEVNULL,
+        env={**os.environ, "COLONY_RUN_DIR": str(folder / "r"), "PYTHONPATH": str(ROOT)},
+    )
+
+
+def expect_alive(process: subprocess.Popen[bytes]) -> None:
+    """Check that a run goes on.
+
+    Raises:
+        RuntimeError: it has ended.
+    """
+    if process.poll() is not None:
+        raise RuntimeError(f"the run ended with {process.returncode}")
+
+
 def start_of_a_run() -> float:
     """Seconds from the start of `colony run --processes` to the first frame that was decided."""
     with scratch() as folder:
         record = folder / "run.jsonl"
-        environment = {**os.environ, "COLONY_RUN_DIR": str(folder / "r"), "PYTHONPATH": str(ROOT)}
-        arguments = ["--map", str(LOOP), "--processes", "--no-picture", "--duration", "0.5"]
         begin = time.perf_counter()
-        run = subprocess.Popen(
-            [
-                sys.executable,
-                "-m",
-                "colony.cli.main",
-                "run",
-                str(WANDER),
-                *arguments,
-                "--record",
-                str(record),
-            ],
-            stdout=subprocess.DEVNULL,
-            stderr=subprocess.DEVNULL,
-            env=environment,
-        )
+        run = colony_run(WANDER, folder, "--duration", "0.5", "--record", str(record))
         while not (record.exists() and record.stat().st_size):
-            if run.poll() is not None:
-                raise RuntimeError(f"the run ended with {run.returncode} before its first frame")
+            expect_alive(run)
             time.sleep(0.001)
         took = time.perf_counter() - begin
         run.wait()
@@ -257,23 +266,21 @@ def run() -> list[Row]:
     crowd = crowd_at_one_server()
     ms = sorted(crowd.ms)
     return [
-        _row(
-            f"a frame of {CLIENTS} clients", mean_ms, "ms", TARGET_FRAME_MS, f"{1e3 / mean_ms:.0f} frames/s"
-        ),
-        _row("its median", statistics.median(gaps) * 1e3, "ms", None, ""),
-        _row("its 99th percentile", _p99(gaps) * 1e3, "ms", None, f"{apart.bad} late or lost"),
-        _row(
+        row(f"a frame of {CLIENTS} clients", mean_ms, "ms", TARGET_FRAME_MS, f"{1e3 / mean_ms:.0f} frames/s"),
+        row("its median", statistics.median(gaps) * 1e3, "ms", None, ""),
+        row("its 99th percentile", _p99(gaps) * 1e3, "ms", None, f"{apart.bad} late or lost"),
+        row(
             "the same clients in one process",
             together_ms,
             "ms",
             None,
             f"{together_ms / mean_ms:.2f} times as long; {together.bad} late or lost",
         ),
-        _row(f"{CROWD} clients: median", statistics.median(ms), "ms", None, "from tick to verdict"),
-        _row(
+        row(f"{CROWD} clients: median", statistics.median(ms), "ms", None, "from tick to verdict"),
+        row(
             f"{CROWD} clients: 99th percentile", _p99(ms), "ms", TARGET_CROWD_MS, f"{crowd.bad} late or lost"
         ),
-        _row("start to first frame", start_s, "s", TARGET_START_S, "colony run --processes"),
+        row("start to first frame", start_s, "s", TARGET_START_S, "colony run --processes"),
     ]
 
 
@@ -286,7 +293,8 @@ def _p99(ordered: list[float]) -> float:
     return ordered[int(0.99 * len(ordered))]
 
 
-def _row(name: str, value: float, unit: str, target: float | None, note: str) -> Row:
+def row(name: str, value: float, unit: str, target: float | None, note: str) -> Row:
+    """Return a row of the table; `target` is the most that `value` may be."""
     ok = target is None or value <= target
     return {"name": name, "value": value, "unit": unit, "target": target, "ok": ok, "note": note}
 
@@ -295,10 +303,10 @@ def main() -> None:
     """Print the figures as a table."""
     line = "{:32} {:>10} {:>10}  {:4} {:4} {}".format
     print(line("processes", "value", "target", "unit", "", "note"))
-    for row in run():
-        target = "" if row["target"] is None else f"{row['target']:.4g}"
-        verdict = "ok" if row["ok"] else "MISS"
-        print(line(row["name"], f"{row['value']:.4g}", target, row["unit"], verdict, row["note"]))
+    for each in run():
+        target = "" if each["target"] is None else f"{each['target']:.4g}"
+        verdict = "ok" if each["ok"] else "MISS"
+        print(line(each["name"], f"{each['value']:.4g}", target, each["unit"], verdict, each["note"]))
 
 
 if __name__ == "__main__":

@@ -8,11 +8,11 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping
 from typing import Any, NamedTuple
 
-from colony.execute.code import ActuatorCode, ClientCode, Kind, PythonActive, PythonField
+from colony.execute.code import ActuatorCode, ClientCode, Kind
 from colony.execute.compiled import Compiled
 from colony.execute.decisions import decide
 from colony.execute.machine import Machine
-from colony.execute.needs import ClientKey, needs_of_clients
+from colony.execute.needs import ClientKey, needs_of_clients, python_modules
 from colony.execute.views import of_clients, of_module, unsimplified, whole
 from colony.ir.frame import Answer, Bid, Decision, Frame, Outcome, Record
 from colony.ir.memory import ProgramMemory
@@ -172,8 +172,7 @@ class ClientsExecutor:
     @property
     def python_modules(self) -> tuple[str, ...]:
         """The modules in Python whose answers `step` needs."""
-        needed = (op.module for op in self.code.ops if isinstance(op, PythonActive | PythonField))
-        return tuple(dict.fromkeys(needed))
+        return python_modules(self.code)
 
     def step(
         self, frame: Frame, answers: Mapping[str, Answer] | None = None, lost: frozenset[str] = frozenset()

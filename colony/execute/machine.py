@@ -206,7 +206,7 @@ INLINE: Mapping[Operator, Callable[..., Step]] = MappingProxyType(
         Operator.TIME_LESS: lambda v, a, b: lambda: v[a] < v[b],
     }
 )
-"""What most ops are, on a list of values and places in it: as `FUNCTIONS` says, with a call less."""
+"""Operators that compute what `FUNCTIONS` says, on a list of values and places in it, with a call less."""
 
 _OF_ANY_NUMBER = (Operator.AND, Operator.OR)
 

@@ -37,14 +37,12 @@ def needs_of_clients(code: Code) -> Mapping[ClientKey, Needs]:
     operations and bits.
     """
     sensors = [s.name for s in code.sensors]
-    called = (op.module for op in code.ops if isinstance(op, PythonActive | PythonField))
-    modules = list(dict.fromkeys(called))
-    names: list[object] = [
-        *range(len(code.cells)),
-        *(("s", s) for s in sensors),
-        *(("m", m) for m in modules),
-    ]
-    bits = {name: 1 << i for i, name in enumerate(names)}
+    modules = python_modules(code)
+    first_sensor = len(code.cells)
+    first_module = first_sensor + len(sensors)
+    bits: dict[object, int] = {i: 1 << i for i in range(first_sensor)}
+    bits |= {("sensor", name): 1 << first_sensor + i for i, name in enumerate(sensors)}
+    bits |= {("module", name): 1 << first_module + i for i, name in enumerate(modules)}
     masks: list[int] = []
     for op in code.ops:
         mask = bits.get(_own(op), 0)
@@ -59,13 +57,19 @@ def needs_of_clients(code: Code) -> Mapping[ClientKey, Needs]:
             for at in _roots(one, client):
                 mask |= masks[at]
             mask = _with_memory(mask, cells)
-            used = [names[i] for i in _numbers(mask)]
+            used = tuple(_numbers(mask))
             found[one.actuator.name, client.module] = Needs(
-                sensors=tuple([s for s in sensors if ("s", s) in used]),
-                python_modules=tuple([m for m in modules if ("m", m) in used]),
-                cells=tuple([i for i in used if isinstance(i, int)]),
+                sensors=tuple([sensors[i - first_sensor] for i in used if first_sensor <= i < first_module]),
+                python_modules=tuple([modules[i - first_module] for i in used if i >= first_module]),
+                cells=tuple([i for i in used if i < first_sensor]),
             )
     return found
+
+
+def python_modules(code: Code) -> tuple[str, ...]:
+    """Return the modules in Python whose answers a code is computed from."""
+    called = (op.module for op in code.ops if isinstance(op, PythonActive | PythonField))
+    return tuple(dict.fromkeys(called))
 
 
 def _own(op: Op) -> object:
@@ -73,9 +77,9 @@ def _own(op: Op) -> object:
         case OldCell(cell=cell):
             return cell
         case SensorFresh(sensor=sensor) | SensorElement(sensor=sensor):
-            return ("s", sensor)
+            return ("sensor", sensor)
         case PythonActive(module=module) | PythonField(module=module):
-            return ("m", module)
+            return ("module", module)
         case _:
             return None
 

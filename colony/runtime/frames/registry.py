@@ -8,9 +8,7 @@ from dataclasses import dataclass
 from colony.runtime.frames.liveness import Liveness
 from colony.runtime.library.clock import ClientWho
 from colony.runtime.protocol import topics
-from colony.runtime.protocol.messages import Fate, Verdict
-
-_UNHEARD: frozenset[Fate] = frozenset({"late", "lost", "refused"})
+from colony.runtime.protocol.messages import UNHEARD, Verdict
 
 
 @dataclass(frozen=False, slots=True)
@@ -69,7 +67,7 @@ class ClientRegistry:
             client = topics.client_address(verdict.actuator, name)
             member = self._clients.get(client)
             if member is not None:
-                if fate not in _UNHEARD:
+                if fate not in UNHEARD:
                     self._liveness.heard(client, now_ns)
                 member.on_time += fate not in ("late", "lost")
                 member.late += fate == "late"

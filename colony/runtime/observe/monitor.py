@@ -16,7 +16,7 @@ from typing import NamedTuple, Protocol
 
 from colony.ir.frame import Answer, Decision, Frame, Outcome
 from colony.ir.memory import ProgramMemory
-from colony.runtime.protocol.messages import Fate, Verdict
+from colony.runtime.protocol.messages import UNHEARD, Fate, Verdict
 
 _NO_ANSWERS: Mapping[str, Answer] = {}
 
@@ -115,7 +115,6 @@ class Monitor:
         return f"{decision.actuator}: {what}{got} was sent, by the client list it is {due}"
 
 
-_ABSENT: frozenset[Fate] = frozenset({"late", "lost", "refused"})
 _PUT_ASIDE: frozenset[Fate] = frozenset({"overridden", "locked out", "stopped"})
 
 
@@ -128,6 +127,6 @@ def _excused(decision: Decision, verdict: Verdict) -> bool:
     if verdict.by is not None:
         return False
     if verdict.outside is None and verdict.hold is None:
-        return _any(verdict, _ABSENT)
+        return _any(verdict, UNHEARD)
     aside = {client for client, fate in verdict.fates if fate in _PUT_ASIDE}
     return aside <= {decision.by}

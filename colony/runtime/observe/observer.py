@@ -22,8 +22,8 @@ from colony.runtime.observe.closing import close_all
 from colony.runtime.observe.monitor import Keyframe, Monitor
 from colony.runtime.protocol import topics
 from colony.runtime.protocol.messages import (
+    UNHEARD,
     Effect,
-    Fate,
     Message,
     Request,
     Restart,
@@ -96,8 +96,6 @@ class _Waiting(NamedTuple):
 KEYFRAME_NS = 400_000_000
 """The longest time from a keyframe to the end of the last frame before the next one, where frames are not
 longer. With the frame that is being decided it stays below half a second."""
-
-_UNHEARD: frozenset[Fate] = frozenset({"late", "lost", "refused"})
 
 
 class Observer:
@@ -221,7 +219,7 @@ class Observer:
         """Whether the requests are here that the verdicts of a frame tell of: they may come after these."""
         requests, verdicts = self._requests.get(k, {}), self._verdicts.get(k, {})
         return all(
-            (actuator, client) in requests or fate in _UNHEARD
+            (actuator, client) in requests or fate in UNHEARD
             for actuator, verdict in verdicts.items()
             for client, fate in verdict.fates
         )

@@ -136,6 +136,9 @@ Fate = Literal[
     "refused",  # its request was malformed
 ]
 
+UNHEARD: frozenset[Fate] = frozenset({"late", "lost", "refused"})
+"""Fates of clients whose request did not count."""
+
 Hold = Literal["stopped", "locked"]
 
 
