@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import signal
 import threading
 from collections.abc import Iterator
+from contextlib import contextmanager
 
 import msgspec
 import pytest
@@ -28,7 +30,7 @@ from colony.runtime.transport.live.network import ZenohSession
 from colony.runtime.transport.live.outbox import Haste, Outbox, publish
 from tests.runtime.calling import plain_call
 from tests.runtime.transport.live.gateway_lab import Lab, listen, note, put
-from tests.runtime.transport.live.stage import ROBOT, Recorder, hosted, place, until
+from tests.runtime.transport.live.stage import ROBOT, Recorder, hosted, place, python_process, until
 
 
 def test_nothing_comes_twice_and_servers_that_come_later_are_found(lab: Lab) -> None:
@@ -130,26 +132,65 @@ def test_the_largest_answer_gets_through(lab: Lab) -> None:
     assert len(heard[0].result) == len(image)
 
 
+_READER = """
+import sys
+from pathlib import Path
+from colony.runtime.transport.live.network import ZenohSession
+from colony.runtime.transport.live.place import Credentials, Remote
+
+robot, endpoint, user, certificate, key, authority, frames = sys.argv[1:]
+credentials = Credentials(
+    user=user, certificate=Path(certificate), key=Path(key), authority=Path(authority)
+)
+place = Remote(robot=robot, endpoint=endpoint, credentials=credentials)
+with ZenohSession.open(place) as session:
+    got = session.session.declare_subscriber(frames)
+    got.recv()
+    print("linked", flush=True)
+    for frame in got:
+        pass
+"""
+
+
 def test_a_user_who_does_not_read_holds_up_nobody(lab: Lab) -> None:
+    """The user is a process that is stopped: in this one it would hold up zenoh's threads for all."""
     frames = f"colony/{ROBOT}/RServer/frames"
-    frozen, heard, lost = threading.Event(), list[int](), list[str]()
+    heard, lost = list[int](), list[str]()
+    bob = lab.remote("bob").credentials
+    argv = (ROBOT, lab.endpoint, bob.user, str(bob.certificate), str(bob.key), str(bob.authority), frames)
     with (
         ZenohSession.open(place(lab.environment), listens=("RServer",)) as robot,
-        ZenohSession.open(lab.remote("bob")) as bob,
         ZenohSession.open(lab.remote("ada")) as ada,
         publish(robot.session, frames) as publisher,
+        sending(publisher),
+        python_process({}, "-c", _READER, *argv, says="linked") as reader,
     ):
         note(ada, frames, lambda sample: heard.append(len(sample.payload)))
-        note(bob, frames, lambda sample: frozen.wait(20))
-        try:
-            until(lambda: "Gateway" in robot.alive() and _heard(publisher, heard), "it is linked")
-            robot.watch(lambda address, present: None if present else lost.append(address))
-            for _ in range(100):
-                publisher.put(bytes(256 * 1024))
-            until(lambda: _heard(publisher, heard), "what comes after that")
-        finally:
-            frozen.set()
+        until(lambda: "Gateway" in robot.alive() and _heard(publisher, heard), "it is linked")
+        reader.send_signal(signal.SIGSTOP)
+        robot.watch(lambda address, present: None if present else lost.append(address))
+        for _ in range(100):
+            publisher.put(bytes(256 * 1024))
+        until(lambda: _heard(publisher, heard), "what comes after that")
     assert lost == []
+
+
+@contextmanager
+def sending(publisher: zenoh.Publisher) -> Iterator[None]:
+    """Send small ones meanwhile, ten a second."""
+    ended = threading.Event()
+
+    def send() -> None:
+        while not ended.wait(0.1):
+            publisher.put(b"small")
+
+    thread = threading.Thread(target=send)
+    thread.start()
+    try:
+        yield
+    finally:
+        ended.set()
+        thread.join()
 
 
 def _heard(publisher: zenoh.Publisher, heard: list[int]) -> bool:
