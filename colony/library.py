@@ -10,6 +10,8 @@ from os import PathLike
 from reprlib import repr as short
 from typing import TYPE_CHECKING
 
+from colony.extras import extras_named, installed, to_install
+from colony.shipped import Shipped
 from colony.text.diagnostics import Failure, error
 from colony.text.source import NOWHERE
 
@@ -30,13 +32,15 @@ PROOF_TIMEOUT_S = 60.0
 def load(path: str | PathLike[str]) -> Program:
     """Check the file at `path`, with everything that it imports, and return its program.
 
+    `path` may also be the name of a behavior that comes with colony: `wander`.
+
     Raises:
         Failure: with all diagnostics, if there is an error among them.
     """
     from colony.dsl.load import load_file
 
     _expect_path(path)
-    return load_file(str(path))
+    return load_file(Shipped.BEHAVIOR.find(str(path)))
 
 
 def loads(text: str, name: str = "<text>", directory: str | PathLike[str] = ".") -> Program:
@@ -55,6 +59,8 @@ def loads(text: str, name: str = "<text>", directory: str | PathLike[str] = ".")
 
 def build(program: Program, *, proof: bool = True, timeout_s: float = PROOF_TIMEOUT_S) -> Build:
     """Compile a program to prioritized clients, and prove that they are its network, as they are executed.
+
+    Without z3 it is proved by structure alone; a warning says what is left open.
 
     Args:
         program: what `load` or `loads` gave.
@@ -79,12 +85,17 @@ def build(program: Program, *, proof: bool = True, timeout_s: float = PROOF_TIME
 
 
 def _expect_proof(program: Program, compilation: Compilation, timeout_ms: int) -> None:
+    from warnings import warn
+
     from colony.verify.equivalence import results
     from colony.verify.equivalence.prove import prove as prove_clients
 
+    timeout_ms = timeout_ms if installed("z3") else 0
     match prove_clients(program, compilation, sent=lambda: compilation.compiled, timeout_ms=timeout_ms):
         case results.Proved():
             return
+        case results.Undecided() as undecided if not installed("z3"):
+            warn(f"{results.undecided_text(undecided)}; {to_install('verify')}", stacklevel=3)
         case results.Undecided() as undecided:
             raise Failure([error("V002", NOWHERE, results.undecided_text(undecided))])
         case wrong:
@@ -157,7 +168,8 @@ class Build:
         """Return a picture of the network, as SVG."""
         from colony.view.graph.graph import to_svg
 
-        return to_svg(self.program)
+        with extras_named():
+            return to_svg(self.program)
 
     def executor(self) -> CheckedExecutor:
         """Return an executor; see `CompiledProgram.executor`."""
@@ -196,8 +208,10 @@ def prove(program: Program, *, seconds: float = 10.0, depth: int = 4) -> tuple[C
         order written.
     """
     from colony.ir.program import expect_program
-    from colony.verify.contracts.prove import prove_contracts
-    from colony.verify.contracts.results import Options
+
+    with extras_named():
+        from colony.verify.contracts.prove import prove_contracts
+        from colony.verify.contracts.results import Options
 
     expect_program(program)
     _expect_number("seconds", seconds)
@@ -215,7 +229,9 @@ def compare(one: Program, other: Program) -> Difference:
         Failure: V040 to V042, they cannot be compared.
     """
     from colony.ir.program import expect_program
-    from colony.verify.difference.compare import difference
+
+    with extras_named():
+        from colony.verify.difference.compare import difference
 
     expect_program(one)
     expect_program(other)

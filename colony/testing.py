@@ -18,13 +18,16 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator
 
 from colony.execute.checked import checked_trace
+from colony.extras import extras_named
 from colony.ir.frame import Frame, Outcome
 from colony.ir.program import Program, expect_program
 from colony.verify.testing import agreement
 from colony.verify.testing.agreement import Disagreement as Disagreement
-from colony.verify.testing.strategies import frames as frames
-from colony.verify.testing.strategies import programs as programs
-from colony.verify.testing.strategies import traces as traces
+
+with extras_named():
+    from colony.verify.testing.strategies import frames as frames
+    from colony.verify.testing.strategies import programs as programs
+    from colony.verify.testing.strategies import traces as traces
 
 __all__ = ["Disagreement", "check", "disagreement", "frames", "programs", "traces"]
 

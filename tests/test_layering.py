@@ -11,21 +11,24 @@ import pytest
 
 ROOT = Path(__file__).parent.parent / "colony"
 
-BASE = {"colony", "colony.collector", "colony.files", "colony.os_errors", "colony.record"}
+BASE = {
+    *("colony", "colony.collector", "colony.extras", "colony.files", "colony.os_errors", "colony.record"),
+}
 ALLOWED: dict[str, set[str]] = {
     "text": set(),
+    "shipped": set(),
     "ir": set(),
-    "dsl": {"ir"},
+    "dsl": {"ir", "shipped"},
     "execute": {"ir"},
     "compile": {"ir", "execute"},
     "verify": {"ir", "execute", "compile", "dsl"},
     "runtime": {"ir", "execute"},
-    "nav": {"runtime"},
+    "nav": {"runtime", "shipped"},
     "vision": {"runtime", "nav"},
     "sim": {"runtime", "nav"},
     "view": {"ir", "compile", "nav"},
-    "robots": {"ir", "dsl", "execute", "compile", "verify", "runtime", "nav", "vision", "sim"},
-    "experiment": {"ir", "dsl", "compile", "verify", "runtime", "nav", "vision", "sim", "robots"},
+    "robots": {"shipped", "ir", "dsl", "execute", "compile", "verify", "runtime", "nav", "vision", "sim"},
+    "experiment": {"shipped", "ir", "dsl", "compile", "verify", "runtime", "nav", "vision", "sim", "robots"},
 }
 ALLOWED["cli"] = set(ALLOWED)
 """The packages that a package may import, besides itself, `text` and the base."""

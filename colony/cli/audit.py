@@ -12,6 +12,7 @@ import click
 
 from colony.cli.exit_codes import EXIT_ERRORS
 from colony.cli.reporting import PATIENCE_S, load_program, refuse, report, say
+from colony.cli.shipped_files import BEHAVIOR
 
 if TYPE_CHECKING:
     from colony.ir.program import Program
@@ -21,7 +22,7 @@ if TYPE_CHECKING:
 
 @click.command("audit", short_help="hold a recorded run against the reference interpreter")
 @click.argument("recording", metavar="RECORDING")
-@click.argument("file", metavar="[FILE]", required=False)
+@click.argument("file", metavar="[FILE]", required=False, type=BEHAVIOR)
 @click.option("--format", "format_", type=click.Choice(["text", "json"]), default="text", show_default=True)
 def command(recording: str, file: str | None, format_: str) -> None:
     """Decide every frame of a recording again, and tell the first that was decided otherwise.

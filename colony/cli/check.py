@@ -10,6 +10,7 @@ import click
 
 from colony.cli.exit_codes import EXIT_ERRORS, EXIT_MISUSE
 from colony.cli.reporting import Format, format_option, is_unreadable, one_line, report, say
+from colony.cli.shipped_files import BEHAVIOR
 from colony.collector import gc_paused
 
 if TYPE_CHECKING:
@@ -17,7 +18,7 @@ if TYPE_CHECKING:
 
 
 @click.command("check", short_help="find what is wrong in behavior files")
-@click.argument("files", nargs=-1, required=True, metavar="FILE...")
+@click.argument("files", nargs=-1, required=True, metavar="FILE...", type=BEHAVIOR)
 @format_option
 def command(files: tuple[str, ...], format_: str) -> None:
     """Check behavior files and all that they import: syntax, names, types, units, wiring.

@@ -10,7 +10,9 @@ import click
 from colony.cli.exit_codes import EXIT_ERRORS, EXIT_MISUSE
 from colony.cli.outputs import check_output, write_whole
 from colony.cli.reporting import report, say
+from colony.cli.shipped_files import BEHAVIOR
 from colony.cli.verify.prover_options import ProverSeconds
+from colony.extras import installed, to_install
 from colony.files import read_file, reason
 from colony.verify.interruption import interruptions
 
@@ -26,7 +28,7 @@ CLIENTS_BYTES = 64 * 1024 * 1024
 
 
 @click.command("compile", short_help="show the prioritized clients that a behavior compiles to")
-@click.argument("file", metavar="FILE")
+@click.argument("file", metavar="FILE", type=BEHAVIOR)
 @click.option("--explain", is_flag=True, help="Show each step: network, elimination, tree, order of visit.")
 @click.option(
     "--format",
@@ -94,7 +96,7 @@ def command(
 
     compilation = compile_file(file)
     program = compilation.program
-    timeout_ms = round(1000 * proof_timeout)
+    timeout_ms = round(1000 * proof_timeout) if installed("z3") else 0
     if existing is not None:
         with interruptions():
             result = _proof_of(existing, program, compilation, timeout_ms)
@@ -180,11 +182,14 @@ def _settle(result: Result, program: Program, of: Path | None) -> None:
         case results.Proved():
             say(results.proved_text(result))
             return
-        case results.Undecided(subject=subject):
+        case results.Undecided(subjects=((_, subject), *_)) if installed("z3"):
             hint = "give z3 more time by --proof-timeout SECONDS"
             if of is None:
                 hint += ", or leave the proof out by --no-proof"
             found = error("V002", spans.get(subject, place), results.undecided_text(result), hint)
+        case results.Undecided():
+            say(f"{results.undecided_text(result)}; {to_install('verify')}")
+            return
         case results.WrongWinner() | results.WrongActivity() | results.Malformed():
             subject = result.actuator if isinstance(result, results.WrongWinner) else ""
             hint = "these clients are not those of the behavior: compile it anew"

@@ -9,13 +9,14 @@ import click
 
 from colony.cli.exit_codes import EXIT_ERRORS, EXIT_MISUSE, EXIT_UNDECIDED
 from colony.cli.reporting import load_program, report
+from colony.cli.shipped_files import BEHAVIOR
 from colony.cli.verify.prover_options import depth_option, timeout_option
 from colony.verify.interruption import interruptions
 
 
 @click.command("diff", short_help="tell whether two behaviors are the same")
-@click.argument("a", metavar="A.colony")
-@click.argument("b", metavar="B.colony")
+@click.argument("a", metavar="A.colony", type=BEHAVIOR)
+@click.argument("b", metavar="B.colony", type=BEHAVIOR)
 @click.option(
     "--ignore",
     multiple=True,

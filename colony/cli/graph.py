@@ -8,12 +8,13 @@ import click
 
 from colony.cli.outputs import check_output, write_whole
 from colony.cli.reporting import load_program
+from colony.cli.shipped_files import BEHAVIOR
 
 FORMATS = ("svg", "dot", "graphml")
 
 
 @click.command("graph", short_help="draw the network as SVG, DOT or GraphML")
-@click.argument("file", metavar="FILE")
+@click.argument("file", metavar="FILE", type=BEHAVIOR)
 @click.option(
     "-o",
     "--output",

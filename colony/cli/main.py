@@ -16,6 +16,7 @@ import click
 
 from colony import __version__
 from colony.cli.exit_codes import EXIT_ERRORS, EXIT_INTERRUPTED, EXIT_MISUSE
+from colony.extras import extras_named
 from colony.text.suggestions import did_you_mean
 
 if TYPE_CHECKING:
@@ -162,6 +163,7 @@ def _report_failure(problem: Exception) -> int:
         Exception: anything else, which is a bug.
     """
     from colony.cli.reporting import report
+    from colony.extras import MissingExtra
     from colony.os_errors import described, is_out_of_memory
     from colony.text.diagnostics import Failure
 
@@ -173,6 +175,9 @@ def _report_failure(problem: Exception) -> int:
         _say(f"colony: error: {described(problem)}")
         _give_up_output()
         return EXIT_MISUSE
+    if isinstance(problem, MissingExtra):
+        _say(f"colony: error: {problem}")
+        return EXIT_MISUSE
     if not isinstance(problem, Failure):
         raise problem
     report(problem.diagnostics)
@@ -182,7 +187,7 @@ def _report_failure(problem: Exception) -> int:
 def _run() -> int:
     """Run the command; gives the exit code. (`colony.main` would exit on its own when a reader goes away.)"""
     try:
-        with colony.make_context("colony", sys.argv[1:]) as context:
+        with colony.make_context("colony", sys.argv[1:]) as context, extras_named():
             colony.invoke(context)
         sys.stdout.flush()
     except click.exceptions.Exit as done:

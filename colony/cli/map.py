@@ -10,6 +10,7 @@ import click
 from colony.cli.exit_codes import EXIT_MISUSE
 from colony.cli.outputs import check_output, write_whole
 from colony.cli.reporting import report
+from colony.cli.shipped_files import MAP
 
 if TYPE_CHECKING:
     from colony.nav.maps.building import Building
@@ -17,7 +18,7 @@ if TYPE_CHECKING:
 
 
 @click.command("map", short_help="draw a building")
-@click.argument("path", metavar="MAP")
+@click.argument("path", metavar="MAP", type=MAP)
 @click.option(
     "-o",
     "--output",

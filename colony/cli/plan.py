@@ -10,6 +10,7 @@ import click
 from colony.cli.exit_codes import EXIT_MISUSE
 from colony.cli.outputs import check_output, write_whole
 from colony.cli.reporting import report, say
+from colony.cli.shipped_files import MAP
 
 if TYPE_CHECKING:
     from colony.nav.maps.building import Building
@@ -18,7 +19,7 @@ if TYPE_CHECKING:
 
 
 @click.command("plan", short_help="plan a path from room to room")
-@click.argument("path", metavar="MAP")
+@click.argument("path", metavar="MAP", type=MAP)
 @click.argument("origin", metavar="FROM")
 @click.argument("goal", metavar="TO")
 @click.option(

@@ -11,6 +11,7 @@ import click
 from colony.cli.exit_codes import EXIT_ERRORS, EXIT_MISUSE
 from colony.cli.places import problems_told, robot_option
 from colony.cli.reporting import refuse, say
+from colony.cli.shipped_files import MAP
 
 if TYPE_CHECKING:
     from colony.robots.serving import Settings
@@ -33,7 +34,7 @@ class Folder(click.Path):
 @click.command(name="serve", short_help="be the servers of a robot")
 @click.argument("server", metavar="SERVER", type=click.Choice(NAMES, case_sensitive=False))
 @robot_option("The name that programs find it by.", required=True)
-@click.option("--map", "map_path", metavar="MAP", help="The building of the simulated robot.")
+@click.option("--map", "map_path", metavar="MAP", type=MAP, help="The building of the simulated robot.")
 @click.option("--seed", type=click.IntRange(min=0), default=0, show_default=True, help="Of sensors' noise.")
 @click.option(
     "--hazards",

@@ -11,6 +11,7 @@ import click
 
 from colony.cli.exit_codes import EXIT_ERRORS, EXIT_MISUSE
 from colony.cli.reporting import check_to_run, is_unreadable, one_line, report, say
+from colony.cli.shipped_files import BEHAVIOR
 from colony.text.wording import counted
 
 if TYPE_CHECKING:
@@ -18,7 +19,7 @@ if TYPE_CHECKING:
 
 
 @click.command("test", short_help="run the tests that behavior files contain")
-@click.argument("files", nargs=-1, required=True, metavar="FILE...")
+@click.argument("files", nargs=-1, required=True, metavar="FILE...", type=BEHAVIOR)
 @click.option("--format", "format_", type=click.Choice(["text", "json"]), default="text", show_default=True)
 def command(files: tuple[str, ...], format_: str) -> None:
     """Run every `test` block; contracts are checked in each of its frames.

@@ -13,6 +13,7 @@ import click
 from colony.cli.exit_codes import EXIT_ERRORS, EXIT_MISUSE
 from colony.cli.outputs import check_output, write_whole
 from colony.cli.reporting import load_program, one_line, refuse, say
+from colony.cli.shipped_files import BEHAVIOR
 from colony.files import open_regular, reason
 
 if TYPE_CHECKING:
@@ -20,7 +21,7 @@ if TYPE_CHECKING:
 
 
 @click.command("trace", short_help="decide recorded frames, with any of the executors")
-@click.argument("file", metavar="FILE")
+@click.argument("file", metavar="FILE", type=BEHAVIOR)
 @click.option(
     "--input", "input_", required=True, metavar="FRAMES", help="A file of frames, or - for standard input."
 )

@@ -11,20 +11,27 @@ from colony.dsl import ast
 from colony.dsl.parse import parse
 from colony.files import COMPILED, read_file, reason, size_text
 from colony.record import Record, record
+from colony.shipped import Shipped, is_file
 from colony.text.diagnostics import Diagnostic, error
 from colony.text.source import Source, Span
 
 MAX_BYTES = 4 * 1024 * 1024
 MAX_FILES = 1000
+SHIPPED = "colony.shipped"
+"""The folder beside a recorded program that has the files which came with colony."""
 _SHOWN_OF_CYCLE = 6
 
 
 @record
 class Import(Record):
-    """An import of a file, resolved: `target` is the key of the file it brings in."""
+    """An import of a file, resolved: `target` is the key of the file it brings in.
+
+    `shipped` says that it is one of those that come with colony, found by its name.
+    """
 
     declaration: ast.ImportDecl
     target: str
+    shipped: bool = False
 
 
 @record
@@ -79,9 +86,10 @@ def read_source(path: Path, name: str) -> Source:
         if problem.errno == errno.EFBIG:
             raise Unreadable("E003", f"`{name}` is larger than {size_text(MAX_BYTES)}") from problem
         if problem.errno == errno.EISDIR:
-            hint = "name a file that ends in .colony"
-            raise Unreadable("E001", f"cannot read `{name}`: it is a directory", hint) from problem
-        raise Unreadable("E001", f"cannot read `{name}`: {reason(problem)}") from problem
+            named = "name a file that ends in .colony"
+            raise Unreadable("E001", f"cannot read `{name}`: it is a directory", named) from problem
+        hint = Shipped.BEHAVIOR.hint(name) if problem.errno == errno.ENOENT else None
+        raise Unreadable("E001", f"cannot read `{name}`: {reason(problem)}", hint) from problem
     if data.startswith(COMPILED):
         hint = "name the file that it was compiled from; `colony run` takes both"
         raise Unreadable("E001", f"cannot read `{name}`: it is compiled, and here its source is needed", hint)
@@ -115,12 +123,13 @@ def resolved(path: Path) -> str:
         return str(path)
 
 
-def load_tree(path: Path, name: str, text: str | None = None) -> SourceTree:
+def load_tree(path: Path, name: str, text: str | None = None, *, shipped: Path | None = None) -> SourceTree:
     """The file at `path` (or `text` in its place) and everything that it imports, however far.
 
+    Imports by name are looked for in `shipped`, where that is given, in place of what comes with colony.
     Nothing is raised: what cannot be read, and cycles, are among the diagnostics.
     """
-    loader = _Loader()
+    loader = _Loader(shipped)
     key = resolved(path)
     try:
         source = read_source(path, name) if text is None else Source(name, text)
@@ -138,11 +147,14 @@ def placed(tree: SourceTree, path: Path) -> tuple[tuple[str, Source], ...]:
     links lead elsewhere.
     """
     places: dict[str, str] = {}
+    shipped = os.path.join(os.path.dirname(os.path.abspath(path)), SHIPPED)
     for file in reversed(tree.files):  # importers before what they import
         place = places.setdefault(file.key, os.path.abspath(path))
         for one in file.imports:
-            target = os.path.join(os.path.dirname(place), one.declaration.path)
-            places.setdefault(one.target, os.path.normpath(target))
+            folder, name = os.path.dirname(place), one.declaration.path
+            if one.shipped:
+                folder, name = shipped, os.path.basename(one.target)
+            places.setdefault(one.target, os.path.normpath(os.path.join(folder, name)))
     base = os.path.commonpath([os.path.dirname(places[file.key]) for file in tree.files])
     return tuple(
         (Path(os.path.relpath(places[file.key], base)).as_posix(), file.source) for file in tree.files
@@ -152,7 +164,8 @@ def placed(tree: SourceTree, path: Path) -> tuple[tuple[str, Source], ...]:
 class _Loader:
     """Files found so far. Iterative, so that a long chain of imports is no deep recursion."""
 
-    def __init__(self) -> None:
+    def __init__(self, shipped: Path | None) -> None:
+        self.shipped = shipped
         self.files: dict[str, ParsedFile] = {}
         self.diagnostics: list[Diagnostic] = []
 
@@ -168,12 +181,14 @@ class _Loader:
                 if not isinstance(declaration, ast.ImportDecl):
                     continue
                 target = path.parent / declaration.path
-                target_key = resolved(target)
-                imports.append(Import(declaration=declaration, target=target_key))
+                named = None if is_file(target) else Shipped.BEHAVIOR.named(declaration.path, self.shipped)
+                target_key = resolved(named or target)
+                imports.append(Import(declaration=declaration, target=target_key, shipped=named is not None))
                 if target_key in seen:
                     continue
                 seen.add(target_key)
-                found = self._read(source, target, declaration, len(seen))
+                shown = named or os.path.normpath(Path(source.name).parent / declaration.path)
+                found = self._read(source, named or target, str(shown), declaration, len(seen))
                 if found is not None:
                     waiting.append((target_key, Path(target_key), found))
             self.files[key] = ParsedFile(
@@ -184,14 +199,15 @@ class _Loader:
                 lost_names=parsed.lost_names,
             )
 
-    def _read(self, source: Source, path: Path, declaration: ast.ImportDecl, count: int) -> Source | None:
+    def _read(
+        self, source: Source, path: Path, shown: str, declaration: ast.ImportDecl, count: int
+    ) -> Source | None:
         """The text of an imported file; None after reporting, at the import, why there is none."""
         span = Span(source, declaration.start, declaration.end)
         if count > MAX_FILES:
             message = f"more than {MAX_FILES} files are imported"
             self.diagnostics.append(error("E103", span, message))
             return None
-        shown = os.path.normpath(Path(source.name).parent / declaration.path)
         try:
             return read_source(path, shown)
         except Unreadable as problem:

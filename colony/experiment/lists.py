@@ -15,11 +15,12 @@ from colony.nav.confidence.published_runs import PUBLISHED_RUNS, PublishedRun
 from colony.nav.maps.building import Building
 from colony.nav.maps.stickrep.model import EdgeKind, Map
 from colony.nav.plan.route import JAMBS, NoPlan, plan
+from colony.shipped import Shipped
 
 PUBLISHED = "thesis"
 """What the list of the published runs is called."""
 
-PUBLISHED_MAP = Path(__file__).parents[2] / "maps" / "msu_engineering_3.stickrep"
+PUBLISHED_MAP = Shipped.MAP.path("msu_engineering_3")
 
 LIST_BYTES = 1024 * 1024
 """Largest file of a list."""

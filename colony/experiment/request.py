@@ -49,7 +49,7 @@ class ExperimentRequest:
     """
 
     runs: str
-    map_path: Path | None
+    map_path: str | None
     seeds: int | None
     chosen: str | None
     pairs: int | None
@@ -98,17 +98,17 @@ def _listed(study: Study[Any], request: ExperimentRequest) -> tuple[tuple[Listed
         known = ", ".join([*STUDIES, *PAIRS])
         raise Misuse(f"there is no list `{runs}`; expected {known} or a file that ends in .csv")
     if map_path is None and runs != FLOORS:
-        raise Misuse("which building? give --map MAP, such as maps/loop.stickrep")
-    map_path = map_path or PUBLISHED_MAP
-    building = load_building(map_path)
+        raise Misuse("which building? give --map MAP, such as `loop`")
+    path = Path(map_path) if map_path is not None else PUBLISHED_MAP
+    building = load_building(path)
     floor = building.maps[0]
     if runs in PAIRS:
         count, seed = request.pairs or PAIRS[runs], request.seed
         listed = random_list(floor, count, seed) if runs == RANDOM else floors_list(building, count, seed)
-        return listed, f"{runs} {count} pairs, seed {seed}, {floor.name}", map_path
+        return listed, f"{runs} {count} pairs, seed {seed}, {floor.name}", path
     listed = own_list(Path(runs), building)
     digest = sha256(repr([(run.origin, run.goal) for run in listed]).encode()).hexdigest()[:8]
-    return listed, f"{Path(runs).stem} {digest}, {floor.name}", map_path
+    return listed, f"{Path(runs).stem} {digest}, {floor.name}", path
 
 
 def _hazards(request: ExperimentRequest) -> Hazards:

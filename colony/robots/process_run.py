@@ -51,7 +51,7 @@ def run_here(compiled: Compiled, place: Local, request: RunRequest, attendant: A
         BrokenOff: the run could not begin, or broke off.
     """
     from colony.nav.maps.stickrep.reader import load_map
-    from colony.robots.simulated import SimulatedRobot, TruthLog, jobs_of
+    from colony.robots.simulated import CompilingNotice, SimulatedRobot, TruthLog, jobs_of
 
     assert request.map_path is not None
     way = _way_here(request) if request.goal is not None else None
@@ -78,7 +78,13 @@ def run_here(compiled: Compiled, place: Local, request: RunRequest, attendant: A
             jobs = (*jobs_of(place, robot, run.folder), *run.client_jobs())
             expect_room(run.folder, len(jobs))
         led.start(jobs)
-        begun = led.wait_for(truth.look, run.stop, what="the simulator starts", most_s=PLANT_S)
+        notice = CompilingNotice(place, jobs[0].log, attendant.report)
+
+        def simulated() -> bool:
+            notice.look()
+            return truth.look()
+
+        begun = led.wait_for(simulated, run.stop, what="the simulator starts", most_s=PLANT_S)
         interrupted = not begun or run.follow(led, meanwhile=truth.look)
         travel = truth.travel
         truth.close()

@@ -6,7 +6,7 @@ import os
 from pathlib import Path
 
 from colony.dsl.check.program import check_program
-from colony.dsl.files import load_tree
+from colony.dsl.files import SHIPPED, load_tree
 from colony.ir.program import Program
 from colony.os_errors import naming
 from colony.runtime.recordings.recorded import RunInfo
@@ -33,7 +33,7 @@ def recorded_program(run: RunInfo, name: str, folder: Path) -> Program:
     except (OSError, ValueError) as problem:
         raise Failure([unusable(name, f"its program cannot be unpacked: {problem}")]) from None
     root = folder / "behavior" / run.program
-    tree = load_tree(root, run.program)
+    tree = load_tree(root, run.program, shipped=root.parent / SHIPPED)
     inside = os.path.realpath(folder / "behavior")
     strangers = [f.key for f in tree.files if not Path(f.key).is_relative_to(inside)]
     if strangers:

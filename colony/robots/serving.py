@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from colony.robots.request import BrokenOff, Misuse
-from colony.robots.simulated import SimulatedRobot, device_of, jobs_of, plant_spec
+from colony.robots.simulated import CompilingNotice, SimulatedRobot, device_of, jobs_of, plant_spec
 from colony.runtime.assembly.processes import child
 from colony.runtime.assembly.processes.children import Children, told
 from colony.runtime.assembly.processes.ending import Ending, on_signals
@@ -64,7 +64,7 @@ def serve_one(server: str, place: Local, settings: Settings, report: Report) -> 
 def _simulate(place: Local, settings: Settings, ending: Ending, report: Report) -> None:
     told = f"{SIMULATOR} of {place.robot} runs; Ctrl-C ends it"
     try:
-        serve(plant_spec(place, _robot(settings)), ending, ready=lambda: report(told))
+        serve(plant_spec(place, _robot(settings)), ending, ready=lambda: report(told), tell=report)
     except NoRoom as problem:
         raise Misuse(str(problem)) from None
 
@@ -114,7 +114,9 @@ def serve_all(
             for job in jobs:
                 children.start(job)
             report(f"{place.robot}: {', '.join(job.name for job in jobs)}; Ctrl-C ends them")
+            notice = CompilingNotice(place, jobs[0].log, report)
             while not stop():
+                notice.look()
                 for death in children.poll():
                     if death.pause_s is None:
                         raise BrokenOff(told(death))

@@ -4,22 +4,42 @@ from __future__ import annotations
 
 import os
 import time
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 
 from colony.ir.types import Value
 from colony.robots.driven_path import DrivenPath
-from colony.runtime.assembly.processes.children import Job
+from colony.runtime.assembly.processes.children import Job, last_lines
 from colony.runtime.assembly.processes.jobs import HARDWARE, server_jobs, server_parts
 from colony.runtime.assembly.processes.spec import Device, write_spec
 from colony.runtime.observe.summary import Travel
 from colony.runtime.transport.live.place import Local
+from colony.sim.compiling import COMPILING
 from colony.sim.plant.child import SIMULATOR, Look, PlantSpec, plant_socket
 from colony.sim.plant.control import PlantControl
 
 PLANT = "colony.sim.plant.child"
 SERVERS_OF_PLANT = "colony.sim.plant.servers"
+
+
+class CompilingNotice:
+    """Reports once that the simulator is being compiled, as its process prints into `log`. Mutable."""
+
+    def __init__(self, place: Local, log: Path, report: Callable[[str], None]) -> None:
+        self._socket = plant_socket(place.directory.path)
+        self._log = log
+        self._report = report
+        self._over = False
+
+    def look(self) -> None:
+        """Read the log until that was found there, or the simulator is ready."""
+        if self._over:
+            return
+        told = COMPILING in last_lines(self._log)
+        if told:
+            self._report(COMPILING)
+        self._over = told or self._socket.exists()
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

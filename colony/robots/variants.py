@@ -18,6 +18,7 @@ from colony.nav.plan.planner import OnSegment, OnVerdict, planner
 from colony.nav.pose.estimate import pose_estimator
 from colony.nav.pose.tracker import ALL, Source
 from colony.runtime.kit.script import Script
+from colony.shipped import Shipped
 from colony.sim.config import RobotConfig
 from colony.vision.lights.tracker import light_tracker
 
@@ -26,7 +27,6 @@ if TYPE_CHECKING:
 
 VariantName = Literal["ours", "thesis"]
 
-BEHAVIORS = Path(__file__).parents[2] / "behaviors"
 CEILING_CAMERA, SIDE_CAMERA, FRONT_CAMERA = "CServerUp", "CServerSide", "CServerFront"
 PLANNER = "planner"
 
@@ -110,14 +110,14 @@ def _finders(
     return found
 
 
-OURS = Variant(name="ours", behavior=BEHAVIORS / "navigator.colony", mm_s=250.0)
+OURS = Variant(name="ours", behavior=Shipped.BEHAVIOR.path("navigator"), mm_s=250.0)
 
 # As printed, a corridor of two lights or of none is driven, and its corner turned, by the odometry's heading
 # alone. That needs wheels that were calibrated: an eighth of a degree a meter is what these drift, where the
 # robot that ours drives drifts by nearly one.
 THESIS = Variant(
     name="thesis",
-    behavior=BEHAVIORS / "thesis_navigator.colony",
+    behavior=Shipped.BEHAVIOR.path("thesis_navigator"),
     mm_s=100.0,
     robot=RobotConfig(wheel_scale=0.0005),
 )

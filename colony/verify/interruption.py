@@ -8,8 +8,10 @@ import socket
 import sys
 import threading
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, nullcontext
 from typing import TYPE_CHECKING
+
+from colony.extras import installed
 
 if TYPE_CHECKING:
     from sys import UnraisableHookArgs
@@ -109,7 +111,7 @@ def interruptions() -> Iterator[None]:
     before, resent = sys.unraisablehook, _Resent()
     sys.unraisablehook = resent.hook
     try:
-        with _z3_gives_up():
+        with _z3_gives_up() if installed("z3") else nullcontext():
             yield
     except ctypes.ArgumentError as problem:
         if KeyboardInterrupt.__name__ not in str(problem):

@@ -11,6 +11,7 @@ import click
 
 from colony.cli.exit_codes import EXIT_ERRORS, EXIT_INTERRUPTED, EXIT_MISUSE
 from colony.cli.reporting import report, say
+from colony.cli.shipped_files import MAP
 
 if TYPE_CHECKING:
     from colony.cli.experiment.outputs import Found
@@ -29,7 +30,7 @@ def _part(context: click.Context, option: click.Parameter, value: float) -> floa
 
 @click.command("experiment", short_help="run a list of runs many times over, and count")
 @click.argument("runs", metavar="LIST")
-@click.option("--map", "map_path", type=click.Path(path_type=Path), metavar="MAP", help="The building.")
+@click.option("--map", "map_path", type=MAP, metavar="MAP", help="The building.")
 @click.option(
     "--seeds",
     type=click.IntRange(min=1),

@@ -15,6 +15,7 @@ from colony.cli.exit_codes import EXIT_ERRORS, EXIT_INTERRUPTED, EXIT_MISUSE
 from colony.cli.places import connect_option, place_of, problems_told, robot_option, security_option
 from colony.cli.reporting import refuse, report, say
 from colony.cli.run.options import DURATION, BadOption, Options, objection, request_of
+from colony.cli.shipped_files import BEHAVIOR, MAP
 from colony.robots.request import BrokenOff, Misuse
 
 if TYPE_CHECKING:
@@ -25,8 +26,8 @@ PICTURE = "run.png"
 
 
 @click.command(name="run", short_help="drive a robot, simulated or real")
-@click.argument("file", metavar="FILE")
-@click.option("--map", "map_path", metavar="MAP", help="The building, a StickRep map.")
+@click.argument("file", metavar="FILE", type=BEHAVIOR)
+@click.option("--map", "map_path", metavar="MAP", type=MAP, help="The building, a StickRep map.")
 @click.option(
     "--processes", is_flag=True, help="Servers, clients and simulator as processes, by the wall clock."
 )
@@ -130,9 +131,9 @@ def _driven(compiled: Compiled, request: RunRequest, options: Options) -> Driven
     from colony.cli.run.attending import ATTENDANT
 
     if not options.processes and options.connect is None:
-        from colony.cli.run.progress import told_if_slow
+        from colony.sim.compiling import told_when_compiling
 
-        with told_if_slow("compiling the simulator: some seconds, once where the result can be kept"):
+        with told_when_compiling(say):
             from colony.robots.building_run import run_in_building
         return run_in_building(compiled, request, ATTENDANT)
     with problems_told():

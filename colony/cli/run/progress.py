@@ -3,30 +3,12 @@
 from __future__ import annotations
 
 import sys
-import threading
-from collections.abc import Iterator
-from contextlib import contextmanager
 
-from colony.cli.reporting import PATIENCE_S, say
+from colony.cli.reporting import say
 from colony.runtime.observe.observer import FrameLog
 
 MOMENT_NS = 10_000_000_000
 """How often a word is said of a run without an end."""
-
-
-@contextmanager
-def told_if_slow(text: str, after_s: float = PATIENCE_S) -> Iterator[None]:
-    """Say `text`, on a terminal, if what is done meanwhile takes longer than `after_s`."""
-    if not sys.stderr.isatty():
-        yield
-        return
-    timer = threading.Timer(after_s, say, (text,))
-    timer.daemon = True
-    timer.start()
-    try:
-        yield
-    finally:
-        timer.cancel()
 
 
 class Progress:

@@ -11,6 +11,7 @@ import click
 from colony.cli.exit_codes import EXIT_MISUSE
 from colony.cli.outputs import cannot_write, check_output, write_whole
 from colony.cli.reporting import report, say
+from colony.cli.shipped_files import MAP
 
 if TYPE_CHECKING:
     from colony.nav.maps.stickrep.model import Map
@@ -52,7 +53,7 @@ def _speed(context: click.Context, option: click.Parameter, value: float) -> flo
 
 
 @click.command("snapshot", short_help="write what the cameras of a robot see")
-@click.argument("path", metavar="MAP")
+@click.argument("path", metavar="MAP", type=MAP)
 @click.option(
     "--at",
     "where",

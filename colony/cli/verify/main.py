@@ -9,6 +9,7 @@ import click
 
 from colony.cli.exit_codes import EXIT_ERRORS, EXIT_MISUSE
 from colony.cli.reporting import Format, format_option, is_unreadable
+from colony.cli.shipped_files import BEHAVIOR
 from colony.cli.verify.output import close, show
 from colony.cli.verify.progress import progress
 from colony.cli.verify.prover_options import depth_option, timeout_option
@@ -19,7 +20,7 @@ from colony.verify.interruption import interruptions
 
 
 @click.command("verify", short_help="prove contracts, find what can never act")
-@click.argument("files", nargs=-1, required=True, metavar="FILE...")
+@click.argument("files", nargs=-1, required=True, metavar="FILE...", type=BEHAVIOR)
 @click.option(
     "--contract", "names", multiple=True, metavar="NAME", help="Only this contract; may be repeated."
 )

@@ -65,8 +65,16 @@ class NoRoom(Exception):
     """The robot cannot start where the map says; the message is one line that begins with the file."""
 
 
-def serve(spec: PlantSpec, ending: Ending, *, ready: Callable[[], None] = lambda: None) -> None:
-    """Simulate until it is time to end; `ready` is told when drivers can attach.
+def serve(
+    spec: PlantSpec,
+    ending: Ending,
+    *,
+    ready: Callable[[], None] = lambda: None,
+    tell: Callable[[str], None] = lambda text: None,
+) -> None:
+    """Simulate until it is time to end; `ready` is called when drivers can attach.
+
+    `tell` is told what takes long until then.
 
     Raises:
         LiveError: a plant of the robot runs already, or the folder cannot be used.
@@ -75,8 +83,11 @@ def serve(spec: PlantSpec, ending: Ending, *, ready: Callable[[], None] = lambda
     """
     with RobotDirectory(Path(spec.folder), spec.robot).claim(SIMULATOR):
         from colony.nav.maps.stickrep.reader import load_map
-        from colony.sim.hazards.hazards import Hazards
-        from colony.sim.plant.process import PlantOptions, serve_plant
+        from colony.sim.compiling import told_when_compiling
+
+        with told_when_compiling(tell):
+            from colony.sim.hazards.hazards import Hazards
+            from colony.sim.plant.process import PlantOptions, serve_plant
 
         building = load_map(spec.map)
         start = building.start
@@ -112,7 +123,7 @@ def main() -> None:
     with on_signals(ending):
         on_death_of_parent(ending)
         try:
-            serve(msgspec.json.decode(read_file(sys.argv[1], SPEC_BYTES), type=PlantSpec), ending)
+            serve(msgspec.json.decode(read_file(sys.argv[1], SPEC_BYTES), type=PlantSpec), ending, tell=print)
         except (LiveError, NoRoom, Failure) as problem:
             give_up(str(problem))
         except Exception as problem:

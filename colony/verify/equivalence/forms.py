@@ -28,6 +28,7 @@ from colony.verify.equivalence.results import (
     Recent,
     Undecided,
     WrongWinner,
+    together,
 )
 from colony.verify.equivalence.solver import NEAR, Clause, Solver, differ
 from colony.verify.equivalence.table import ClientFormulas, encode_list
@@ -99,17 +100,21 @@ def prove_form(
         claims = _claims(settled, clients, near=NEAR[:2])
     solver = settled.solver
     wrong = [c for c in claims if c.found != c.expected and not solver.refutes(differ(c.found, c.expected))]
+    undecided = []
     for actuator in dict.fromkeys(claim.actuator for claim in wrong):
         answer = _judged(settled, clients, actuator, [c for c in wrong if c.actuator == actuator])
-        if answer is not None:
+        if isinstance(answer, Undecided) and not solver.asks:
+            undecided.append(answer)
+        elif answer is not None:
             return answer
     structure = sum(claim.found == claim.expected and not claim.solved for claim in claims)
-    return Proved(
+    proved = Proved(
         forms=(settled.form.name,),
         by_structure=structure,
         by_solver=len(claims) - structure,
         questions=solver.asked,
     )
+    return together([proved, *undecided])
 
 
 @dataclass(frozen=True, slots=True)
@@ -224,7 +229,7 @@ def _judged(
         listed = dict(encode_list(clients, circuit, settled.matching(()), form.activity).actuators)
         return _shown(form, actuator, listed.get(actuator, ()), inputs)
 
-    undecided = Undecided(form=form.name, subject=actuator, timeout_ms=solver.timeout_ms)
+    undecided = Undecided(subjects=((form.name, actuator),), timeout_ms=solver.timeout_ms)
     return decided(solver, clauses, undecided, shown)
 
 

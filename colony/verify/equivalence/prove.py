@@ -13,6 +13,8 @@ from collections import Counter
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
+from itertools import chain
+from typing import TypeGuard
 
 from colony.collector import gc_paused
 from colony.compile.clients import ClientList
@@ -41,6 +43,7 @@ from colony.verify.equivalence.results import (
     Undecided,
     WrongActivity,
     WrongWinner,
+    together,
 )
 from colony.verify.equivalence.solver import Clause, Solver, differ
 from colony.verify.equivalence.source import NEVER, Joint, Root, Source, encode_source
@@ -79,15 +82,19 @@ def prove(
 
 
 def _all_of(results: Iterable[Callable[[], Result]]) -> Result:
-    """What was proved together, or the first result that is no proof."""
-    whole: Proved | None = None
+    """What was proved together, and what is open without z3; or the first result that is no proof."""
+    settled: list[Proved | Undecided] = []
     for result in results:
         one = result()
-        if not isinstance(one, Proved):
+        if not isinstance(one, Proved) and not _goes_on(one):
             return one
-        whole = one if whole is None else whole.and_of(one)
-    assert whole is not None, "there is always something to prove"
-    return whole
+        settled.append(one)
+    return together(settled)
+
+
+def _goes_on(result: Result | None) -> TypeGuard[Undecided]:
+    """Whether the rest is looked at, too: what is left open costs nothing where z3 is not asked."""
+    return isinstance(result, Undecided) and result.timeout_ms <= 0
 
 
 def prove_json(program: Program, json: str, *, form: str = JSON, timeout_ms: int = TIMEOUT_MS) -> Result:
@@ -235,20 +242,23 @@ class _Proof:
 
     def result(self) -> Result:
         listed = dict(self.formulas.actuators)
-        for actuator in dict.fromkeys((*self.source.roots, *listed)):
-            found = self._actuator(actuator, listed.get(actuator, ()))
-            if found is not None:
+        actuators = dict.fromkeys((*self.source.roots, *listed))
+        undecided = []
+        for found in chain(
+            (self._actuator(actuator, listed.get(actuator, ())) for actuator in actuators),
+            (self._observed(name, literal) for name, literal in self.formulas.observed),
+        ):
+            if _goes_on(found):
+                undecided.append(found)
+            elif found is not None:
                 return found
-        for name, literal in self.formulas.observed:
-            found = self._observed(name, literal)
-            if found is not None:
-                return found
-        return Proved(
+        proved = Proved(
             forms=(self.form,),
             by_structure=self.count.structure,
             by_solver=self.count.solver,
             questions=self.solver.asked,
         )
+        return together([proved, *undecided])
 
     # --- actuators -------------------------------------------------------------------------------
 
@@ -307,7 +317,7 @@ class _Proof:
 
     def undecided(self, subject: str) -> Undecided:
         """Return what is said where z3 gives up."""
-        return Undecided(form=self.form, subject=subject, timeout_ms=self.solver.timeout_ms)
+        return Undecided(subjects=((self.form, subject),), timeout_ms=self.solver.timeout_ms)
 
 
 def _settled(client: ClientFormulas, win: int) -> ClientFormulas:

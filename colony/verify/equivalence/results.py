@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
-from colony.text.wording import duration_text, listed
+from colony.text.wording import counted, duration_text, listed
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -23,15 +24,6 @@ class Proved:
     @property
     def obligations(self) -> int:
         return self.by_structure + self.by_solver
-
-    def and_of(self, other: Proved) -> Proved:
-        """Both proofs as one."""
-        return Proved(
-            forms=tuple(dict.fromkeys(self.forms + other.forms)),
-            by_structure=self.by_structure + other.by_structure,
-            by_solver=self.by_solver + other.by_solver,
-            questions=self.questions + other.questions,
-        )
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -96,14 +88,33 @@ Counterexample = WrongWinner | WrongActivity | Malformed
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Undecided:
-    """z3 gave up on what `subject` of `form` does: it was neither proved nor refuted."""
+    """What was neither proved nor refuted: subjects, actuators for the most part, each with its form.
 
-    form: str
-    subject: str
+    z3 gave up after `timeout_ms`; where that is 0 it was not asked. `by_structure` obligations hold anyhow.
+    """
+
+    subjects: tuple[tuple[str, str], ...]
     timeout_ms: int
+    by_structure: int = 0
 
 
 Result = Proved | Counterexample | Undecided
+
+
+def together(results: Sequence[Proved | Undecided]) -> Proved | Undecided:
+    """Return several results as one, which is proved where all are."""
+    proved = [one for one in results if isinstance(one, Proved)]
+    undecided = [one for one in results if isinstance(one, Undecided)]
+    by_structure = sum(one.by_structure for one in results)
+    if undecided:
+        subjects = tuple(dict.fromkeys(subject for one in undecided for subject in one.subjects))
+        return Undecided(subjects=subjects, timeout_ms=undecided[0].timeout_ms, by_structure=by_structure)
+    return Proved(
+        forms=tuple(dict.fromkeys(form for one in proved for form in one.forms)),
+        by_structure=by_structure,
+        by_solver=sum(one.by_solver for one in proved),
+        questions=sum(one.questions for one in proved),
+    )
 
 
 # --- in words ------------------------------------------------------------------------------------
@@ -142,8 +153,12 @@ def counterexample_text(found: Counterexample) -> str:
 
 def undecided_text(found: Undecided) -> str:
     """What was not settled, in one sentence."""
-    seconds = f"{found.timeout_ms / 1000:g} s"
-    return f"{found.form}: {found.subject}: z3 found neither a proof nor a counterexample within {seconds}"
+    subjects = listed([f"{form}: {subject}" for form, subject in found.subjects])
+    if found.timeout_ms > 0:
+        seconds = f"{found.timeout_ms / 1000:g} s"
+        return f"{subjects}: z3 found neither a proof nor a counterexample within {seconds}"
+    structure = counted(found.by_structure, "obligation")
+    return f"{subjects}: not proved, as z3 was not asked ({structure} proved by structure)"
 
 
 def proved_text(found: Proved) -> str:

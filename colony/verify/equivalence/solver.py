@@ -13,8 +13,6 @@ from enum import Enum, unique
 from heapq import heapify, heappop, heappush
 from itertools import chain
 
-import z3
-
 from colony.verify.equivalence.circuit import FALSE, Circuit
 
 Clause = tuple[int, ...]
@@ -58,6 +56,11 @@ class Solver:
         self.timeout_ms = timeout_ms
         self.asked = 0
 
+    @property
+    def asks(self) -> bool:
+        """Whether z3 is asked at all; if not, only what is obvious is refuted."""
+        return self.timeout_ms > 0
+
     def refutes(self, clauses: Sequence[Clause], near: Sequence[int] = NEAR) -> bool:
         """Whether what is near is enough to show that the clauses cannot all be true."""
         return obvious(clauses) or any(isinstance(self._ask(clauses, limit), Refuted) for limit in near)
@@ -82,7 +85,7 @@ class Solver:
         return self._ask(clauses, len(self.circuit))
 
     def _ask(self, clauses: Sequence[Clause], limit: int) -> Answer:
-        if self.timeout_ms <= 0:
+        if not self.asks:
             return Unsettled.GAVE_UP
         self.asked += 1
         cone = _cone(self.circuit, clauses, limit)
@@ -90,18 +93,18 @@ class Solver:
         for clause in clauses:
             cnf.add(clause)
         complete = all(self.circuit.is_input(node) for node in cone.leaves)
-        result, model = cnf.solve(self.timeout_ms, wanted=complete)
-        if result == z3.unsat:
-            return Refuted()
-        if result != z3.sat:
+        possible, model = cnf.solve(self.timeout_ms, wanted=complete)
+        if possible is None:
             return Unsettled.GAVE_UP
+        if not possible:
+            return Refuted()
         if not complete:
             return Unsettled.TOO_NEAR
         return Satisfied(frozenset(node for node in cone.leaves if cnf.number[node] in model))
 
     def _none_of(self, questions: Sequence[Sequence[Clause]]) -> bool:
         """Whether it is shown at once that none of the questions has a way."""
-        if self.timeout_ms <= 0:
+        if not self.asks:
             return False
         self.asked += 1
         cones = [_cone(self.circuit, clauses, NEAR[0]) for clauses in questions]
@@ -109,7 +112,7 @@ class Solver:
         leaves = dict.fromkeys(chain.from_iterable(cone.leaves for cone in cones))
         cnf = _Cnf(self.circuit, list(inner), [node for node in leaves if node not in inner])
         cnf.add_one_of(questions)
-        return bool(cnf.solve(self.timeout_ms, wanted=False)[0] == z3.unsat)
+        return cnf.solve(self.timeout_ms, wanted=False)[0] is False
 
 
 def differ(a: int, b: int) -> tuple[Clause, Clause]:
@@ -155,17 +158,19 @@ class _Cnf:
         self._lines.append(f"{' '.join(map(str, choices))} 0")
         self._clauses += 1
 
-    def solve(self, timeout_ms: int, wanted: bool) -> tuple[z3.CheckSatResult, frozenset[int]]:
-        """What z3 says, and, if `wanted`, the variables that are true in its model."""
+    def solve(self, timeout_ms: int, wanted: bool) -> tuple[bool | None, frozenset[int]]:
+        """Whether all can be true, None where z3 gives up; if `wanted`, with the variables that are then."""
+        import z3
+
         solver = z3.SolverFor("QF_FD")
         solver.set("timeout", timeout_ms)
         solver.from_string(f"p cnf {self._variables} {self._clauses}\n" + "\n".join(self._lines) + "\n")
         result = solver.check()
         if result != z3.sat or not wanted:
-            return result, frozenset()
+            return (None if result == z3.unknown else result == z3.sat), frozenset()
         model = solver.model()
         true = (decl.name() for decl in model.decls() if z3.is_true(model[decl]))
-        return result, frozenset(int(name.removeprefix("k!")) for name in true)
+        return True, frozenset(int(name.removeprefix("k!")) for name in true)
 
 
 # --- what to look at -----------------------------------------------------------------------------

@@ -10,6 +10,7 @@ from colony.verify.equivalence.results import (
     WrongWinner,
     counterexample_text,
     proved_text,
+    together,
     undecided_text,
 )
 
@@ -55,7 +56,7 @@ def test_the_others_in_words() -> None:
     assert counterexample_text(activity) == expected
     malformed = Malformed(form="JSON", subject="drive", found="this", expected="that")
     assert counterexample_text(malformed) == "JSON: drive: found this, expected that"
-    undecided = Undecided(form="JSON", subject="drive", timeout_ms=1_500)
+    undecided = Undecided(subjects=(("JSON", "drive"),), timeout_ms=1_500)
     expected = "JSON: drive: z3 found neither a proof nor a counterexample within 1.5 s"
     assert undecided_text(undecided) == expected
 
@@ -64,4 +65,4 @@ def test_what_was_proved_in_words() -> None:
     one = Proved(forms=("clients",), by_structure=3, by_solver=1, questions=2)
     other = Proved(forms=("JSON",), by_structure=2, by_solver=0, questions=0)
     expected = "proved: clients, JSON and network are the same (6 obligations: 5 by structure, 1 by z3)"
-    assert proved_text(one.and_of(other)) == expected
+    assert proved_text(together([one, other])) == expected

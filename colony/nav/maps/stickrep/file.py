@@ -6,6 +6,7 @@ import errno
 import os
 
 from colony.files import read_file, reason
+from colony.shipped import Shipped
 from colony.text.diagnostics import Failure, error
 from colony.text.source import Source, Span
 
@@ -28,7 +29,8 @@ def load_source(path: str | os.PathLike[str]) -> Source:
             place, hint = Span(empty, 0, 0), "is it another file that you meant?"
             raise Failure([error("M002", place, message, hint)]) from None
         message = f"cannot read the map: {reason(failure)}"
-        raise Failure([error("M001", Span(empty, 0, 0), message)]) from None
+        meant = Shipped.MAP.hint(shown) if failure.errno == errno.ENOENT else None
+        raise Failure([error("M001", Span(empty, 0, 0), message, meant)]) from None
     try:
         return Source(shown, data.decode("utf-8-sig"))
     except UnicodeDecodeError as failure:

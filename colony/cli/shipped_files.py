@@ -1,0 +1,26 @@
+"""Behaviors and maps on the command line: a path, or the name of one that comes with colony."""
+
+from __future__ import annotations
+
+import os
+from typing import Any
+
+import click
+
+from colony.shipped import Shipped
+
+
+class ShippedFile(click.ParamType):  # type: ignore[type-arg]
+    """Gives the path of a file."""
+
+    def __init__(self, kind: Shipped) -> None:
+        self.name = kind.name.lower()
+        self._kind = kind
+
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> str:
+        """Return the path that stands, or that of the shipped file with this name."""
+        return self._kind.find(os.fspath(value))
+
+
+BEHAVIOR = ShippedFile(Shipped.BEHAVIOR)
+MAP = ShippedFile(Shipped.MAP)

@@ -1,0 +1,67 @@
+"""What is installed beyond the core: the extras of the distribution, and the packages that each brings."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+from importlib.util import find_spec
+
+from colony.text.wording import listed
+
+EXTRAS = {
+    "verify": ("hypothesis", "z3"),
+    "sim": ("matplotlib", "networkx", "numba", "numpy"),
+    "vision": ("cv2", "PIL", "numpy"),
+    "drivers": ("serial",),
+}
+"""The modules that each extra is installed for."""
+
+
+class MissingExtra(ModuleNotFoundError):
+    """A module of an extra that is not installed; the message says which extra, and how to install it."""
+
+
+def installed(module: str) -> bool:
+    """Whether a module of an extra is there."""
+    return find_spec(module) is not None
+
+
+def to_install(*extras: str) -> str:
+    """Return the command that installs these extras."""
+    return f"pip install 'colony-robotics[{','.join(extras)}]'"
+
+
+def expect_extras(*extras: str) -> None:
+    """Check that these extras are installed, before anything is begun.
+
+    Raises:
+        MissingExtra: with all that are not.
+    """
+    missing = {extra: [m for m in EXTRAS[extra] if not installed(m)] for extra in extras}
+    names = [extra for extra in extras if missing[extra]]
+    if names:
+        raise _missing([module for extra in names for module in missing[extra]], names)
+
+
+@contextmanager
+def extras_named() -> Iterator[None]:
+    """Have a module that is missing say which extra has it.
+
+    Raises:
+        MissingExtra: in place of a ModuleNotFoundError for a module of an extra.
+    """
+    try:
+        yield
+    except MissingExtra:
+        raise
+    except ModuleNotFoundError as problem:
+        module = (problem.name or "").partition(".")[0]
+        extras = [extra for extra, modules in EXTRAS.items() if module in modules]
+        if not extras:
+            raise
+        raise _missing([module], extras[:1]) from None
+
+
+def _missing(modules: list[str], extras: list[str]) -> MissingExtra:
+    names = listed(list(dict.fromkeys(modules)))
+    return MissingExtra(f"{names} not installed: {to_install(*extras)}", name=modules[0])

@@ -1,0 +1,29 @@
+"""Tells when the simulator is compiled, which takes so long that somebody would ask."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+
+COMPILING = "compiling the simulator: about 20 s, once where the result can be kept"
+
+
+@contextmanager
+def told_when_compiling(tell: Callable[[str], None]) -> Iterator[None]:
+    """Tell `COMPILING` once, when numba begins to compile; not where it loads what it compiled before."""
+    from numba.core import event
+
+    class Listener(event.Listener):
+        def __init__(self) -> None:
+            self.told = False
+
+        def on_start(self, event: object) -> None:
+            if not self.told:
+                self.told = True
+                tell(COMPILING)
+
+        def on_end(self, event: object) -> None:
+            pass
+
+    with event.install_listener("numba:compile", Listener()):
+        yield
