@@ -2,7 +2,8 @@
 PYTHON ?= $(shell command -v python3.11 || command -v python3)
 VENV   ?= .venv
 BIN    := $(VENV)/bin
-STAMP  := $(VENV)/.installed
+ALL    := $(VENV)/.all
+DEV    := $(VENV)/.dev
 
 SECONDS ?= 60
 SEED    ?= 1
@@ -12,49 +13,52 @@ MODULE  ?=
 SAMPLE  ?=
 WORKERS ?= 2
 
-.PHONY: run test check format bench soak stops loss attack tables mutants clean
+.PHONY: run test check format bench soak stops loss attack wheel tables mutants clean
 
-run: $(STAMP)
-	$(BIN)/colony run behaviors/wander.colony --map maps/loop.stickrep --duration 60 --seed 1 --picture run.png
+run: $(ALL)
+	$(BIN)/colony run wander --map loop --duration 60 --seed 1 --picture run.png
 
-test: $(STAMP)
+test: $(DEV)
 	$(BIN)/python -m pytest -n auto --dist worksteal tests
 
-check: $(STAMP)
+check: $(DEV)
 	$(BIN)/ruff format --check .
 	$(BIN)/ruff check .
 	$(BIN)/mypy
 
-format: $(STAMP)
+format: $(DEV)
 	$(BIN)/ruff format .
 	$(BIN)/ruff check --fix .
 
-bench: $(STAMP)
+bench: $(DEV)
 	$(BIN)/python -m benchmarks
 
-soak: $(STAMP)
+soak: $(DEV)
 	$(BIN)/python -m tests.runtime.assembly.processes.soak --seconds $(SECONDS) --seed $(SEED)
 
-stops: $(STAMP)
+stops: $(DEV)
 	$(BIN)/python -m tests.runtime.arbitration.stops_kept --trials $(TRIALS) --seed $(SEED)
 
-loss: $(STAMP)
+loss: $(DEV)
 	$(BIN)/python -m tests.runtime.assembly.loss_policy --seeds $(SEEDS)
 
-attack: $(STAMP)
+attack: $(DEV)
 	$(BIN)/python -m tests.attack
 
-tables: $(STAMP)
+wheel: $(DEV)
+	$(BIN)/python -m tests.wheel --platforms
+
+tables: $(DEV)
 	$(BIN)/python -m colony.dsl.tables
 
-mutants: $(STAMP)
+mutants: $(DEV)
 	$(BIN)/python -m tests.mutants $(MODULE) $(if $(SAMPLE),--sample $(SAMPLE)) --workers $(WORKERS)
 
-$(STAMP): pyproject.toml
+$(VENV)/.%: pyproject.toml
 	$(PYTHON) -m venv $(VENV)
-	$(BIN)/python -m pip install --quiet --disable-pip-version-check --editable '.[dev]'
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check --editable '.[$*]'
 	$(BIN)/python -m compileall -q colony
-	touch $(STAMP)
+	touch $@
 
 clean:
 	rm -rf $(VENV) build *.egg-info run.png

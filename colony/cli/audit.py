@@ -39,9 +39,9 @@ def command(recording: str, file: str | None, format_: str) -> None:
 
     \b
     Example:
-      colony run behaviors/wander.colony --map maps/loop.stickrep --record run.mcap
+      colony run wander --map loop --record run.mcap
       colony audit run.mcap
-      colony audit run.mcap behaviors/changed.colony
+      colony audit run.mcap changed.colony
     """
     from colony.runtime.recordings.opening import open_recording, read_recording
     from colony.text.diagnostics import Failure

@@ -28,7 +28,7 @@ def command(files: tuple[str, ...], format_: str) -> None:
 
     \b
     Example:
-      colony check behaviors/wander.colony
+      colony check wander
       colony check --format json behaviors/*.colony
       colony check --format sarif behaviors/*.colony > check.sarif
     """

@@ -71,11 +71,11 @@ def command(
 
     \b
     Example:
-      colony compile behaviors/wander.colony
-      colony compile --explain behaviors/figure_4_14.colony
-      colony compile --format python behaviors/wander.colony -o wander.py
-      colony compile behaviors/wander.colony -o wander.colonyc
-      colony compile --prove wander.py behaviors/wander.colony
+      colony compile wander
+      colony compile --explain figure_4_14
+      colony compile --format python wander -o wander.py
+      colony compile wander -o wander.colonyc
+      colony compile --prove wander.py wander
 
     With -o NAME.colonyc what is written is the compiled program itself, with its sources: `colony run` takes
     it in place of FILE.

@@ -53,9 +53,9 @@ def command(
 
     \b
     Example:
-      colony diff behaviors/wander.colony mine.colony
+      colony diff wander mine.colony
       colony diff --ignore drive.turn --ignore back_off old.colony new.colony
-      colony diff --actuator left=right behaviors/figure_4_14.colony behaviors/figure_4_14.colony
+      colony diff --actuator left=right figure_4_14 figure_4_14
     """
     pairs = [_pair(text) for text in actuators]
     one, other = load_program(a, EXIT_MISUSE), load_program(b, EXIT_MISUSE)

@@ -27,8 +27,8 @@ def command(file: str, output: Path | None, format_: str | None) -> None:
 
     \b
     Example:
-      colony graph behaviors/wander.colony
-      colony graph behaviors/wander.colony -o wander.dot
+      colony graph wander
+      colony graph wander -o wander.dot
     """
     kind = format_ or (output.suffix[1:] if output is not None else "svg")
     if kind not in FORMATS:

@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     from _typeshed import ReadableBuffer
 
 COMMANDS = {
-    "new": "write a first behavior file",
+    "new": "begin a project",
     "check": "find what is wrong in behavior files",
     "compile": "show the prioritized clients that a behavior compiles to",
     "graph": "draw the network as SVG or DOT",
@@ -98,7 +98,7 @@ def colony(context: click.Context) -> None:
     Example:
       colony new patrol.colony
       colony test patrol.colony
-      colony run patrol.colony --map maps/loop.stickrep
+      colony run patrol.colony --map loop
     """
     if context.invoked_subcommand is None:
         click.echo(context.get_help(), err=True)

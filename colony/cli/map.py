@@ -37,8 +37,8 @@ def command(path: str, output: Path | None, no_picture: bool, format_: str) -> N
 
     \b
     Example:
-      colony map maps/loop.stickrep
-      colony map maps/msu_engineering_3.stickrep -o third_floor.svg
+      colony map loop
+      colony map msu_engineering_3 -o third_floor.svg
     """
     from colony.nav.maps.building import load_building
     from colony.text.diagnostics import Failure

@@ -1,30 +1,58 @@
-"""`colony new`: a first behavior file that checks, passes its tests and drives."""
+"""`colony new`: a project to start from, whose behavior checks, passes its tests and drives."""
 
 from __future__ import annotations
 
+import re
 import shlex
 from importlib.resources import files
 from pathlib import Path
 
 import click
 
-from colony.cli.outputs import check_output, write_whole
+from colony.cli.outputs import cannot_write, check_output, write_whole
+from colony.files import reason
+
+TEMPLATES = files("colony.cli") / "templates" / "project"
+BEHAVIOR = "NAME.colony"
+UNCHECKED = ".in"
+"""Ending of templates in Python, so that no tool takes them for modules of this package."""
 
 
-@click.command("new", short_help="write a first behavior file")
-@click.argument("file", type=click.Path(dir_okay=False, path_type=Path), metavar="NAME[.colony]")
-def command(file: Path) -> None:
-    """Write a small behavior to start from: a robot, four modules, a network, a contract and a test.
+@click.command("new", short_help="begin a project")
+@click.argument("path", type=click.Path(path_type=Path), metavar="NAME[.colony]")
+def command(path: Path) -> None:
+    """Begin a project: a folder with a behavior, its property tests, a pyproject.toml and a README.
+
+    With NAME.colony only the behavior is written. It has a robot, four modules, a network, a contract and a
+    test. Nothing that exists is overwritten.
 
     \b
     Example:
       colony new patrol
+      cd patrol
       colony test patrol.colony
     """
-    if not file.name:
+    if not path.name:
         raise click.UsageError("expected a name, such as `patrol`", click.get_current_context())
-    target = file if file.suffix == ".colony" else file.with_name(file.name + ".colony")
-    check_output(target)
-    text = (files("colony.cli") / "templates" / "behavior.colony").read_text(encoding="utf-8")
-    write_whole(target, text.replace("NAME", target.stem))
-    click.echo(f"wrote {target}; try: colony test {shlex.quote(str(target))}")
+    if path.suffix == ".colony":
+        check_output(path)
+        write_whole(path, _filled(BEHAVIOR, path.stem))
+        click.echo(f"wrote {path}; try: colony test {shlex.quote(str(path))}")
+        return
+    name = path.name
+    if not re.fullmatch(r"[A-Za-z0-9]([A-Za-z0-9_-]*[A-Za-z0-9])?", name):
+        message = f"expected a name of letters, digits, `-` and `_`, such as `patrol`; found `{name}`"
+        raise click.UsageError(message, click.get_current_context())
+    try:
+        path.mkdir()
+    except OSError as problem:
+        cannot_write(path, reason(problem))
+    for template in sorted(entry.name for entry in TEMPLATES.iterdir() if entry.is_file()):
+        target = template.replace("NAME", name).removesuffix(UNCHECKED)
+        write_whole(path / target, _filled(template, name))
+    where = shlex.quote(str(path))
+    click.echo(f"wrote {path}; try: cd {where} && colony test {shlex.quote(f'{name}.colony')}")
+
+
+def _filled(template: str, name: str) -> str:
+    return (TEMPLATES / template).read_text(encoding="utf-8").replace("NAME", name)

@@ -50,8 +50,8 @@ def command(
 
     \b
     Example:
-      colony plan maps/msu_engineering_3.stickrep 350R 376L
-      colony plan maps/loop.stickrep 201 216 -o plan.png
+      colony plan msu_engineering_3 350R 376L
+      colony plan loop 201 216 -o plan.png
     """
     from colony.nav.maps.building import load_building
     from colony.nav.plan.route import NoPlan, plan

@@ -34,7 +34,13 @@ class Folder(click.Path):
 @click.command(name="serve", short_help="be the servers of a robot")
 @click.argument("server", metavar="SERVER", type=click.Choice(NAMES, case_sensitive=False))
 @robot_option("The name that programs find it by.", required=True)
-@click.option("--map", "map_path", metavar="MAP", type=MAP, help="The building of the simulated robot.")
+@click.option(
+    "--map",
+    "map_path",
+    metavar="MAP",
+    type=MAP,
+    help=f"The building: {MAP.says}.",
+)
 @click.option("--seed", type=click.IntRange(min=0), default=0, show_default=True, help="Of sensors' noise.")
 @click.option(
     "--hazards",
@@ -74,9 +80,9 @@ def command(server: str, **given: Any) -> None:
 
     \b
     Example:
-      colony serve all --robot rome --map maps/loop.stickrep
-      colony serve all --robot rome --map maps/loop.stickrep --listen tls/0.0.0.0:7447 --security users.toml
-      colony serve Simulator --robot rome --map maps/loop.stickrep
+      colony serve all --robot rome --map loop
+      colony serve all --robot rome --map loop --listen tls/0.0.0.0:7447 --security users.toml
+      colony serve Simulator --robot rome --map loop
       colony serve RServer --robot rome
     """
     from colony.cli.interruption import interruptible

@@ -11,10 +11,11 @@ from colony.shipped import Shipped
 
 
 class ShippedFile(click.ParamType):  # type: ignore[type-arg]
-    """Gives the path of a file."""
+    """Gives the path of a file; `says` is what help calls it."""
 
-    def __init__(self, kind: Shipped) -> None:
+    def __init__(self, kind: Shipped, what: str) -> None:
         self.name = kind.name.lower()
+        self.says = f"{what}, or the name of one that comes with colony"
         self._kind = kind
 
     def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> str:
@@ -22,5 +23,5 @@ class ShippedFile(click.ParamType):  # type: ignore[type-arg]
         return self._kind.find(os.fspath(value))
 
 
-BEHAVIOR = ShippedFile(Shipped.BEHAVIOR)
-MAP = ShippedFile(Shipped.MAP)
+BEHAVIOR = ShippedFile(Shipped.BEHAVIOR, "a behavior")
+MAP = ShippedFile(Shipped.MAP, "a StickRep map")

@@ -28,7 +28,7 @@ def command(files: tuple[str, ...], format_: str) -> None:
 
     \b
     Example:
-      colony test behaviors/wander.colony
+      colony test wander
     """
     from colony.text.diagnostics import to_json
 

@@ -44,9 +44,9 @@ def command(file: str, input_: str, backend: Backend, output: Path | None) -> No
 
     \b
     Example:
-      colony run behaviors/wander.colony --map maps/loop.stickrep --record run.jsonl
-      colony trace behaviors/wander.colony --input run.jsonl
-      echo '{"t": 0, "bumper": true}' | colony trace behaviors/wander.colony --input -
+      colony run wander --map loop --record run.jsonl
+      colony trace wander --input run.jsonl
+      echo '{"t": 0, "bumper": true}' | colony trace wander --input -
     """
     if output is not None:
         check_output(output, [file, input_])

@@ -11,6 +11,7 @@ import click
 from colony.cli.exit_codes import EXIT_MISUSE
 from colony.cli.outputs import check_output, write_whole
 from colony.cli.reporting import say
+from colony.extras import expect_extras
 from colony.files import read_file, reason
 
 if TYPE_CHECKING:
@@ -53,6 +54,7 @@ def command(files: tuple[str, ...], chosen: tuple[str, ...], output: str | None,
       colony vision photo.jpg --detector plates -o found.png
       colony vision *.png --format json
     """
+    expect_extras("vision")
     drawn = {_drawn(file) for file in files} if output is None else set()
     files = tuple(file for file in files if Path(file) not in drawn)
     pictures = _pictures(files, output)

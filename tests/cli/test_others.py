@@ -1,4 +1,4 @@
-"""`colony test`, `colony graph` and `colony new`."""
+"""`colony test` and `colony graph`."""
 
 from __future__ import annotations
 
@@ -38,18 +38,6 @@ def test_graphs(colony: Colony, behavior: Path, tmp_path: Path) -> None:
     assert "ends in none of .svg, .dot, .graphml" in err
 
 
-def test_new_writes_a_behavior_that_checks_tests_and_compiles(colony: Colony, tmp_path: Path) -> None:
-    assert colony("new", "patrol").code == 0
-    assert colony("check", "patrol.colony").err == ""
-    assert colony("test", "patrol.colony").code == 0
-    assert colony("compile", "patrol.colony").code == 0
-    before = (tmp_path / "patrol.colony").read_text()
-    code, _, err = colony("new", "patrol.colony")
-    assert code == 2
-    assert "exists already" in err
-    assert (tmp_path / "patrol.colony").read_text() == before
-
-
 def test_files_with_errors_are_told_and_the_others_tested(
     colony: Colony, behavior: Path, tmp_path: Path
 ) -> None:
@@ -66,7 +54,3 @@ def test_files_with_errors_are_told_and_the_others_tested(
     code, out, _ = colony("test", "--format", "json", "nowhere.colony", "bad.colony")
     assert code == 2
     assert json.loads(out)[0]["code"] == "E001"
-
-
-def test_new_says_what_can_be_typed(colony: Colony) -> None:
-    assert colony("new", "my patrol").out.endswith("try: colony test 'my patrol.colony'\n")

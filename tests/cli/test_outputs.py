@@ -35,7 +35,7 @@ def refused(path: str | Path, *inputs: str | Path) -> bool:
         ("run", "b.colony", "--map", MAP, "--record", "robot.colony"),
         ("run", "b.colony", "--map", MAP, "--record", "link"),
         ("run", "b.colony", "--map", MAP, "--record", "other.stickrep"),
-        ("new", "robot"),
+        ("new", "robot.colony"),
     ],
 )
 def test_sources_and_inputs_are_never_overwritten(

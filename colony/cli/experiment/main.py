@@ -30,7 +30,7 @@ def _part(context: click.Context, option: click.Parameter, value: float) -> floa
 
 @click.command("experiment", short_help="run a list of runs many times over, and count")
 @click.argument("runs", metavar="LIST")
-@click.option("--map", "map_path", type=MAP, metavar="MAP", help="The building.")
+@click.option("--map", "map_path", type=MAP, metavar="MAP", help=f"The building: {MAP.says}.")
 @click.option(
     "--seeds",
     type=click.IntRange(min=1),
@@ -123,9 +123,9 @@ def command(
       colony experiment thesis --seeds 25 -o results.sqlite
       colony experiment thesis --runs 22,39 --no-hazard people --audit 1
       colony experiment thesis --seeds 1 --no-source lights --side-camera
-      colony experiment random --map maps/loop.stickrep --pairs 200 --seed 1
+      colony experiment random --map loop --pairs 200 --seed 1
       colony experiment floors --pairs 100
-      colony experiment rounds.csv --map maps/msu_engineering_3.stickrep --plot pictures
+      colony experiment rounds.csv --map msu_engineering_3 --plot pictures
       colony experiment plates --seeds 10 -o plates.sqlite --write docs/plates.md
     """
     from colony.cli.experiment.outputs import check_outputs, put_out

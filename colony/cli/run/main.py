@@ -27,7 +27,13 @@ PICTURE = "run.png"
 
 @click.command(name="run", short_help="drive a robot, simulated or real")
 @click.argument("file", metavar="FILE", type=BEHAVIOR)
-@click.option("--map", "map_path", metavar="MAP", type=MAP, help="The building, a StickRep map.")
+@click.option(
+    "--map",
+    "map_path",
+    metavar="MAP",
+    type=MAP,
+    help=f"The building: {MAP.says}.",
+)
 @click.option(
     "--processes", is_flag=True, help="Servers, clients and simulator as processes, by the wall clock."
 )
@@ -74,7 +80,8 @@ PICTURE = "run.png"
 def command(**given: Any) -> None:
     """Run a behavior on a robot that is simulated in the building of a map, or on a real one.
 
-    FILE is a behavior, or what `colony compile` made of one (`-o NAME.colonyc`).
+    FILE is a behavior, the name of one that comes with colony, or what `colony compile` made of one (`-o
+    NAME.colonyc`).
 
     With --map alone everything is one process, in virtual time: the same seed gives the same run. With
     --processes each server is a process, as on a robot, and the clients share one (with --isolate each
@@ -98,15 +105,15 @@ def command(**given: Any) -> None:
 
     \b
     Example:
-      colony run behaviors/wander.colony --map maps/loop.stickrep --duration 2min --seed 1
-      colony run behaviors/wander.colony --map maps/loop.stickrep --record run.mcap
-      colony run behaviors/navigator.colony --map maps/msu_engineering_3.stickrep --from 350R --to 376L
-      colony run behaviors/navigator.colony --map maps/msu_engineering_3.stickrep --from 350R --to 2:250R
-      colony run behaviors/navigator.colony --connect --map maps/loop.stickrep --from 201 --to 216
-      colony run behaviors/teleop.colony --map maps/loop.stickrep --realtime --set TeleopVelocity=200
-      colony run behaviors/wander.colony --map maps/loop.stickrep --processes --duration 30
-      colony run behaviors/wander.colony --connect --robot rome
-      colony run behaviors/wander.colony --connect tls/rome.lab:7447 --security ada.toml
+      colony run wander --map loop --duration 2min --seed 1
+      colony run wander --map loop --record run.mcap
+      colony run navigator --map msu_engineering_3 --from 350R --to 376L
+      colony run navigator --map msu_engineering_3 --from 350R --to 2:250R
+      colony run navigator --connect --map loop --from 201 --to 216
+      colony run teleop --map loop --realtime --set TeleopVelocity=200
+      colony run wander --map loop --processes --duration 30
+      colony run wander --connect --robot rome
+      colony run wander --connect tls/rome.lab:7447 --security ada.toml
     """
     options = Options(**given)
     wrong = objection(options)

@@ -13,7 +13,7 @@ def command() -> None:
 
     \b
     Example:
-      colony sim snapshot maps/msu_engineering_3.stickrep --at 376
+      colony sim snapshot msu_engineering_3 --at 376
     """
 
 

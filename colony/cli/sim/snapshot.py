@@ -116,8 +116,8 @@ def snapshot_command(
 
     \b
     Example:
-      colony sim snapshot maps/msu_engineering_3.stickrep --at 376
-      colony sim snapshot maps/msu_engineering_3.stickrep --at 354 --hazards 7 --size 640x480 -o shots
+      colony sim snapshot msu_engineering_3 --at 376
+      colony sim snapshot msu_engineering_3 --at 354 --hazards 7 --size 640x480 -o shots
     """
     from colony.nav.maps.standing import NoPlace
     from colony.nav.maps.stickrep.reader import load_map

@@ -55,8 +55,8 @@ def command(
 
     \b
     Example:
-      colony verify behaviors/wander.colony
-      colony verify --contract never_rams --depth 8 behaviors/wander.colony
+      colony verify wander
+      colony verify --contract never_rams --depth 8 wander
       colony verify --write-test patrol.colony
       colony verify --examples 1000 --seed 7 behaviors/*.colony
     """

@@ -194,4 +194,4 @@ def test_a_killed_run_leaves_whole_lines(behavior: Path) -> None:
 def test_help_shows_an_example(colony: Colony) -> None:
     result = colony("run", "--help")
     assert result.code == 0
-    assert "colony run behaviors/wander.colony --map maps/loop.stickrep" in result.out
+    assert "colony run wander --map loop" in result.out

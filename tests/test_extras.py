@@ -1,0 +1,118 @@
+"""Without the extras of the distribution the core works, and says what is missing."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from colony.extras import EXTRAS, MissingExtra, expect_extras, installed
+from tests.paths import ROOT
+
+EVERYTHING = tuple(module for modules in EXTRAS.values() for module in modules)
+
+COMMAND = """
+import sys
+sys.modules.update(dict.fromkeys({missing!r}))  # importing these fails, as if they were not installed
+sys.argv = ["colony", *{arguments!r}]
+from colony.cli.main import main
+main()
+"""
+
+LIBRARY = """
+import sys, warnings
+sys.modules.update(dict.fromkeys({missing!r}))
+import colony
+program = colony.load("figure_4_14")
+with warnings.catch_warnings(record=True) as warned:
+    warnings.simplefilter("always")
+    colony.build(colony.load("wander")).executor()
+print([str(one.message).partition("[")[2] for one in warned])
+for use in (lambda: colony.prove(program), lambda: __import__("colony.testing")):
+    try:
+        use()
+    except ModuleNotFoundError as problem:
+        print(problem)
+"""
+
+
+def _run(
+    code: str, *arguments: str, folder: Path, missing: tuple[str, ...] = EVERYTHING
+) -> subprocess.CompletedProcess[str]:
+    return subprocess.run(
+        [sys.executable, "-c", code.format(missing=missing, arguments=arguments)],
+        cwd=folder,
+        env={**os.environ, "PYTHONPATH": str(ROOT)},
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+
+
+@pytest.mark.parametrize(
+    "command", ["check wander", "test figure_4_14", "compile figure_4_14", "graph wander"]
+)
+def test_the_core_needs_none(command: str, tmp_path: Path) -> None:
+    ran = _run(COMMAND, *command.split(), folder=tmp_path)
+    assert ran.returncode == 0, ran.stderr
+    assert "not installed" not in ran.stderr
+
+
+def test_what_z3_would_prove_is_said(tmp_path: Path) -> None:
+    ran = _run(COMMAND, "compile", "wander", folder=tmp_path)
+    assert ran.returncode == 0
+    assert "keep_middle" in ran.stdout
+    assert "clients: drive" in ran.stderr
+    assert "proved by structure" in ran.stderr
+    assert ran.stderr.endswith("pip install 'colony-robotics[verify]'\n")
+    assert ran.stderr.count("\n") == 1
+
+
+@pytest.mark.parametrize(
+    ("command", "missing", "extras"),
+    [
+        ("verify wander", EVERYTHING, "verify"),
+        ("diff wander teleop", EVERYTHING, "verify"),
+        ("run wander --map loop", EVERYTHING, "sim"),
+        ("run wander --map loop --processes", EVERYTHING, "sim"),
+        ("serve all --robot rome --map loop", EVERYTHING, "sim"),
+        ("map loop", EVERYTHING, "sim"),
+        ("plan loop 201 216", EVERYTHING, "sim"),
+        ("experiment thesis", EVERYTHING, "sim"),
+        ("sim snapshot loop --at 201", EVERYTHING, "sim"),
+        ("graph wander --format graphml", EVERYTHING, "sim"),
+        ("vision x.png", EVERYTHING, "vision"),
+        ("vision x.png", ("cv2",), "vision"),
+    ],
+)
+def test_a_command_names_the_extra_that_it_lacks(
+    command: str, missing: tuple[str, ...], extras: str, tmp_path: Path
+) -> None:
+    ran = _run(COMMAND, *command.split(), folder=tmp_path, missing=missing)
+    assert ran.returncode == 2
+    assert ran.stderr.startswith("colony: error: ")
+    assert ran.stderr.endswith(f" not installed: pip install 'colony-robotics[{extras}]'\n")
+    assert ran.stderr.count("\n") == 1
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_the_library_says_so_too(tmp_path: Path) -> None:
+    ran = _run(LIBRARY, folder=tmp_path)
+    assert ran.stdout.splitlines() == [
+        '["verify]\'"]',
+        "z3 not installed: pip install 'colony-robotics[verify]'",
+        "hypothesis not installed: pip install 'colony-robotics[verify]'",
+    ]
+
+
+def test_all_that_is_missing_is_named_at_once(monkeypatch: pytest.MonkeyPatch) -> None:
+    expect_extras(*EXTRAS)
+    for module in ("cv2", "z3"):
+        monkeypatch.setitem(sys.modules, module, None)
+        assert not installed(module)
+    with pytest.raises(MissingExtra) as missing:
+        expect_extras("sim", "verify", "vision")
+    assert str(missing.value) == "z3 and cv2 not installed: pip install 'colony-robotics[verify,vision]'"

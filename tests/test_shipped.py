@@ -1,0 +1,83 @@
+"""Behaviors and maps that come with colony are found by their names, after files of one's own."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+import colony as library
+from colony.shipped import Shipped
+from tests.cli.conftest import Colony
+from tests.cli.conftest import colony as colony
+from tests.paths import BEHAVIORS, MAPS, ROOT
+
+OWN = "param slow = 100 mm/s\n"
+"""A file of one's own, with the name of one that comes with colony."""
+
+USER = """
+import "rome"
+import "teleop.colony" as far
+import "wander.colony" as own
+module mine { when min(sonar) < 600 mm do drive(velocity = own.slow, turn = 0) }
+network { drive = mine }
+"""
+
+
+def test_all_that_is_shipped_has_a_name() -> None:
+    assert Shipped.BEHAVIOR.names() == sorted(path.stem for path in BEHAVIORS)
+    assert Shipped.MAP.names() == sorted(path.stem for path in MAPS.glob("*.stickrep"))
+    assert Shipped.MAP.path("loop") == MAPS / "loop.stickrep"
+
+
+def test_a_file_comes_before_a_name_and_a_folder_does_not(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    shipped = str(ROOT / "behaviors" / "wander.colony")
+    assert Shipped.BEHAVIOR.find("wander") == shipped
+    assert Shipped.BEHAVIOR.find("wander.colony") == shipped
+    assert Shipped.BEHAVIOR.find("./wander") == "./wander"
+    assert Shipped.BEHAVIOR.find("loop") == "loop"
+    Path("wander").mkdir()
+    assert Shipped.BEHAVIOR.find("wander") == shipped
+    Path("wander.colony").write_text("")
+    assert Shipped.BEHAVIOR.find("wander.colony") == "wander.colony"
+
+
+@pytest.mark.parametrize("name", ["", ".", "..", "a\0b", "x" * 5000, "../maps/loop"])
+def test_what_is_no_name_is_left_to_whoever_reads_it(name: str) -> None:
+    assert Shipped.MAP.find(name) == name
+
+
+def test_commands_take_names_and_say_what_may_be_meant(colony: Colony) -> None:
+    assert colony("check", "wander").code == 0
+    code, _, err = colony("check", "wandr")
+    assert code == 2
+    assert err.endswith("(did you mean `wander`?)\n")
+    assert colony("map", "loop", "--no-picture").code == 0
+    code, _, err = colony("map", "lop")
+    assert code == 2
+    assert "did you mean `loop`?" in err
+
+
+def test_the_front_door_takes_names() -> None:
+    assert library.load("figure_4_14").files[-1][0] == "figure_4_14.colony"
+
+
+def test_a_recording_has_files_of_ones_own_and_those_that_come_with_colony(
+    colony: Colony, tmp_path: Path
+) -> None:
+    """Both are called wander.colony: the one that teleop.colony imports is not the one beside the program."""
+    (tmp_path / "wander.colony").write_text(OWN)
+    (tmp_path / "user.colony").write_text(USER)
+    places = [place for place, _ in library.load(tmp_path / "user.colony").files]
+    assert sorted(places) == [
+        *("colony.shipped/rome.colony", "colony.shipped/teleop.colony", "colony.shipped/wander.colony"),
+        *("user.colony", "wander.colony"),
+    ]
+    ran = colony("run", "user.colony", "--map", "loop", "--duration", "1", "--record", "run.mcap")
+    assert ran.code == 0
+    for name in ("user.colony", "wander.colony"):
+        (tmp_path / name).unlink()
+    assert colony("audit", "run.mcap").code == 0

@@ -1,0 +1,33 @@
+"""What the core does without any extra, and how large it is."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from tests.wheel.environments import Environment
+
+MOST_MB = 130
+"""Largest environment of the core, with pip."""
+
+WORKS = ("check wander", "test wander", "compile navigator", "graph wander", "new patrol", "--version")
+LACKS = {
+    "verify wander": "verify",
+    "run wander --map loop": "sim",
+    "vision x.png": "vision",
+    "map loop": "sim",
+}
+
+
+def check_core(core: Environment, place: Path) -> None:
+    """Type commands in an environment without extras."""
+    folder = place / "with core"
+    folder.mkdir()
+    size_mb = sum(path.lstat().st_size for path in core.folder.rglob("*")) / 1e6
+    print(f"the core's environment: {size_mb:.0f} MB")
+    assert size_mb <= MOST_MB
+    for line in WORKS:
+        core.run("colony", *line.split(), folder=folder)
+    for line, extra in LACKS.items():
+        said = core.run("colony", *line.split(), folder=folder, codes=[2]).stderr
+        assert said.endswith(f"pip install 'colony-robotics[{extra}]'\n"), said
+        assert said.count("\n") == 1, said

@@ -1,0 +1,84 @@
+"""Environments with the wheel, and commands typed there."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+import time
+import venv
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+from tests.paths import ROOT
+
+LONGEST_S = 600
+"""No command of the README takes longer, on a busy machine either."""
+
+
+@dataclass(frozen=True, slots=True)
+class Environment:
+    """A virtual environment; its commands see no other Python, no checkout and no home of a user."""
+
+    folder: Path
+
+    @classmethod
+    def made(cls, folder: Path, wheel: Path, *extras: str) -> Environment:
+        """Make one with the wheel and these extras in it."""
+        venv.create(folder, with_pip=True)
+        made = cls(folder)
+        print(f"installing {wheel.name}{list(extras) or ''} ...", flush=True)
+        made.run("pip", "install", "--quiet", f"{wheel}[{','.join(extras)}]" if extras else str(wheel))
+        return made
+
+    def variables(self) -> dict[str, str]:
+        """Return what its commands see of the environment."""
+        home = self.folder / "home"
+        home.mkdir(exist_ok=True)
+        kept = {name: value for name, value in os.environ.items() if not name.startswith("PYTHON")}
+        path = os.pathsep.join((str(self.folder / "bin"), os.environ.get("PATH", os.defpath)))
+        return kept | {"PATH": path, "HOME": str(home), "COLONY_RUN_DIR": str(home / "run")}
+
+    def run(
+        self, *command: str, folder: Path | None = None, codes: Sequence[int] = (0,)
+    ) -> subprocess.CompletedProcess[str]:
+        """Type a command, and see to it that it ends with one of `codes`."""
+        began = time.monotonic()
+        ran = subprocess.run(
+            [str(self.folder / "bin" / command[0]), *command[1:]],
+            cwd=folder or self.folder,
+            env=self.variables(),
+            capture_output=True,
+            text=True,
+            timeout=LONGEST_S,
+            check=False,
+        )
+        print(f"{time.monotonic() - began:6.1f} s  {' '.join(command)[:100]}", flush=True)
+        assert "Traceback" not in ran.stderr, ran.stderr
+        assert ran.returncode in codes, f"ended with {ran.returncode}:\n{ran.stdout}\n{ran.stderr}"
+        return ran
+
+
+def build(folder: Path) -> Path:
+    """Build the sdist from the checkout, and the wheel from the sdist, as an index would."""
+    maker = folder / "maker"
+    venv.create(maker, with_pip=True)
+    python = str(maker / "bin" / "python")
+    _run(python, "-m", "pip", "install", "--quiet", "build")
+    _run(python, "-m", "build", "--outdir", str(folder / "dist"), str(ROOT))
+    [wheel] = (folder / "dist").glob("*.whl")
+    return wheel
+
+
+def _run(*command: str) -> None:
+    ran = subprocess.run(command, capture_output=True, text=True, check=False, timeout=LONGEST_S)
+    if ran.returncode != 0:
+        sys.exit(f"{' '.join(command)}:\n{ran.stdout}\n{ran.stderr}")
+
+
+def typed(line: str) -> Sequence[str]:
+    """Return the words of a command as a shell would."""
+    import shlex
+
+    return shlex.split(line)

@@ -1,0 +1,96 @@
+"""The README, typed in an empty folder from top to bottom."""
+
+from __future__ import annotations
+
+import re
+import subprocess
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+from tests.paths import ROOT
+from tests.wheel.environments import Environment, typed
+
+README = (ROOT / "README.md").read_text(encoding="utf-8")
+
+MAKE = ("make run", "make test")
+"""What is for a checkout, and tried there."""
+
+SERVE = "colony serve all"
+OF_SERVERS = ("colony ps", "colony stop", "colony data")
+"""The commands that ask a robot which is served."""
+
+PATIENCE_S = 120.0
+"""How long servers may take to start: the simulator may have to be compiled."""
+
+
+def commands() -> list[str]:
+    """Return the commands of the table, in order; short forms in the second column are left to `--help`."""
+    rows = re.findall(r"^\| (`colony .*?) \|", README, re.MULTILINE)
+    return [line for row in rows for line in re.findall(r"`(colony [^`]*)`", row)]
+
+
+def _blocks(kind: str) -> list[str]:
+    found: list[str] = re.findall(rf"^```{kind}\n(.*?)^```$", README, re.MULTILINE | re.DOTALL)
+    return found
+
+
+def check_readme(everything: Environment, place: Path) -> None:
+    """Type all that the README shows, in its order."""
+    folder = place / "empty"
+    folder.mkdir()
+    front, script = _blocks("python")
+    shown = everything.run("python", "-c", front, folder=folder).stdout
+    assert shown == re.findall(r"print\(.*\)  # (.*)", front)[0] + "\n"
+    (folder / "patrol.colony").write_text(_blocks("colony")[0], encoding="utf-8")
+    table = everything.run("colony", "compile", "patrol.colony", folder=folder).stdout
+    assert table == _blocks("text")[0]
+    lines = commands()
+    assert len(lines) > 20
+    at = next(i for i, line in enumerate(lines) if line.startswith(SERVE))
+    for line in lines[:at]:
+        everything.run(*_within_a_minute(line), folder=folder, codes=_codes(line))
+    asked = [line for line in lines[at + 1 :] if line.startswith(OF_SERVERS)]
+    with _served(everything, lines[at], folder):
+        everything.run("colony", "run", "wander", "--connect", "--duration", "5", folder=folder)
+        everything.run("python", "-c", script, folder=folder)
+        for line in (*asked, "colony stop --release"):
+            everything.run(*typed(line), folder=folder)
+    for line in lines[at + 1 + len(asked) :]:
+        everything.run(*typed(line), folder=folder)
+    for name in ("run.mcap", "wander.svg", "run.png", "patrol/test_patrol.py", "side.seen.png"):
+        assert (folder / name).exists(), name
+    everything.run("pip", "install", "--quiet", "pytest", folder=folder)
+    everything.run("python", "-m", "pytest", "-q", folder=folder / "patrol")
+
+
+def _within_a_minute(line: str) -> list[str]:
+    """Return the command, ended after ten seconds where it goes by the clock."""
+    words = list(typed(line))
+    if "--processes" in words:
+        words += ["--duration", "10"]
+    return words
+
+
+def _codes(line: str) -> list[int]:
+    """Return how it may end: `diff` finds a difference."""
+    return [1] if line.startswith("colony diff") else [0]
+
+
+@contextmanager
+def _served(environment: Environment, line: str, folder: Path) -> Iterator[None]:
+    """The servers of a robot, from when they answer until the end of the block."""
+    words = typed(line)
+    servers = subprocess.Popen(
+        [str(environment.folder / "bin" / words[0]), *words[1:]], cwd=folder, env=environment.variables()
+    )
+    try:
+        until = time.monotonic() + PATIENCE_S
+        while "RServer" not in environment.run("colony", "ps", folder=folder, codes=[0, 1]).stdout:
+            assert time.monotonic() < until, "the servers do not start"
+            time.sleep(0.5)
+        yield
+    finally:
+        servers.terminate()
+        servers.wait(60)
