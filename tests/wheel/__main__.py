@@ -2,7 +2,8 @@
 
 Builds the distribution, installs it with all extras into an environment of its own, and types every command
 and example of the README in an empty folder. Installs it without extras into another one, and weighs that.
-With `--platforms` it also asks the package index for wheels of everything on other machines.
+`--python` names another interpreter to do so with. With `--platforms` it also asks the package index for
+wheels of everything for other versions of Python and other machines.
 """
 
 from __future__ import annotations
@@ -21,12 +22,13 @@ from tests.wheel.readme import check_readme
 def main() -> None:
     options = argparse.ArgumentParser(prog="python -m tests.wheel", description=__doc__)
     options.add_argument("--platforms", action="store_true", help="also look for wheels of other machines")
+    options.add_argument("--python", default=sys.executable, help="the interpreter to install it for")
     asked = options.parse_args()
     with tempfile.TemporaryDirectory(prefix="colony-wheel-") as folder:
         place = Path(folder)
-        wheel = build(place)
-        check_core(Environment.made(place / "core", wheel), place)
-        check_readme(Environment.made(place / "all", wheel, "all"), place)
+        wheel = build(place, asked.python)
+        check_core(Environment.made(place / "core", asked.python, wheel), place)
+        check_readme(Environment.made(place / "all", asked.python, wheel, "all"), place)
         if asked.platforms:
             check_platforms(wheel, place)
     sys.stderr.flush()

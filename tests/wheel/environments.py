@@ -6,7 +6,6 @@ import os
 import subprocess
 import sys
 import time
-import venv
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -24,9 +23,9 @@ class Environment:
     folder: Path
 
     @classmethod
-    def made(cls, folder: Path, wheel: Path, *extras: str) -> Environment:
+    def made(cls, folder: Path, python: str, wheel: Path, *extras: str) -> Environment:
         """Make one with the wheel and these extras in it."""
-        venv.create(folder, with_pip=True)
+        _run(python, "-m", "venv", str(folder))
         made = cls(folder)
         print(f"installing {wheel.name}{list(extras) or ''} ...", flush=True)
         made.run("pip", "install", "--quiet", f"{wheel}[{','.join(extras)}]" if extras else str(wheel))
@@ -60,13 +59,13 @@ class Environment:
         return ran
 
 
-def build(folder: Path) -> Path:
+def build(folder: Path, python: str) -> Path:
     """Build the sdist from the checkout, and the wheel from the sdist, as an index would."""
     maker = folder / "maker"
-    venv.create(maker, with_pip=True)
-    python = str(maker / "bin" / "python")
-    _run(python, "-m", "pip", "install", "--quiet", "build")
-    _run(python, "-m", "build", "--outdir", str(folder / "dist"), str(ROOT))
+    _run(python, "-m", "venv", str(maker))
+    own = str(maker / "bin" / "python")
+    _run(own, "-m", "pip", "install", "--quiet", "build")
+    _run(own, "-m", "build", "--outdir", str(folder / "dist"), str(ROOT))
     [wheel] = (folder / "dist").glob("*.whl")
     return wheel
 
