@@ -42,6 +42,7 @@ COMMANDS = {
     "plan": "plan a path from room to room",
     "sim": "look at the simulated building",
     "vision": "show what the detectors see in a picture",
+    "help": "explain the code of an error, or a command",
 }
 """Every command and what it is for; `colony/cli/NAME.py` has it as `command`."""
 

@@ -122,6 +122,12 @@ def _result(diagnostic: Diagnostic, rule: int, trace: Sequence[TraceStep], root:
         "message": {"text": _message(_told(diagnostic))},
         "locations": _locations(diagnostic.span, root),
     }
+    if diagnostic.labels:
+        result["relatedLocations"] = [
+            {"message": {"text": _message(label.text)}} | place
+            for label in diagnostic.labels
+            for place in _locations(label.span, root)
+        ]
     if trace:
         steps = [_step(i, step, root) for i, step in enumerate(trace)]
         about = f"{counted(len(steps), 'frame')} that lead there"

@@ -6,8 +6,8 @@ import re
 
 from colony.dsl.lalr import UnexpectedInput
 from colony.dsl.recovery import declaration_begun, expected
-from colony.dsl.syntax_hints import DECLARATION_STARTS, hint_for
-from colony.text.diagnostics import Diagnostic, error
+from colony.dsl.syntax_hints import DECLARATION_STARTS, hint_for, misspelled_node
+from colony.text.diagnostics import Diagnostic, Label, error
 from colony.text.source import Source, Span
 from colony.text.wording import listed
 
@@ -72,6 +72,11 @@ def describe(source: Source, problem: UnexpectedInput, declaration: int) -> Diag
     if found == '"':
         hint = 'add the missing `"`; a text ends in the line in which it begins'
         return error("E006", span, "the text that begins here is not closed in its line", hint)
+    node = misspelled_node(text, at, accepted)
+    if node is not None:
+        start, word, hint = node
+        message = f"found `{word}`, expected `suppresses` or `inhibits`"
+        return error("E005", Span(source, start, start + len(word)), message, hint)
     shown = "the end of the file" if at_end else _shown(found)
     message = f"found {shown}, expected {_expected(accepted)}"
     return error("E005", span, message, hint_for(text, at, found, accepted))
@@ -143,11 +148,11 @@ def _closes_another(bracket: str, found: str) -> bool:
 
 def _unclosed(source: Source, span: Span, bracket: int, found: str, begun: int | None) -> Diagnostic:
     """A bracket that is open where the file ends, another is closed, or a declaration has `begun`."""
-    line, column = source.position(bracket)
     closing = _CLOSING[source.text[bracket]]
     where = f"`{found}` stands" if found else "the file ends"
     if begun is not None:
         word = _found(source.text, begun)
         span, where = Span(source, begun, begun + len(word)), f"`{word}` begins a declaration"
-    message = f"{where} before the `{source.text[bracket]}` of line {line}, column {column} is closed"
-    return error("E006", span, message, f"add the missing `{closing}`")
+    message = f"{where} before the `{source.text[bracket]}` is closed"
+    opened = Label(Span(source, bracket, bracket + 1), "opened here")
+    return error("E006", span, message, f"add the missing `{closing}`", opened)

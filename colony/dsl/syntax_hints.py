@@ -27,6 +27,7 @@ _SLIPS = {
     "/*": "comments begin with `#`",
     "**": "powers of numbers are written as products",
     "%": "write `mod(x, y)`",
+    "?": "write `if CONDITION then A else B`",
     "“": "texts stand in straight double quotes",
     "”": "texts stand in straight double quotes",
     "=>": "write `implies` between bools, `>=` between numbers",
@@ -38,6 +39,14 @@ _SLIPS = {
     "null": "write `missing`",
     "True": "write `true`",
     "False": "write `false`",
+    **dict.fromkeys(
+        ("def", "fn", "func", "function", "lambda"),
+        "there are no functions: name a value with `let NAME = ...`",
+    ),
+    **dict.fromkeys(("var", "const", "val", "auto"), "name a value with `let NAME = ...`"),
+    **dict.fromkeys(("class", "behavior", "behaviour"), "a behavior is a `module NAME { when ... do ... }`"),
+    **dict.fromkeys(("for", "while", "loop"), "there are no loops: a program decides one frame at a time"),
+    "return": "what a module commands stands after `do`",
 }
 
 
@@ -52,6 +61,8 @@ _PLACES = {
 def hint_for(text: str, at: int, found: str, accepted: frozenset[str]) -> str | None:
     """What the person probably meant to write."""
     before = text[max(at - 40, 0) : at]
+    if found == "%" and re.search(r"\d[ \t]*$", before) and not re.match(r"[ \t]*[\w(]", text[at + 1 :]):
+        return "there are no percentages: write `0.2` for 20 %"
     return (
         _did_you_mean(found, accepted)
         or _about_numbers(before, found, text[at + len(found) : at + len(found) + 40], accepted)
@@ -97,6 +108,10 @@ def _about_signs(text: str, at: int, found: str, accepted: frozenset[str]) -> st
         and re.search(r":[ \t]*[A-Za-z]+[ \t]+$", text[max(at - 40, 0) : at])
     ):
         return "a unit is written without blanks: `mm/s`"
+    if found == ":" and {"DOTS", "RSQB"} <= accepted:
+        return "a slice is written `sonar[1..3]`, and has both its ends"
+    if found == ":" and "ASSIGN" in accepted:
+        return "write `=`"
     if found == "," and {"AT", "EXPECT"} <= accepted:
         return "no comma stands before `given` and `expect`"
     return None
@@ -118,6 +133,18 @@ def _about_words(before: str, found: str, accepted: frozenset[str]) -> str | Non
     if found in ("suppresses", "inhibits") and accepted == {"ASSIGN"}:
         return f"name the wire, or the actuator that it drives: `NAME = {before.split()[-1]} {found} ...`"
     return None
+
+
+def misspelled_node(text: str, at: int, accepted: frozenset[str]) -> tuple[int, str, str] | None:
+    """Return where a misspelled `suppresses` or `inhibits` stands before `at`, itself, and a hint.
+
+    It was taken for the name of a wire, which should be followed by `=`.
+    """
+    before = re.search(r"[\w)](?:\s+)([A-Za-z]\w*)\s+$", text[:at][-200:])
+    if before is None or accepted != {"ASSIGN"}:
+        return None
+    hint = did_you_mean(before[1], ("suppresses", "inhibits"), cutoff=0.7)
+    return None if hint is None else (at - len(before[0]) + before.start(1) - before.start(), before[1], hint)
 
 
 def _about_names(found: str, accepted: frozenset[str]) -> str | None:

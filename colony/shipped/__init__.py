@@ -15,6 +15,11 @@ _HERE = Path(__file__).parent
 _FOLDER = _HERE if (_HERE / "behaviors").is_dir() else _HERE.parents[1]
 
 
+def errors_page() -> str:
+    """Return docs/errors.md: each code, when it is reported and what to do."""
+    return (_HERE / "errors.md" if _FOLDER == _HERE else _FOLDER / "docs" / "errors.md").read_text("utf-8")
+
+
 def is_file(path: str | os.PathLike[str]) -> bool:
     """Whether there is something at `path` to be read: no folder, but perhaps a link that leads nowhere."""
     return os.path.lexists(path) and not os.path.isdir(path)

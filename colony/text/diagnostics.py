@@ -15,6 +15,14 @@ from colony.text.source import Span
 Severity = Literal["error", "warning"]
 
 
+@dataclass(frozen=True, slots=True)
+class Label:
+    """Another place that a finding is about, and what is there: "first declared here"."""
+
+    span: Span
+    text: str
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Diagnostic:
     """One finding: a stable code, where, what was found and expected, and what to do about it."""
@@ -24,6 +32,7 @@ class Diagnostic:
     message: str
     hint: str | None = None
     severity: Severity = "error"
+    labels: tuple[Label, ...] = ()
 
 
 class Failure(Exception):
@@ -34,9 +43,9 @@ class Failure(Exception):
         super().__init__("\n".join(headline(d) for d in self.diagnostics))
 
 
-def error(code: str, span: Span, message: str, hint: str | None = None) -> Diagnostic:
+def error(code: str, span: Span, message: str, hint: str | None = None, *labels: Label) -> Diagnostic:
     """An error at `span`."""
-    return Diagnostic(code=code, span=span, message=message, hint=hint)
+    return Diagnostic(code=code, span=span, message=message, hint=hint, labels=labels)
 
 
 def warning(code: str, span: Span, message: str, hint: str | None = None) -> Diagnostic:
@@ -46,19 +55,29 @@ def warning(code: str, span: Span, message: str, hint: str | None = None) -> Dia
 
 def headline(diagnostic: Diagnostic) -> str:
     """`file:line:col: error[E012]: message`, on one line."""
-    span = diagnostic.span
+    return f"{_place(diagnostic.span)}: {diagnostic.severity}[{diagnostic.code}]: {diagnostic.message}"
+
+
+def _place(span: Span) -> str:
     line, column = span.source.position(span.start)
-    return (
-        f"{span.source.name}:{line}:{column}: {diagnostic.severity}[{diagnostic.code}]: {diagnostic.message}"
-    )
+    return f"{span.source.name}:{line}:{column}"
 
 
 _WIDEST_LINE = 160
 
 
 def render(diagnostic: Diagnostic) -> str:
-    """The headline, the source line with a caret below it, and the hint."""
-    span = diagnostic.span
+    """The headline, the source line with a caret below it, other places in the same way, and the hint."""
+    out = [headline(diagnostic), *_excerpt(diagnostic.span)]
+    for label in diagnostic.labels:
+        out += [f"{_place(label.span)}: note: {label.text}", *_excerpt(label.span)]
+    if diagnostic.hint:
+        out.append(f"  hint: {diagnostic.hint}")
+    return "\n".join(out)
+
+
+def _excerpt(span: Span) -> list[str]:
+    """The line of a place, with carets below it; nothing where the line is empty."""
     line, column = span.source.position(span.start)
     text = span.source.line(line)
     width = min(max(span.end - span.start, 1), max(len(text) - column + 1, 1))
@@ -68,27 +87,28 @@ def render(diagnostic: Diagnostic) -> str:
         column -= left
         width = min(width, max(len(text) - column + 1, 1))
     shown = "".join(c if c.isprintable() else " " for c in text)
-    out = [headline(diagnostic)]
-    if shown.strip():
-        number = str(line)
-        out.append(f"  {number} | {shown}")
-        out.append(f"  {' ' * len(number)} | {' ' * (column - 1)}{'^' * width}")
-    if diagnostic.hint:
-        out.append(f"  hint: {diagnostic.hint}")
-    return "\n".join(out)
+    if not shown.strip():
+        return []
+    number = str(line)
+    return [f"  {number} | {shown}", f"  {' ' * len(number)} | {' ' * (column - 1)}{'^' * width}"]
 
 
 def to_rows(diagnostics: Sequence[Diagnostic]) -> list[dict[str, object]]:
     """An object a diagnostic, for JSON, with 1-based lines and columns."""
     rows: list[dict[str, object]] = []
     for d in diagnostics:
-        line, column = d.span.source.position(d.span.start)
-        end_line, end_column = d.span.source.position(d.span.end)
-        row: dict[str, object] = {"file": d.span.source.name, "line": line, "column": column}
-        row |= {"end_line": end_line, "end_column": end_column}
+        row = _row(d.span)
         row |= {"severity": d.severity, "code": d.code, "message": d.message, "hint": d.hint}
+        row["labels"] = [{**_row(label.span), "message": label.text} for label in d.labels]
         rows.append(row)
     return rows
+
+
+def _row(span: Span) -> dict[str, object]:
+    line, column = span.source.position(span.start)
+    end_line, end_column = span.source.position(span.end)
+    row: dict[str, object] = {"file": span.source.name, "line": line, "column": column}
+    return row | {"end_line": end_line, "end_column": end_column}
 
 
 def to_json(diagnostics: Sequence[Diagnostic]) -> str:

@@ -6,7 +6,17 @@ import json
 
 import pytest
 
-from colony.text.diagnostics import Failure, error, has_errors, headline, in_order, render, to_json, warning
+from colony.text.diagnostics import (
+    Failure,
+    Label,
+    error,
+    has_errors,
+    headline,
+    in_order,
+    render,
+    to_json,
+    warning,
+)
 from colony.text.source import Source, Span
 
 SOURCE = Source("a.colony", "let a = 3\n\tlet bad = unknown + 1\n")
@@ -71,7 +81,20 @@ def test_json() -> None:
         "code": "E101",
         "message": "unknown name",
         "hint": "a hint",
+        "labels": [],
     }
+
+
+def test_another_place_is_shown_below() -> None:
+    first = Label(Span(BAD.source, 0, 6), "first declared here")
+    found = error("E102", BAD, "declared twice", "choose", first)
+    shown = render(found).splitlines()
+    assert shown[3] == "a.colony:1:1: note: first declared here"
+    assert shown[5].endswith("| ^^^^^^")
+    assert shown[6] == "  hint: choose"
+    [row] = json.loads(to_json([found]))
+    place = {"file": "a.colony", "line": 1, "column": 1, "end_line": 1, "end_column": 7}
+    assert row["labels"] == [place | {"message": "first declared here"}]
 
 
 def test_order_is_by_file_and_place_and_nothing_is_said_twice() -> None:

@@ -14,9 +14,10 @@ from fractions import Fraction
 from colony.dsl import ast
 from colony.dsl.check.compatibility import article, fits
 from colony.dsl.check.constants import constant_value, literal, unit_of
-from colony.dsl.check.scope import Report, Scope, ValueSymbol, span_of
+from colony.dsl.check.scope import Report, Scope, ValueSymbol, label, span_of
 from colony.ir import expression as ir
 from colony.ir.types import PLAIN, Array, Bool, Quantity, Scalar, ScalarValue, Type
+from colony.text.diagnostics import Label
 from colony.text.source import Span
 from colony.text.units import TIME, BadUnit, nanoseconds
 
@@ -136,8 +137,14 @@ class Checker(ABC):
 
     # --- shared
 
-    def error(self, code: str, node: ast.SyntaxNode, message: str, hint: str | None = None) -> None:
-        self.report.error(self.scope, code, node, message, hint)
+    def error(
+        self, code: str, node: ast.SyntaxNode, message: str, hint: str | None = None, *labels: Label
+    ) -> None:
+        self.report.error(self.scope, code, node, message, hint, *labels)
+
+    def label(self, node: ast.SyntaxNode) -> Label:
+        """Point at where something was first declared in this file."""
+        return label(self.scope, node)
 
     def span(self, node: ast.SyntaxNode) -> Span:
         return span_of(self.scope, node)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from colony.dsl import ast
-from colony.dsl.check.scope import ModuleSymbol, Report, Scope, WireSymbol
+from colony.dsl.check.scope import ModuleSymbol, Report, Scope, WireSymbol, label
 
 VALUE_DECLARATIONS = (ast.EnumDecl, ast.ParamDecl, ast.LetDecl, ast.StateDecl, ast.MachineDecl)
 MODULE_DECLARATIONS = (ast.ModuleDecl, ast.DerivedModuleDecl, ast.PythonModuleDecl)
@@ -74,9 +74,8 @@ def _declare_wire(
 ) -> None:
     if name.text in actuators:
         if name.text in parts:
-            line, _ = scope.file.source.position(parts[name.text].start)
-            hint = f"the first wiring is in line {line}"
-            report.error(scope, "E503", name, f"actuator `{name.text}` is driven twice", hint)
+            first = label(scope, parts[name.text], "first driven here")
+            report.error(scope, "E503", name, f"actuator `{name.text}` is driven twice", None, first)
         parts.setdefault(name.text, name)
         scope.drives[name.text] = WireSymbol(name=name.text)
     elif _once(report, scope, parts, name):
@@ -111,8 +110,7 @@ def _once(report: Report, scope: Scope, names: dict[str, ast.Name], name: ast.Na
     if first is None:
         names[name.text] = name
         return True
-    line, _ = scope.file.source.position(first.start)
-    report.error(scope, "E102", name, f"`{name.text}` is declared twice", f"the first is in line {line}")
+    report.error(scope, "E102", name, f"`{name.text}` is declared twice", None, label(scope, first))
     return False
 
 

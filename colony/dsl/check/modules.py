@@ -245,13 +245,13 @@ def _module(
 
 
 def _report_duplicates(checker: Checker, clauses: tuple[ast.Clause | ast.PythonClause, ...]) -> None:
-    names: set[str] = set()
+    names: dict[str, ast.Name] = {}
     for clause in clauses:
         if isinstance(clause, ast.ParamDecl | ast.LetDecl | ast.StateDecl):
-            if clause.name.text in names:
+            first = names.setdefault(clause.name.text, clause.name)
+            if first is not clause.name:
                 message = f"`{clause.name.text}` is declared twice in the module"
-                checker.error("E102", clause.name, message)
-            names.add(clause.name.text)
+                checker.error("E102", clause.name, message, None, checker.label(first))
 
 
 def _params(

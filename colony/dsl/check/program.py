@@ -39,7 +39,7 @@ from colony.dsl.check.wiring import PendingWire, check_outputs, check_wires, rea
 from colony.dsl.files import SourceTree
 from colony.ir import program as ir
 from colony.ir.types import ScalarValue
-from colony.text.diagnostics import Diagnostic, has_errors, in_order, warning
+from colony.text.diagnostics import Diagnostic, Label, has_errors, in_order, warning
 
 _Node = TypeVar("_Node", bound=ast.SyntaxNode)
 
@@ -117,10 +117,8 @@ class _Check:
             return None
         first, node = found[0]
         for checker, other in found[1:]:
-            where = first.scope.file.source.name
-            line, _ = first.scope.file.source.position(node.start)
-            message = f"the program has a robot already: `{node.name.text}` in {where}, line {line}"
-            checker.error("E302", other.name, message, "a program has one robot")
+            message = f"the program has a robot already: `{node.name.text}`"
+            checker.error("E302", other.name, message, "a program has one robot", first.label(node.name))
         return check_robot(first, node)
 
     def _derived(self) -> list[ir.Derived]:
@@ -208,13 +206,14 @@ class _Check:
 
     def _contracts(self) -> list[ir.Contract]:
         contracts: dict[str, ir.Contract] = {}
-        names: dict[str, ast.Name] = {}
+        names: dict[str, Label] = {}
         for checker, node in self._each(ast.ContractDecl):
             full = checker.scope.full(node.name.text)
             if full in names:
-                checker.error("E102", node.name, f"contract `{full}` is declared twice")
+                message = f"contract `{full}` is declared twice"
+                checker.error("E102", node.name, message, None, names[full])
                 continue
-            names[full] = node.name
+            names[full] = checker.label(node.name)
             found = check_contract(checker, node)
             if found is not None:
                 contracts[full] = found

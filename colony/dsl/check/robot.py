@@ -58,9 +58,8 @@ def check_robot(checker: Checker, node: ast.RobotDecl) -> ir.Robot:
             _frame(checker, item, periods)
             continue
         if item.name.text in names:
-            line, _ = checker.scope.file.source.position(names[item.name.text].start)
             message = f"`{item.name.text}` is declared twice"
-            checker.error("E102", item.name, message, f"the first is in line {line}")
+            checker.error("E102", item.name, message, None, checker.label(names[item.name.text]))
             continue
         names[item.name.text] = item.name
         if isinstance(item, ast.SensorDecl):

@@ -15,7 +15,7 @@ from colony.dsl.files import ParsedFile
 from colony.ir import program as ir
 from colony.ir.types import Enum, Scalar, Type, Value
 from colony.record import Record, record
-from colony.text.diagnostics import Diagnostic, error
+from colony.text.diagnostics import Diagnostic, Label, error
 from colony.text.source import Span
 from colony.text.suggestions import did_you_mean
 
@@ -179,9 +179,15 @@ class Report:
     suggestions: int = 100
 
     def error(
-        self, scope: Scope, code: str, node: ast.SyntaxNode, message: str, hint: str | None = None
+        self,
+        scope: Scope,
+        code: str,
+        node: ast.SyntaxNode,
+        message: str,
+        hint: str | None = None,
+        *labels: Label,
     ) -> None:
-        self.diagnostics.append(error(code, span_of(scope, node), _clipped(message), hint))
+        self.diagnostics.append(error(code, span_of(scope, node), _clipped(message), hint, *labels))
 
     def suggest(self, name: str, known: Iterable[str]) -> str | None:
         """A hint with the closest known name, if one is close."""
@@ -198,6 +204,11 @@ class Report:
 
 def span_of(scope: Scope, node: ast.SyntaxNode) -> Span:
     return Span(scope.file.source, node.start, node.end)
+
+
+def label(scope: Scope, node: ast.SyntaxNode, text: str = "first declared here") -> Label:
+    """Point at another place that an error is about."""
+    return Label(span_of(scope, node), text)
 
 
 def _clipped(message: str) -> str:

@@ -1,0 +1,46 @@
+"""`colony help`: what a code of an error means, or how a command is used."""
+
+from __future__ import annotations
+
+import re
+
+import click
+
+from colony.shipped import errors_page
+from colony.text.suggestions import did_you_mean
+
+_SECTION = re.compile(r"^### (([A-Z]\d{3}): .*\n(?:(?!^##).*\n?)*)", re.MULTILINE)
+"""A section of docs/errors.md: the code in its heading, and all until the next heading."""
+
+
+@click.command("help", short_help="explain the code of an error, or a command")
+@click.argument("topic", required=False, metavar="[CODE|COMMAND]")
+@click.pass_context
+def command(context: click.Context, topic: str | None) -> None:
+    """Explain the code of an error or warning: when it is reported, an example, and what to do.
+
+    With the name of a command, show its help.
+
+    \b
+    Example:
+      colony help E201
+      colony help run
+    """
+    from colony.cli.main import COMMANDS, colony
+
+    if topic is None:
+        click.echo(colony.get_help(context.find_root()))
+        return
+    if topic in COMMANDS:
+        found = colony.get_command(context, topic)
+        assert found is not None
+        with click.Context(found, info_name=topic, parent=context.find_root()) as inner:
+            click.echo(found.get_help(inner))
+        return
+    sections = {code: text for text, code in _SECTION.findall(errors_page())}
+    section = sections.get(topic.upper())
+    if section is None:
+        hint = did_you_mean(topic.upper(), sections) or did_you_mean(topic, COMMANDS)
+        message = f"no code or command `{topic}`" + (f"; {hint}" if hint else "")
+        raise click.UsageError(message, context)
+    click.echo(section.rstrip())

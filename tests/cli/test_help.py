@@ -1,0 +1,31 @@
+"""`colony help` explains every code and every command."""
+
+from __future__ import annotations
+
+import pytest
+
+from colony.cli.main import COMMANDS
+from colony.dsl.errors import CODES as FRONT_END_CODES
+from colony.text.codes import CODES
+from tests.cli.conftest import Colony
+
+
+def test_every_code_is_explained(colony: Colony) -> None:
+    for code in (*FRONT_END_CODES, *CODES):
+        ran = colony("help", code.lower())
+        assert ran.code == 0
+        assert ran.out.startswith(f"{code}: ")
+        assert ran.out.count("\n") > 3
+        assert "### " not in ran.out
+
+
+@pytest.mark.parametrize("name", COMMANDS)
+def test_every_command_is_explained(colony: Colony, name: str) -> None:
+    assert colony("help", name).out == colony(name, "--help").out
+
+
+def test_what_there_is_not(colony: Colony) -> None:
+    code, _, err = colony("help", "vrify")
+    assert code == 2
+    assert "no code or command `vrify`; did you mean `verify`?" in err
+    assert colony("help").out.startswith("Usage: colony")
