@@ -13,6 +13,7 @@ EXTRAS = {
     "sim": ("matplotlib", "networkx", "numba", "numpy"),
     "vision": ("cv2", "PIL", "numpy"),
     "drivers": ("serial",),
+    "dask": ("distributed",),
 }
 """The modules that each extra is installed for."""
 

@@ -78,10 +78,16 @@ def test_what_z3_would_prove_is_said(tmp_path: Path) -> None:
         ("diff wander teleop", EVERYTHING, "verify"),
         ("run wander --map loop", EVERYTHING, "sim"),
         ("run wander --map loop --processes", EVERYTHING, "sim"),
+        ("run navigator --map loop --from 201 --to 216", ("cv2",), "vision"),
+        ("run navigator --map loop --from 201 --to 216", EVERYTHING, "sim,vision"),
+        ("serve all --robot rome --map loop", ("numba",), "sim"),
+        ("experiment thesis --runs 1", ("cv2",), "vision"),
+        ("experiment thesis --runs 1 --engine dask", ("distributed",), "dask"),
+        ("compile --prove clients.json wander", ("z3",), "verify"),
         ("serve all --robot rome --map loop", EVERYTHING, "sim"),
         ("map loop", EVERYTHING, "sim"),
         ("plan loop 201 216", EVERYTHING, "sim"),
-        ("experiment thesis", EVERYTHING, "sim"),
+        ("experiment thesis", EVERYTHING, "sim,vision"),
         ("sim snapshot loop --at 201", EVERYTHING, "sim"),
         ("graph wander --format graphml", EVERYTHING, "sim"),
         ("vision x.png", EVERYTHING, "vision"),
@@ -91,12 +97,13 @@ def test_what_z3_would_prove_is_said(tmp_path: Path) -> None:
 def test_a_command_names_the_extra_that_it_lacks(
     command: str, missing: tuple[str, ...], extras: str, tmp_path: Path
 ) -> None:
+    (tmp_path / "clients.json").write_text("{}")
     ran = _run(COMMAND, *command.split(), folder=tmp_path, missing=missing)
     assert ran.returncode == 2
     assert ran.stderr.startswith("colony: error: ")
     assert ran.stderr.endswith(f" not installed: pip install 'colony-robotics[{extras}]'\n")
     assert ran.stderr.count("\n") == 1
-    assert list(tmp_path.iterdir()) == []
+    assert [path.name for path in tmp_path.iterdir()] == ["clients.json"]
 
 
 def test_the_library_says_so_too(tmp_path: Path) -> None:

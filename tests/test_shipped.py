@@ -18,7 +18,7 @@ OWN = "param slow = 100 mm/s\n"
 USER = """
 import "rome"
 import "teleop.colony" as far
-import "wander.colony" as own
+import "wander" as own
 module mine { when min(sonar) < 600 mm do drive(velocity = own.slow, turn = 0) }
 network { drive = mine }
 """
@@ -43,6 +43,7 @@ def test_a_file_comes_before_a_name_and_a_folder_does_not(
     assert Shipped.BEHAVIOR.find("wander") == shipped
     Path("wander.colony").write_text("")
     assert Shipped.BEHAVIOR.find("wander.colony") == "wander.colony"
+    assert Shipped.BEHAVIOR.find("wander") == "wander.colony"
 
 
 @pytest.mark.parametrize("name", ["", ".", "..", "a\0b", "x" * 5000, "../maps/loop"])
@@ -63,6 +64,14 @@ def test_commands_take_names_and_say_what_may_be_meant(colony: Colony) -> None:
 
 def test_the_front_door_takes_names() -> None:
     assert library.load("figure_4_14").files[-1][0] == "figure_4_14.colony"
+
+
+def test_an_import_takes_the_file_beside_it_with_or_without_its_suffix(tmp_path: Path) -> None:
+    (tmp_path / "wander.colony").write_text(OWN)
+    for name in ("wander", "wander.colony", "./wander"):
+        (tmp_path / "user.colony").write_text(f'import "rome"\nimport "{name}" as own\nlet fast = own.slow\n')
+        places = dict(library.load(tmp_path / "user.colony").files)
+        assert places["wander.colony"].text == OWN
 
 
 def test_a_recording_has_files_of_ones_own_and_those_that_come_with_colony(

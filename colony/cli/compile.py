@@ -12,7 +12,7 @@ from colony.cli.outputs import check_output, write_whole
 from colony.cli.reporting import report, say
 from colony.cli.shipped_files import BEHAVIOR
 from colony.cli.verify.prover_options import ProverSeconds
-from colony.extras import installed, to_install
+from colony.extras import expect_extras, installed, to_install
 from colony.files import read_file, reason
 from colony.verify.interruption import interruptions
 
@@ -67,7 +67,8 @@ def command(
     """Eliminate the inhibitors, number the modules by a forward traversal, and show the clients.
 
     Whatever modules do, in every frame the clients have the winner that the network has. That is proved of
-    each result before it is shown; if it fails nothing is shown, and the exit code is 1.
+    each result before it is shown; if it fails nothing is shown, and the exit code is 1. Where z3 is not
+    installed it is proved by structure as far as that goes, and what is left open is said.
 
     \b
     Example:
@@ -85,6 +86,8 @@ def command(
     if existing is not None and (explain or no_proof or output is not None or format_ != "table"):
         message = "--prove goes with no other option but --proof-timeout"
         raise click.UsageError(message, click.get_current_context())
+    if existing is not None:
+        expect_extras("verify")
     from colony.cli.programs import compile_file
     from colony.execute.colonyc import SUFFIX, encode
 

@@ -11,6 +11,7 @@ from colony.cli.exit_codes import EXIT_ERRORS, EXIT_MISUSE, EXIT_UNDECIDED
 from colony.cli.reporting import load_program, report
 from colony.cli.shipped_files import BEHAVIOR
 from colony.cli.verify.prover_options import depth_option, timeout_option
+from colony.extras import expect_extras
 from colony.verify.interruption import interruptions
 
 
@@ -59,6 +60,7 @@ def command(
     """
     pairs = [_pair(text) for text in actuators]
     one, other = load_program(a, EXIT_MISUSE), load_program(b, EXIT_MISUSE)
+    expect_extras("verify")
     from colony.text.diagnostics import Failure
     from colony.verify.contracts.results import Options
     from colony.verify.difference import Different, Undecided, difference

@@ -11,6 +11,7 @@ from colony.cli.exit_codes import EXIT_MISUSE
 from colony.cli.outputs import check_output, write_whole
 from colony.cli.reporting import report
 from colony.cli.shipped_files import MAP
+from colony.extras import expect_extras
 
 if TYPE_CHECKING:
     from colony.nav.maps.building import Building
@@ -40,6 +41,7 @@ def command(path: str, output: Path | None, no_picture: bool, format_: str) -> N
       colony map loop
       colony map msu_engineering_3 -o third_floor.svg
     """
+    expect_extras("sim")
     from colony.nav.maps.building import load_building
     from colony.text.diagnostics import Failure
 

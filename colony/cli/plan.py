@@ -11,6 +11,7 @@ from colony.cli.exit_codes import EXIT_MISUSE
 from colony.cli.outputs import check_output, write_whole
 from colony.cli.reporting import report, say
 from colony.cli.shipped_files import MAP
+from colony.extras import expect_extras
 
 if TYPE_CHECKING:
     from colony.nav.maps.building import Building
@@ -53,6 +54,7 @@ def command(
       colony plan msu_engineering_3 350R 376L
       colony plan loop 201 216 -o plan.png
     """
+    expect_extras("sim")
     from colony.nav.maps.building import load_building
     from colony.nav.plan.route import NoPlan, plan
     from colony.text.diagnostics import Failure

@@ -12,6 +12,7 @@ from colony.cli.exit_codes import EXIT_ERRORS, EXIT_MISUSE
 from colony.cli.places import problems_told, robot_option
 from colony.cli.reporting import refuse, say
 from colony.cli.shipped_files import MAP
+from colony.extras import expect_extras
 
 if TYPE_CHECKING:
     from colony.robots.serving import Settings
@@ -101,6 +102,8 @@ def command(server: str, **given: Any) -> None:
         wrong = str(bad)
     if wrong is not None:
         raise click.UsageError(wrong, click.get_current_context())
+    if settings.map_path is not None:
+        expect_extras("sim")
     try:
         with problems_told():
             place = local(robot, os.environ)

@@ -11,7 +11,7 @@ from colony.dsl import ast
 from colony.dsl.parse import parse
 from colony.files import COMPILED, read_file, reason, size_text
 from colony.record import Record, record
-from colony.shipped import Shipped, is_file
+from colony.shipped import Shipped
 from colony.text.diagnostics import Diagnostic, error
 from colony.text.source import Source, Span
 
@@ -24,14 +24,16 @@ _SHOWN_OF_CYCLE = 6
 
 @record
 class Import(Record):
-    """An import of a file, resolved: `target` is the key of the file it brings in.
+    """An import of a file, resolved.
 
-    `shipped` says that it is one of those that come with colony, found by its name.
+    Attributes:
+        target: the key of the file that it brings in.
+        path: where that is, relative to the file that imports it; None for one that comes with colony.
     """
 
     declaration: ast.ImportDecl
     target: str
-    shipped: bool = False
+    path: str | None
 
 
 @record
@@ -151,10 +153,9 @@ def placed(tree: SourceTree, path: Path) -> tuple[tuple[str, Source], ...]:
     for file in reversed(tree.files):  # importers before what they import
         place = places.setdefault(file.key, os.path.abspath(path))
         for one in file.imports:
-            folder, name = os.path.dirname(place), one.declaration.path
-            if one.shipped:
-                folder, name = shipped, os.path.basename(one.target)
-            places.setdefault(one.target, os.path.normpath(os.path.join(folder, name)))
+            found = os.path.join(os.path.dirname(place), one.path) if one.path is not None else None
+            target = found or os.path.join(shipped, os.path.basename(one.target))
+            places.setdefault(one.target, os.path.normpath(target))
     base = os.path.commonpath([os.path.dirname(places[file.key]) for file in tree.files])
     return tuple(
         (Path(os.path.relpath(places[file.key], base)).as_posix(), file.source) for file in tree.files
@@ -180,15 +181,14 @@ class _Loader:
             for declaration in parsed.file.declarations:
                 if not isinstance(declaration, ast.ImportDecl):
                     continue
-                target = path.parent / declaration.path
-                named = None if is_file(target) else Shipped.BEHAVIOR.named(declaration.path, self.shipped)
-                target_key = resolved(named or target)
-                imports.append(Import(declaration=declaration, target=target_key, shipped=named is not None))
+                target, relative = self._find(path, declaration.path)
+                target_key = resolved(target)
+                imports.append(Import(declaration=declaration, target=target_key, path=relative))
                 if target_key in seen:
                     continue
                 seen.add(target_key)
-                shown = named or os.path.normpath(Path(source.name).parent / declaration.path)
-                found = self._read(source, named or target, str(shown), declaration, len(seen))
+                shown = target if relative is None else Path(source.name).parent / relative
+                found = self._read(source, target, os.path.normpath(shown), declaration, len(seen))
                 if found is not None:
                     waiting.append((target_key, Path(target_key), found))
             self.files[key] = ParsedFile(
@@ -198,6 +198,16 @@ class _Loader:
                 imports=tuple(imports),
                 lost_names=parsed.lost_names,
             )
+
+    def _find(self, importer: Path, name: str) -> tuple[Path, str | None]:
+        """Return where the file is that an import names, and its path as in `Import`."""
+        given = os.path.join(importer.parent, name)
+        own = Shipped.BEHAVIOR.own(given)
+        named = Shipped.BEHAVIOR.named(name, self.shipped) if own is None else None
+        if named is not None:
+            return named, None
+        relative = name + (own or given).removeprefix(given)
+        return importer.parent / relative, relative
 
     def _read(
         self, source: Source, path: Path, shown: str, declaration: ast.ImportDecl, count: int

@@ -8,6 +8,7 @@ from importlib import import_module
 from typing import Any, TypeVar
 
 from colony.experiment.parallel import WorkersLost
+from colony.extras import expect_extras
 
 T = TypeVar("T")
 R = TypeVar("R")
@@ -29,12 +30,8 @@ class DaskEngine:
         self._workers = workers
 
     def results(self, work: Callable[[T], R], items: Sequence[T]) -> Iterator[R]:
-        try:
-            distributed: Any = import_module("distributed")
-        except ImportError:
-            raise WorkersLost(
-                "dask is not installed; `pip install 'dask[distributed]'` installs it"
-            ) from None
+        expect_extras("dask")
+        distributed: Any = import_module("distributed")
         with ExitStack() as holds:
             client = self._client(distributed, holds)
             try:

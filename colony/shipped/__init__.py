@@ -20,11 +20,6 @@ def errors_page() -> str:
     return (_HERE / "errors.md" if _FOLDER == _HERE else _FOLDER / "docs" / "errors.md").read_text("utf-8")
 
 
-def is_file(path: str | os.PathLike[str]) -> bool:
-    """Whether there is something at `path` to be read: no folder, but perhaps a link that leads nowhere."""
-    return os.path.lexists(path) and not os.path.isdir(path)
-
-
 @unique
 class Shipped(Enum):
     """A kind of file that is shipped: its folder and the suffix of its files."""
@@ -49,12 +44,20 @@ class Shipped(Enum):
         return self.folder / f"{name}{self.suffix}"
 
     def find(self, given: str) -> str:
-        """Return `given` if there is such a file, else the path of the shipped file with this name, if any.
+        """Return where the file is: at the path `given`, with or without its suffix, or the shipped one.
 
-        Where there is neither, `given` is returned as it is, and reading it says what is wrong.
+        Where there is none, `given` is returned as it is, and reading it says what is wrong.
         """
-        named = None if is_file(given) else self.named(given)
-        return given if named is None else str(named)
+        own = self.own(given)
+        return own if own is not None else str(self.named(given) or given)
+
+    def own(self, given: str | os.PathLike[str]) -> str | None:
+        """Return the path of a user's own file, `given` or that with the suffix; None where there is none.
+
+        A folder is no file; a link that leads nowhere is one, which cannot be read.
+        """
+        paths = (os.fspath(given), f"{os.fspath(given)}{self.suffix}")
+        return next((path for path in paths if os.path.lexists(path) and not os.path.isdir(path)), None)
 
     def named(self, name: str, folder: Path | None = None) -> Path | None:
         """Return the file with this name, `wander` or `wander.colony`; None where there is none.

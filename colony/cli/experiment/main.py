@@ -12,6 +12,7 @@ import click
 from colony.cli.exit_codes import EXIT_ERRORS, EXIT_INTERRUPTED, EXIT_MISUSE
 from colony.cli.reporting import report, say
 from colony.cli.shipped_files import MAP
+from colony.extras import expect_extras
 
 if TYPE_CHECKING:
     from colony.cli.experiment.outputs import Found
@@ -128,6 +129,7 @@ def command(
       colony experiment rounds.csv --map msu_engineering_3 --plot pictures
       colony experiment plates --seeds 10 -o plates.sqlite --write docs/plates.md
     """
+    expect_extras("sim", "vision")
     from colony.cli.experiment.outputs import check_outputs, put_out
     from colony.experiment.request import ExperimentRequest, experiment_of
 

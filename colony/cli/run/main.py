@@ -16,6 +16,7 @@ from colony.cli.places import connect_option, place_of, problems_told, robot_opt
 from colony.cli.reporting import refuse, report, say
 from colony.cli.run.options import DURATION, BadOption, Options, objection, request_of
 from colony.cli.shipped_files import BEHAVIOR, MAP
+from colony.extras import expect_extras
 from colony.robots.request import BrokenOff, Misuse
 
 if TYPE_CHECKING:
@@ -121,6 +122,8 @@ def command(**given: Any) -> None:
         raise click.UsageError(wrong, click.get_current_context())
     from colony.cli.programs import load_compiled
 
+    if options.map_path is not None:
+        expect_extras("sim", *(["vision"] if options.goal is not None else []))
     compiled = load_compiled(options.file)
     picture = None if options.no_picture or options.connect is not None else options.picture or PICTURE
     with _failures_told(), redirect_stdout(sys.stderr):  # for what modules in Python print

@@ -12,6 +12,7 @@ from colony.cli.exit_codes import EXIT_MISUSE
 from colony.cli.outputs import cannot_write, check_output, write_whole
 from colony.cli.reporting import report, say
 from colony.cli.shipped_files import MAP
+from colony.extras import expect_extras
 
 if TYPE_CHECKING:
     from colony.nav.maps.stickrep.model import Map
@@ -119,6 +120,7 @@ def snapshot_command(
       colony sim snapshot msu_engineering_3 --at 376
       colony sim snapshot msu_engineering_3 --at 354 --hazards 7 --size 640x480 -o shots
     """
+    expect_extras("sim")
     from colony.nav.maps.standing import NoPlace
     from colony.nav.maps.stickrep.reader import load_map
     from colony.text.diagnostics import Failure

@@ -15,6 +15,7 @@ from colony.cli.verify.progress import progress
 from colony.cli.verify.prover_options import depth_option, timeout_option
 from colony.cli.verify.tests import check_writable
 from colony.cli.verify.work import Verified, Work, load
+from colony.extras import expect_extras
 from colony.text.suggestions import did_you_mean
 from colony.verify.interruption import interruptions
 
@@ -63,6 +64,7 @@ def command(
     context = click.get_current_context()
     if faults and not examples:
         raise click.UsageError("--faults goes with --examples N", context)
+    expect_extras("verify")
     files_ = [load(file, write_test=write_test) for file in dict.fromkeys(files)]
     _check_names(names, files_, context)
     for one in files_:
