@@ -210,16 +210,17 @@ class Recall(_Message, frozen=True, kw_only=True):
 MOST_IN_BATCH = 1000
 """Messages in one batch."""
 
+Batched = Request | Ready | Checkpoint
+"""Messages that travel in batches."""
+
 
 class Batch(_Message, frozen=True, kw_only=True):
-    """What clients of one process say to one server in a frame, each for itself, in one piece on its way.
+    """Several messages of one kind, of the clients of one node to one server, sent together.
 
-    Transports put it together and take it apart; no node sees one.
+    The live transport makes batches and takes them apart: nodes, and virtual time, never see one.
     """
 
-    messages: Annotated[
-        tuple[Request | Ready | Checkpoint, ...], msgspec.Meta(min_length=1, max_length=MOST_IN_BATCH)
-    ]
+    messages: Annotated[tuple[Batched, ...], msgspec.Meta(min_length=1, max_length=MOST_IN_BATCH)]
 
 
 # --- calls -----------------------------------------------------------------------------------------
@@ -309,6 +310,9 @@ Sent = (
     | Notice
     | Alive
 )
+"""What a node may send to another."""
+
+Wire = Sent | Batch
 """What goes from one process to another."""
 
 Message = Sent | Malformed | Wake
