@@ -165,9 +165,9 @@ def _run(run: RunStatus, priorities: dict[str, int]) -> Iterator[str]:
 
 
 def _processes(run: RunStatus, servers: set[str]) -> Iterator[str]:
-    """Yield the processes of a run that are no servers: clients, modules in Python, the simulator."""
-    rows = [(name, f"process {pid}") for name, pid in run.processes.items() if name not in servers]
-    yield from _table(rows) if rows else ()
+    """Yield the processes of a run that are no servers: those of clients and of modules in Python."""
+    rows = [(name, str(pid)) for name, pid in run.processes.items() if name not in servers]
+    yield from _table([("process", "id"), *rows])
 
 
 def _table(rows: Iterable[tuple[str, ...]]) -> Iterator[str]:
