@@ -67,7 +67,7 @@ class VirtualRobot:
         requests: whether frames come with what the clients asked for.
         nodes: who else takes part, such as camera servers and scripts; started last, in this order, and never
             again: `restart` and `revive` are for the processes of `processes`.
-        isolate: whether each client is a process of its own.
+        isolate: whether each client runs in its own process.
 
     Raises:
         Failure: a module in Python cannot be imported or built.

@@ -27,8 +27,8 @@ from colony.runtime.protocol.messages import (
 )
 
 VERSION = 1
-"""Version of the protocol. A field with a default may be added at the end of a message; every other change is
-a new version."""
+"""Version of the protocol. Once a version is released, a field with a default may be added at the end of a
+message; every other change is a new version."""
 
 LARGEST = 4 * 1024 * 1024
 """Bytes of the largest message: enough for a color image of 1280x960 and what goes with it."""
