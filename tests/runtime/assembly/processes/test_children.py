@@ -29,6 +29,18 @@ with on_signals(ending):
 print("closed:", ending.why, flush=True)
 """
 
+HANDLES = """
+import os, signal
+from colony.runtime.assembly.processes.ending import Ending, on_signals
+ending = Ending()
+signal.signal(signal.SIGUSR1, lambda *_: None)
+with on_signals(ending):
+    os.kill(os.getpid(), signal.SIGUSR1)
+    os.kill(os.getpid(), signal.SIGTERM)
+    ending.wait()
+print("closed:", ending.why, flush=True)
+"""
+
 IGNORES = """
 import signal, time
 signal.signal(signal.SIGTERM, signal.SIG_IGN)
@@ -102,6 +114,7 @@ time.sleep(60)
 
 _MODULES = (
     ("obeys", OBEYS),
+    ("handles", HANDLES),
     ("floods", FLOODS),
     ("forks", FORKS),
     ("ignores", IGNORES),
@@ -197,6 +210,12 @@ def test_one_that_is_killed_is_started_again(children: Children, folder: Path) -
     assert pid_of(children, "client") != first
     assert children.restarts() == 1
     until(lambda: said(folder, "client") == ("here", "here"), "it starts again")
+
+
+def test_a_signal_that_a_module_handles_ends_no_process(children: Children, folder: Path) -> None:
+    children.start(job(folder, "handles"))
+    until(lambda: said(folder, "handles"), "it ends")
+    assert said(folder, "handles") == ("closed: SIGTERM",)
 
 
 def test_threads_of_a_process_share_one_heap(children: Children, folder: Path) -> None:
