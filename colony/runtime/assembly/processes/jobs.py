@@ -145,7 +145,9 @@ def job_of(place: Place, part: Part, folder: Path, wave: int, *, hardware: str =
     """Write what a process has to know into `folder`, and return its job; what it prints goes there, too.
 
     A run cannot do without its servers, its hardware and the process that clients share. It can do without a
-    client that runs apart, and without a module in Python: then frames are decided without them.
+    client that runs apart, and without a module in Python: then frames are decided without them. Clients and
+    modules in Python need one thread of zenoh, as they handle one message at a time; servers go on receiving
+    while they handle one.
     """
     name = name_of(part)
     spec = folder / f"{name.replace('/', '.')}.json"

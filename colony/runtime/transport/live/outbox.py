@@ -40,8 +40,7 @@ IDLE_NS = 10_000_000_000
 """Nanoseconds without a message after which the publisher for a connection is given back."""
 
 SMALL_BYTES = 1024
-"""Bytes of the largest checkpoint that travels in a batch, and of the largest reply that may be dropped for
-lack of room: a link has room for many of that size."""
+"""Bytes of the largest checkpoint that travels in a batch."""
 
 PASSING_MOST = 256
 """Publishers for connections at a time."""

@@ -13,7 +13,10 @@ from queue import SimpleQueue
 from threading import Thread
 
 from colony.runtime.protocol.messages import Checkpoint, Notice, Reply, Send
-from colony.runtime.transport.live.outbox import SMALL_BYTES, Outbox
+from colony.runtime.transport.live.outbox import Outbox
+
+DROPPABLE_BYTES = 1024
+"""Bytes of the largest reply that may be dropped for lack of room: a link has room for many of that size."""
 
 
 class Sender:
@@ -56,6 +59,6 @@ def may_wait(send: Send) -> bool:
     """Return True if a message may need more room than a link has at once, and must not be dropped."""
     match send.message:
         case Reply(result=result):
-            return len(bytes(result)) > SMALL_BYTES
+            return len(bytes(result)) > DROPPABLE_BYTES
         case message:
             return isinstance(message, (Checkpoint, Notice))
