@@ -163,4 +163,5 @@ def _laid_out(children: list[Any], layout: list[list[int]]) -> list[Any]:
             found += child
         else:  # no longer needed where it was: lists are as long as the file
             found = child
-    return found + [None] * layout[-1][0]
+    found += [None] * layout[-1][0]
+    return found
