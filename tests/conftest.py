@@ -3,12 +3,17 @@
 `dev` (the default) and `ci` are deterministic: each test draws from a seed made of its own source. `explore`
 draws anew in every run; a failure prints the seed to repeat it with `--hypothesis-seed`. Choose one with
 `--hypothesis-profile` or the environment variable HYPOTHESIS_PROFILE.
+
+`--shuffle SEED` shuffles the files, and the tests in each file.
 """
 
 from __future__ import annotations
 
 import os
+import random
 import signal
+
+import pytest
 
 if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
     # As in a job in the background of a script: processes that tests start would ignore it, too.
@@ -31,6 +36,24 @@ settings.register_profile("dev", _COMMON, derandomize=True, max_examples=60)
 settings.register_profile("ci", _COMMON, derandomize=True, max_examples=1000)
 settings.register_profile("explore", _COMMON, derandomize=False, max_examples=2000)
 settings.load_profile(os.environ.get("HYPOTHESIS_PROFILE", "dev"))
+
+
+def pytest_addoption(parser: pytest.Parser) -> None:
+    """Declare the options of this suite."""
+    parser.addoption("--shuffle", metavar="SEED", help="shuffle the files, and the tests in each file")
+
+
+@pytest.hookimpl(trylast=True)
+def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
+    """Shuffle the tests if `--shuffle` is given; tests of a file stay together, as they share fixtures."""
+    seed = config.getoption("shuffle")
+    if seed is not None:
+        items.sort(key=lambda item: [_drawn(seed, item.nodeid.partition("::")[0]), _drawn(seed, item.nodeid)])
+
+
+def _drawn(seed: str, name: str) -> float:
+    """Return the same number in every process of a run."""
+    return random.Random(f"{seed} {name}").random()
 
 
 def pytest_report_header() -> str:

@@ -38,9 +38,10 @@ from colony.runtime.store import reserve
 from colony.runtime.transport.live import border, meter, names, network, waiting
 from colony.runtime.transport.live.place import local
 from colony.verify.testing.examples import run_examples
-from tests.examples.stage import ROOT, Machine, Process, machine, until
+from tests.examples.stage import ROOT, Machine, Process, machine
 from tests.runtime.transport.live.certificates import Authority, free_port
 from tests.runtime_page_tables import PAGE, commands, page
+from tests.waiting import until
 
 TEXT = PAGE.read_text(encoding="utf-8")
 FENCES = re.findall(r"^```([^\n]*)\n(.*?)^```$", TEXT, re.MULTILINE | re.DOTALL)

@@ -15,7 +15,8 @@ from colony.runtime.transport.live.place import Remote
 from tests.attack.flood import KINDS, Kind, flood
 from tests.attack.lab import Lab
 from tests.attack.stops import stop_times
-from tests.cli.machine import ROBOT, until
+from tests.cli.machine import ROBOT
+from tests.waiting import until
 
 SECONDS = 2.0
 STOPS = 5

@@ -8,7 +8,7 @@ from colony.runtime.transport.live.errors import NotReached
 from colony.runtime.transport.live.gateway import whoami
 from tests.attack.handshakes import HalfOpen
 from tests.attack.lab import Lab
-from tests.cli.machine import until
+from tests.waiting import until
 
 COUNT = 20
 

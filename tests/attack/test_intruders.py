@@ -10,7 +10,7 @@ from tests.attack.intruder import MODES, REFUSED, STRANGER, Intruder, scouted
 from tests.attack.lab import Lab, Witness
 from tests.attack.sockets import Socket, network_sockets
 from tests.attack.trial import attempt, impersonators
-from tests.cli.machine import until
+from tests.waiting import until
 
 SAMPLE = (
     Intruder(mode="peer", certificate=STRANGER),

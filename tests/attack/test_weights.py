@@ -6,7 +6,7 @@ from colony.runtime.kit.emergency import StopButton
 from colony.runtime.transport.live.network import local_user
 from tests.attack.lab import Lab
 from tests.attack.weights import SERVERS, bear, weights
-from tests.cli.machine import until
+from tests.waiting import until
 
 
 def test_whatever_comes_is_answered_and_a_stop_behind_it(lab: Lab) -> None:

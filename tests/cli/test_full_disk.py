@@ -19,8 +19,9 @@ from colony.runtime.library import data
 from colony.runtime.library.ask import STATUS
 from colony.runtime.transport.live.run_directory import RobotDirectory, RunDirectory
 from tests.cli.conftest import Colony
-from tests.cli.machine import MAP, ROBOT, WANDER, Machine, Started, until
+from tests.cli.machine import MAP, ROBOT, WANDER, Machine, Started
 from tests.small_disk import SmallDisk, small_disk
+from tests.waiting import until
 
 RUN = ("run", WANDER, "--map", MAP, "--seed", "1")
 NO_ROOM = "No space left on device"

@@ -9,7 +9,8 @@ import pytest
 
 from colony.runtime.kit.connection import Session
 from colony.runtime.library import data
-from tests.examples.stage import ROOT, machine, until
+from tests.examples.stage import ROOT, machine
+from tests.waiting import until
 
 HERE = ROOT / "examples" / "hierarchy"
 README = (HERE / "README.md").read_text(encoding="utf-8")

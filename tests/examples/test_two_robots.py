@@ -9,7 +9,8 @@ from contextlib import contextmanager
 
 from colony.sim.plant.control import PlantControl
 from colony.sim.plant.protocol import Truth
-from tests.examples.stage import ROOT, Machine, Process, machine, until
+from tests.examples.stage import ROOT, Machine, Process, machine
+from tests.waiting import until
 
 HERE = ROOT / "examples" / "two_robots"
 COMMANDS = [

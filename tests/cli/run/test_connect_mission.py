@@ -8,9 +8,10 @@ from pathlib import Path
 
 from colony.nav.shared import FLOOR, FLOOR_REACHED, GOAL_TYPE, GoalKind
 from colony.runtime.library import data
-from tests.cli.machine import ROBOT, Machine, Started, until
+from tests.cli.machine import ROBOT, Machine, Started
 from tests.nav.floors import two_floors
 from tests.paths import ROOT
+from tests.waiting import until
 
 NAVIGATOR = str(ROOT / "behaviors" / "navigator.colony")
 

@@ -12,7 +12,8 @@ import pytest
 
 from colony.runtime.library.leader import ClientStanding, RunStatus
 from tests.cli.conftest import Colony
-from tests.cli.machine import MAP, ROBOT, WANDER, Machine, Started, children_of, lives, status, until
+from tests.cli.machine import MAP, ROBOT, WANDER, Machine, Started, children_of, lives, status
+from tests.waiting import until
 
 SERVERS = ("Clock", "RServer", "PServer", "DServer", "Simulator")
 CLIENTS = ("drive/back_off", "drive/avoid", "drive/keep_middle", "drive/cruise")

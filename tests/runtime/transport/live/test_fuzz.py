@@ -24,8 +24,9 @@ from colony.runtime.transport.live.network import ZenohSession
 from colony.runtime.transport.live.outbox import publish
 from colony.runtime.transport.live.place import local
 from colony.runtime.transport.live.waiting import WaitingRoom
-from tests.cli.machine import MAP, ROBOT, Machine, until
+from tests.cli.machine import MAP, ROBOT, Machine
 from tests.runtime.servers.fuzz_stage import BUILD, Stage
+from tests.waiting import until
 
 SEED = 1994
 SALVO = 1500

@@ -27,7 +27,8 @@ from colony.runtime.transport.live.outbox import publish
 from colony.runtime.transport.live.waiting import CALLS_EACH
 from tests.runtime.calling import plain_call
 from tests.runtime.transport.live.outside import CALLS, SERVER, Blocked, Outside
-from tests.runtime.transport.live.stage import ROBOT, Recorder, hosted, place, running, until
+from tests.runtime.transport.live.stage import ROBOT, Recorder, hosted, place, running
+from tests.waiting import until
 
 
 class _Threads(Recorder):
