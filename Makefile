@@ -12,13 +12,16 @@ MODULE  ?=
 SAMPLE  ?=
 WORKERS ?= 2
 
-.PHONY: run test check format bench soak stops loss attack tables mutants clean
+.PHONY: run test test-long check format bench soak stops loss attack tables mutants clean
 
 run: $(STAMP)
 	$(BIN)/colony run behaviors/wander.colony --map maps/loop.stickrep --duration 60 --seed 1 --picture run.png
 
 test: $(STAMP)
 	$(BIN)/python -m pytest -n auto --dist worksteal tests
+
+test-long: $(STAMP)
+	$(BIN)/python -m pytest -n auto --dist worksteal -m long tests
 
 check: $(STAMP)
 	$(BIN)/ruff format --check .

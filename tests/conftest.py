@@ -12,6 +12,7 @@ from __future__ import annotations
 import os
 import random
 import signal
+import tempfile
 
 import pytest
 
@@ -24,6 +25,11 @@ os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 os.environ.setdefault("OMP_NUM_THREADS", "1")
 
 from hypothesis import HealthCheck, Phase, settings
+from hypothesis.configuration import set_hypothesis_home_dir
+
+_HOME = tempfile.TemporaryDirectory(prefix="colony-hypothesis-")
+"""What hypothesis keeps, which is of no use to the next run."""
+set_hypothesis_home_dir(_HOME.name)
 
 _COMMON = settings(
     deadline=None,  # machines differ
@@ -54,6 +60,11 @@ def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item
 def _drawn(seed: str, name: str) -> float:
     """Return the same number in every process of a run."""
     return random.Random(f"{seed} {name}").random()
+
+
+def pytest_unconfigure() -> None:
+    """Leave nothing behind."""
+    _HOME.cleanup()
 
 
 def pytest_report_header() -> str:

@@ -38,7 +38,7 @@ from colony.runtime.store import reserve
 from colony.runtime.transport.live import border, meter, names, network, waiting
 from colony.runtime.transport.live.place import local
 from colony.verify.testing.examples import run_examples
-from tests.examples.stage import ROOT, Machine, Process, machine
+from tests.examples.stage import ROOT, Machine, machine
 from tests.runtime.transport.live.certificates import Authority, free_port
 from tests.runtime_page_tables import PAGE, commands, page
 from tests.waiting import until
@@ -192,14 +192,6 @@ def rome(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Machine]:
         yield on
 
 
-@pytest.fixture(scope="module", autouse=True)
-def everything() -> Iterator[Process]:
-    """The run with all of its processes, on a machine of its own, while the other tests are run."""
-    [command] = SHELL["processes"]
-    with machine() as on:
-        yield on.start(command)
-
-
 def session(on: Machine) -> Session:
     """What this process has with the robot."""
     return Session.open("rome", environment=on.environment)
@@ -243,6 +235,7 @@ def test_a_client_prints(rome: Machine, program: str, printed: str) -> None:
     assert ran.result() == 0
 
 
+@pytest.mark.long
 def test_a_server_of_our_own(rome: Machine) -> None:
     serve, charge, run = SHELL["own"]
     battery = rome.start(serve)
@@ -260,6 +253,7 @@ def test_a_server_of_our_own(rome: Machine) -> None:
     assert battery.finish() == 0
 
 
+@pytest.mark.long
 def test_the_example_with_more_around_it(rome: Machine) -> None:
     shown = (ROOT / "examples" / "battery.colony").read_text(encoding="utf-8")
     serve, run = re.findall(r"^#   (.*)$", shown, re.MULTILINE)
@@ -287,6 +281,7 @@ def test_the_example_with_more_around_it(rome: Machine) -> None:
     assert server.finish() == 0
 
 
+@pytest.mark.long
 def test_a_driver_of_our_own(rome: Machine) -> None:
     serve, ride = SHELL["turtle"]
     turtle = rome.start(serve)
@@ -295,6 +290,7 @@ def test_a_driver_of_our_own(rome: Machine) -> None:
     assert turtle.finish() == 0
 
 
+@pytest.mark.long
 def test_another_machine(rome: Machine) -> None:
     authority, port = Authority(rome.folder), free_port()
     authority.table({"ada": ("run",)})
@@ -321,6 +317,7 @@ def test_another_machine(rome: Machine) -> None:
     gateway.finish()
 
 
+@pytest.mark.long
 def test_whoever_is_killed_comes_back(rome: Machine) -> None:
     [command] = SHELL["faults"]
     run = rome.start(command)
@@ -350,11 +347,16 @@ def _process(on: Machine, server: str) -> int | None:
     return local("rome", on.environment).directory.running().get(server)
 
 
+@pytest.mark.long
 def test_a_data_server_of_a_fleet(rome: Machine) -> None:
     [command] = SHELL["fleet"]
     rome.start(command).says("listens")
 
 
-def test_everything_as_processes(everything: Process) -> None:
-    assert everything.result() == 0, everything.printed()
-    assert "contracts held in every frame" in everything.printed()
+@pytest.mark.long
+def test_everything_as_processes() -> None:
+    [command] = SHELL["processes"]
+    with machine() as on:
+        run = on.run(command)
+    assert run.ended == 0, run.printed()
+    assert "contracts held in every frame" in run.printed()

@@ -89,12 +89,16 @@ def test_a_run_goes_on_when_its_run_directory_gets_full(cramped: Machine, disk: 
 
 @pytest.mark.parametrize(
     ("way", "name"),
-    [("--processes", "run.mcap"), ("--realtime", "run.mcap"), ("--no-picture", "run.jsonl")],
+    [
+        ("--processes", "run.mcap"),
+        pytest.param("--realtime", "run.mcap", marks=pytest.mark.long),
+        ("--no-picture", "run.jsonl"),
+    ],
 )
 def test_a_run_whose_recording_breaks_off_tells_what_it_was(
     machine: Machine, disk: SmallDisk, colony: Colony, way: str, name: str
 ) -> None:
-    disk.fill(but=100_000)
+    disk.fill(but=70_000)
     record = disk.path / name
     run = machine.start(*RUN, way, "--no-picture", "--duration", "100", "--record", str(record))
     assert run.wait() == 1

@@ -7,6 +7,8 @@ import threading
 from collections.abc import Iterator
 from contextlib import contextmanager
 
+import pytest
+
 from colony.sim.plant.control import PlantControl
 from colony.sim.plant.protocol import Truth
 from tests.examples.stage import ROOT, Machine, Process, machine
@@ -74,6 +76,7 @@ def watching(on: Machine) -> Iterator[Watch]:
         watch.end()
 
 
+@pytest.mark.long
 def test_one_at_a_time_although_both_keepers_are_killed() -> None:
     with machine() as on:
         programs = [c for c in COMMANDS if "run " in c or "keeper" in c]

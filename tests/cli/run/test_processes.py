@@ -13,6 +13,7 @@ import pytest
 from colony.runtime.library.leader import ClientStanding, RunStatus
 from tests.cli.conftest import Colony
 from tests.cli.machine import MAP, ROBOT, WANDER, Machine, Started, children_of, lives, status
+from tests.sampling import long
 from tests.waiting import until
 
 SERVERS = ("Clock", "RServer", "PServer", "DServer", "Simulator")
@@ -69,7 +70,7 @@ def test_ctrl_c_stops_the_robot_and_keeps_the_recording(machine: Machine, colony
     audit(colony, run.folder / "run.mcap")
 
 
-@pytest.mark.parametrize("isolate", [True, False], ids=["alone", "together"])
+@pytest.mark.parametrize("isolate", [long(True), False], ids=["alone", "together"])
 def test_who_dies_or_is_frozen_comes_back(machine: Machine, colony: Colony, isolate: bool) -> None:
     def with_it(address: str) -> tuple[str, tuple[str, ...]]:
         """The process of a client, and the clients that it is."""
