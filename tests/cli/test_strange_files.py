@@ -26,9 +26,9 @@ from colony.runtime.transport.live import security
 from colony.vision import image_files
 from tests.cli.conftest import Colony
 from tests.cli.machine import MAP, WANDER
-from tests.cli.strange_files_child import PATIENCE_S
 from tests.paths import ROOT
 from tests.sampling import sampled
+from tests.waiting import PATIENCE_S
 
 MEMORY_MB = 300
 """Megabytes beyond what `--help` takes."""

@@ -11,6 +11,7 @@ import pytest
 
 from colony.sim.plant.control import PlantControl
 from colony.sim.plant.protocol import Truth
+from tests.cli.machine import contracts_held
 from tests.examples.stage import ROOT, Machine, Process, machine
 from tests.waiting import until
 
@@ -104,7 +105,7 @@ def test_one_at_a_time_although_both_keepers_are_killed() -> None:
             assert [watch.now[robot].bumps for robot in ROBOTS] == [0, 0]
         for run in runs:
             run.finish()
-            assert "contracts held in every frame" in run.printed()
+            assert contracts_held(run.printed()), run.printed()
 
 
 def _whose_turn(keepers: dict[str, Process]) -> tuple[str, str]:
