@@ -29,8 +29,8 @@ SECOND = 1_000_000_000
 KILL, STOP, CONT = signal.SIGKILL, signal.SIGSTOP, signal.SIGCONT
 
 TRIES = 20
-"""A time that is promised is measured on a machine that may do something else just then: in one of so many tries
-it has to be kept. What breaks the promise breaks it in all of them."""
+"""A time that is promised is measured on a machine that may do something else just then: in one of so many
+tries it has to be kept. What breaks the promise breaks it in all of them."""
 
 SLACK_NS = 30_000_000
 """From a command to the plant's next step and the reading of it."""
