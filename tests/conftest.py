@@ -15,6 +15,8 @@ import signal
 import tempfile
 
 import pytest
+from hypothesis import HealthCheck, Phase, settings
+from hypothesis.configuration import set_hypothesis_home_dir
 
 if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
     # As in a job in the background of a script: processes that tests start would ignore it, too.
@@ -24,12 +26,15 @@ if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 os.environ.setdefault("OMP_NUM_THREADS", "1")
 
-from hypothesis import HealthCheck, Phase, settings
-from hypothesis.configuration import set_hypothesis_home_dir
+_HOME = tempfile.TemporaryDirectory(prefix="colony-tests-")
+"""Folder for what libraries keep, and what tests leave in default folders, not with the user's robots."""
+os.environ |= {
+    "COLONY_RUN_DIR": f"{_HOME.name}/r",
+    "XDG_STATE_HOME": f"{_HOME.name}/s",
+    "MPLCONFIGDIR": f"{_HOME.name}/m",
+}
 
-_HOME = tempfile.TemporaryDirectory(prefix="colony-hypothesis-")
-"""What hypothesis keeps, which is of no use to the next run."""
-set_hypothesis_home_dir(_HOME.name)
+set_hypothesis_home_dir(f"{_HOME.name}/h")
 
 _COMMON = settings(
     deadline=None,  # machines differ

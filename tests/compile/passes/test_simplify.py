@@ -60,7 +60,7 @@ def tables(draw: st.DrawFn) -> tuple[Guard, ...]:
 
 
 @given(guards=tables(), history=histories(modules=4), data=st.data())
-@settings(max_examples=400)
+@settings(max_examples=3 * settings().max_examples)
 def test_guards_hold_in_the_same_frames(
     guards: tuple[Guard, ...], history: History, data: st.DataObject
 ) -> None:
