@@ -11,9 +11,9 @@ from _pytest.mark import ParameterSet
 T = TypeVar("T")
 
 
-def long(value: object) -> ParameterSet:
-    """Return a parameter that `make test-long` runs alone."""
-    return pytest.param(value, marks=pytest.mark.long)
+def long(*values: object) -> ParameterSet:
+    """Return parameters of a test that `make test-long` runs alone."""
+    return pytest.param(*values, marks=pytest.mark.long)
 
 
 def sampled(values: Sequence[T], *, every: int) -> list[T | ParameterSet]:

@@ -44,7 +44,8 @@ def test_nobody_gets_beyond_the_right(intruder: Intruder, lab: Lab, folder: Path
     assert (outcome.within > 0) == has_a_right, "else the witness would be deaf"
 
 
-@pytest.mark.parametrize("mode", sampled(MODES, every=3))
+@pytest.mark.long
+@pytest.mark.parametrize("mode", MODES)
 def test_nobody_passes_for_a_process_of_the_robot(mode: str, lab: Lab, folder: Path) -> None:
     """Two links of one id are one to zenoh, and the first one's rights would be those of both."""
     for intruder in impersonators(lab, mode):

@@ -20,6 +20,7 @@ from colony.runtime.library.ask import STATUS
 from colony.runtime.transport.live.run_directory import RobotDirectory, RunDirectory
 from tests.cli.conftest import Colony
 from tests.cli.machine import MAP, ROBOT, WANDER, Machine, Started, contracts_held
+from tests.sampling import long
 from tests.small_disk import SmallDisk, small_disk
 from tests.waiting import until
 
@@ -90,8 +91,8 @@ def test_a_run_goes_on_when_its_run_directory_gets_full(cramped: Machine, disk: 
 @pytest.mark.parametrize(
     ("way", "name"),
     [
-        ("--processes", "run.mcap"),
-        pytest.param("--realtime", "run.mcap", marks=pytest.mark.long),
+        long("--processes", "run.mcap"),
+        long("--realtime", "run.mcap"),
         ("--no-picture", "run.jsonl"),
     ],
 )

@@ -39,7 +39,7 @@ def audit(colony: Colony, recording: Path) -> None:
     assert result.code == 0, result.out + result.err
 
 
-@pytest.mark.parametrize(("options", "of_clients"), [((), 1), (("--isolate",), len(CLIENTS))])
+@pytest.mark.parametrize(("options", "of_clients"), [((), 1), long(("--isolate",), len(CLIENTS))])
 def test_a_run_decides_as_the_interpreter_does_and_leaves_nothing_behind(
     machine: Machine, colony: Colony, options: tuple[str, ...], of_clients: int
 ) -> None:

@@ -9,6 +9,7 @@ from contextlib import suppress
 from pathlib import Path
 from random import Random
 
+import pytest
 import zenoh
 
 from colony.runtime.kit.connection import Session
@@ -85,6 +86,7 @@ def healthy(session: Session) -> None:
         until(lambda: eye.do(proximity.sonar()), "the sonars read")
 
 
+@pytest.mark.long
 def test_servers_under_fire(machine: Machine) -> None:
     print(f"seed {SEED}")
     served = machine.start("serve", "all", "--robot", ROBOT, "--map", MAP, "--camera", "0")
