@@ -359,5 +359,5 @@ def test_everything_as_processes() -> None:
     [command] = SHELL["processes"]
     with machine() as on:
         run = on.run(command)
-    assert run.ended == 0, run.printed()
-    assert contracts_held(run.printed()), run.printed()
+        assert run.ended == 0, run.printed()
+        assert contracts_held(run.printed()), run.printed()
