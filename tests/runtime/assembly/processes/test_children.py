@@ -6,8 +6,7 @@ import os
 import signal
 import subprocess
 import sys
-import time
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
 
@@ -15,8 +14,7 @@ import pytest
 
 from colony.runtime.assembly.processes.children import Children, Death, Job, described, last_lines
 from colony.runtime.assembly.processes.restarts import LONGEST_NS, QUICK_DEATHS, STEADY_NS, Restarts
-
-PATIENCE_S = 10.0
+from tests.waiting import PATIENCE_S, until
 
 OBEYS = """
 import sys
@@ -122,13 +120,6 @@ _MODULES = (
     ("wrong", WRONG),
     ("heaps", HEAPS),
 )
-
-
-def until(condition: Callable[[], object], what: str) -> None:
-    end = time.monotonic() + PATIENCE_S
-    while not condition():
-        assert time.monotonic() < end, what
-        time.sleep(0.002)
 
 
 def lives(pid: int) -> bool:

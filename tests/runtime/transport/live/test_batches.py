@@ -28,7 +28,8 @@ from colony.runtime.transport.live.meter import Rate
 from colony.runtime.transport.live.network import ZenohSession
 from colony.runtime.transport.live.outbox import SMALL_BYTES, Outbox
 from tests.runtime.transport.live.outside import SERVER, Outside
-from tests.runtime.transport.live.stage import ROBOT, Recorder, hosted, place, until
+from tests.runtime.transport.live.stage import ROBOT, Recorder, hosted, place
+from tests.waiting import until
 
 REQUESTS = topics.requests(SERVER)
 SAVED = topics.checkpoints("DServer")

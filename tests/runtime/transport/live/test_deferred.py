@@ -30,7 +30,8 @@ from colony.runtime.transport.live.host import Host
 from colony.runtime.transport.live.meter import Rate
 from tests.runtime.calling import plain_call
 from tests.runtime.transport.live.outside import SERVER, Outside
-from tests.runtime.transport.live.stage import ROBOT, Recorder, hosted, place, running, until
+from tests.runtime.transport.live.stage import ROBOT, Recorder, hosted, place, running
+from tests.waiting import until
 
 SONAR = SensorBinding(sensor="sonar", server="PServer", field="sonar", within_ns=None)
 FRAMES = topics.frames("PServer")

@@ -23,7 +23,8 @@ from colony.runtime.protocol.messages import (
 from colony.runtime.transport.live.configuration import BLOCKED_US
 from colony.runtime.transport.live.network import ZenohSession
 from tests.runtime.transport.live.outside import SERVER, Outside
-from tests.runtime.transport.live.stage import Recorder, hosted, place, python_process, until
+from tests.runtime.transport.live.stage import Recorder, hosted, place, python_process
+from tests.waiting import until
 
 LARGE = """
 import os, signal, sys

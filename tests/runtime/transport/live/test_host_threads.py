@@ -28,7 +28,8 @@ from colony.runtime.transport.live.sender import DROPPABLE_BYTES
 from colony.runtime.transport.live.waiting import CALLS_EACH
 from tests.runtime.calling import plain_call
 from tests.runtime.transport.live.outside import CALLS, SERVER, Blocked, Outside
-from tests.runtime.transport.live.stage import ROBOT, Recorder, hosted, place, running, until
+from tests.runtime.transport.live.stage import ROBOT, Recorder, hosted, place, running
+from tests.waiting import until
 
 
 class _Threads(Recorder):
