@@ -6,7 +6,8 @@ import json
 import signal
 
 from tests.cli.conftest import Colony
-from tests.cli.machine import MAP, ROBOT, WANDER, Machine, children_of, status, until
+from tests.cli.machine import MAP, ROBOT, WANDER, Machine, children_of, status
+from tests.waiting import until
 
 
 def test_the_processes_of_a_run_are_shown(machine: Machine, colony: Colony) -> None:

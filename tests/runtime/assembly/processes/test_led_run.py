@@ -19,7 +19,8 @@ from colony.runtime.protocol.bindings import bind
 from colony.runtime.protocol.deployment import deployment
 from colony.runtime.protocol.messages import Tick
 from tests.runtime.programs import roam
-from tests.runtime.transport.live.stage import place, run_directory, until
+from tests.runtime.transport.live.stage import place, run_directory
+from tests.waiting import until
 
 NAME = "DServer/activity/rogue"
 
