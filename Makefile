@@ -13,13 +13,16 @@ MODULE  ?=
 SAMPLE  ?=
 WORKERS ?= 2
 
-.PHONY: run test check format bench soak stops loss attack wheel tables mutants clean
+.PHONY: run test test-long check format bench soak stops loss attack wheel tables mutants clean
 
 run: $(ALL)
 	$(BIN)/colony run wander --map loop --duration 60 --seed 1 --picture run.png
 
 test: $(DEV)
 	$(BIN)/python -m pytest -n auto --dist worksteal tests
+
+test-long: $(DEV)
+	$(BIN)/python -m pytest -n auto --dist worksteal -m long tests
 
 check: $(DEV)
 	$(BIN)/ruff format --check .

@@ -1,19 +1,24 @@
 """A robot of processes without a robot: `python -m benchmarks.floor NAME FOLDER SECONDS`.
 
-Seven bare processes of zenoh exchange messages as those of a robot do: a clock ticks every 50 ms, three
-servers answer with a frame each, a host answers with one batch of requests, a leader hears everything, and a
-simulator is linked and hears nothing. msgpack in and out, and no other work.
+Seven bare processes of zenoh, with as many threads as in processes of a robot, exchange the messages that no
+robot could do without: a clock ticks every 50 ms, three servers answer with a frame each, a host answers with
+one batch of requests, a leader hears everything, and a simulator is linked and hears nothing. msgpack in and
+out, and no other work. A robot has more messages than that: frames of `Runtime`, verdicts, signs of life; and
+its Clock hears servers.
 """
 
 from __future__ import annotations
 
 import json
+import os
 import sys
 import time
 from pathlib import Path
 
 import msgspec
 import zenoh
+
+from colony.runtime.transport.live.network import THREADS
 
 PERIOD_S = 0.05
 LINKING_S = 2.0
@@ -52,6 +57,7 @@ def session(name: str, folder: Path) -> zenoh.Session:
 def main() -> None:
     """Be one of them; print milliseconds of processor time a tick."""
     name, folder, seconds = sys.argv[1], Path(sys.argv[2]), float(sys.argv[3])
+    os.environ.setdefault("ZENOH_RUNTIME", THREADS)
     encode, decode = msgspec.msgpack.Encoder().encode, msgspec.msgpack.Decoder().decode
     fields: dict[str, object] = {f"field_{i}": (1.5, 123_456_789) for i in range(8)}
     if name == "PServer":

@@ -1,16 +1,18 @@
 """Processor time that a robot of processes takes a frame, beside a floor of bare zenoh.
 
 `colony run --processes` drives a behavior in a simulated building, with recording and monitor on, by the wall
-clock, in frames of 50 ms. The floor is seven processes that exchange messages of the same number and size and
-do nothing else (benchmarks/floor.py). Both are measured in turns. Where the time goes is from another run,
-with clocks in every process (benchmarks/parts.py).
+clock, in frames of 50 ms. The floor is seven bare processes that exchange the most necessary of these
+messages and do nothing else (benchmarks/floor.py): a lower bound. Both are measured in turns. Where the time
+goes is from another run, with clocks in every process (benchmarks/parts.py), over the same frames as its
+totals.
 
     python -m benchmarks.load                     both behaviors, and the floor
-    python -m benchmarks.load wander --isolate    one, with options of `colony run`
+    python -m benchmarks.load wander --isolate    one, with options of `colony run`, which come last
 """
 
 from __future__ import annotations
 
+import itertools
 import json
 import os
 import re
@@ -31,11 +33,22 @@ from colony.runtime.kit.errors import ConnectionProblem, ServerNotFound
 from colony.runtime.library.leader import LEADER, RunStatus, run_status
 
 BEHAVIORS = ("wander", "navigator")
+
 WARM_UP = 80
+"""Frames of a run before the ones that are measured."""
+
 FRAMES = 300
+"""Frames that are measured."""
+
 ROUNDS = 3
+"""Measurements of each behavior, and of the floor."""
+
 FLOOR_S = 12.0
+"""Seconds for which the floor is measured."""
+
 STARTS_S = 60.0
+"""Seconds after which a run that has not begun is given up, and a process that does not tell its parts."""
+
 TARGET_MS = {"wander": 6.0, "navigator": 9.0}
 TARGET_RATIO = {"wander": 1.8, "navigator": 2.7}
 TARGET_MB = 400.0
@@ -44,12 +57,18 @@ Milliseconds = dict[str, float]
 
 
 class Load(NamedTuple):
-    """What a robot of processes took: milliseconds of processor time a frame and unshared megabytes, by
-    process; in how many of the frames a client was late; milliseconds a frame by part, by process."""
+    """What a robot of processes took.
+
+    Attributes:
+        ms: milliseconds of processor time a frame, by process.
+        mb: unshared megabytes, by process.
+        unheard: requests that were late or lost, of all clients and frames.
+        by_part: milliseconds a frame by part, by process; empty without clocks.
+    """
 
     ms: Milliseconds
     mb: dict[str, float]
-    late: int
+    unheard: int
     by_part: dict[str, Milliseconds]
 
 
@@ -69,22 +88,24 @@ def floor_ms() -> float:
 
 def robot(behavior: str, *options: str, with_parts: bool = False) -> Load:
     """Run a behavior by processes and measure it after its start-up."""
-    with scratch() as folder:
-        with (
-            _running(behavior, folder, options, with_parts) as (process, session),
-            _leader(session) as leader,
-        ):
-            before = _status(process, leader, leader.do(run_status()).frames + WARM_UP)
-            began = _spent(process.pid)
-            after = _status(process, leader, before.frames + FRAMES)
-            ended, mb = _spent(process.pid), _unshared(process.pid)
-        by_part = {path.stem: json.loads(path.read_text()) for path in folder.glob("parts/*.json")}
+    with (
+        scratch() as folder,
+        _running(behavior, folder, options, with_parts) as (process, session),
+        _leader(session) as leader,
+    ):
+        before = _status(process, leader, leader.do(run_status()).frames + WARM_UP)
+        began, parts_began = _spent(process.pid), _parts(process, folder) if with_parts else {}
+        after = _status(process, leader, before.frames + FRAMES)
+        ended, parts_ended = _spent(process.pid), _parts(process, folder) if with_parts else {}
+        mb = _unshared(process.pid)
     frames = after.frames - before.frames
-    late = sum(c.late for c in after.clients) - sum(c.late for c in before.clients)
-    ms = {name: (ended[name] - began.get(name, 0.0)) / frames for name in ended}
-    all_frames = after.frames
-    shares = {of: {part: spent / all_frames for part, spent in p.items()} for of, p in by_part.items()}
-    return Load(ms, mb, late, shares)
+    unheard = sum(c.late + c.lost for c in after.clients) - sum(c.late + c.lost for c in before.clients)
+    by_part = {name: _a_frame(spent, parts_began[name], frames) for name, spent in parts_ended.items()}
+    return Load(_a_frame(ended, began, frames), mb, unheard, by_part)
+
+
+def _a_frame(ended: Milliseconds, began: Milliseconds, frames: int) -> Milliseconds:
+    return {name: (spent - began.get(name, 0.0)) / frames for name, spent in ended.items()}
 
 
 @contextmanager
@@ -92,11 +113,18 @@ def _running(
     behavior: str, folder: Path, options: tuple[str, ...], with_parts: bool
 ) -> Iterator[tuple[subprocess.Popen[bytes], Session]]:
     (folder / "parts").mkdir()
-    os.environ[parts.FOLDER] = str(folder / "parts")
     file, record = ROOT / "behaviors" / f"{behavior}.colony", folder / "run.mcap"
     modules = ("benchmarks.parts", "colony.cli.main") if with_parts else ("colony.cli.main",)
     process = colony_run(
-        file, folder, "--duration", "60min", "--record", str(record), *options, modules=modules
+        file,
+        folder,
+        "--duration",
+        "60min",
+        "--record",
+        str(record),
+        *options,
+        modules=modules,
+        environment={parts.FOLDER: str(folder / "parts")},
     )
     environment = {**os.environ, "COLONY_RUN_DIR": str(folder / "r")}
     try:
@@ -147,6 +175,22 @@ def _spent(parent: int) -> Milliseconds:
     return spent
 
 
+def _parts(process: subprocess.Popen[bytes], folder: Path) -> dict[str, Milliseconds]:
+    """Return the processor time that each process has taken so far, by part."""
+    paths: dict[str, Path] = {}
+    for pid, name in _tree(process.pid):
+        paths[name] = folder / "parts" / f"{name}.json"
+        paths[name].unlink(missing_ok=True)
+        os.kill(pid, parts.TELL)
+    until = time.monotonic() + STARTS_S
+    while not all(path.exists() for path in paths.values()):
+        expect_alive(process)
+        if time.monotonic() > until:
+            raise RuntimeError(f"not all of {', '.join(paths)} tell their parts")
+        time.sleep(0.01)
+    return {name: json.loads(path.read_text()) for name, path in paths.items()}
+
+
 def _unshared(parent: int) -> dict[str, float]:
     found: dict[str, float] = {}
     for pid, name in _tree(parent):
@@ -167,7 +211,7 @@ def run() -> list[Row]:
     rows = [row("floor: seven bare processes", bare, "ms a frame", None, "median of 3")]
     for behavior in BEHAVIORS:
         rows += _rows(behavior, loads[behavior], bare)
-        rows += _shares(behavior, robot(behavior, with_parts=True))
+        rows += _part_rows(behavior, robot(behavior, with_parts=True))
     return rows
 
 
@@ -177,32 +221,37 @@ def _rows(behavior: str, loads: list[Load], bare: float) -> Iterator[Row]:
     simulator = middle.ms["Simulator"]
     note = f"without the simulator {total - simulator:.2f} ms; median of {len(loads)}"
     yield row(f"{behavior}", total, "ms a frame", TARGET_MS[behavior], note)
-    late = f"{sum(load.late for load in loads)} late in {FRAMES * len(loads)} frames"
-    yield row(f"{behavior} / floor", total / bare, "x", TARGET_RATIO[behavior], late)
+    unheard = f"{sum(load.unheard for load in loads)} requests late or lost in {FRAMES * len(loads)} frames"
+    yield row(f"{behavior} / floor", total / bare, "x", TARGET_RATIO[behavior], unheard)
     yield row(f"{behavior}: unshared memory", sum(middle.mb.values()), "MB", TARGET_MB, "")
     for name, ms in sorted(middle.ms.items(), key=lambda item: -item[1]):
         yield row(f"{behavior}: {name}", ms, "ms a frame", None, f"{middle.mb[name]:.0f} MB")
 
 
-def _shares(behavior: str, load: Load) -> Iterator[Row]:
-    """Where the time of each process goes, from a run with clocks: a row a process."""
+def _part_rows(behavior: str, load: Load) -> Iterator[Row]:
+    """Yield where the time of each process goes, from a run with clocks: a row a process. The rest is what
+    has no clock: zenoh's threads, switches between threads, and all other Python."""
     for name, ms in sorted(load.ms.items(), key=lambda item: -item[1]):
         known = load.by_part.get(name, {})
         if known:
             rest = max(0.0, ms - sum(known.values()))
-            shown = [*sorted(known.items(), key=lambda item: -item[1]), ("zenoh, threads, system", rest)]
+            shown = [*sorted(known.items(), key=lambda item: -item[1]), ("rest", rest)]
             note = ", ".join(f"{part} {spent:.2f}" for part, spent in shown if spent >= 0.005)
             yield row(f"{behavior}, with clocks: {name}", ms, "ms a frame", None, note)
 
 
 def main() -> None:
-    """Print what one behavior, or all of the table, takes."""
-    behaviors = [name for name in sys.argv[1:] if name in BEHAVIORS]
-    options = [name for name in sys.argv[1:] if name not in BEHAVIORS]
-    rows = run() if len(sys.argv) == 1 else []
-    for behavior in behaviors:
+    """Print what some behaviors, or all of the table, take."""
+    behaviors = list(itertools.takewhile(lambda argument: not argument.startswith("-"), sys.argv[1:]))
+    options = sys.argv[1 + len(behaviors) :]
+    unknown = [name for name in behaviors if name not in BEHAVIORS]
+    if unknown:
+        expected = f"{' or '.join(BEHAVIORS)}, then options of `colony run`"
+        sys.exit(f"load: found {', '.join(unknown)}; expected {expected}")
+    rows = [] if behaviors or options else run()
+    for behavior in behaviors or (BEHAVIORS if options else ()):
         rows += _rows(behavior, [robot(behavior, *options)], floor_ms())
-        rows += _shares(behavior, robot(behavior, *options, with_parts=True))
+        rows += _part_rows(behavior, robot(behavior, *options, with_parts=True))
     for each in rows:
         print(f"{each['name']:36} {each['value']:7.2f} {each['unit']:10} {each['note']}")
 

@@ -3,12 +3,20 @@
 `dev` (the default) and `ci` are deterministic: each test draws from a seed made of its own source. `explore`
 draws anew in every run; a failure prints the seed to repeat it with `--hypothesis-seed`. Choose one with
 `--hypothesis-profile` or the environment variable HYPOTHESIS_PROFILE.
+
+`--shuffle SEED` shuffles the files, and the tests in each file.
 """
 
 from __future__ import annotations
 
 import os
+import random
 import signal
+import tempfile
+
+import pytest
+from hypothesis import HealthCheck, Phase, settings
+from hypothesis.configuration import set_hypothesis_home_dir
 
 if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
     # As in a job in the background of a script: processes that tests start would ignore it, too.
@@ -18,7 +26,15 @@ if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 os.environ.setdefault("OMP_NUM_THREADS", "1")
 
-from hypothesis import HealthCheck, Phase, settings
+_HOME = tempfile.TemporaryDirectory(prefix="colony-tests-")
+"""Folder for what libraries keep, and what tests leave in default folders, not with the user's robots."""
+os.environ |= {
+    "COLONY_RUN_DIR": f"{_HOME.name}/r",
+    "XDG_STATE_HOME": f"{_HOME.name}/s",
+    "MPLCONFIGDIR": f"{_HOME.name}/m",
+}
+
+set_hypothesis_home_dir(f"{_HOME.name}/h")
 
 _COMMON = settings(
     deadline=None,  # machines differ
@@ -31,6 +47,29 @@ settings.register_profile("dev", _COMMON, derandomize=True, max_examples=60)
 settings.register_profile("ci", _COMMON, derandomize=True, max_examples=1000)
 settings.register_profile("explore", _COMMON, derandomize=False, max_examples=2000)
 settings.load_profile(os.environ.get("HYPOTHESIS_PROFILE", "dev"))
+
+
+def pytest_addoption(parser: pytest.Parser) -> None:
+    """Declare the options of this suite."""
+    parser.addoption("--shuffle", metavar="SEED", help="shuffle the files, and the tests in each file")
+
+
+@pytest.hookimpl(trylast=True)
+def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
+    """Shuffle the tests if `--shuffle` is given; tests of a file stay together, as they share fixtures."""
+    seed = config.getoption("shuffle")
+    if seed is not None:
+        items.sort(key=lambda item: [_drawn(seed, item.nodeid.partition("::")[0]), _drawn(seed, item.nodeid)])
+
+
+def _drawn(seed: str, name: str) -> float:
+    """Return the same number in every process of a run."""
+    return random.Random(f"{seed} {name}").random()
+
+
+def pytest_unconfigure() -> None:
+    """Leave nothing behind."""
+    _HOME.cleanup()
 
 
 def pytest_report_header() -> str:

@@ -25,6 +25,7 @@ from colony.runtime.protocol.messages import Sample
 from tests.cli.machine import MAP, Machine
 from tests.paths import ROOT
 from tests.runtime.scripted import FAR, Log, Script
+from tests.sampling import long
 from tests.verify.testing.bugs_in_passes import replace_pass
 
 TEXT = """
@@ -156,7 +157,10 @@ WAY = {
 """What each process hears, and from whom, in a frame that `cruise` decides."""
 
 
-@pytest.mark.parametrize(("options", "cruise"), [((), "clients"), (("--isolate",), "drive.cruise")])
+@pytest.mark.parametrize(
+    ("options", "cruise"),
+    [((), "clients"), long(("--isolate",), "drive.cruise")],
+)
 def test_each_message_is_decoded_once_in_each_process_that_hears_it(
     tmp_path: Path, options: tuple[str, ...], cruise: str
 ) -> None:

@@ -38,9 +38,11 @@ from colony.runtime.store import reserve
 from colony.runtime.transport.live import border, meter, names, network, waiting
 from colony.runtime.transport.live.place import local
 from colony.verify.testing.examples import run_examples
-from tests.examples.stage import ROOT, Machine, Process, machine, until
+from tests.cli.machine import contracts_held
+from tests.examples.stage import ROOT, Machine, machine
 from tests.runtime.transport.live.certificates import Authority, free_port
 from tests.runtime_page_tables import PAGE, commands, page
+from tests.waiting import until
 
 TEXT = PAGE.read_text(encoding="utf-8")
 FENCES = re.findall(r"^```([^\n]*)\n(.*?)^```$", TEXT, re.MULTILINE | re.DOTALL)
@@ -191,14 +193,6 @@ def rome(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Machine]:
         yield on
 
 
-@pytest.fixture(scope="module", autouse=True)
-def everything() -> Iterator[Process]:
-    """The run with all of its processes, on a machine of its own, while the other tests are run."""
-    [command] = SHELL["processes"]
-    with machine() as on:
-        yield on.start(command)
-
-
 def session(on: Machine) -> Session:
     """What this process has with the robot."""
     return Session.open("rome", environment=on.environment)
@@ -242,6 +236,7 @@ def test_a_client_prints(rome: Machine, program: str, printed: str) -> None:
     assert ran.result() == 0
 
 
+@pytest.mark.long
 def test_a_server_of_our_own(rome: Machine) -> None:
     serve, charge, run = SHELL["own"]
     battery = rome.start(serve)
@@ -259,6 +254,7 @@ def test_a_server_of_our_own(rome: Machine) -> None:
     assert battery.finish() == 0
 
 
+@pytest.mark.long
 def test_the_example_with_more_around_it(rome: Machine) -> None:
     shown = (ROOT / "examples" / "battery.colony").read_text(encoding="utf-8")
     serve, run = re.findall(r"^#   (.*)$", shown, re.MULTILINE)
@@ -282,10 +278,11 @@ def test_the_example_with_more_around_it(rome: Machine) -> None:
         assert battery.do(charge(3000.0)) < 25.0
         until(lambda: base.do(robot.speed_setting()) == 150.0, "the robot drives again")
     running.finish()
-    assert "1 contract held in every frame" in running.printed()
+    assert contracts_held(running.printed()), running.printed()
     assert server.finish() == 0
 
 
+@pytest.mark.long
 def test_a_driver_of_our_own(rome: Machine) -> None:
     serve, ride = SHELL["turtle"]
     turtle = rome.start(serve)
@@ -294,6 +291,7 @@ def test_a_driver_of_our_own(rome: Machine) -> None:
     assert turtle.finish() == 0
 
 
+@pytest.mark.long
 def test_another_machine(rome: Machine) -> None:
     authority, port = Authority(rome.folder), free_port()
     authority.table({"ada": ("run",)})
@@ -316,10 +314,11 @@ def test_another_machine(rome: Machine) -> None:
     assert re.search(r"RServer +up", listed.printed()), listed.printed()
     ran = rome.run(here(run))
     assert ran.result() == 0, ran.printed()
-    assert "contracts held in every frame" in ran.printed()
+    assert contracts_held(ran.printed()), ran.printed()
     gateway.finish()
 
 
+@pytest.mark.long
 def test_whoever_is_killed_comes_back(rome: Machine) -> None:
     [command] = SHELL["faults"]
     run = rome.start(command)
@@ -341,7 +340,7 @@ def test_whoever_is_killed_comes_back(rome: Machine) -> None:
             k = leading.do(leader.run_status()).k
             until(lambda k=k: goes_on(k), f"the run goes on with the new {victim}")
     run.finish()
-    assert "held in every frame" in run.printed()
+    assert contracts_held(run.printed()), run.printed()
 
 
 def _process(on: Machine, server: str) -> int | None:
@@ -349,11 +348,16 @@ def _process(on: Machine, server: str) -> int | None:
     return local("rome", on.environment).directory.running().get(server)
 
 
+@pytest.mark.long
 def test_a_data_server_of_a_fleet(rome: Machine) -> None:
     [command] = SHELL["fleet"]
     rome.start(command).says("listens")
 
 
-def test_everything_as_processes(everything: Process) -> None:
-    assert everything.result() == 0, everything.printed()
-    assert "contracts held in every frame" in everything.printed()
+@pytest.mark.long
+def test_everything_as_processes() -> None:
+    [command] = SHELL["processes"]
+    with machine() as on:
+        run = on.run(command)
+        assert run.ended == 0, run.printed()
+        assert contracts_held(run.printed()), run.printed()

@@ -38,6 +38,7 @@ def page(folder: Path, monkeypatch: pytest.MonkeyPatch) -> str:
     return COMMANDS.sub(run, PAGE)
 
 
+@pytest.mark.long
 def test_commands_print_what_the_page_shows(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     assert page(tmp_path, monkeypatch) == PAGE, "`python -m tests.test_verification_page` writes it anew"
 

@@ -90,6 +90,7 @@ def _lines(state: RobotState) -> Iterator[str]:
         yield from (f"  {line}" for line in _arbitration(state))
     if state.run is not None:
         yield from (f"  {line}" for line in _run(state.run, _priorities(state)))
+        yield from (f"  {line}" for line in _processes(state.run, {s.server for s in state.servers}))
     elif state.who is not None:
         yield f"  no program runs; frame {state.who.k}"
     connections = [(s.server, c) for s in state.servers for c in s.connections]
@@ -161,6 +162,12 @@ def _run(run: RunStatus, priorities: dict[str, int]) -> Iterator[str]:
         for c in run.clients
     ]
     yield from _table(rows)
+
+
+def _processes(run: RunStatus, servers: set[str]) -> Iterator[str]:
+    """Yield the processes of a run that are no servers: those of clients and of modules in Python."""
+    rows = [(name, str(pid)) for name, pid in run.processes.items() if name not in servers]
+    yield from _table([("process", "id"), *rows])
 
 
 def _table(rows: Iterable[tuple[str, ...]]) -> Iterator[str]:

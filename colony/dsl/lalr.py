@@ -74,13 +74,12 @@ class Parser:
         states, values = [self._start], list[Any]()
         while True:
             token = self._token(text, start, self._rows[states[-1]])
-            before = states.copy()  # a token that cannot stand here may be seen only after reductions
             if token is None or not self._feed(token, states, values):
                 offset = start if token and token.type == END else _skip_blanks(text, start)
                 raise UnexpectedInput(
                     offset=offset,
                     at_end=token is not None and token.type == END,
-                    accepted=frozenset(t for t in self._rows[before[-1]] if self._can_follow(t, before)),
+                    accepted=frozenset(t for t in self._rows[states[-1]] if self._can_follow(t, states)),
                     values=values,
                 )
             if token.type == END:
@@ -108,11 +107,17 @@ class Parser:
         return None
 
     def _feed(self, token: Token, states: list[int], values: list[Any]) -> bool:
-        """Reduce until the token can be shifted, and shift it; False if it cannot stand here."""
+        """Reduce until the token can be shifted, and shift it.
+
+        Returns: False if the token cannot stand here; the states are then as they were.
+        """
         type_, rows = token.type, self._rows
+        taken: list[list[int]] = []  # what each reduction took: a token may be refused only after some
         while True:
             action = rows[states[-1]].get(type_)
             if action is None:
+                for of_one in reversed(taken):
+                    states[-1:] = of_one
                 return False
             if action >= 0:
                 states.append(action)
@@ -121,6 +126,7 @@ class Parser:
             origin, size, build, layout = self._rules[~action]
             first = len(values) - size
             children = values[first:]
+            taken.append(states[first + 1 :])
             del states[first + 1 :], values[first:]
             if layout is not None:
                 children = _laid_out(children, layout)
@@ -163,4 +169,5 @@ def _laid_out(children: list[Any], layout: list[list[int]]) -> list[Any]:
             found += child
         else:  # no longer needed where it was: lists are as long as the file
             found = child
-    return found + [None] * layout[-1][0]
+    found += [None] * layout[-1][0]
+    return found

@@ -1,4 +1,4 @@
-"""Executes a compiled program op by op: all of it, or the clients of one process of the runtime.
+"""Executes a compiled program op by op: all of it, some of its clients, or one of its modules in Python.
 
 Plain and unhurried; what is generated from the same Code (`colony.compile.backends`) is fast.
 """
@@ -115,14 +115,15 @@ class ProgramExecutor:
 
 
 class ClientStep(NamedTuple):
-    """What a client has for its server in a frame: whether it is active by its own knowledge, its command.
+    """What a client has for its server in a frame.
 
-    `values` are the command in base units within limits and range; None unless active, and when the command
-    is not finite (`fault`), where the actuator gets its idle command. `bid` tells why it is not active: its
-    predicate holds, but another's command takes its place ("suppressed") or its gates are closed
-    ("inhibited"), or its predicate does not hold or something is missing ("silent"). One that is both
-    dominated and gated is "inhibited"; one whose command has several ways to the actuator, all of them
-    closed in one manner or the other, is "suppressed".
+    `active`: it asks for its command to be sent. `records` are those of all sensors that the executor reads,
+    and of this client's command. `values` are the command in base units within limits and range; None unless
+    active, and when the command is not finite (`fault`), where the actuator gets its idle command. `bid`
+    tells why it is not active: its predicate holds, but another's command takes its place ("suppressed") or
+    its gates are closed ("inhibited"), or its predicate does not hold or something is missing ("silent"). One
+    that is both dominated and gated is "inhibited"; one whose command has several ways to the actuator, all
+    of them closed in one manner or the other, is "suppressed".
     """
 
     active: bool
@@ -133,9 +134,9 @@ class ClientStep(NamedTuple):
 
 
 class ClientMemory(NamedTuple):
-    """All that a client remembers, as plain data.
+    """Memory cells that belong to a client (see `ClientsExecutor.memory`), as plain data.
 
-    `first_ns` is the time of its first frame, `cells` are by name.
+    `first_ns` is the time of the first frame, `cells` are by name.
     """
 
     first_ns: int | None
@@ -143,10 +144,10 @@ class ClientMemory(NamedTuple):
 
 
 class ClientsExecutor:
-    """Executes some clients of a program side by side. Mutable: it has their memory.
+    """Executes some clients of a program. Mutable: it has their memory.
 
     What several of them need is computed once. Frames are in base units. Modules in Python run elsewhere,
-    also those of the clients.
+    also where a client is one.
 
     Args:
         compiled: the program.
@@ -160,7 +161,7 @@ class ClientsExecutor:
         self.clients = tuple(clients)
         self.code = of_clients(compiled.code, self.clients)
         by_key = {(a.actuator.name, c.module): (a, c) for a in self.code.actuators for c in a.clients}
-        self._decided_by = tuple(by_key[key] for key in self.clients)
+        self._codes = tuple(by_key[key] for key in self.clients)
         self._cells = self._shares()
         self.restart()
 
@@ -190,22 +191,28 @@ class ClientsExecutor:
         machine.run(decides=False)
         records, values = machine.records(), machine.values
         machine.commit()
-        return tuple([_client_step(actuator, c, values, records) for actuator, c in self._decided_by])
+        return tuple([_client_step(actuator, c, values, records) for actuator, c in self._codes])
 
     def restart(self) -> None:
         """Go on from the initial memory."""
         self._machine = Machine(self.code)
 
     def memory(self, client: ClientKey) -> ClientMemory:
-        """Return a copy of what one client remembers, and none before it among `clients`."""
+        """Return a copy of the memory cells that belong to a client: those it needs, without those that
+        already belong to an earlier client of `clients`.
+
+        The memories of all clients together are the memory of the executor; one alone may not be enough for
+        its client.
+        """
         machine, cells = self._machine, self.code.cells
         return ClientMemory(machine.first_ns, {cells[i].name: machine.cells[i] for i in self._cells[client]})
 
     def recall(self, memories: Mapping[ClientKey, ClientMemory]) -> None:
-        """Go on from the memories of all of them after one frame.
+        """Go on from the memories of all clients after one frame.
 
         Raises:
-            ValueError: they are not of these clients: their cells or the types of these differ.
+            ValueError: they are not the memories of these clients after one frame: their cells or the types
+                of these differ, or the times of their first frames.
         """
         if memories.keys() != self._cells.keys():
             raise ValueError("the memories are not of these clients")
@@ -214,7 +221,9 @@ class ClientsExecutor:
                 raise ValueError("the memory is of another client")
         known = {name: value for memory in memories.values() for name, value in memory.cells.items()}
         restored = [_restored(c.name, c.kind, known[c.name]) for c in self.code.cells]
-        (first_ns,) = {memory.first_ns for memory in memories.values()}
+        first_ns, *others = {memory.first_ns for memory in memories.values()}
+        if others:
+            raise ValueError("the memories are of different runs")
         self._machine.first_ns, self._machine.cells = first_ns, restored
 
     def _shares(self) -> dict[ClientKey, list[int]]:

@@ -75,7 +75,7 @@ class Machine:
     def begin(
         self, frame: Frame, answers: Mapping[str, Answer] | None = None, lost: frozenset[str] = frozenset()
     ) -> None:
-        """Take a frame in; `answers` and `lost` are as for `ClientExecutor.step`."""
+        """Take a frame in; `answers` and `lost` are as for `ClientsExecutor.step`."""
         if self.first_ns is None:
             self.first_ns = frame.t_ns
         self._t = frame.t_ns - self.first_ns
@@ -91,7 +91,7 @@ class Machine:
             self._sensors[sensor.name], self._fresh[sensor.name] = value, fresh
 
     def run(self, *, decides: bool = True) -> None:
-        """Compute the values of the ops before decisions; of all ops, where nobody `decides` by them."""
+        """Compute all ops, or, with `decides`, those that no decision is needed for."""
         values = self.values
         for i, step in self._steps[: self._decided_from] if decides else self._steps:
             values[i] = step()

@@ -1,4 +1,8 @@
-"""What each client of a program needs of its table: sensors, modules in Python, memory. One pass for all."""
+"""What each client of a program needs of its table: sensors, modules in Python, memory.
+
+The answers for all clients are computed together. Sets are bit masks in one int each; with thousands of
+clients, sets of objects would be too slow.
+"""
 
 from __future__ import annotations
 
@@ -33,8 +37,9 @@ class Needs(NamedTuple):
 def needs_of_clients(code: Code) -> Mapping[ClientKey, Needs]:
     """Return what each client needs, its limits and all that its memory comes from included.
 
-    Sets are bits of one number each, so that a program of thousands of clients takes no longer than it has
-    operations and bits.
+    Args:
+        code: a view of clients (`views.of_clients`), in which `guard` is the guard by which a client speaks;
+            of the code of a whole program the answer is another.
     """
     sensors = [s.name for s in code.sensors]
     modules = python_modules(code)
@@ -45,11 +50,11 @@ def needs_of_clients(code: Code) -> Mapping[ClientKey, Needs]:
     bits |= {("module", name): 1 << first_module + i for i, name in enumerate(modules)}
     masks: list[int] = []
     for op in code.ops:
-        mask = bits.get(_own(op), 0)
+        mask = bits.get(_source_key(op), 0)
         for at in operands(op):
             mask |= masks[at]
         masks.append(mask)
-    cells = _closed(code, masks)
+    cells = _cell_closure(code, masks)
     found: dict[ClientKey, Needs] = {}
     for one in code.actuators:
         for client in one.clients:
@@ -57,7 +62,7 @@ def needs_of_clients(code: Code) -> Mapping[ClientKey, Needs]:
             for at in _roots(one, client):
                 mask |= masks[at]
             mask = _with_memory(mask, cells)
-            used = tuple(_numbers(mask))
+            used = tuple(_bit_indices(mask))
             found[one.actuator.name, client.module] = Needs(
                 sensors=tuple([sensors[i - first_sensor] for i in used if first_sensor <= i < first_module]),
                 python_modules=tuple([modules[i - first_module] for i in used if i >= first_module]),
@@ -72,7 +77,7 @@ def python_modules(code: Code) -> tuple[str, ...]:
     return tuple(dict.fromkeys(called))
 
 
-def _own(op: Op) -> object:
+def _source_key(op: Op) -> object:
     match op:
         case OldCell(cell=cell):
             return cell
@@ -90,7 +95,7 @@ def _roots(one: ActuatorCode, client: ClientCode) -> Iterator[int]:
         yield from (limit.applies, limit.bound)
 
 
-def _closed(code: Code, masks: list[int]) -> list[int]:
+def _cell_closure(code: Code, masks: list[int]) -> list[int]:
     """Return, for each cell, itself and all that its value comes from, over any number of frames."""
     cells = [1 << i | masks[c.condition] | masks[c.value] for i, c in enumerate(code.cells)]
     changed = True
@@ -106,12 +111,12 @@ def _closed(code: Code, masks: list[int]) -> list[int]:
 def _with_memory(mask: int, cells: list[int]) -> int:
     """Return `mask` with all that its cells come from."""
     closed = mask
-    for i in _numbers(mask & ((1 << len(cells)) - 1)):
+    for i in _bit_indices(mask & ((1 << len(cells)) - 1)):
         closed |= cells[i]
     return closed
 
 
-def _numbers(mask: int) -> Iterator[int]:
+def _bit_indices(mask: int) -> Iterator[int]:
     """Yield the numbers of the bits that are set, in rising order."""
     digits = bin(mask)[:1:-1]
     at = digits.find("1")

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import ExitStack
 from importlib import import_module
+from tempfile import TemporaryDirectory
 from typing import Any, TypeVar
 
 from colony.experiment.parallel import WorkersLost
@@ -53,7 +54,11 @@ class DaskEngine:
                     f"{where}: {problem}; expected an address such as tcp://HOST:8786"
                 ) from None
         cluster = distributed.LocalCluster(
-            n_workers=self._workers, threads_per_worker=1, processes=True, dashboard_address=None
+            n_workers=self._workers,
+            threads_per_worker=1,
+            processes=True,
+            dashboard_address=None,
+            local_directory=holds.enter_context(TemporaryDirectory(prefix="colony-dask-")),
         )
         holds.enter_context(cluster)
         return holds.enter_context(distributed.Client(cluster))

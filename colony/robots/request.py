@@ -39,7 +39,7 @@ class RunRequest:
         realtime: a run in virtual time keeps pace with the wall clock.
         record: the file of the recording, if there is to be one.
         cameras: servers of cameras, each with where it looks; of processes only.
-        isolate: each client is a process of its own; of processes only.
+        isolate: run each client in its own process; only for runs of several processes.
         fsync: DServer's data outlives a loss of power; of processes only.
         origin, goal: the rooms of the way to drive, if there is one.
         hazards: the seed of what goes wrong in the building; None for nothing.

@@ -11,7 +11,7 @@ from pathlib import Path
 from colony.robots.request import BrokenOff, Misuse
 from colony.robots.simulated import CompilingNotice, SimulatedRobot, device_of, jobs_of, plant_spec
 from colony.runtime.assembly.processes import child
-from colony.runtime.assembly.processes.children import Children, told
+from colony.runtime.assembly.processes.children import Children, described
 from colony.runtime.assembly.processes.ending import Ending, on_signals
 from colony.runtime.assembly.processes.jobs import SERVERS, expect_room, fresh_folder, job_of, server_parts
 from colony.runtime.assembly.processes.run import ENDING_S, LOOK_S
@@ -119,8 +119,8 @@ def serve_all(
                 notice.look()
                 for death in children.poll():
                     if death.pause_s is None:
-                        raise BrokenOff(told(death))
-                    report(told(death))
+                        raise BrokenOff(described(death))
+                    report(described(death))
                 time.sleep(LOOK_S)
         finally:
             children.stop(ENDING_S)

@@ -15,7 +15,8 @@ from colony.runtime.library import clock
 from colony.runtime.protocol import codec, topics
 from colony.runtime.protocol.messages import Verdict
 from colony.runtime.transport.live import keys
-from tests.cli.machine import ROBOT, until
+from tests.cli.machine import ROBOT
+from tests.waiting import until
 
 PATIENCE_S = 60.0
 PAUSE_S = 0.1

@@ -7,18 +7,20 @@ from pathlib import Path
 import pytest
 
 from tests.attack.damage import costs, flips, record
+from tests.sampling import long
 
 TRIALS = 15
 
 
-@pytest.mark.parametrize("name", ["run.mcap", "run.jsonl"])
-@pytest.mark.parametrize("killed", [False, True], ids=["whole", "killed"])
+@pytest.mark.parametrize("name", ["run.mcap", long("run.jsonl")])
+@pytest.mark.parametrize("killed", [long(False), True], ids=["whole", "killed"])
 def test_what_is_damaged_is_never_compared(name: str, killed: bool, tmp_path: Path) -> None:
     came = flips(record(tmp_path / name, seconds=3.0, killed=killed), name, trials=TRIALS, seed=2)
     assert came.wrong == ()
     assert came.told > 0
 
 
+@pytest.mark.long
 def test_bombs_are_refused(tmp_path: Path) -> None:
     recording = record(tmp_path / "run.mcap", seconds=1.0, killed=False)
     for what, command, _, took in costs(tmp_path, recording):

@@ -15,7 +15,9 @@ from colony.runtime.transport.live.place import Remote
 from tests.attack.flood import KINDS, Kind, flood
 from tests.attack.lab import Lab
 from tests.attack.stops import stop_times
-from tests.cli.machine import ROBOT, until
+from tests.cli.machine import ROBOT
+from tests.sampling import sampled
+from tests.waiting import until
 
 SECONDS = 2.0
 STOPS = 5
@@ -32,7 +34,7 @@ def _losses(lab: Lab) -> Iterator[list[str]]:
         yield lost
 
 
-@pytest.mark.parametrize("kind", KINDS)
+@pytest.mark.parametrize("kind", sampled(KINDS, every=4))
 def test_a_stop_gets_through(kind: Kind, lab: Lab) -> None:
     with (
         lab.session("guard") as guard,

@@ -8,12 +8,13 @@ from colony.runtime.transport.live.errors import NotReached
 from colony.runtime.transport.live.gateway import whoami
 from tests.attack.handshakes import HalfOpen
 from tests.attack.lab import Lab
-from tests.cli.machine import until
+from tests.sampling import long
+from tests.waiting import until
 
 COUNT = 20
 
 
-@pytest.mark.parametrize("hello", [True, False], ids=["stalled", "silent"])
+@pytest.mark.parametrize("hello", [True, long(False)], ids=["stalled", "silent"])
 def test_half_open_connections_are_closed(hello: bool, lab: Lab) -> None:
     with lab.session("ada") as ada, ada.connect("Gateway") as gateway:
         with HalfOpen(lab.port, count=COUNT, rate=0, hello=hello) as half:

@@ -10,7 +10,8 @@ from tests.attack.intruder import MODES, REFUSED, STRANGER, Intruder, scouted
 from tests.attack.lab import Lab, Witness
 from tests.attack.sockets import Socket, network_sockets
 from tests.attack.trial import attempt, impersonators
-from tests.cli.machine import until
+from tests.sampling import sampled
+from tests.waiting import until
 
 SAMPLE = (
     Intruder(mode="peer", certificate=STRANGER),
@@ -30,7 +31,7 @@ WATCH_S = 1.5
 """Gossip took less than a second to have local processes dial an address."""
 
 
-@pytest.mark.parametrize("intruder", SAMPLE, ids=lambda i: f"{i.mode}-{i.certificate}")
+@pytest.mark.parametrize("intruder", sampled(SAMPLE, every=3), ids=lambda i: f"{i.mode}-{i.certificate}")
 def test_nobody_gets_beyond_the_right(intruder: Intruder, lab: Lab, folder: Path) -> None:
     outcome = attempt(intruder, lab, folder, watch_s=WATCH_S)
     assert outcome.failed, outcome
@@ -43,6 +44,7 @@ def test_nobody_gets_beyond_the_right(intruder: Intruder, lab: Lab, folder: Path
     assert (outcome.within > 0) == has_a_right, "else the witness would be deaf"
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("mode", MODES)
 def test_nobody_passes_for_a_process_of_the_robot(mode: str, lab: Lab, folder: Path) -> None:
     """Two links of one id are one to zenoh, and the first one's rights would be those of both."""

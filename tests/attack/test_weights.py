@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
+import pytest
+
 from colony.runtime.kit.emergency import StopButton
 from colony.runtime.transport.live.network import local_user
 from tests.attack.lab import Lab
 from tests.attack.weights import SERVERS, bear, weights
-from tests.cli.machine import until
+from tests.waiting import until
 
 
+@pytest.mark.long
 def test_whatever_comes_is_answered_and_a_stop_behind_it(lab: Lab) -> None:
     pids = dict(lab.machine.directory.running())
     with lab.machine.session() as home, StopButton(home, timeout_s=60.0) as button:

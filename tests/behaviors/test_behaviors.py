@@ -24,13 +24,16 @@ from colony.runtime.protocol.bindings import bind
 from colony.verify.reference.interpreter import Interpreter
 from colony.verify.testing.examples import failures_as_diagnostics, run_examples
 from tests.paths import BEHAVIORS, ROOT
+from tests.sampling import long
 
 MAPS = sorted((ROOT / "maps").glob("*.stickrep"))
 
 every_file = pytest.mark.parametrize("file", BEHAVIORS, ids=lambda path: path.stem)
 SMALL = [m for m in MAPS if m.stem in {"loop", "hallway"}]
 every_small_map = pytest.mark.parametrize("building", SMALL, ids=lambda path: path.stem)
-every_map = pytest.mark.parametrize("building", MAPS, ids=lambda path: path.stem)
+every_map = pytest.mark.parametrize(
+    "building", [m if m in SMALL else long(m) for m in MAPS], ids=lambda path: path.stem
+)
 
 
 def test_there_are_behaviors_and_maps() -> None:

@@ -16,8 +16,8 @@ import sys
 import time
 
 from colony.cli.main import main
+from tests.waiting import PATIENCE_S
 
-PATIENCE_S = 30
 ROOM = 3 << 30
 """Bytes of address space that a command may take, so that a mistake costs no other process its memory."""
 
@@ -34,7 +34,7 @@ def run(arguments: list[str]) -> dict[str, object]:
     sys.stdout = Stream(out, encoding="utf-8")
     sys.stderr = Stream(err, encoding="utf-8", errors="backslashreplace")
     code: object = "none"
-    signal.alarm(PATIENCE_S)
+    signal.alarm(int(PATIENCE_S))
     began = time.monotonic()
     try:
         main()

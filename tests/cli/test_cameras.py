@@ -9,7 +9,8 @@ from colony.runtime.kit.connection import Connection
 from colony.runtime.kit.errors import CallRefused
 from colony.runtime.library import camera
 from tests.cli.conftest import Colony
-from tests.cli.machine import MAP, ROBOT, Machine, until
+from tests.cli.machine import MAP, ROBOT, Machine
+from tests.waiting import until
 
 
 @pytest.mark.parametrize(

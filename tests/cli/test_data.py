@@ -9,7 +9,8 @@ import pytest
 
 from colony.runtime.library import data
 from tests.cli.conftest import Colony
-from tests.cli.machine import ROBOT, Machine, Started, until
+from tests.cli.machine import ROBOT, Machine, Started
+from tests.waiting import until
 
 
 @pytest.fixture

@@ -10,7 +10,8 @@ import pytest
 from colony.runtime.kit.connection import Session
 from colony.runtime.library import data, robot
 from tests.cli.conftest import Colony
-from tests.cli.machine import MAP, ROBOT, WANDER, Machine, Started, children_of, lives, status, until
+from tests.cli.machine import MAP, ROBOT, WANDER, Machine, Started, children_of, lives, status
+from tests.waiting import until
 
 SERVERS = {"Clock", "RServer", "PServer", "DServer", "Runtime"}
 

@@ -14,6 +14,7 @@ import pytest
 from tests.cli.conftest import Ran
 from tests.cli.machine import MAP, ROBOT, WANDER
 from tests.paths import ROOT
+from tests.sampling import sampled
 
 RUN = ("run", WANDER, "--map", MAP, "--no-picture", "--duration", "1")
 PROCESSES = (*RUN, "--processes")
@@ -73,7 +74,7 @@ def test_few_files_may_be_open(run: Callable[..., Ran], command: Command, code: 
     assert "`ulimit -n`" in done.err
 
 
-@pytest.mark.parametrize("most", [12, 16, 20, 24, 32, 40])
+@pytest.mark.parametrize("most", sampled([12, 16, 20, 24, 32, 40], every=3))
 def test_a_few_more_files_may_be_open(run: Callable[..., Ran], most: int) -> None:
     done = run(*PROCESSES, limits={resource.RLIMIT_NOFILE: most})
     assert done.code in (1, 2)
@@ -106,7 +107,7 @@ def test_a_run_directory_that_is_not_utf8(run: Callable[..., Ran], command: Comm
     ("redirect", "why"), [(">&-", "Bad file descriptor"), ("> /dev/full", "No space left on device")]
 )
 @pytest.mark.parametrize(
-    "command", [("--help",), ("--version",), ("check", WANDER), RUN, ("ps",), ("map", MAP)]
+    "command", sampled([("--help",), ("--version",), ("check", WANDER), RUN, ("ps",), ("map", MAP)], every=3)
 )
 def test_output_that_cannot_be_written(
     run: Callable[..., Ran], command: Command, redirect: str, why: str

@@ -26,8 +26,9 @@ from colony.runtime.transport.live import security
 from colony.vision import image_files
 from tests.cli.conftest import Colony
 from tests.cli.machine import MAP, WANDER
-from tests.cli.strange_files_child import PATIENCE_S
 from tests.paths import ROOT
+from tests.sampling import sampled
+from tests.waiting import PATIENCE_S
 
 MEMORY_MB = 300
 """Megabytes beyond what `--help` takes."""
@@ -134,7 +135,7 @@ def ran(folder: Path, command: tuple[str, ...], files: list[Path]) -> list[dict[
     return [json.loads(line) for line in lines]
 
 
-@pytest.mark.parametrize("name", COMMANDS)
+@pytest.mark.parametrize("name", sampled(tuple(COMMANDS), every=4))
 def test_strange_files(tmp_path: Path, name: str) -> None:
     (suffix,) = (Path(a).suffix for a in COMMANDS[name] if a.startswith("FILE"))
     command = tuple("FILE" if a.startswith("FILE") else a for a in COMMANDS[name])

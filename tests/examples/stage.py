@@ -12,9 +12,8 @@ import signal
 import subprocess
 import sys
 import tempfile
-import time
-from collections.abc import Callable, Iterator, Mapping
-from contextlib import contextmanager
+from collections.abc import Iterator, Mapping
+from contextlib import ExitStack, contextmanager
 from pathlib import Path
 
 from colony.runtime.kit.connection import Session
@@ -22,21 +21,9 @@ from colony.runtime.transport.live.place import local
 from colony.sim.plant.child import plant_socket
 from colony.sim.plant.control import PlantControl
 from tests.paths import ROOT
-
-PATIENCE_S = 60.0
-"""Far longer than anything takes; only a failure waits for so long."""
-
-ENDING_S = 10.0
+from tests.waiting import PATIENCE_S, until
 
 PROGRAMS = {"colony": ("-m", "colony.cli.main"), "python": ()}
-
-
-def until(condition: Callable[[], bool], what: str) -> None:
-    """Wait until `condition` holds."""
-    end = time.monotonic() + PATIENCE_S
-    while not condition():
-        assert time.monotonic() < end, f"waited {PATIENCE_S:g} s in vain: {what}"
-        time.sleep(0.01)
 
 
 class Process:
@@ -89,7 +76,7 @@ class Process:
         """See to it that it has ended."""
         self.stop()
         try:
-            return self._process.wait(ENDING_S)
+            return self._process.wait(PATIENCE_S)
         except subprocess.TimeoutExpired:
             self.kill()
             raise AssertionError(f"{self.command} did not end:\n{self.printed()}") from None
@@ -140,10 +127,12 @@ class Machine:
     def end(self) -> None:
         """End whatever lives, those that came last first."""
         living = [process for process in reversed(self.processes) if process.ended is None]
-        for process in living:
-            process.stop()
-        for process in living:
-            process.finish()
+        with ExitStack() as killed:
+            for process in living:
+                killed.callback(process.kill)
+                process.stop()
+            for process in living:
+                process.finish()
 
 
 @contextmanager

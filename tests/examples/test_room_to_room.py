@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import math
 
+import pytest
+
 from colony.nav.maps.stickrep.reader import load_map
 from colony.nav.plan.route import plan
 from tests.examples.stage import ROOT, machine
@@ -11,6 +13,7 @@ from tests.examples.stage import ROOT, machine
 MAP = "maps/msu_engineering_3.stickrep"
 
 
+@pytest.mark.long
 def test_a_robot_of_processes_is_led_to_the_next_room() -> None:
     with machine() as here:
         here.start(

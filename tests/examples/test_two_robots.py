@@ -7,9 +7,13 @@ import threading
 from collections.abc import Iterator
 from contextlib import contextmanager
 
+import pytest
+
 from colony.sim.plant.control import PlantControl
 from colony.sim.plant.protocol import Truth
-from tests.examples.stage import ROOT, Machine, Process, machine, until
+from tests.cli.machine import contracts_held
+from tests.examples.stage import ROOT, Machine, Process, machine
+from tests.waiting import until
 
 HERE = ROOT / "examples" / "two_robots"
 COMMANDS = [
@@ -73,6 +77,7 @@ def watching(on: Machine) -> Iterator[Watch]:
         watch.end()
 
 
+@pytest.mark.long
 def test_one_at_a_time_although_both_keepers_are_killed() -> None:
     with machine() as on:
         programs = [c for c in COMMANDS if "run " in c or "keeper" in c]
@@ -100,7 +105,7 @@ def test_one_at_a_time_although_both_keepers_are_killed() -> None:
             assert [watch.now[robot].bumps for robot in ROBOTS] == [0, 0]
         for run in runs:
             run.finish()
-            assert "contracts held in every frame" in run.printed()
+            assert contracts_held(run.printed()), run.printed()
 
 
 def _whose_turn(keepers: dict[str, Process]) -> tuple[str, str]:

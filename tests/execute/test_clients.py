@@ -12,7 +12,7 @@ from colony.execute.executor import ClientMemory
 from colony.ir.frame import Frame
 from colony.verify.reference.interpreter import Interpreter
 from colony.verify.testing.strategies import networks, programs, traces
-from tests.programs import OneClient, client, clients
+from tests.programs import OneClient, client, clients, compilation
 
 TEXT = """
 robot r {
@@ -117,9 +117,11 @@ def test_memory_of_another_client_is_refused() -> None:
 def test_a_client_that_was_started_anew_goes_on_as_the_other(data: st.DataObject) -> None:
     program = data.draw(programs(python=False))
     trace = data.draw(traces(program))
-    for (actuator, module), one in clients(program).items():
+    compiled = compilation(program).compiled
+    for actuator, module, _ in compiled.clients:
+        one = OneClient(compiled, actuator, module)
         for frame in trace:
-            other = client(program, actuator, module)
+            other = OneClient(compiled, actuator, module)
             other.memory = one.memory
             assert repr(other.step(frame)) == repr(one.step(frame))
             assert repr(other.memory) == repr(one.memory)

@@ -15,6 +15,7 @@ import pytest
 
 from colony.experiment.parallel import PoolEngine, SerialEngine, WorkersLost
 from tests.paths import ROOT
+from tests.waiting import until
 
 
 def _square(item: int) -> int:
@@ -82,10 +83,7 @@ def test_workers_end_with_a_parent_that_is_killed() -> None:
         assert parent.stdout is not None
         worker = int(parent.stdout.readline())
         parent.kill()
-    end = time.monotonic() + 20.0
-    while _lives(worker):
-        assert time.monotonic() < end, "the worker lives on"
-        time.sleep(0.02)
+    until(lambda: not _lives(worker), "the worker ends")
 
 
 def own_pid(item: int) -> int:

@@ -16,6 +16,7 @@ from tests.mutants.scope import ROOT, digest
 ARGUMENTS = (
     *("--tb=native", "--capture=sys", "-qq", "--no-header", "-p", "no:benchmark"),
     *("-W", "ignore::pytest.PytestAssertRewriteWarning"),  # hypothesis is imported ahead
+    *("-m", ""),  # those that take long, too
 )
 
 

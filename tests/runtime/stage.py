@@ -10,7 +10,7 @@ from colony.ir.program import Program
 from colony.ir.types import ScalarValue
 from colony.runtime.arbitration.arbiter import Timing
 from colony.runtime.assembly.nodes import build_announcer, build_clients, build_observer
-from colony.runtime.assembly.sharing import shared_clients
+from colony.runtime.assembly.sharing import client_processes
 from colony.runtime.frames.publishing import Fields, Publisher
 from colony.runtime.protocol import topics
 from colony.runtime.protocol.bindings import ActuatorBinding, Bindings, SensorBinding
@@ -146,10 +146,10 @@ def play(
     server = TraceServer(trace, commanded_by(deployed, SERVER), compiled.announced)
     observer = build_observer(compiled, bindings, (log,), "")
     transport = VirtualTransport(VirtualClock(trace[0].t_ns), seed=order_seed, link=link)
-    processes = shared_clients(compiled, isolate=isolate)
+    processes = client_processes(compiled, isolate=isolate)
     nodes: tuple[Node, ...] = (
         server,
-        *(node for clients in processes for node in build_clients(compiled, bindings, clients, "")),
+        *(node for process in processes for node in build_clients(compiled, bindings, process.clients, "")),
         *(build_announcer(compiled, bindings, module, "") for module in compiled.announced),
         observer,
         TraceClock(trace),

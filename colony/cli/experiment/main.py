@@ -130,8 +130,11 @@ def command(
       colony experiment plates --seeds 10 -o plates.sqlite --write docs/plates.md
     """
     expect_extras("sim", "vision")
-    from colony.cli.experiment.outputs import check_outputs, put_out
-    from colony.experiment.request import ExperimentRequest, experiment_of
+    from colony.sim.compiling import told_when_compiling
+
+    with told_when_compiling(say):
+        from colony.cli.experiment.outputs import check_outputs, put_out
+        from colony.experiment.request import ExperimentRequest, experiment_of
 
     with _problems_told():
         study, asked = experiment_of(ExperimentRequest(**asked_for))

@@ -141,7 +141,10 @@ def snapshot_command(
         cannot_write(output, problem.strerror or str(problem))
     for name in names:
         check_output(output / f"{name}.png", [path])
-    from colony.sim.cameras.snapshot import png_of, snapshots
+    from colony.sim.compiling import told_when_compiling
+
+    with told_when_compiling(say):
+        from colony.sim.cameras.snapshot import png_of, snapshots
 
     images = snapshots(floor, pose, _YAWS, size, hazards=hazards, speed_mm_s=speed)
     for name in names:

@@ -1,9 +1,10 @@
-"""The processes that a compiled program asks for, whatever robot they run on: its clients, the announcers of
-its modules in Python, and the observer. Each can be built alone, in a process of its own."""
+"""The nodes that a compiled program needs, whatever robot they run on: its clients, the announcers of its
+modules in Python, and the observer. Each process builds the nodes that run in it."""
 
 from __future__ import annotations
 
 from collections.abc import Iterable
+from typing import NamedTuple
 
 from colony.execute.compiled import Compiled
 from colony.execute.executor import ModuleExecutor, ProgramExecutor
@@ -12,7 +13,7 @@ from colony.execute.views import of_clients
 from colony.runtime.clients.announcer import Announcer
 from colony.runtime.clients.client import ClientNode
 from colony.runtime.clients.client_program import ClientProgram
-from colony.runtime.frames.assembler import FrameAssembler, frames_kept
+from colony.runtime.frames.assembler import Awaited, FrameAssembler, frames_kept
 from colony.runtime.observe.monitor import Monitor
 from colony.runtime.observe.observer import Observer, Sink
 from colony.runtime.protocol.bindings import Bindings, SensorBinding
@@ -21,37 +22,50 @@ from colony.runtime.protocol.bindings import Bindings, SensorBinding
 def build_clients(
     compiled: Compiled, bindings: Bindings, clients: Iterable[ClientKey], run: str
 ) -> tuple[ClientNode, ...]:
-    """Build the clients of one process, by actuator and module: a node for all that wait for the same.
+    """Build the clients of one process, by actuator and module: one node per group of clients that read the
+    same servers and modules in Python and have the same `on_loss`.
 
     Raises:
         KeyError: there is no such client.
     """
-    on_loss = {a.name: a.on_loss for a in compiled.robot.actuators}
+    degrading = {a.name for a in compiled.robot.actuators if a.on_loss == "degrade"}
     here = tuple(clients)
     needs = needs_of_clients(of_clients(compiled.code, here))
-    groups: dict[object, list[ClientKey]] = {}
+    groups: dict[_Inputs, list[ClientKey]] = {}
     for client in here:
         servers = frozenset(b.server for b in _only(bindings.sensors, needs[client].sensors))
-        groups.setdefault((servers, needs[client].python_modules, on_loss[client[0]]), []).append(client)
-    return tuple(_client_node(compiled, bindings, group, run) for group in groups.values())
+        awaited: Awaited = "degrade" if client[0] in degrading else "all"
+        groups.setdefault(_Inputs(servers, needs[client].python_modules, awaited), []).append(client)
+    return tuple(
+        _client_node(compiled, bindings, group, inputs.awaited, run) for inputs, group in groups.items()
+    )
 
 
-def _client_node(compiled: Compiled, bindings: Bindings, clients: list[ClientKey], run: str) -> ClientNode:
+class _Inputs(NamedTuple):
+    """What a client waits for in each frame."""
+
+    servers: frozenset[str]
+    python_modules: tuple[str, ...]
+    awaited: Awaited
+
+
+def _client_node(
+    compiled: Compiled, bindings: Bindings, clients: list[ClientKey], awaited: Awaited, run: str
+) -> ClientNode:
     part = ClientProgram(compiled, clients)
-    (on_loss,) = {a.on_loss for a in compiled.robot.actuators if a.name in dict(clients)}
     assembler = FrameAssembler(
         _only(bindings.sensors, part.sensors),
         part.python_modules,
         run=run,
         keep=frames_kept(compiled.frame_ns),
-        awaited="degrade" if on_loss == "degrade" else "all",
+        awaited=awaited,
     )
     server = {b.actuator: b.server for b in bindings.actuators}
     return ClientNode(part, [server[actuator] for actuator, _ in clients], assembler, run=run)
 
 
 def build_announcer(compiled: Compiled, bindings: Bindings, module: str, run: str) -> Announcer:
-    """Build the process that runs a module in Python, and tells its answers.
+    """Build the node that runs a module in Python, and tells its answers.
 
     Raises:
         KeyError: there is no such module.
@@ -71,7 +85,7 @@ def build_observer(
     *,
     requests: bool = False,
 ) -> Observer:
-    """Build the process that sees every frame; with `requests`, also what the clients asked for."""
+    """Build the node that sees every frame; with `requests`, also what the clients asked for."""
     actuators, modules, keep = compiled.robot.actuators, compiled.announced, frames_kept(compiled.frame_ns)
     degrading = (a.name for a in actuators if a.on_loss == "degrade")
     return Observer(

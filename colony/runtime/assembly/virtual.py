@@ -19,7 +19,7 @@ from colony.runtime.assembly.nodes import (
     build_clients,
     build_observer,
 )
-from colony.runtime.assembly.sharing import name_of_process, shared_clients
+from colony.runtime.assembly.sharing import announcer_process, client_processes
 from colony.runtime.frames.assembler import frames_kept
 from colony.runtime.frames.clock import Clock
 from colony.runtime.observe.closing import close_all
@@ -28,7 +28,7 @@ from colony.runtime.protocol.bindings import Bindings, bind
 from colony.runtime.protocol.deployment import Deployment, deployment
 from colony.runtime.protocol.fields import DSERVER, PSERVER, RSERVER, RUNTIME
 from colony.runtime.protocol.messages import Node
-from colony.runtime.protocol.topics import CLOCK, activity
+from colony.runtime.protocol.topics import CLOCK
 from colony.runtime.servers.cserver import CServer
 from colony.runtime.servers.drivers import Drivers
 from colony.runtime.servers.dserver import DServer
@@ -67,7 +67,7 @@ class VirtualRobot:
         requests: whether frames come with what the clients asked for.
         nodes: who else takes part, such as camera servers and scripts; started last, in this order, and never
             again: `restart` and `revive` are for the processes of `processes`.
-        isolate: whether each client is a process of its own.
+        isolate: whether each client runs in its own process.
 
     Raises:
         Failure: a module in Python cannot be imported or built.
@@ -96,18 +96,16 @@ class VirtualRobot:
         if ticking:  # the Clock comes first: whoever says that it is ready is to be heard
             builders[CLOCK] = lambda: Clock(servers=tuple(built), keep=keep, deployment=deployed)
         builders.update(built)
-        for clients in shared_clients(compiled, isolate=isolate):
-            builders[name_of_process(clients)] = partial(build_clients, compiled, bindings, clients, RUN)
+        for process in client_processes(compiled, isolate=isolate):
+            builders[process.name] = partial(build_clients, compiled, bindings, process.clients, RUN)
         for module in compiled.announced:
-            builders[activity(DSERVER.name, module)] = partial(
-                build_announcer, compiled, bindings, module, RUN
-            )
+            builders[announcer_process(module)] = partial(build_announcer, compiled, bindings, module, RUN)
         self.observer = build_observer(compiled, bindings, sinks, RUN, requests=requests)
         self._builders = builders
         self.nodes: dict[str, Node] = {}
         self._addresses: dict[str, tuple[str, ...]] = {}
-        for process in builders:
-            self._build(process)
+        for name in builders:
+            self._build(name)
         self.nodes[self.observer.address] = self.observer
         self.nodes.update((node.address, node) for node in nodes)
         self.transport = VirtualTransport(clock, seed=seed if order_seed is None else order_seed, link=link)

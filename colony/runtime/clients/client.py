@@ -5,10 +5,11 @@ The node steps their part of the program over every frame, and each client sends
 request a frame: a command, or why it has none. Clients do not talk to each other. A node that is behind
 steps through the frames that it missed, and its clients speak again at the present one.
 
-The memory of each client goes to DServer every half second of the robot's time. A process that takes the
-place of a dead one steps through all frames since the epoch began, where they are still to be had; otherwise
-it asks DServer for the memories and steps through those since. When neither can be done, it asks the Clock
-for a new epoch.
+The memory of the node goes to DServer every half second of the robot's time, as one checkpoint per client: a
+memory cell that several clients need is in the checkpoint of the first. A process that takes the place of a
+dead one steps through all frames since the epoch began, where they are still to be had; otherwise it asks
+DServer for the checkpoints and steps through the frames since. All of them must be there, and be of one
+frame; if one is missing, or older than the others, the node asks the Clock for a new epoch.
 """
 
 from __future__ import annotations
@@ -32,17 +33,18 @@ from colony.runtime.protocol.messages import (
 )
 
 CHECKPOINT_NS = 500_000_000
-"""Of the robot's time, between two checkpoints."""
+"""Nanoseconds of the robot's time between two checkpoints."""
 
 RECALL_NS = 1_000_000_000
-"""For how long DServer is asked for a checkpoint, once a frame, before the client does without."""
+"""Nanoseconds after which a node that asks DServer for its checkpoints, once a frame, does without."""
 
 
 class ClientNode(QuietNode):
-    """Mutable: the memory of its clients, and frames that are not complete yet.
+    """The clients of one process that read the same servers and modules in Python. Mutable: their memory, and
+    frames that are not complete yet.
 
     Args:
-        part: what the clients execute. The address of the first is that of the node.
+        part: what the clients execute. The address of the first client is that of the node.
         servers: where the requests of each client go, in the order of `part.clients`.
         assembler: of all that they read.
         run: the run that they take part in.
@@ -132,10 +134,11 @@ class ClientNode(QuietNode):
             yield self._membership.begin_anew(self._assembler.start)
 
     def _take_back(self, saved: Checkpoint, now_ns: int) -> Iterator[Effect]:
-        """Go on from the memories of all clients, once these are here and of one frame."""
+        """Go on from the checkpoints of all clients, once these are here, if they are of one frame that the
+        node can go on from; else it asks for a new epoch with the next tick."""
         expected = saved.client in self.part.clients and saved.client not in self._recalled
         if self._caught_up or self._recalling_since is None or not expected:
-            return  # it was asked for twice
+            return  # an answer to an earlier or a repeated question
         self._recalled[saved.client] = saved
         if len(self._recalled) < len(self.part.clients):
             return

@@ -1,4 +1,4 @@
-"""The part of a program that clients of one process execute: a frame in, a request of each out."""
+"""The part of a program that the clients of one node execute: a frame in, a request of each out."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from colony.runtime.protocol.topics import client_address, module_of
 
 
 class ClientProgram:
-    """What some clients execute. Mutable: their memory.
+    """What the clients of a node execute. Mutable: their memory.
 
     Raises:
         KeyError: there is no such client.
@@ -24,7 +24,7 @@ class ClientProgram:
     def __init__(self, compiled: Compiled, clients: Iterable[ClientKey]) -> None:
         self._executor = ClientsExecutor(compiled, clients)
         self._keys = {client_address(*key): key for key in self._executor.clients}
-        self._inactive = dict.fromkeys(self._executor.python_modules, Answer())
+        self._inactive = dict.fromkeys(self._executor.python_modules, Answer())  # unless they answered
         self._fresh = True
 
     @property
@@ -43,12 +43,12 @@ class ClientProgram:
         return self._executor.python_modules
 
     def memory(self, client: str) -> bytes:
-        """Return all that a client, by address, remembers."""
+        """Return the memory cells that belong to a client, by address (`ClientsExecutor.memory`)."""
         return encode_memory(self._executor.memory(self._keys[client]))
 
     def recall(self, memories: Mapping[str, bytes]) -> bool:
-        """Go on from the memories of all clients after one frame; False, and nothing changed, if these are
-        not theirs."""
+        """Go on from the memories of all clients after one frame; return False, and change nothing, if these
+        are not theirs."""
         try:
             self._executor.recall({self._keys[c]: decode_memory(data) for c, data in memories.items()})
         except (BadMemory, ValueError):

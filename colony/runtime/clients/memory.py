@@ -21,12 +21,12 @@ _decoder = msgspec.msgpack.Decoder(_Memory)
 
 
 def encode_memory(memory: ClientMemory) -> bytes:
-    """The memory of a client in msgpack."""
+    """Return the memory of a client in msgpack."""
     return _encoder.encode(_Memory(memory.first_ns, memory.cells))
 
 
 def decode_memory(data: bytes) -> ClientMemory:
-    """The memory in these bytes.
+    """Return the memory in these bytes.
 
     Raises:
         BadMemory: there is none.

@@ -9,11 +9,11 @@ from colony.runtime.protocol import topics
 from colony.runtime.protocol.messages import Effect, Ready, Restart, Send, Tick
 
 READY_AGAIN_NS = 200_000_000
-"""While the frames are not those of the run, every so often it is said again that one is ready."""
+"""Nanoseconds between two times that a member says that it is ready, until the frames of the run come."""
 
 ALIVE_AGAIN_NS = 90_000_000
-"""Nanoseconds between two times that a client which sends requests tells the Clock so, at least: it is a part
-of the shortest lease. Of requests that are on time the Clock hears by the verdicts, too."""
+"""Least nanoseconds between two signs of life of a client to the Clock. They are a part of the shortest
+lease. The verdicts tell the Clock of requests that were on time, too."""
 
 
 class Membership:

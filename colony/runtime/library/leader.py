@@ -33,7 +33,8 @@ class RunStatus(msgspec.Struct, frozen=True, kw_only=True):
 
     In `restarts` of them all memory began again. `commanded_by` has the client that commanded each actuator
     in the newest frame, None for none. `disagreements` are frames in which the runtime did not do what the
-    program says: there should be none.
+    program says: there should be none. `processes` has the ids of the processes that the leader started, by
+    name.
     """
 
     run: str
@@ -46,6 +47,7 @@ class RunStatus(msgspec.Struct, frozen=True, kw_only=True):
     disagreements: int
     commanded_by: dict[str, str | None]
     clients: tuple[ClientStanding, ...]
+    processes: dict[str, int] = {}
 
 
 def run_status() -> Ask[RunStatus]:

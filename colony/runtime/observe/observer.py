@@ -143,7 +143,7 @@ class Observer:
 
     @property
     def deferred(self) -> tuple[str, ...]:
-        """All but ticks: with the tick of a frame, the frame before it is taken, which is decided by then."""
+        """All topics but ticks. A frame is processed when the next tick arrives; by then it is decided."""
         return tuple(topic for topic in self.listens if topic != topics.TICKS)
 
     def add(self, sink: Sink) -> None:

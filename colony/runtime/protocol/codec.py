@@ -23,11 +23,12 @@ from colony.runtime.protocol.messages import (
     ServerFrame,
     Tick,
     Verdict,
+    Wire,
 )
 
 VERSION = 1
-"""Version of the protocol. A field with a default may be added at the end of a message; every other change is
-a new version."""
+"""Version of the protocol. Once a version is released, a field with a default may be added at the end of a
+message; every other change is a new version."""
 
 LARGEST = 4 * 1024 * 1024
 """Bytes of the largest message: enough for a color image of 1280x960 and what goes with it."""
@@ -41,7 +42,7 @@ _LARGEST: dict[type, int] = {
 and these messages are decoded in every frame."""
 
 _LARGEST_BY_TAG = {
-    msgspec.msgpack.encode(kind.__name__): _LARGEST.get(kind, LARGEST) for kind in (*get_args(Sent), Batch)
+    msgspec.msgpack.encode(kind.__name__): _LARGEST.get(kind, LARGEST) for kind in get_args(Wire)
 }
 """The limits of all kinds by tag, which is the name of the kind in msgpack."""
 
@@ -68,10 +69,10 @@ class NotAMessage(ValueError):
 
 _encoder = msgspec.msgpack.Encoder()
 _decoder: msgspec.msgpack.Decoder[Sent] = msgspec.msgpack.Decoder(Sent)
-_decoder_of_all: msgspec.msgpack.Decoder[Sent | Batch] = msgspec.msgpack.Decoder(Sent | Batch)
+_decoder_of_all: msgspec.msgpack.Decoder[Wire] = msgspec.msgpack.Decoder(Wire)
 
 
-def encode(message: Sent | Batch) -> bytes:
+def encode(message: Wire) -> bytes:
     """Encode a message.
 
     Raises:
@@ -103,7 +104,7 @@ def decode_all(data: bytes) -> tuple[Sent, ...]:
     if not isinstance(found, Batch):
         return (found,)
     if count(data) != len(found.messages):  # msgpack has several ways to write a batch; only one is counted
-        raise NotAMessage("a batch whose messages cannot be counted without reading them")
+        raise NotAMessage("the length of the batch cannot be counted: it is not in its shortest encoding")
     return found.messages
 
 

@@ -1,8 +1,9 @@
-"""What the processes of a robot say to each other, and what a process asks of its transport.
+"""What the nodes of a robot say to each other, and what a node asks of its transport.
 
 Every message is an immutable struct of numbers, bools, strings, bytes, tuples and mappings of them, which
-`codec.py` puts into bytes and checks on the way back. A process of the runtime is a `Node`: it takes one
-message and a time and returns effects; it never sleeps, opens or sends anything itself.
+`codec.py` puts into bytes and checks on the way back. A part of a robot is a `Node`: it takes one message and
+a time and returns effects; it never sleeps, opens or sends anything itself. A process of the system runs one
+or several nodes.
 
 One frame k of a robot, by its messages (thesis section 4.3: clients ask servers, nobody else talks):
 
@@ -24,6 +25,10 @@ And what scripts, operators and programs outside a network do, at any server, at
     server   -> caller           Reply            the result, or what is wrong
     server   -> caller           Notice           something that the caller asked to be told of
     anyone   -> server           Alive            the connection still stands
+
+The live transport puts the requests that clients of one process send to one server at one time into one
+message, a `Batch`, and likewise their signs of life and small checkpoints; it takes batches apart before the
+receiving node sees them.
 """
 
 from __future__ import annotations
@@ -190,7 +195,8 @@ class Restart(_Message, frozen=True, kw_only=True):
 
 
 class Checkpoint(_Message, frozen=True, kw_only=True):
-    """The memory of a client after frame `k`, of the network that began at `start`.
+    """Memory of a client after frame `k`, of the network that began at `start`. Cells that several clients of
+    a node need are in the checkpoint of the first: all checkpoints of a node together restore it.
 
     To DServer, to be kept; and from it, as the answer to `Recall`, with `k` -1 where it has none.
     """
@@ -210,16 +216,17 @@ class Recall(_Message, frozen=True, kw_only=True):
 MOST_IN_BATCH = 1000
 """Messages in one batch."""
 
+Batched = Request | Ready | Checkpoint
+"""Messages that travel in batches."""
+
 
 class Batch(_Message, frozen=True, kw_only=True):
-    """What clients of one process say to one server in a frame, each for itself, in one piece on its way.
+    """Several messages of one kind, from clients of one process to one server, sent together.
 
-    Transports put it together and take it apart; no node sees one.
+    The live transport makes batches and takes them apart: nodes, and virtual time, never see one.
     """
 
-    messages: Annotated[
-        tuple[Request | Ready | Checkpoint, ...], msgspec.Meta(min_length=1, max_length=MOST_IN_BATCH)
-    ]
+    messages: Annotated[tuple[Batched, ...], msgspec.Meta(min_length=1, max_length=MOST_IN_BATCH)]
 
 
 # --- calls -----------------------------------------------------------------------------------------
@@ -309,6 +316,9 @@ Sent = (
     | Notice
     | Alive
 )
+"""What a node may send to another."""
+
+Wire = Sent | Batch
 """What goes from one process to another."""
 
 Message = Sent | Malformed | Wake
@@ -331,7 +341,7 @@ Effect = Send | WakeAt
 
 
 class Node(Protocol):
-    """A process of the runtime, without its input and output.
+    """A part of a robot, without its input and output.
 
     `handle` must accept messages in any order that a network may bring about, and twice. Times are those
     of the robot's Clock, in nanoseconds.
@@ -369,7 +379,7 @@ class QuietNode:
 
 @runtime_checkable
 class Deferring(Node, Protocol):
-    """A node that is in no hurry for the messages of some topics, which servers publish in each frame."""
+    """A node that tolerates delay on some topics."""
 
     @property
     def deferred(self) -> tuple[str, ...]:

@@ -8,7 +8,6 @@ import signal
 import sqlite3
 import subprocess
 import sys
-import time
 from pathlib import Path
 
 import pytest
@@ -20,6 +19,7 @@ from colony.experiment.record import RunKey
 from tests.cli.conftest import Colony
 from tests.nav.floors import two_floors
 from tests.paths import ROOT
+from tests.waiting import PATIENCE_S, killed_in_the_end, until
 
 MAP = str(ROOT / "maps" / "msu_engineering_3.stickrep")
 QUICK = ("thesis", "--runs", "29", "--seeds", "1", "--no-hazards", "--engine", "serial")
@@ -191,19 +191,19 @@ def test_ctrl_c_keeps_what_is_finished(tmp_path: Path) -> None:
         "--seeds",
         "9",
     ]
-    with subprocess.Popen(
+    started = subprocess.Popen(
         [*command, "--no-hazards", "--engine", "serial", "-o", str(kept)],
         stdout=subprocess.PIPE,
         stderr=subprocess.PIPE,
         text=True,
         cwd=ROOT,
         env={**os.environ, "PYTHONPATH": str(ROOT)},
-    ) as child:
-        while not _count(kept):
-            assert child.poll() is None
-            time.sleep(0.05)
+    )
+    with killed_in_the_end(started) as child:
+        until(lambda: child.poll() is not None or _count(kept), "a run is kept")
+        assert child.poll() is None
         child.send_signal(signal.SIGINT)
-        out, err = child.communicate(timeout=60)
+        out, err = child.communicate(timeout=PATIENCE_S)
     assert child.returncode == 130
     assert f"{_count(kept)} of 18 runs" in out
     assert "Traceback" not in err

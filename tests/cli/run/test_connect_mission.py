@@ -6,11 +6,14 @@ from __future__ import annotations
 import signal
 from pathlib import Path
 
+import pytest
+
 from colony.nav.shared import FLOOR, FLOOR_REACHED, GOAL_TYPE, GoalKind
 from colony.runtime.library import data
-from tests.cli.machine import ROBOT, Machine, Started, until
+from tests.cli.machine import ROBOT, Machine, Started
 from tests.nav.floors import two_floors
 from tests.paths import ROOT
+from tests.waiting import until
 
 NAVIGATOR = str(ROOT / "behaviors" / "navigator.colony")
 
@@ -27,6 +30,7 @@ def led(machine: Machine, ground: str, *options: str) -> Started:
     return machine.start("run", NAVIGATOR, "--connect", "--robot", ROBOT, "--map", ground, *way, *options)
 
 
+@pytest.mark.long
 def test_the_robot_is_led_to_the_elevator_and_somebody_is_asked_to_press_its_buttons(
     machine: Machine, tmp_path: Path
 ) -> None:

@@ -7,13 +7,15 @@ import os
 import signal
 import subprocess
 import sys
-import time
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 
 import pytest
 
 from tests.cli.conftest import Colony
 from tests.paths import ROOT
+from tests.waiting import PATIENCE_S, killed_in_the_end, until
 
 MAP = str(ROOT / "maps" / "loop.stickrep")
 
@@ -150,7 +152,8 @@ def test_a_full_disk_is_said_in_one_line(colony: Colony, behavior: Path) -> None
     assert (result.code, result.err) == (2, "/dev/full: error: cannot write: No space left on device\n")
 
 
-def started() -> subprocess.Popen[str]:
+@contextmanager
+def started() -> Iterator[subprocess.Popen[str]]:
     """A run at wall-clock speed that has recorded a few frames."""
     arguments = ("--realtime", "--record", "run.jsonl")
     process = subprocess.Popen(
@@ -160,20 +163,22 @@ def started() -> subprocess.Popen[str]:
         text=True,
         env={**os.environ, "PYTHONPATH": str(ROOT)},
     )
-    deadline = time.monotonic() + 60
     record = Path("run.jsonl")
-    while not (record.exists() and record.read_bytes().count(b"\n") >= 3):
+
+    def has_begun() -> bool:
+        return record.exists() and record.read_bytes().count(b"\n") >= 3
+
+    with killed_in_the_end(process):
+        until(lambda: process.poll() is not None or has_begun(), "it records")
         assert process.poll() is None, process.communicate()
-        assert time.monotonic() < deadline
-        time.sleep(0.02)
-    return process
+        yield process
 
 
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
 def test_an_interrupted_run_closes_the_recording_and_tells_what_was_run(behavior: Path, number: int) -> None:
     with started() as process:
         process.send_signal(number)
-        out, _ = process.communicate(timeout=60)
+        out, _ = process.communicate(timeout=PATIENCE_S)
     assert process.returncode == 130
     frames = Path("run.jsonl").read_text().splitlines()
     rows = [json.loads(frame) for frame in frames]
@@ -185,7 +190,6 @@ def test_an_interrupted_run_closes_the_recording_and_tells_what_was_run(behavior
 def test_a_killed_run_leaves_whole_lines(behavior: Path) -> None:
     with started() as process:
         process.kill()
-        process.communicate(timeout=60)
     data = Path("run.jsonl").read_bytes()
     assert data.endswith(b"\n")
     assert [json.loads(line)["t"] for line in data.splitlines()][:3] == [0.0, 0.05, 0.1]

@@ -7,13 +7,13 @@ import os
 import signal
 import subprocess
 import sys
-import time
 from pathlib import Path
 
 import pytest
 
 from tests.cli.conftest import Colony
 from tests.paths import ROOT
+from tests.waiting import PATIENCE_S, killed_in_the_end, until
 
 TRUE = "contract backs: drive by back implies drive.velocity <= 0\n"
 FALSE = "contract quick: drive.velocity > -100 mm/s\n"
@@ -274,17 +274,17 @@ def busy_seconds(process: subprocess.Popen[str]) -> float:
 @pytest.mark.parametrize("format_", ["text", "json"])
 def test_ctrl_c_tells_what_was_found_so_far(behavior: Path, format_: str) -> None:
     add(behavior, TRUE, OPEN)
-    process = subprocess.Popen(
+    started = subprocess.Popen(
         [sys.executable, "-m", "colony.cli.main", "verify", *ENDLESS, "--format", format_, str(behavior)],
         stdout=subprocess.PIPE,
         stderr=subprocess.PIPE,
         text=True,
         cwd=ROOT,
     )
-    while process.poll() is None and busy_seconds(process) < 2:
-        time.sleep(0.05)
-    process.send_signal(signal.SIGINT)
-    out, err = process.communicate(timeout=60)
+    with killed_in_the_end(started) as process:
+        until(lambda: process.poll() is not None or busy_seconds(process) >= 2, "it is at work")
+        process.send_signal(signal.SIGINT)
+        out, err = process.communicate(timeout=PATIENCE_S)
     assert "Traceback" not in err
     assert process.returncode == 130, out + err
     assert "interrupted" in err

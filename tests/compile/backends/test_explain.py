@@ -11,6 +11,7 @@ from colony.compile.pipeline import compile_program
 from colony.ir.program import Chain, Use
 from tests.case_files import Case, cases
 from tests.networks import chain, ladder, random_program
+from tests.sampling import long
 from tests.wiring import program
 
 CASES = cases(Path(__file__).parent / "cases" / "explain.txt")
@@ -28,7 +29,7 @@ def test_both_networks_of_figure_4_14_are_visited_alike() -> None:
     assert one == other
 
 
-@pytest.mark.parametrize("large", [chain(5_000), ladder(5_000), random_program(5_000, seed=1)])
+@pytest.mark.parametrize("large", [chain(5_000), ladder(5_000), long(random_program(5_000, seed=1))])
 def test_large_programs_are_cut(large) -> None:
     text = explain(compile_program(large))
     assert "left out" in text

@@ -37,8 +37,9 @@ from colony.runtime.library import clock
 from colony.runtime.library.clock import Who
 from colony.runtime.protocol.messages import Stopped
 from colony.runtime.protocol.topics import CLOCK
-from tests.cli.machine import ROBOT, Machine, Started, release, until
+from tests.cli.machine import ROBOT, Machine, Started, release
 from tests.small_disk import SmallDisk, small_disk
+from tests.waiting import until
 
 Disk = Literal["good", "full early", "full late", "read-only", "corrupt"]
 DISKS: tuple[Disk, ...] = get_args(Disk)

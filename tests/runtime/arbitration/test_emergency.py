@@ -16,12 +16,13 @@ from colony.runtime.library.ask import Ask
 from colony.runtime.protocol import topics
 from colony.runtime.protocol.calls import Nothing
 from colony.runtime.protocol.messages import Call
-from tests.cli.machine import MAP, ROBOT, WANDER, Machine, release, until
+from tests.cli.machine import MAP, ROBOT, WANDER, Machine, release
 from tests.runtime.calling import call_of, opening
 from tests.runtime.programs import roam
 from tests.runtime.scripted import Log, Script, session
 from tests.runtime.servers.data_stage import MS, DataStage
 from tests.runtime.servers.test_dserver import LAMP, deploy, field, program, request, table, tick
+from tests.waiting import until
 
 S = 1000 * MS
 

@@ -12,8 +12,9 @@ from colony.runtime.kit.errors import ConnectionProblem
 from colony.runtime.library import clock
 from colony.runtime.library.clock import Who
 from colony.runtime.protocol.topics import CLOCK
-from tests.cli.machine import ROBOT, Machine, Started, until
+from tests.cli.machine import ROBOT, Machine, Started
 from tests.small_disk import SmallDisk, small_disk
+from tests.waiting import until
 
 
 class Robot:

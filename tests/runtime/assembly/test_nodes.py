@@ -12,7 +12,7 @@ from colony.execute.compiled import Compiled
 from colony.ir.program import Actuator, ActuatorField, Command, Module, PythonModule, Use, Wire
 from colony.ir.types import PLAIN
 from colony.runtime.assembly.nodes import build_announcer, build_clients, build_observer
-from colony.runtime.assembly.sharing import name_of_process, shared_clients
+from colony.runtime.assembly.sharing import ClientProcess, announcer_process, client_processes
 from colony.runtime.protocol.bindings import bind
 from colony.text.diagnostics import Failure
 from tests.runtime.assembly.test_virtual import pulsing
@@ -45,18 +45,38 @@ SHINE = ("light", "shine")
 
 
 def test_all_clients_share_a_process_unless_they_are_to_be_lost_one_by_one() -> None:
-    assert shared_clients(with_light("stop"), isolate=False) == ((*DRIVING, SHINE),)
-    assert shared_clients(with_light("degrade"), isolate=False) == (DRIVING, (SHINE,))
+    everyone, shining = (*DRIVING, SHINE), ClientProcess((SHINE,), shared=False)
+    assert client_processes(with_light("stop"), isolate=False) == (ClientProcess(everyone, shared=True),)
+    assert client_processes(with_light("degrade"), isolate=False) == (
+        ClientProcess(DRIVING, shared=True),
+        shining,
+    )
     for program in (with_light("stop"), with_light("degrade")):
-        assert shared_clients(program, isolate=True) == tuple((client,) for client in (*DRIVING, SHINE))
-    assert name_of_process((*DRIVING, SHINE)) == "clients"
-    assert name_of_process((SHINE,)) == "light/shine"
+        apart = tuple(ClientProcess((client,), shared=False) for client in everyone)
+        assert client_processes(program, isolate=True) == apart
+
+
+def test_the_shared_process_is_called_the_same_however_many_clients_it_has() -> None:
+    assert ClientProcess((*DRIVING, SHINE), shared=True).name == "clients"
+    assert ClientProcess((SHINE,), shared=True).name == "clients"
+    assert ClientProcess((SHINE,), shared=False).name == "light/shine"
+
+
+@pytest.mark.parametrize("actuator", ["activity", "DServer", "clients"])
+def test_no_two_processes_of_a_program_have_one_name(actuator: str) -> None:
+    clients = ((actuator, "activity"), (actuator, "pulse"))
+    names = [
+        *(ClientProcess((client,), shared=False).name for client in clients),
+        ClientProcess(clients, shared=True).name,
+        *(announcer_process(module) for _, module in clients),
+    ]
+    assert len(set(names)) == len(names)
 
 
 def test_clients_of_a_process_share_a_node_where_they_wait_for_the_same() -> None:
     compiled = with_light("stop")
-    (all_of_them,) = shared_clients(compiled, isolate=False)
-    nodes = build_clients(compiled, bind(compiled.robot), all_of_them, "run")
+    (process,) = client_processes(compiled, isolate=False)
+    nodes = build_clients(compiled, bind(compiled.robot), process.clients, "run")
     assert [node.part.clients for node in nodes] == [
         ("drive/back_off",),
         ("drive/avoid", "drive/cruise"),

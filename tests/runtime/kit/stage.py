@@ -13,7 +13,8 @@ from colony.runtime.kit.server import Field, Method, Server, field, method
 from colony.runtime.library.ask import Ask
 from colony.runtime.protocol.calls import Nothing, Refused
 from colony.runtime.protocol.connections import Caller
-from tests.runtime.transport.live.stage import ROBOT, python_process, until
+from tests.runtime.transport.live.stage import ROBOT, python_process
+from tests.waiting import until
 
 BATTERY = "Battery"
 

@@ -27,7 +27,8 @@ from tests.runtime.kit.stage import (
     level,
     plain,
 )
-from tests.runtime.transport.live.stage import ROBOT, Recorder, hosted, run_directory, until
+from tests.runtime.transport.live.stage import ROBOT, Recorder, hosted, run_directory
+from tests.waiting import until
 
 
 @pytest.fixture

@@ -12,7 +12,7 @@ from colony.runtime.kit.errors import CallRefused, ServerNotFound
 from colony.runtime.kit.script import Script, do, sleep
 from colony.runtime.kit.script_live import run_script
 from colony.runtime.library import data
-from tests.runtime.transport.live.stage import until
+from tests.waiting import until
 
 
 def test_a_script_asks_sleeps_and_ends(session: Session) -> None:

@@ -8,7 +8,7 @@ from colony.runtime.kit.connection import Session
 from colony.runtime.kit.script import Script, do, sleep
 from colony.runtime.kit.scripts_live import LiveScripts
 from colony.runtime.library import data
-from tests.runtime.transport.live.stage import PATIENCE_S, until
+from tests.waiting import PATIENCE_S, until
 
 
 def helper(ended: list[str], begun: list[str] | None = None) -> Script:

@@ -23,7 +23,8 @@ from colony.text.diagnostics import Failure
 from colony.text.units import LENGTH, TIME
 from tests.runtime.kit.stage import BATTERY, Battery, battery_process, battery_thread, level, plain
 from tests.runtime.programs import robot
-from tests.runtime.transport.live.stage import ROBOT, Recorder, hosted, until
+from tests.runtime.transport.live.stage import ROBOT, Recorder, hosted
+from tests.waiting import until
 
 
 class _Ticking(Recorder):

@@ -16,7 +16,8 @@ from pathlib import Path
 
 from colony.dsl.load import load_file
 from tests.attack.damage import audited
-from tests.cli.machine import MAP, ROBOT, WANDER, Machine, children_of, lives, until
+from tests.cli.machine import MAP, ROBOT, WANDER, Machine, children_of, lives
+from tests.waiting import until
 
 MOST_S = 0.5
 A_WHILE_S = 1.5

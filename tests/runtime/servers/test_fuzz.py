@@ -30,6 +30,7 @@ from colony.runtime.servers.rserver import RServer
 from tests.runtime.servers.base_stage import CLIENTS, FRAME, RollingBase, deployed
 from tests.runtime.servers.fuzz_stage import BUILD, KEEP, USERS, Stage, methods_of
 from tests.runtime.servers.nonsense import FLOATS, INTEGERS, Grammar, tree_bytes
+from tests.sampling import sampled
 
 SEED = 1994
 ROUNDS, EACH = 6, 400
@@ -59,7 +60,7 @@ def test_whatever_comes_no_server_fails_and_every_caller_is_answered(name: str) 
     assert malformed > ROUNDS * EACH // 50
 
 
-@pytest.mark.parametrize("name", BUILD)
+@pytest.mark.parametrize("name", sampled(tuple(BUILD), every=3))
 def test_a_servers_memory_does_not_grow(name: str) -> None:
     print(f"seed {SEED}")
     stage = Stage(BUILD[name](), Random(f"{SEED}/{name}"), tame=True)

@@ -10,7 +10,8 @@ from pathlib import Path
 
 import pytest
 
-from tests.cli.machine import ROBOT, Machine, Started, until
+from tests.cli.machine import ROBOT, Machine, Started
+from tests.waiting import until
 
 VARIABLES = 40
 HERE = ("--robot", ROBOT)

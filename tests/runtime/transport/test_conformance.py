@@ -31,7 +31,8 @@ from colony.runtime.transport.live.host import Host
 from colony.runtime.transport.live.network import ZenohSession
 from colony.runtime.transport.live.outbox import publish
 from colony.runtime.transport.virtual import VirtualClock, VirtualTransport
-from tests.runtime.transport.live.stage import Recorder, Running, place, run_directory, until
+from tests.runtime.transport.live.stage import Recorder, Running, place, run_directory
+from tests.waiting import until
 
 ELSEWHERE = topics.frames(topics.CLOCK)
 """Another topic of ticks."""

@@ -7,7 +7,8 @@ from collections.abc import Iterator
 import pytest
 
 from colony.sim.plant.control import PlantControl
-from tests.sim.plant.plants import GENEROUS_S, OTHER, START, PlantProcess
+from tests.sim.plant.plants import OTHER, START, PlantProcess
+from tests.waiting import PATIENCE_S
 
 
 @pytest.fixture(scope="module")
@@ -20,7 +21,7 @@ def plant(tmp_path_factory: pytest.TempPathFactory) -> Iterator[PlantProcess]:
 
 @pytest.fixture
 def control(plant: PlantProcess) -> Iterator[PlantControl]:
-    with PlantControl(plant.path, timeout_s=GENEROUS_S) as made:
+    with PlantControl(plant.path, timeout_s=PATIENCE_S) as made:
         made.place("rome", *START)
         made.place("remus", *OTHER)
         yield made

@@ -5,12 +5,12 @@ from __future__ import annotations
 import json
 import subprocess
 import sys
-import time
 from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import TypeVar
 
 from tests.paths import MAPS
+from tests.waiting import PATIENCE_S, until
 
 T = TypeVar("T")
 
@@ -18,19 +18,12 @@ START = (3000.0, 1500.0, 270.0)
 OTHER = (12000.0, 1500.0, 270.0)
 """Where robots stand in the hallway."""
 
-GENEROUS_S = 60.0
-"""For how long to wait for what should come at once, on a machine that may be busy."""
-
 
 def wait_for(what: Callable[[], T | None]) -> T:
-    """What a function gives as soon as it gives something that is true."""
-    end = time.monotonic() + GENEROUS_S
-    while time.monotonic() < end:
-        found = what()
-        if found:
-            return found
-        time.sleep(0.002)
-    raise AssertionError("it never came")
+    """Return what a function gives as soon as it gives something that is true."""
+    found = until(what, "the plant does it")
+    assert found is not None
+    return found
 
 
 class PlantProcess:
@@ -78,7 +71,7 @@ class PlantProcess:
         return self._collect()
 
     def _collect(self) -> int:
-        code = self.process.wait(GENEROUS_S)
+        code = self.process.wait(PATIENCE_S)
         for stream in (self.process.stdin, self.process.stdout):
             assert stream is not None
             stream.close()

@@ -23,7 +23,8 @@ from colony.sim.plant.control import PlantControl
 from colony.sim.plant.drivers import FRESH_NS, RemoteBase, RemoteCamera, RemoteProximity
 from colony.sim.plant.protocol import Attached, BaseReading, Refusal, pack
 from tests.buildings import HALLWAY
-from tests.sim.plant.plants import GENEROUS_S, START, PlantProcess, wait_for
+from tests.sim.plant.plants import START, PlantProcess, wait_for
+from tests.waiting import PATIENCE_S
 
 S = 1_000_000_000
 FRAME = 50_000_000
@@ -65,7 +66,7 @@ def test_readings_are_in_the_robot_s_time(robot: Robot) -> None:
     assert image is not None
     now = time.monotonic_ns() - robot.base_ns
     for t_ns in (state.t_ns, sonar.t_ns, image.t_ns):
-        assert now - FRESH_NS - GENEROUS_S * 1e9 < t_ns <= now
+        assert now - FRESH_NS - PATIENCE_S * 1e9 < t_ns <= now
     assert robot.base.problem is None
 
 
@@ -144,7 +145,7 @@ def test_a_plant_that_is_killed_and_comes_back(tmp_path: Path) -> None:
         robot.base.drive(100.0, 0.0)
         plant.start_again()
         wait_for(robot.ready)
-        with PlantControl(path, timeout_s=GENEROUS_S) as control:
+        with PlantControl(path, timeout_s=PATIENCE_S) as control:
             assert control.truth("rome").distance == 0.0  # commands of before are gone
         assert plant.end() == 0
     robot.close()
@@ -222,7 +223,7 @@ def test_in_logical_time_each_command_is_a_frame(tmp_path: Path) -> None:
                 places.append((state.x, state.speed))
                 heard.append(sonar.value)
                 base.drive(200.0, 3.0)
-            with PlantControl(plant.path, timeout_s=GENEROUS_S) as control:
+            with PlantControl(plant.path, timeout_s=PATIENCE_S) as control:
                 before = control.truth("rome").t_ns
                 control.advance(1_000_000)
                 assert control.truth("rome").t_ns == before + 1_000_000

@@ -35,7 +35,8 @@ from colony.sim.plant.protocol import (
     read_from_plant,
 )
 from tests.buildings import HALLWAY
-from tests.sim.plant.plants import GENEROUS_S, OTHER, START, PlantProcess, wait_for
+from tests.sim.plant.plants import OTHER, START, PlantProcess, wait_for
+from tests.waiting import PATIENCE_S
 
 
 class Line:
@@ -43,7 +44,7 @@ class Line:
 
     def __init__(self, path: Path, *said: bytes) -> None:
         self.sock = socket.socket(socket.AF_UNIX, socket.SOCK_STREAM)
-        self.sock.settimeout(GENEROUS_S)
+        self.sock.settimeout(PATIENCE_S)
         self.sock.connect(os.fspath(path))
         self._unpacker = Unpacker(LARGEST_FROM_PLANT)
         self._heard: list[FromPlant] = []

@@ -18,6 +18,7 @@ from colony.verify.testing.example_frames import frames_of
 from colony.verify.testing.frames import draw_trace
 from colony.verify.testing.strategies import run_of_seed
 from tests.paths import BEHAVIORS
+from tests.sampling import sampled
 from tests.verify.symbolic.trust import Tally, Trust, held_against
 
 ROBOT = """
@@ -253,7 +254,7 @@ def _reasons(expression: str) -> tuple[Reason, ...]:
     return reasons_of(system, *terms)
 
 
-@pytest.mark.parametrize("path", BEHAVIORS, ids=lambda p: p.stem)
+@pytest.mark.parametrize("path", sampled(BEHAVIORS, every=4), ids=lambda p: p.stem)
 def test_examples_of_behaviors(path: Path) -> None:
     program = load_file(path)
     trust = Trust(program)
@@ -264,7 +265,7 @@ def test_examples_of_behaviors(path: Path) -> None:
         assert tally.exact + tally.within > tally.open
 
 
-@pytest.mark.parametrize("start", [0, 12, 24])
+@pytest.mark.parametrize("start", sampled([0, 12, 24], every=3))
 def test_drawn_programs(start: int) -> None:
     for seed in range(start, start + 12):
         tally = held_against(*run_of_seed(seed, max_frames=4))

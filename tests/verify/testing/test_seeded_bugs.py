@@ -13,6 +13,7 @@ import pytest
 from colony.ir.frame import Outcome
 from colony.verify.testing.agreement import EXECUTORS, Factory, disagreement, reference
 from colony.verify.testing.strategies import Run, run_of_seed
+from tests.sampling import long
 from tests.verify.testing.seeded_bugs import BUGS, Bug
 
 NETWORKS = 200
@@ -39,7 +40,7 @@ def caught(network: bool, executors: Mapping[str, Factory]) -> int | None:
     return None
 
 
-@pytest.mark.parametrize("network", [True, False], ids=["networks", "programs"])
+@pytest.mark.parametrize("network", [True, long(False)], ids=["networks", "programs"])
 def test_without_a_bug_there_is_no_disagreement(network: bool) -> None:
     seed = caught(network, EXECUTORS)
     assert seed is None, f"seed {seed}:\n{disagreement(*drawn(network, seed)[0])}"

@@ -27,7 +27,7 @@ from colony.runtime.assembly.processes.ending import (
     on_signals,
     say,
 )
-from colony.runtime.assembly.processes.parts import at_once, nodes_of, serves
+from colony.runtime.assembly.processes.parts import is_nonblocking, nodes_of, serves
 from colony.runtime.assembly.processes.spec import GatewayPart, Part, Spec, place_of, read_spec
 from colony.runtime.store.store import StoreError
 from colony.runtime.transport.live.errors import GatewayFull, LiveError
@@ -88,7 +88,7 @@ def _host(part: Part, place: Place, devices: Devices | None, holds: ExitStack) -
         raise CannotBegin(described(problem)) from None
     except (Failure, StoreError) as problem:
         raise CannotBegin(str(problem)) from None
-    return Host.open(place, nodes, serves=serves(part), direct=at_once(part, nodes), report=say)
+    return Host.open(place, nodes, serves=serves(part), direct=is_nonblocking(part), report=say)
 
 
 def main(devices: Devices | None = None) -> None:

@@ -38,9 +38,11 @@ POLL_S = 0.005
 class Job:
     """A process to start: `module` is run with `arguments`, and what it prints goes into the file `log`.
 
-    `wave` tells when it is ended: those of wave 0 first, the next ones when these are gone. Without an
-    `essential` one there is no point in going on. With `one_thread` zenoh has one for all of its tasks.
-    `clients` are those that it is, by address.
+    Attributes:
+        wave: when it is ended: processes of wave 0 first, the next ones when these are gone.
+        essential: True if the run ends when the process is given up.
+        one_thread: True if all of zenoh's tasks run on one thread.
+        clients: addresses of the clients that run in the process.
     """
 
     name: str
@@ -54,10 +56,10 @@ class Job:
 
 
 class Death(NamedTuple):
-    """A process ended although nobody told it to.
+    """The end of a process that was not asked to end.
 
     `said` are the last lines that it printed. `pause_s` is the time until it is started again; None: it is
-    given up. `final`: it said that it was started wrongly.
+    given up. `final`: its exit code says that it was started wrongly.
     """
 
     job: Job
@@ -91,28 +93,36 @@ class Children:
         """Start a process.
 
         Raises:
+            ValueError: there is one of this name already.
             OSError: it could not be started.
         """
+        if job.name in self._children:
+            raise ValueError(f"two processes are called {job.name}")
         job.log.unlink(missing_ok=True)
         child = _Child(job)
         self._children[job.name] = child
         self._spawn(child)
 
     def poll(self) -> tuple[Death, ...]:
-        """Who died since; and start again those whose time has come."""
+        """Return the deaths since the last call, and start processes again whose time has come."""
         return tuple(death for child in self._children.values() for death in self._look(child))
 
     def pid(self, name: str) -> int | None:
-        """Of a process that lives."""
+        """Return the id of a process that lives."""
         child = self._children.get(name)
         return child.process.pid if child is not None and child.process is not None else None
 
+    def pids(self) -> dict[str, int]:
+        """Return the ids of the processes that live, by name; from any thread."""
+        found = ((child.job.name, child.process) for child in tuple(self._children.values()))
+        return {name: process.pid for name, process in found if process is not None}
+
     def restarts(self) -> int:
-        """How often one was started again."""
+        """Return how often a process was started again."""
         return sum(child.restarts.total for child in self._children.values())
 
     def stop(self, patience_s: float) -> tuple[str, ...]:
-        """End all of them, wave by wave; gives who had to be killed.
+        """End all of them, wave by wave; return the names of those that had to be killed.
 
         Where this is interrupted, those that live still are told to end, and end by themselves.
         """
@@ -152,7 +162,7 @@ class Children:
         now = self._clock()
         child.due_ns = None if code == EXIT_FINAL else child.restarts.died(child.began_ns, now)
         pause_s = None if child.due_ns is None else (child.due_ns - now) / 1e9
-        yield Death(child.job, _told(code), last_lines(child.job.log), pause_s, code == EXIT_FINAL)
+        yield Death(child.job, _cause(code), last_lines(child.job.log), pause_s, code == EXIT_FINAL)
         if child.due_ns is not None and child.due_ns <= now:
             self._spawn(child)
 
@@ -230,10 +240,10 @@ ONE_THREAD = (
     + ", ".join(f"{part}: (handover: app)" for part in ("net", "acc", "tx", "rx"))
     + ")"
 )
-"""Threads of zenoh in a client of a program, as `ZENOH_RUNTIME` gives them: one for all of its tasks. A
-process that hands all to one thread of Python gains nothing from more, and each costs switches (measured,
-with direct hosts: a third of a frame's time). That thread must not wait for room at a link, which it would
-have to make itself: see `live/host.py`."""
+"""Threads of zenoh in processes of clients and of modules in Python, as `ZENOH_RUNTIME` gives them: one for
+all of its tasks. A process that handles one message at a time gains nothing from more, and each costs
+switches (measured, with direct hosts: a third of a frame's time). That thread must not wait for room at a
+link, which it would have to make itself: see `live/host.py`."""
 
 ONE_ARENA = "1"
 """Number of heaps of the C library, as `MALLOC_ARENA_MAX` says it. Threads that come and go with connections
@@ -242,17 +252,18 @@ server that saw 178 clients die)."""
 
 
 def _environment(*, one_thread: bool) -> dict[str, str]:
-    """Return the environment of this process, in which a child finds this package even if not installed."""
+    """Return the environment of a child: that of this process, with settings that it does not have yet, and
+    so that the child finds this package even if not installed."""
     root = str(Path(colony.__file__).parent.parent)
     threads = ONE_THREAD if one_thread else THREADS
-    environment = {"MALLOC_ARENA_MAX": ONE_ARENA, **os.environ, "ZENOH_RUNTIME": threads}
+    environment = {"MALLOC_ARENA_MAX": ONE_ARENA, "ZENOH_RUNTIME": threads, **os.environ}
     if root not in site.getsitepackages():
         before = environment.get("PYTHONPATH")
         environment["PYTHONPATH"] = root if not before else os.pathsep.join((root, before))
     return environment
 
 
-def _told(code: int) -> str:
+def _cause(code: int) -> str:
     if code >= 0:
         return f"ended with exit code {code}"
     try:
@@ -272,8 +283,8 @@ def last_lines(path: Path) -> tuple[str, ...]:
     return tuple(line for line in text.splitlines() if line.strip())[-TAIL_LINES:]
 
 
-def told(death: Death) -> str:
-    """A death in words: what happens next, and the last that was heard."""
+def described(death: Death) -> str:
+    """Return a death in words: its cause, what happens next, and the last lines of the process."""
     name, pause_s = death.job.name, death.pause_s
     if death.final and death.said:
         return f"{name}: {death.said[-1]}"

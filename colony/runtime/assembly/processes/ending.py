@@ -96,7 +96,8 @@ def on_signals(ending: Ending) -> Iterator[None]:
 
     def watch() -> None:
         while number := os.read(reading, 1):
-            ending.note(signal.Signals(number[0]).name)
+            if number[0] in SIGNALS:  # the pipe is told of every signal that has a handler
+                ending.note(signal.Signals(number[0]).name)
         os.close(reading)
 
     threading.Thread(target=watch, name="signals", daemon=True).start()

@@ -30,7 +30,7 @@ from colony.runtime.assembly.processes.spec import (
     write_private,
     write_spec,
 )
-from colony.runtime.assembly.sharing import shared_clients
+from colony.runtime.assembly.sharing import client_processes
 from colony.runtime.protocol.bindings import Bindings
 from colony.runtime.protocol.deployment import Deployment
 from colony.runtime.protocol.fields import DSERVER, PSERVER, RSERVER, RUNTIME
@@ -50,11 +50,11 @@ BEGINNING_BYTES = 1 << 14
 """Bytes of disk for the claims and the log of a process: a page of each."""
 
 STOP = "Clock.stop"
-"""That of the emergency stop."""
+"""The file of the emergency stop, in the same folder."""
 
 
 def fresh_folder(folder: Path) -> Path:
-    """An empty folder for this user alone, whose parent is one already.
+    """Make an empty folder for this user alone, whose parent is one already.
 
     Raises:
         OSError: it cannot be made.
@@ -77,7 +77,7 @@ def expect_room(folder: Path, processes: int) -> None:
 
 
 def keep_logs(folder: Path) -> None:
-    """Of the folder of processes that have ended, keep what they printed, if anything."""
+    """Delete all files but the logs in a folder of processes that have ended, and logs that are empty."""
     for path in folder.iterdir():
         if path.suffix != ".log" or not path.stat().st_size:
             path.unlink(missing_ok=True)
@@ -91,7 +91,7 @@ def server_parts(
     fsync: bool = False,
     held: dict[str, Value] | None = None,
 ) -> tuple[Part, ...]:
-    """All servers of a robot.
+    """Return the parts of all servers of a robot.
 
     Args:
         state: the folder of what survives a server's death.
@@ -111,7 +111,7 @@ def server_parts(
 
 
 def server_jobs(place: Local, parts: Iterable[Part], folder: Path, *, hardware: str) -> tuple[Job, ...]:
-    """How servers are started; `hardware` is the module that is run for those that need a driver."""
+    """Return the jobs of servers; `hardware` is the module that is run for those that need a driver."""
     return tuple(job_of(place, part, folder, SERVERS, hardware=hardware) for part in parts)
 
 
@@ -125,26 +125,35 @@ def client_jobs(
     *,
     isolate: bool = False,
 ) -> tuple[Job, ...]:
-    """How the clients and announcers of a program are started; the program is written into `folder`.
+    """Write a program into `folder`, and return the jobs of its clients and announcers.
 
     Clients share a process where they can, unless `isolate`.
     """
     program = folder / f"{deployed.run}{SUFFIX}"
     write_private(program, encode(compiled))
     write_private(bindings_of(program), msgspec.json.encode(bindings))
-    told = ProgramOfRun(run=deployed.run, program=str(program), search=tuple(search))
-    processes = shared_clients(compiled, isolate=isolate)
-    parts: list[Part] = [ClientsPart(told=told, clients=clients) for clients in processes]
-    parts += [AnnouncerPart(told=told, module=module) for module in compiled.announced]
+    of_run = ProgramOfRun(run=deployed.run, file=str(program), search=tuple(search))
+    parts: list[Part] = [
+        ClientsPart(program=of_run, clients=process.clients, shared=process.shared)
+        for process in client_processes(compiled, isolate=isolate)
+    ]
+    parts += [AnnouncerPart(program=of_run, module=module) for module in compiled.announced]
     return tuple(job_of(place, part, folder, CLIENTS) for part in parts)
 
 
 def job_of(place: Place, part: Part, folder: Path, wave: int, *, hardware: str = CHILD) -> Job:
-    """How a part is started; what it is told is written into `folder`, and what it prints goes there."""
+    """Write what a process has to know into `folder`, and return its job; what it prints goes there, too.
+
+    A run cannot do without its servers, its hardware and the process that clients share. It can do without a
+    client that runs apart, and without a module in Python: then frames are decided without them. Clients and
+    modules in Python need one thread of zenoh, as they handle one message at a time; servers go on receiving
+    while they handle one.
+    """
     name = name_of(part)
     spec = folder / f"{name.replace('/', '.')}.json"
     write_spec(spec, Spec(place=said_of(place), part=part))
     driving = isinstance(part, (RServerPart, PServerPart, CServerPart))
+    dispensable = isinstance(part, AnnouncerPart) or (isinstance(part, ClientsPart) and not part.shared)
     clients = tuple(client_address(*c) for c in part.clients) if isinstance(part, ClientsPart) else ()
     return Job(
         name=name,
@@ -152,7 +161,7 @@ def job_of(place: Place, part: Part, folder: Path, wave: int, *, hardware: str =
         arguments=(str(spec),),
         log=spec.with_suffix(".log"),
         wave=wave,
-        essential=wave != CLIENTS or len(clients) > 1,
+        essential=not dispensable,
         one_thread=wave == CLIENTS,
         clients=clients,
     )

@@ -37,9 +37,9 @@ def serves(part: NodePart) -> bool:
     return not isinstance(part, (ClientsPart, AnnouncerPart))
 
 
-def at_once(part: NodePart, nodes: tuple[Node, ...]) -> bool:
-    """Whether the part's nodes handle any message of a frame in no time to speak of: without images, disks,
-    and code in Python that somebody wrote for a module."""
+def is_nonblocking(part: NodePart) -> bool:
+    """Return True if the part's nodes handle every message without waiting for anything: for images, for
+    disks, or for code that a user wrote."""
     match part:
         case ClockPart() | RServerPart() | PServerPart() | ClientsPart():
             return True
@@ -133,7 +133,7 @@ def _store(part: DServerPart) -> Store:
 def _clients(part: ClientsPart) -> tuple[Node, ...]:
     from colony.runtime.assembly.nodes import build_clients
 
-    return build_clients(*_program(part.told), part.clients, part.told.run)
+    return build_clients(*_program(part.program), part.clients, part.program.run)
 
 
 def _announcer(part: AnnouncerPart) -> Node:
@@ -141,11 +141,11 @@ def _announcer(part: AnnouncerPart) -> Node:
 
     with suppress(OSError):  # elsewhere than on Linux there is no such file
         Path("/proc/self/oom_score_adj").write_text("1000")
-    sys.path += part.told.search
-    return build_announcer(*_program(part.told), part.module, part.told.run)
+    sys.path += part.program.search
+    return build_announcer(*_program(part.program), part.module, part.program.run)
 
 
-def _program(told: ProgramOfRun) -> tuple[Compiled, Bindings]:
+def _program(program: ProgramOfRun) -> tuple[Compiled, Bindings]:
     from colony.execute.colonyc import read
 
-    return read(told.program), read_bindings(Path(told.program))
+    return read(program.file), read_bindings(Path(program.file))

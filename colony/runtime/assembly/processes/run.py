@@ -14,7 +14,7 @@ from contextlib import ExitStack
 
 from colony.collector import collector_past_startup
 from colony.ir.types import Value
-from colony.runtime.assembly.processes.children import Children, Job, told
+from colony.runtime.assembly.processes.children import Children, Job, described
 from colony.runtime.assembly.processes.holding import Holding
 from colony.runtime.assembly.processes.leading import Leading
 from colony.runtime.assembly.processes.standings import LeaderServer, Standings
@@ -84,7 +84,10 @@ class LedRun:
                 Host.open(place, nodes, serves=isinstance(place, Local), report=report)
             )
             holds.callback(ended)
+            self._joined: set[str] = set()
+            host.network.watch(self._note_presence)
             self._children = Children()
+            standings.watch(self._children.pids)
             holds.callback(self._end_children)
             self._host = host
             self._thread = threading.Thread(target=self._observe, name="observer", daemon=True)
@@ -200,11 +203,22 @@ class LedRun:
 
     def _look_after_children(self) -> None:
         for death in self._children.poll():
-            text = told(death)
-            self._standings.died(death.job.clients, death.said[-1] if death.said else death.why)
-            if death.pause_s is None and (death.job.essential or not self._window.begun):
+            text = described(death)
+            again = death.pause_s is not None
+            self._standings.died(death.job.clients, death.said[-1] if death.said else death.why, again=again)
+            if not again and self._cannot_do_without(death.job):
                 raise RunFailed(text)
             self._report(text)
+
+    def _cannot_do_without(self, job: Job) -> bool:
+        """Return True if the run ends when a process is given up: also one that never took part, whether it
+        had its last death before the frames began or a little later."""
+        took_part = self._window.begun and job.name in self._joined
+        return job.essential or not took_part
+
+    def _note_presence(self, address: str, present: bool) -> None:
+        """Note which nodes have joined the robot; called in a thread of the network."""
+        self._joined.add(address)
 
     def _check(self, leading: Leading, *, late: bool) -> None:
         if leading.refused is not None:

@@ -14,7 +14,7 @@ import msgspec
 from colony.files import read_file
 from colony.ir.types import Value
 from colony.os_errors import naming
-from colony.runtime.assembly.sharing import name_of_process
+from colony.runtime.assembly.sharing import ClientProcess, announcer_process
 from colony.runtime.protocol.bindings import Bindings
 from colony.runtime.transport.live.place import Credentials, Local, Place, Remote
 from colony.runtime.transport.live.run_directory import RobotDirectory
@@ -97,21 +97,22 @@ class ProgramOfRun(msgspec.Struct, frozen=True, kw_only=True):
     """The file of the compiled program of a run; modules in Python are looked for in `search`, too."""
 
     run: str
-    program: str
+    file: str
     search: tuple[str, ...] = ()
 
 
 class ClientsPart(msgspec.Struct, frozen=True, kw_only=True, tag="clients"):
-    """One or several clients, by actuator and module."""
+    """One or several clients, by actuator and module, in the process that clients share or apart."""
 
-    told: ProgramOfRun
+    program: ProgramOfRun
     clients: tuple[tuple[str, str], ...]
+    shared: bool
 
 
 class AnnouncerPart(msgspec.Struct, frozen=True, kw_only=True, tag="announcer"):
     """The process that tells the activity of `module`, which is written in Python."""
 
-    told: ProgramOfRun
+    program: ProgramOfRun
     module: str
 
 
@@ -205,7 +206,8 @@ def place_of(said: Here | There) -> Place:
 
 
 def name_of(part: Part) -> str:
-    """What a part is called: the address of its node, where it has one."""
+    """Return the name of a part's process: the address of its node, where it has one. No two parts of a robot
+    have the same."""
     match part:
         case ClockPart():
             return "Clock"
@@ -219,7 +221,7 @@ def name_of(part: Part) -> str:
             return server
         case GatewayPart():
             return "Gateway"
-        case ClientsPart(clients=clients):
-            return name_of_process(clients)
+        case ClientsPart(clients=clients, shared=shared):
+            return ClientProcess(clients, shared).name
         case AnnouncerPart(module=module):
-            return f"activity/{module}"
+            return announcer_process(module)

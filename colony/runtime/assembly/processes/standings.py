@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 from collections import Counter
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field
 
 from colony.runtime.library.leader import LEADER, ClientStanding, RunStatus, Standing
@@ -35,6 +35,11 @@ class Standings:
         self._frames = 0
         self._restarts = 0
         self._disagreements = 0
+        self._pids: Callable[[], Mapping[str, int]] = dict
+
+    def watch(self, pids: Callable[[], Mapping[str, int]]) -> None:
+        """Ask `pids` which processes of the run live; it may be called in any thread."""
+        self._pids = pids
 
     def take(self, log: FrameLog) -> None:
         self._frames += 1
@@ -54,18 +59,19 @@ class Standings:
 
     @property
     def frames(self) -> int:
-        """How many were decided."""
+        """The number of frames that were decided."""
         return self._frames
 
-    def died(self, clients: Iterable[str], said: str) -> None:
-        """The process of these clients died, with these last words."""
+    def died(self, clients: Iterable[str], said: str, *, again: bool) -> None:
+        """Note that the process of these clients died, with these last words; `again`: it is started
+        again."""
         for address in clients:
             client = self._clients[address]
-            client.restarts += 1
+            client.restarts += again
             client.last_error = said
 
     def status(self) -> RunStatus:
-        """All of it."""
+        """Return how the run stands."""
         return RunStatus(
             run=self._deployed.run,
             program=self._deployed.program,
@@ -76,6 +82,7 @@ class Standings:
             restarts=self._restarts,
             disagreements=self._disagreements,
             commanded_by=dict(self._commanded_by),
+            processes=dict(self._pids()),
             clients=tuple(
                 ClientStanding(
                     address=address,

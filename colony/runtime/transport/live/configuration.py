@@ -44,6 +44,11 @@ BLOCKED_US = 1_000_000
 """After so long without room for a message that must not be dropped, its link is given up instead: its
 receiver is frozen, and who sends must not be for much longer."""
 
+FRAMES_ROOM = 16
+"""Batches of 64 KiB that may wait on a link of a process for the messages of frames, allocated as they are
+needed. A direct host waits for no room, so the requests of as many clients as a program may have must find
+it."""
+
 LOGIN_MS = 3000
 """For how long the other end of a link, a gateway for one, may take to let us in."""
 
@@ -67,10 +72,11 @@ def settings(place: Place, *, listens: tuple[str, ...] = ()) -> Settings:
     Raises:
         ValueError: it would serve a robot of another machine: only the robot's own machine has its sockets.
     """
+    room = {"transport/link/tx/queue/size/interactive_high": FRAMES_ROOM}
     match place:
         case Local(directory=directory):
             names = {*KNOWN, GATEWAY, *directory.servers()}
-            return _common("peer", LOCAL_LINKS, gossip=True) | _local(directory, listens, names)
+            return _common("peer", LOCAL_LINKS, gossip=True) | _local(directory, listens, names) | room
         case Remote(endpoint=endpoint, credentials=credentials):
             if listens:
                 raise ValueError(f"{listens[0]} cannot serve {place.robot} from another machine")
@@ -78,6 +84,7 @@ def settings(place: Place, *, listens: tuple[str, ...] = ()) -> Settings:
                 _common("client", REMOTE_LINKS, gossip=False)
                 | {"listen/endpoints": [], "connect/endpoints": [endpoint], "connect/timeout_ms": LOGIN_MS}
                 | _tls_client(credentials)
+                | room
             )
 
 

@@ -27,7 +27,8 @@ class Inbox:
         self._asleep = False
 
     def frame(self, topic: str, data: bytes | Malformed, *, rouse: bool = True) -> None:
-        """A message that is no call; its taker is not roused for one that may wait for others."""
+        """Put a message that is no call. With `rouse` false its taker sleeps on, and is still asleep for the
+        next message: that one rouses it, and it takes both."""
         with self._lock:
             self._room.frame(topic, data)
             asleep = self._asleep and rouse
@@ -36,7 +37,7 @@ class Inbox:
             self._calls.put(None)
 
     def call(self, topic: str, connection: str, message: Call | Alive | Malformed, size: int) -> None:
-        """A call of a connection, a sign of life of it, or what would have been one of these."""
+        """Put a call of a connection, a sign of life of it, or what would have been one of these."""
         with self._lock:
             self._room.call(topic, connection, message, size)
             asleep, self._asleep = self._asleep, False

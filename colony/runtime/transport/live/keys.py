@@ -19,7 +19,6 @@ from colony.runtime.protocol.codec import NotAMessage
 from colony.runtime.protocol.messages import (
     Alive,
     Announcement,
-    Batch,
     Call,
     Checkpoint,
     Fetch,
@@ -34,6 +33,7 @@ from colony.runtime.protocol.messages import (
     ServerFrame,
     Tick,
     Verdict,
+    Wire,
 )
 
 RIGHTS: tuple[Right, ...] = get_args(Right)
@@ -78,7 +78,7 @@ def takes_calls(topic: str) -> bool:
     return topic.endswith(_CALL)
 
 
-def takes_frames(topic: str) -> bool:
+def is_of_frames(topic: str) -> bool:
     """Return True if a topic is one of frames, which can be asked for again."""
     return topic.endswith("/frames")
 
@@ -101,7 +101,7 @@ def listening_to_calls(robot: str, topic: str, right: Right) -> str:
     return f"colony/{robot}/{topic}/{right}/*/*"
 
 
-def sending(robot: str, topic: str, message: Sent | Batch, *, user: str, least: Right = "read") -> str:
+def sending(robot: str, topic: str, message: Wire, *, user: str, least: Right = "read") -> str:
     """Return the key on which `user` sends a message to a topic.
 
     A sign of life goes under `least`, which may be any right of its sender.

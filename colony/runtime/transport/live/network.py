@@ -6,8 +6,8 @@ import errno
 import os
 import resource
 import time
-from collections.abc import Callable
-from contextlib import ExitStack
+from collections.abc import Callable, Iterator
+from contextlib import ExitStack, contextmanager
 
 import zenoh
 
@@ -19,12 +19,10 @@ from colony.runtime.transport.live.place import Local, Place, Remote
 from colony.runtime.transport.live.probe import why_not_reached
 
 THREADS = "(rx: (worker_threads: 2), acc: (handover: rx), tx: (worker_threads: 1), net: (handover: tx))"
-"""Threads of zenoh, as `ZENOH_RUNTIME` gives them; read when the first session is opened. Receiving and
-accepting share theirs: apart, each message wakes one thread to see that it came and another to read it.
+"""Threads of zenoh, as `ZENOH_RUNTIME` gives them, unless this is set already. Receiving and accepting share
+theirs: if they had separate threads, each message would wake two, one that notices it and one that reads it.
 Sending, and with it the signs of life, has a thread of its own: a server that is flooded with calls has to go
 on telling the others that it lives, or they give up their links to it."""
-
-os.environ.setdefault("ZENOH_RUNTIME", THREADS)
 
 LINKING_S = 0.1
 """After this time all sockets that are there have been tried."""
@@ -130,7 +128,8 @@ class ZenohSession:
 def _open(place: Place, settings: Settings, holds: ExitStack) -> zenoh.Session:
     _expect_descriptors()
     try:
-        session = zenoh.open(configuration.configuration(settings))
+        with _threads():
+            session = zenoh.open(configuration.configuration(settings))
     except zenoh.ZError as problem:
         raise NotReached(_why(place, settings, problem)) from None
     except BaseException as problem:
@@ -139,6 +138,20 @@ def _open(place: Place, settings: Settings, holds: ExitStack) -> zenoh.Session:
         raise NotReached(f"no session can be opened, for lack of memory or threads: {problem}") from None
     holds.callback(session.close)
     return session
+
+
+@contextmanager
+def _threads() -> Iterator[None]:
+    """Let zenoh have `THREADS`. It reads the variable when the first session is opened; processes that this
+    one starts do not inherit it."""
+    if "ZENOH_RUNTIME" in os.environ:
+        yield
+        return
+    os.environ["ZENOH_RUNTIME"] = THREADS
+    try:
+        yield
+    finally:
+        os.environ.pop("ZENOH_RUNTIME", None)
 
 
 def _expect_descriptors() -> None:

@@ -1,14 +1,17 @@
 """How messages leave a process: one declared publisher a key, so that a message without a listener costs next
 to nothing.
 
-What goes to all readers each frame is dropped for one who leaves no room for it, because a reader that is
-frozen must not hold up the server, and whoever missed a frame asks for it again. All else waits for room,
-and overtakes nothing; the messages of frames overtake calls and their answers, which may be whole images.
+Ticks, frames of servers and verdicts go to all readers, and are dropped for a reader whose link has no room,
+because a reader that is frozen must not hold up the server; whoever missed a frame asks for it again. Other
+messages wait for room if the outbox is patient; otherwise they are dropped, too, and their senders say the
+same again, or ask again: clients with the next frame, connections with the same call.
+
+Messages of frames overtake checkpoints, calls and their answers, which may be whole images.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Sequence
 from enum import Enum
 
 import zenoh
@@ -18,18 +21,18 @@ from colony.runtime.protocol.messages import (
     MOST_IN_BATCH,
     Alive,
     Batch,
+    Batched,
     Call,
     Checkpoint,
     Notice,
     Problem,
-    Ready,
     Reply,
-    Request,
     Send,
     Sent,
     ServerFrame,
     Tick,
     Verdict,
+    Wire,
 )
 from colony.runtime.transport.live import keys
 
@@ -37,8 +40,7 @@ IDLE_NS = 10_000_000_000
 """Nanoseconds without a message after which the publisher for a connection is given back."""
 
 SMALL_BYTES = 1024
-"""Bytes of a small message: of the memory of a client that goes together with that of others, and of a reply
-that a thread of the network sends."""
+"""Bytes of the largest checkpoint that travels in a batch."""
 
 PASSING_MOST = 256
 """Publishers for connections at a time."""
@@ -60,8 +62,16 @@ class Outbox:
         patient: bool = True,
         urgent: bool = False,
     ) -> None:
-        """Unless `patient`, replies are dropped instead of waiting for room: callers ask again. If `urgent`,
-        they overtake all else besides."""
+        """An outbox for one thread at a time.
+
+        Args:
+            session: the session to send with.
+            robot: the robot whose processes are sent to.
+            report: takes a sentence on each message that cannot be sent.
+            user: the user as whom clients send.
+            patient: whether messages that do not go to all readers wait for room rather than be dropped.
+            urgent: whether replies overtake all else; then none waits for room.
+        """
         self._session = session
         self._robot = robot
         self._report = report
@@ -72,61 +82,69 @@ class Outbox:
         self._passing: dict[str, tuple[zenoh.Publisher, int]] = {}
 
     def send_all(self, sends: Iterable[Send], now_ns: int) -> None:
-        """Send messages; what clients say to one server goes in one piece."""
-        batches: dict[str, list[Request | Ready | Checkpoint]] = {}
+        """Send messages: those that clients send to one server as batches, after all others."""
+        batches: dict[str, list[Batched]] = {}
         for topic, message in sends:
-            if isinstance(message, (Request, Ready)) or (
-                isinstance(message, Checkpoint) and len(message.memory) <= SMALL_BYTES
-            ):
+            if isinstance(message, Batched) and not _is_large(message):
                 batches.setdefault(topic, []).append(message)
             else:
                 self.send(topic, message, now_ns)
         for topic, messages in batches.items():
-            if len(messages) == 1:
-                self.send(topic, messages[0], now_ns)
-                continue
             for i in range(0, len(messages), MOST_IN_BATCH):
-                self.send(topic, Batch(messages=tuple(messages[i : i + MOST_IN_BATCH])), now_ns)
+                self._send_together(topic, messages[i : i + MOST_IN_BATCH], now_ns)
 
-    def send(self, topic: str, message: Sent | Batch, now_ns: int) -> None:
+    def send(self, topic: str, message: Sent, now_ns: int) -> None:
         """Send a message; one that is too large is reported, and a reply then says so."""
         try:
             data = codec.encode(message)
         except ValueError as problem:
-            if isinstance(message, Batch) and len(message.messages) > 1:
-                half = len(message.messages) // 2
-                for part in (message.messages[:half], message.messages[half:]):
-                    self.send(topic, Batch(messages=part), now_ns)
-                return
             self._report(f"to {topic}: {problem}")
             if not isinstance(message, Reply):
                 return
             data = codec.encode(_too_large(message, str(problem)))
+        self._put(topic, message, data, now_ns)
+
+    def _send_together(self, topic: str, messages: Sequence[Batched], now_ns: int) -> None:
+        """Send messages as one batch, or as several if they are too large for one."""
+        if len(messages) == 1:
+            self.send(topic, messages[0], now_ns)
+            return
+        batch = Batch(messages=tuple(messages))
         try:
-            self._put(topic, message, data, now_ns)
+            data = codec.encode(batch)
+        except ValueError:
+            half = len(messages) // 2
+            self._send_together(topic, messages[:half], now_ns)
+            self._send_together(topic, messages[half:], now_ns)
+        else:
+            self._put(topic, batch, data, now_ns)
+
+    def _put(self, topic: str, message: Wire, data: bytes, now_ns: int) -> None:
+        try:
+            self._publisher(topic, message, now_ns).put(data)
         except zenoh.ZError as problem:  # a name that somebody gave cannot be part of a key
             self._report(f"to {topic}: {problem}")
 
-    def _put(self, topic: str, message: Sent | Batch, data: bytes, now_ns: int) -> None:
-        if isinstance(message, (Call, Alive, Reply, Notice, Checkpoint)):
-            self._pass(keys.sending(self._robot, topic, message, user=self._user), data, message, now_ns)
-            return
+    def _publisher(self, topic: str, message: Wire, now_ns: int) -> zenoh.Publisher:
+        key = keys.sending(self._robot, topic, message, user=self._user)
+        first = message.messages[0] if isinstance(message, Batch) else message  # they are of one kind
+        if isinstance(first, (Call, Alive, Reply, Notice, Checkpoint)):
+            return self._passing_publisher(key, first, now_ns)
         publisher = self._lasting.get(topic)
         if publisher is None:
-            patient = not isinstance(message, (Tick, ServerFrame, Verdict))
-            key = keys.sending(self._robot, topic, message, user=self._user)
+            patient = self._patient and not isinstance(first, (Tick, ServerFrame, Verdict))
             publisher = publish(self._session, key, haste=Haste.FRAMES, patient=patient)
             self._lasting[topic] = publisher
-        publisher.put(data)
+        return publisher
 
-    def _pass(self, key: str, data: bytes, message: Sent, now_ns: int) -> None:
+    def _passing_publisher(self, key: str, message: Sent, now_ns: int) -> zenoh.Publisher:
         publisher, _ = self._passing.pop(key, (None, 0))
         if publisher is None:
             self._tidy(now_ns)
             haste = Haste.STOP if self._urgent else haste_of(message)
             publisher = publish(self._session, key, haste=haste, patient=self._patient)
         self._passing[key] = (publisher, now_ns)  # the last one, so that the first was idle for longest
-        publisher.put(data)
+        return publisher
 
     def _tidy(self, now_ns: int) -> None:
         """Give back what was not used for long, and what is too much."""
@@ -163,6 +181,11 @@ def publish(
         priority=haste.value,
         express=haste is Haste.STOP,
     )
+
+
+def _is_large(message: Batched) -> bool:
+    """Return True if a message is too large for a batch: not taking it along keeps the others small."""
+    return isinstance(message, Checkpoint) and len(message.memory) > SMALL_BYTES
 
 
 def _too_large(reply: Reply, why: str) -> Reply:

@@ -17,6 +17,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass, field
 from typing import NamedTuple
 
+from colony.runtime.protocol.codec import LARGEST
 from colony.runtime.protocol.messages import Alive, Call, Malformed
 
 CALLS_EACH = 256
@@ -44,6 +45,11 @@ class Waiting(NamedTuple):
 
     topic: str
     message: bytes | Call | Alive | Malformed
+
+
+def too_large(topic: str, connection: str | None, size: int) -> Malformed:
+    """Return what a host hands its nodes in place of a message that is larger than any may be."""
+    return Malformed(topic=topic, connection=connection, reason=f"{size} bytes; expected at most {LARGEST}")
 
 
 class GivenUp(NamedTuple):

@@ -28,8 +28,9 @@ from colony.runtime.transport.live.network import ZenohSession, local_time
 from colony.runtime.transport.live.place import local
 from colony.sim.plant.child import plant_socket
 from colony.sim.plant.control import PlantControl
-from tests.cli.machine import MAP, ROBOT, WANDER, Machine, Started, children_of, until
+from tests.cli.machine import MAP, ROBOT, WANDER, Machine, Started, children_of
 from tests.runtime.transport.live.stage import python_process
+from tests.waiting import until
 
 FRAME_NS = 50_000_000
 LONG_S = "100000"

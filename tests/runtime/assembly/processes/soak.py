@@ -26,10 +26,11 @@ from pathlib import Path
 from typing import Any
 
 from colony.runtime.protocol.messages import Verdict
-from tests.cli.machine import Machine, until
+from tests.cli.machine import Machine
 from tests.runtime.assembly.processes.chaos import Chaos, schedule
 from tests.runtime.assembly.processes.fault_stage import UNHEARD, Run
 from tests.runtime.assembly.processes.sizes import Census, Incarnations
+from tests.waiting import until
 
 CLIENTS = 20
 SERVERS = ("Clock", "RServer", "PServer", "DServer", "Simulator")

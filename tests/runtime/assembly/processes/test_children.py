@@ -6,17 +6,15 @@ import os
 import signal
 import subprocess
 import sys
-import time
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
 
 import pytest
 
-from colony.runtime.assembly.processes.children import Children, Death, Job, last_lines, told
+from colony.runtime.assembly.processes.children import Children, Death, Job, described, last_lines
 from colony.runtime.assembly.processes.restarts import LONGEST_NS, QUICK_DEATHS, STEADY_NS, Restarts
-
-PATIENCE_S = 10.0
+from tests.waiting import PATIENCE_S, until
 
 OBEYS = """
 import sys
@@ -25,6 +23,18 @@ ending = Ending()
 with on_signals(ending):
     on_death_of_parent(ending)
     print("here", flush=True)
+    ending.wait()
+print("closed:", ending.why, flush=True)
+"""
+
+HANDLES = """
+import os, signal
+from colony.runtime.assembly.processes.ending import Ending, on_signals
+ending = Ending()
+signal.signal(signal.SIGUSR1, lambda *_: None)
+with on_signals(ending):
+    os.kill(os.getpid(), signal.SIGUSR1)
+    os.kill(os.getpid(), signal.SIGTERM)
     ending.wait()
 print("closed:", ending.why, flush=True)
 """
@@ -102,6 +112,7 @@ time.sleep(60)
 
 _MODULES = (
     ("obeys", OBEYS),
+    ("handles", HANDLES),
     ("floods", FLOODS),
     ("forks", FORKS),
     ("ignores", IGNORES),
@@ -109,13 +120,6 @@ _MODULES = (
     ("wrong", WRONG),
     ("heaps", HEAPS),
 )
-
-
-def until(condition: Callable[[], object], what: str) -> None:
-    end = time.monotonic() + PATIENCE_S
-    while not condition():
-        assert time.monotonic() < end, what
-        time.sleep(0.002)
 
 
 def lives(pid: int) -> bool:
@@ -199,6 +203,12 @@ def test_one_that_is_killed_is_started_again(children: Children, folder: Path) -
     until(lambda: said(folder, "client") == ("here", "here"), "it starts again")
 
 
+def test_a_signal_that_a_module_handles_ends_no_process(children: Children, folder: Path) -> None:
+    children.start(job(folder, "handles"))
+    until(lambda: said(folder, "handles"), "it ends")
+    assert said(folder, "handles") == ("closed: SIGTERM",)
+
+
 def test_threads_of_a_process_share_one_heap(children: Children, folder: Path) -> None:
     children.start(job(folder, "heaps"))
     until(lambda: said(folder, "heaps"), "it tells")
@@ -231,15 +241,15 @@ def test_one_that_was_started_wrongly_is_given_up_at_once(children: Children, fo
     deaths: list[Death] = []
     until(lambda: deaths.extend(children.poll()) or deaths, "the death is seen")
     assert (deaths[0].pause_s, deaths[0].final) == (None, True)
-    assert told(deaths[0]) == "wrong: no such robot"
+    assert described(deaths[0]) == "wrong: no such robot"
 
 
 def test_a_death_is_told_with_the_last_words(folder: Path) -> None:
     death = Death(job(folder, "a"), "was killed by SIGKILL", ("x", "y"), 0.25, False)
     expected = ["a was killed by SIGKILL; it is started again in 0.25 s"]
     expected += [f"its last lines, from {folder}/a.log:", "  x", "  y"]
-    assert told(death).splitlines() == expected
-    assert told(death._replace(said=(), pause_s=None)) == "a was killed by SIGKILL; it is given up"
+    assert described(death).splitlines() == expected
+    assert described(death._replace(said=(), pause_s=None)) == "a was killed by SIGKILL; it is given up"
 
 
 def test_they_end_wave_by_wave(children: Children, folder: Path) -> None:

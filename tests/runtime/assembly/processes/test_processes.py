@@ -6,6 +6,7 @@ import os
 import subprocess
 import sys
 from contextlib import ExitStack
+from dataclasses import replace
 from pathlib import Path
 
 import msgspec
@@ -14,7 +15,7 @@ import pytest
 from colony.compile.pipeline import compile_program
 from colony.execute.colonyc import encode, read
 from colony.ir.frame import Frame, Outcome
-from colony.ir.program import Program
+from colony.ir.program import Program, PythonModule, Use, Wire
 from colony.runtime.assembly.processes.children import Job
 from colony.runtime.assembly.processes.jobs import client_jobs, fresh_folder, server_parts
 from colony.runtime.assembly.processes.parts import nodes_of, serves
@@ -41,6 +42,7 @@ from colony.runtime.protocol.deployment import Deployment, deployment
 from colony.runtime.protocol.messages import Fate, Reply, Send, Tick, Verdict
 from colony.runtime.transport.live.place import Credentials, Local, Place, Remote
 from colony.runtime.transport.live.run_directory import RobotDirectory
+from tests.runtime.assembly.test_virtual import pulsing
 from tests.runtime.calling import call_of, opening
 from tests.runtime.programs import roam
 from tests.runtime.scripted import Log
@@ -148,6 +150,35 @@ def test_clients_share_a_process_of_which_each_is_known(roaming: Program, tmp_pa
     assert [node.address for node in nodes] == ["drive/back_off", "drive/avoid"]
 
 
+def test_a_run_ends_with_the_shared_process_however_many_clients_it_has(
+    roaming: Program, tmp_path: Path
+) -> None:
+    place = Local(RobotDirectory(tmp_path, "rome"))
+    one = replace(roaming, wires=(Wire(name="drive", actuator="drive", wiring=Use(name="cruise")),))
+    for program, clients in ((roaming, CLIENTS), (one, ["drive/cruise"])):
+        (shared,) = jobs_of(program, place, tmp_path, isolate=False)
+        assert (shared.name, list(shared.clients), shared.essential) == ("clients", clients, True)
+        assert [job.essential for job in jobs_of(program, place, tmp_path)] == [False] * len(clients)
+
+
+def test_a_client_and_a_module_in_python_of_one_name_are_two_processes(tmp_path: Path) -> None:
+    place = Local(RobotDirectory(tmp_path, "rome"))
+    program = pulsing()
+    (actuator,), (use,) = program.robot.actuators, program.wires
+    robot = replace(program.robot, actuators=(replace(actuator, name="activity"),))
+    wire = replace(use, name="activity", actuator="activity")
+    modules = tuple(
+        replace(m, actuator="activity")
+        if isinstance(m, PythonModule)
+        else replace(m, command=replace(m.command, actuator="activity"))
+        for m in program.modules
+    )
+    renamed = replace(program, robot=robot, wires=(wire,), modules=modules, contracts=(), limits=())
+    jobs = jobs_of(renamed, place, tmp_path)
+    assert "activity/pulse" in {job.name for job in jobs}
+    assert len({job.name for job in jobs}) == len({job.arguments for job in jobs}) == len(jobs)
+
+
 def test_a_server_of_hardware_wants_a_driver(tmp_path: Path) -> None:
     place = Local(RobotDirectory(tmp_path, "rome"))
     base = server_parts(tmp_path, Device(plant="p"))[1]
@@ -221,12 +252,14 @@ def test_the_leader_counts_who_was_on_time(roaming: Program) -> None:
     standings.take(log(1, ("back_off", "silent"), ("avoid", "won"), by="avoid"))
     standings.take(log(2, ("back_off", "late"), ("avoid", "won"), by="avoid"))
     standings.take(log(3, ("back_off", "lost"), ("avoid", "suppressed"), restart=True))
-    standings.died(("drive/back_off", "drive/cruise"), "MemoryError")  # they share a process
-    standings.died((), "of a server")
+    standings.died(("drive/back_off", "drive/cruise"), "MemoryError", again=True)  # they share a process
+    standings.died((), "of a server", again=True)
     status = standings.status()
     a, b, c = status.clients
     assert (a.address, a.standing, a.on_time, a.late, a.lost) == ("drive/back_off", "lost", 1, 1, 1)
     assert [of.restarts for of in (a, b, c)] == [1, 0, 1]
+    standings.died(("drive/cruise",), "MemoryError", again=False)
+    assert standings.status().clients[2].restarts == 1, "one that is given up is not started again"
     assert [of.last_error for of in (a, b, c)] == ["MemoryError", None, "MemoryError"]
     assert (b.address, b.standing, b.on_time, b.late, b.lost) == ("drive/avoid", "alive", 3, 0, 0)
     assert (status.k, status.frames, status.restarts) == (3, 3, 1)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 from pathlib import Path
 
 import pytest
@@ -10,14 +9,20 @@ import pytest
 from tests.runtime.assembly.processes.soak import soak
 
 SEED = 1994
-SECONDS = float(os.environ.get("COLONY_SOAK_SECONDS", "30"))
 
 
-@pytest.mark.parametrize("isolate", [True, False], ids=["alone", "together"])
+@pytest.mark.parametrize(
+    ("seconds", "isolate"),
+    [
+        pytest.param(6.0, False, id="6 s, together"),
+        pytest.param(30.0, False, id="30 s, together", marks=pytest.mark.long),
+        pytest.param(30.0, True, id="30 s, alone", marks=pytest.mark.long),
+    ],
+)
 def test_processes_keep_their_memory_and_decisions_are_the_interpreters(
-    tmp_path: Path, isolate: bool
+    tmp_path: Path, seconds: float, isolate: bool
 ) -> None:
-    print(f"seed {SEED}, {SECONDS:g} s (COLONY_SOAK_SECONDS)")
-    figures = soak(tmp_path, seconds=SECONDS, seed=SEED, isolate=isolate)
+    print(f"seed {SEED}")
+    figures = soak(tmp_path, seconds=seconds, seed=SEED, isolate=isolate)
     print(figures)
     assert figures.problems() == []

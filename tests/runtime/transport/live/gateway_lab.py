@@ -17,7 +17,8 @@ from colony.runtime.transport.live.outbox import publish
 from colony.runtime.transport.live.place import Credentials, Remote
 from colony.runtime.transport.live.security import Permission, read_security
 from tests.runtime.transport.live.certificates import Authority, free_port
-from tests.runtime.transport.live.stage import ROBOT, place, run_directory, running, until
+from tests.runtime.transport.live.stage import ROBOT, place, run_directory, running
+from tests.waiting import until
 
 USERS: dict[str, tuple[Permission, ...]] = {
     "ada": ("read", "command"),

@@ -16,7 +16,8 @@ from colony.runtime.protocol.messages import (
 from colony.runtime.transport.live import keys
 from colony.runtime.transport.live.network import ZenohSession
 from colony.runtime.transport.live.outbox import publish
-from tests.runtime.transport.live.stage import ROBOT, Recorder, place, until
+from tests.runtime.transport.live.stage import ROBOT, Recorder, place
+from tests.waiting import until
 
 SERVER = "RServer"
 

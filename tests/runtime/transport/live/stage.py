@@ -1,5 +1,4 @@
-"""What tests of the live transport stand on: run directories of their own, hosts in threads, and waiting for
-a condition instead of sleeping."""
+"""What tests of the live transport stand on: run directories of their own, and hosts in threads."""
 
 from __future__ import annotations
 
@@ -9,7 +8,6 @@ import subprocess
 import sys
 import tempfile
 import threading
-import time
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path
@@ -18,10 +16,9 @@ from colony.runtime.protocol.messages import Effect, Message, Node
 from colony.runtime.transport.live.host import Host
 from colony.runtime.transport.live.place import Local, local
 from tests.paths import ROOT
+from tests.waiting import PATIENCE_S, killed_in_the_end, until
 
 ROBOT = "rome"
-PATIENCE_S = 20.0
-"""Far longer than anything takes; only a failure waits for so long."""
 
 
 @contextmanager
@@ -39,32 +36,21 @@ def place(environment: Mapping[str, str]) -> Local:
     return local(ROBOT, environment)
 
 
-def until(condition: Callable[[], bool], what: str) -> None:
-    """Wait until `condition` holds."""
-    end = time.monotonic() + PATIENCE_S
-    while not condition():
-        assert time.monotonic() < end, f"waited {PATIENCE_S:g} s in vain: {what}"
-        time.sleep(0.001)
-
-
 @contextmanager
 def python_process(
     environment: Mapping[str, str], *arguments: str, says: str = ""
 ) -> Iterator[subprocess.Popen[str]]:
     """A process of Python that has said this line first, killed in the end where it lives still."""
-    process = subprocess.Popen(
+    started = subprocess.Popen(
         [sys.executable, *arguments],
         env={**os.environ, **environment, "PYTHONPATH": str(ROOT)},
         stdout=subprocess.PIPE,
         text=True,
     )
-    try:
+    with killed_in_the_end(started) as process:
         assert process.stdout is not None
         assert not says or process.stdout.readline() == f"{says}\n"
         yield process
-    finally:
-        process.kill()
-        process.communicate()
 
 
 class Running:

@@ -28,7 +28,8 @@ from colony.runtime.transport.live.meter import Rate
 from colony.runtime.transport.live.network import ZenohSession
 from colony.runtime.transport.live.outbox import SMALL_BYTES, Outbox
 from tests.runtime.transport.live.outside import SERVER, Outside
-from tests.runtime.transport.live.stage import ROBOT, Recorder, hosted, place, until
+from tests.runtime.transport.live.stage import ROBOT, Recorder, hosted, place
+from tests.waiting import until
 
 REQUESTS = topics.requests(SERVER)
 SAVED = topics.checkpoints("DServer")
@@ -167,7 +168,7 @@ GOOD = ("Request", 3, "drive", "avoid", "command", (200.0, 0.0), None)
         (of(GOOD, ("Request", 1 << 62, "drive", "avoid", "silent")), "cannot be yet"),
         (of(*[GOOD] * (MOST_IN_BATCH + 1)), "length <= 1000"),
         (of(*[GOOD] * 20)[:-5], "truncated"),
-        (b"\x01\xdc\x00\x02" + of(GOOD, GOOD)[2:], "cannot be counted"),
+        (b"\x01\xdc\x00\x02" + of(GOOD, GOOD)[2:], "shortest encoding"),
     ],
     ids=["a type", "elsewhere", "a call", "implausible", "too many", "cut off", "another head"],
 )

@@ -24,13 +24,14 @@ from colony.runtime.protocol.messages import (
     ServerFrame,
     Tick,
 )
-from colony.runtime.transport.live import border, keys
-from colony.runtime.transport.live import host as hosts
-from colony.runtime.transport.live.host import DEFERRED_BATCH, Host
+from colony.runtime.transport.live import border, deferred, keys
+from colony.runtime.transport.live.deferred import DEFERRED_BATCH
+from colony.runtime.transport.live.host import Host
 from colony.runtime.transport.live.meter import Rate
 from tests.runtime.calling import plain_call
 from tests.runtime.transport.live.outside import SERVER, Outside
-from tests.runtime.transport.live.stage import ROBOT, Recorder, hosted, place, running, until
+from tests.runtime.transport.live.stage import ROBOT, Recorder, hosted, place, running
+from tests.waiting import until
 
 SONAR = SensorBinding(sensor="sonar", server="PServer", field="sonar", within_ns=None)
 FRAMES = topics.frames("PServer")
@@ -85,7 +86,7 @@ class Reader:
 
 @pytest.fixture
 def reader(monkeypatch: pytest.MonkeyPatch) -> Reader:
-    monkeypatch.setattr(hosts, "DEFERRED_MOST", RING)
+    monkeypatch.setattr(deferred, "DEFERRED_MOST", RING)
     return Reader()
 
 

@@ -29,7 +29,8 @@ from colony.runtime.transport.live import keys
 from colony.runtime.transport.live.network import ZenohSession
 from colony.runtime.transport.live.place import local
 from tests.runtime.transport.live.gateway_lab import Lab, put
-from tests.runtime.transport.live.stage import ROBOT, Recorder, hosted, run_directory, until
+from tests.runtime.transport.live.stage import ROBOT, Recorder, hosted, run_directory
+from tests.waiting import until
 
 _NOTHING = msgspec.Raw(msgspec.msgpack.encode({}))
 CALL = Call(connection="ada/1", number=1, method="drive", arguments=_NOTHING)

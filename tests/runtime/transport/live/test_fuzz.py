@@ -9,6 +9,7 @@ from contextlib import suppress
 from pathlib import Path
 from random import Random
 
+import pytest
 import zenoh
 
 from colony.runtime.kit.connection import Session
@@ -24,8 +25,9 @@ from colony.runtime.transport.live.network import ZenohSession
 from colony.runtime.transport.live.outbox import publish
 from colony.runtime.transport.live.place import local
 from colony.runtime.transport.live.waiting import WaitingRoom
-from tests.cli.machine import MAP, ROBOT, Machine, until
+from tests.cli.machine import MAP, ROBOT, Machine
 from tests.runtime.servers.fuzz_stage import BUILD, Stage
+from tests.waiting import until
 
 SEED = 1994
 SALVO = 1500
@@ -84,6 +86,7 @@ def healthy(session: Session) -> None:
         until(lambda: eye.do(proximity.sonar()), "the sonars read")
 
 
+@pytest.mark.long
 def test_servers_under_fire(machine: Machine) -> None:
     print(f"seed {SEED}")
     served = machine.start("serve", "all", "--robot", ROBOT, "--map", MAP, "--camera", "0")

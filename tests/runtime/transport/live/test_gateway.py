@@ -37,7 +37,8 @@ from tests.runtime.calling import plain_call
 from tests.runtime.kit.stage import BATTERY, battery_thread, charge, halt, level
 from tests.runtime.transport.live.certificates import Authority, free_port
 from tests.runtime.transport.live.gateway_lab import USERS, Lab, gateway_for, listen, put
-from tests.runtime.transport.live.stage import ROBOT, Recorder, hosted, run_directory, running, until
+from tests.runtime.transport.live.stage import ROBOT, Recorder, hosted, run_directory, running
+from tests.waiting import until
 
 
 def test_a_user_does_what_the_table_allows(lab: Lab) -> None:

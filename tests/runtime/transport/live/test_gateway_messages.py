@@ -30,7 +30,8 @@ from colony.runtime.transport.live.network import ZenohSession
 from colony.runtime.transport.live.outbox import Haste, Outbox, publish
 from tests.runtime.calling import plain_call
 from tests.runtime.transport.live.gateway_lab import Lab, listen, note, put
-from tests.runtime.transport.live.stage import ROBOT, Recorder, hosted, place, python_process, until
+from tests.runtime.transport.live.stage import ROBOT, Recorder, hosted, place, python_process
+from tests.waiting import until
 
 
 def test_nothing_comes_twice_and_servers_that_come_later_are_found(lab: Lab) -> None:

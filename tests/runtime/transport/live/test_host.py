@@ -29,7 +29,8 @@ from colony.runtime.transport.live.robot_time import learned_time
 from colony.runtime.transport.live.waiting import CALLS_EACH
 from tests.runtime.calling import plain_call
 from tests.runtime.transport.live.outside import CALLS, SERVER, Blocked, Outside
-from tests.runtime.transport.live.stage import Recorder, hosted, place, running, until
+from tests.runtime.transport.live.stage import Recorder, hosted, place, running
+from tests.waiting import until
 
 
 def test_waiting_messages_are_taken_in_their_order(environment: Mapping[str, str], outside: Outside) -> None:

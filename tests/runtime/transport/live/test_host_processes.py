@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import signal
 from collections.abc import Iterable, Mapping
 
@@ -9,6 +10,7 @@ import pytest
 
 from colony.runtime.assembly.processes.children import ONE_THREAD
 from colony.runtime.protocol import codec, topics
+from colony.runtime.protocol.deployment import MOST_CLIENTS
 from colony.runtime.protocol.messages import (
     Effect,
     Message,
@@ -21,7 +23,8 @@ from colony.runtime.protocol.messages import (
 from colony.runtime.transport.live.configuration import BLOCKED_US
 from colony.runtime.transport.live.network import ZenohSession
 from tests.runtime.transport.live.outside import SERVER, Outside
-from tests.runtime.transport.live.stage import Recorder, hosted, place, python_process, until
+from tests.runtime.transport.live.stage import Recorder, hosted, place, python_process
+from tests.waiting import until
 
 LARGE = """
 import os, signal, sys
@@ -60,6 +63,85 @@ def test_with_one_thread_for_the_network_a_large_checkpoint_gets_through(
         assert went == [], "its link was given up"
         process.send_signal(signal.SIGTERM)
         assert process.wait(20) == 0
+
+
+CROWD = """
+import os, signal, sys
+from colony.runtime.protocol import topics
+from colony.runtime.transport.live.host import Host
+from colony.runtime.transport.live.place import local
+from colony.runtime.protocol.messages import Checkpoint, Request, Send
+from tests.runtime.transport.live.stage import Recorder
+
+def requests(message, now_ns):
+    saved = Checkpoint(client="drive/crowd", k=message.k, start=0, memory=bytes(100_000))
+    yield Send(topics.checkpoints("RServer"), saved)
+    for n in range(int(sys.argv[1])):
+        client = f"client_of_a_long_name_{n}"
+        request = Request(k=message.k, actuator="drive", client=client, bid="command", values=(100.0, 1.5))
+        yield Send(topics.requests("RServer"), request)
+    yield Send(topics.requests("DServer"), Request(k=message.k, actuator="out", client="alone", bid="silent"))
+
+crowd = Recorder("drive/crowd", topics.TICKS, on=requests)
+with Host.open(local("rome", os.environ), [crowd], direct=True) as host:
+    signal.signal(signal.SIGTERM, lambda *_: host.stop())
+    host.run()
+"""
+"""A process of many clients of RServer, which keeps a large checkpoint for them, and one of DServer."""
+
+
+def test_with_one_thread_for_the_network_the_requests_of_a_whole_program_get_through(
+    environment: Mapping[str, str],
+) -> None:
+    ticks = 3
+    server = Recorder("RServer", topics.requests("RServer"))
+    with (
+        python_process({**environment, "ZENOH_RUNTIME": ONE_THREAD}, "-c", CROWD, str(MOST_CLIENTS)),
+        hosted(environment, [server]) as host,
+        ZenohSession.open(place(environment), listens=("Clock",)) as clock,
+    ):
+        until(lambda: "drive/crowd" in clock.alive(), "it is there for the Clock")
+        until(lambda: "drive/crowd" in host.network.alive(), "it is there for RServer")
+        for k in range(ticks):
+            Outside(clock).put(topics.TICKS, codec.encode(Tick(k=k, t_ns=0)))
+            until(lambda n=(k + 1) * MOST_CLIENTS: len(server.got) == n, "all came")  # type: ignore[misc]
+
+
+FROZEN_SERVER = """
+import os
+from colony.runtime.protocol import topics
+from colony.runtime.transport.live.host import Host
+from colony.runtime.transport.live.place import local
+from tests.runtime.transport.live.stage import Recorder
+
+server = Recorder("RServer", topics.requests("RServer"), topics.checkpoints("RServer"))
+with Host.open(local("rome", os.environ), [server], serves=True) as host:
+    print("ready", flush=True)
+    host.run()
+"""
+
+
+def test_a_server_that_is_frozen_makes_no_client_of_another_server_late(
+    environment: Mapping[str, str],
+) -> None:
+    """Ticks follow each other as soon as the one client of DServer has spoken, until more bytes are sent to
+    RServer than any link and socket have room for."""
+    ticks = 100
+    server = Recorder("DServer", topics.requests("DServer"))
+    with (
+        python_process(environment, "-c", FROZEN_SERVER, says="ready") as frozen,
+        python_process({**environment, "ZENOH_RUNTIME": ONE_THREAD}, "-c", CROWD, str(MOST_CLIENTS)),
+        hosted(environment, [server]) as host,
+        ZenohSession.open(place(environment), listens=("Clock",)) as clock,
+    ):
+        until(lambda: "drive/crowd" in clock.alive(), "it is there for the Clock")
+        until(lambda: "drive/crowd" in host.network.alive(), "it is there for DServer")
+        frozen.send_signal(signal.SIGSTOP)
+        for k in range(ticks):
+            Outside(clock).put(topics.TICKS, codec.encode(Tick(k=k, t_ns=0)))
+            until(lambda n=k + 1: len(server.got) == n, "its request came")  # type: ignore[misc]
+    gaps = [b - a for a, b in itertools.pairwise(server.times)]
+    assert max(gaps) < BLOCKED_US * 1000 // 2, "who waits for room is held up until the link is given up"
 
 
 FROZEN = """

@@ -24,10 +24,12 @@ from colony.runtime.transport.live import keys
 from colony.runtime.transport.live.host import Host
 from colony.runtime.transport.live.network import ZenohSession
 from colony.runtime.transport.live.outbox import publish
+from colony.runtime.transport.live.sender import DROPPABLE_BYTES
 from colony.runtime.transport.live.waiting import CALLS_EACH
 from tests.runtime.calling import plain_call
 from tests.runtime.transport.live.outside import CALLS, SERVER, Blocked, Outside
-from tests.runtime.transport.live.stage import ROBOT, Recorder, hosted, place, running, until
+from tests.runtime.transport.live.stage import ROBOT, Recorder, hosted, place, running
+from tests.waiting import until
 
 
 class _Threads(Recorder):
@@ -93,6 +95,47 @@ def test_nodes_of_a_direct_host_hear_each_other(environment: Mapping[str, str], 
             outside.put(topics.TICKS, codec.encode(Tick(k=k, t_ns=0)))
         until(lambda: len(nodes[1].got) == 100, "all were passed on")
     assert nodes[1].got == nodes[0].got
+
+
+def test_a_direct_host_sends_what_must_not_be_dropped_in_a_thread_of_its_own(
+    environment: Mapping[str, str], outside: Outside
+) -> None:
+    """The other threads go on meanwhile; when the host is stopped, what waits is sent first."""
+    threads: list[str] = []
+    held, let_go = threading.Event(), threading.Event()
+
+    def answer(message: Message, now_ns: int) -> Iterable[Effect]:
+        if isinstance(message, Call):
+            result = msgspec.Raw(msgspec.msgpack.encode(bytes(DROPPABLE_BYTES if message.number > 1 else 1)))
+            reply = Reply(connection=message.connection, number=message.number, result=result)
+            yield Send(topics.replies(SERVER, message.connection), reply)
+
+    node = Recorder(SERVER, CALLS, on=answer)
+    outside.hear(topics.replies(SERVER, "u/a"))
+    with Host.open(place(environment), [node], serves=True, direct=True) as host:
+        assert host._patient_outbox is not None
+        send_all = host._patient_outbox.send_all
+
+        def waits_for_room(sends: Iterable[Send], now_ns: int) -> None:
+            threads.append(threading.current_thread().name)
+            held.set()
+            assert let_go.wait(20)
+            send_all(sends, now_ns)
+
+        host._patient_outbox.send_all = waits_for_room  # type: ignore[method-assign]
+        with running(host):
+            until(lambda: SERVER in outside.network.alive(), "it is there")
+            outside.call(plain_call("u/a", 2))
+            assert held.wait(20)
+            outside.call(plain_call("u/a", 3))
+            outside.call(plain_call("u/a", 1))
+            until(lambda: len(outside.heard) == 1, "a small reply overtakes the large ones")
+            host.stop()
+            let_go.set()
+    until(lambda: len(outside.heard) == 3, "the large ones come, too")
+    assert [reply.number for reply in outside.heard if isinstance(reply, Reply)] == [1, 2, 3]
+    assert threads == ["large messages"] * 2
+    assert "large messages" not in {thread.name for thread in threading.enumerate()}
 
 
 def _stop(connection: str, number: int) -> Call:

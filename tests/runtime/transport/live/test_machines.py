@@ -22,7 +22,8 @@ from colony.runtime.transport.live.gateway import open_gateway
 from colony.runtime.transport.live.network import local_time
 from colony.runtime.transport.live.security import read_security
 from tests.runtime.transport.live.certificates import Authority, free_port
-from tests.runtime.transport.live.stage import ROBOT, hosted, place, run_directory, running, until
+from tests.runtime.transport.live.stage import ROBOT, hosted, place, run_directory, running
+from tests.waiting import until
 
 HERE, THERE = "198.18.231.1", "198.18.231.2"
 SECOND = 1_000_000_000

@@ -12,7 +12,8 @@ from colony.runtime.protocol.messages import Reply, Tick
 from colony.runtime.transport.live import keys, outbox
 from colony.runtime.transport.live.network import ZenohSession
 from colony.runtime.transport.live.outbox import IDLE_NS, Outbox
-from tests.runtime.transport.live.stage import ROBOT, place, run_directory, until
+from tests.runtime.transport.live.stage import ROBOT, place, run_directory
+from tests.waiting import until
 
 
 @pytest.fixture

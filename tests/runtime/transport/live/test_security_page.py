@@ -17,7 +17,8 @@ from colony.runtime.transport.live.gateway import GROWTH_BYTES, open_gateway
 from colony.runtime.transport.live.security import PERMISSIONS, read_credentials, read_security
 from tests.runtime.kit.stage import BATTERY, battery_thread, charge, level
 from tests.runtime.transport.live.certificates import free_port
-from tests.runtime.transport.live.stage import ROBOT, place, run_directory, running, until
+from tests.runtime.transport.live.stage import ROBOT, place, run_directory, running
+from tests.waiting import until
 
 PAGE = (Path(__file__).parents[4] / "docs" / "security.md").read_text(encoding="utf-8")
 FENCES = re.findall(r"^```([^\n]*)\n(.*?)^```$", PAGE, re.MULTILINE | re.DOTALL)

@@ -1,0 +1,58 @@
+"""Frames that a host handles together with its other messages.
+
+To wake a thread for a message costs more than to handle it. A node that can do without some frames until
+something else happens (`messages.Deferring`) is spared that: zenoh keeps these frames, in a ring per topic,
+and the host takes them whenever it handles a message or a node's alarm is due.
+
+Only frames are kept this way, because a reader can ask again for one that its ring dropped. Other topics that
+may wait go through the inbox, which does not rouse the host for them: messages of users have to be counted as
+they arrive, and nobody can ask again for a verdict.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import ExitStack
+
+import zenoh
+
+from colony.runtime.protocol.codec import LARGEST
+from colony.runtime.transport.live import keys
+from colony.runtime.transport.live.waiting import Waiting, too_large
+
+DEFERRED_MOST = 128
+"""Deferred frames kept per topic. When the ring is full its oldest frame is dropped; a reader asks for it
+again."""
+
+DEFERRED_BATCH = 8
+"""Frames of one topic that are taken before the frames of other topics and all other messages get their
+turn."""
+
+_Subscriber = zenoh.Subscriber[zenoh.handlers.Handler[zenoh.Sample]]
+
+
+class DeferredFrames:
+    """The rings of a host. Mutable: the topics that it listens to, and the frames that wait."""
+
+    def __init__(self, session: zenoh.Session, robot: str) -> None:
+        self._session = session
+        self._robot = robot
+        self._rings: list[tuple[str, _Subscriber]] = []
+
+    def listen(self, topic: str, declared: ExitStack) -> None:
+        """Keep the frames of a topic from now on, until `declared` is closed."""
+        handler: zenoh.handlers.RingChannel[zenoh.Sample] = zenoh.handlers.RingChannel(DEFERRED_MOST)
+        subscriber = self._session.declare_subscriber(keys.listening(self._robot, topic), handler)
+        declared.callback(subscriber.undeclare)
+        self._rings.append((topic, subscriber))
+
+    def take(self) -> Iterator[Waiting]:
+        """Yield the frames that wait, `DEFERRED_BATCH` of each topic at most."""
+        for topic, subscriber in self._rings:
+            for _ in range(DEFERRED_BATCH):
+                sample = subscriber.try_recv()
+                if sample is None:
+                    break
+                size = len(sample.payload)
+                message = sample.payload.to_bytes() if size <= LARGEST else too_large(topic, None, size)
+                yield Waiting(topic, message)

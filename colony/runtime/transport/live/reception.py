@@ -1,0 +1,154 @@
+"""What the threads of the network do with a message: count it, check its size, put it where it is handled.
+
+Handlers run in zenoh's threads, which must not wait: a thread that stands still receives nothing for the
+whole process.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from contextlib import ExitStack, suppress
+
+import zenoh
+
+from colony.runtime.protocol import codec
+from colony.runtime.protocol.codec import LARGEST, NotAMessage
+from colony.runtime.protocol.messages import Call, Malformed
+from colony.runtime.transport.live import keys
+from colony.runtime.transport.live.border import Border
+from colony.runtime.transport.live.deferred import DeferredFrames
+from colony.runtime.transport.live.inbox import Inbox
+from colony.runtime.transport.live.network import ZenohSession, local_user
+from colony.runtime.transport.live.stop_lane import StopLane
+from colony.runtime.transport.live.waiting import too_large
+
+Handler = Callable[[zenoh.Sample], None]
+
+AtOnce = Callable[[str, bytes | Call], bool]
+"""Handles a message in the thread that received it; False if the message must go to the inbox."""
+
+
+class Reception:
+    """The subscriptions of a host.
+
+    Args:
+        network: the session that messages come from.
+        inbox: where messages wait for the host's own thread.
+        deferred: where frames wait that are handled together with other messages.
+        at_once: tried before the inbox, except for deferred messages; None in hosts that are not direct.
+        stop: handles an emergency stop, in a thread of its own.
+    """
+
+    def __init__(
+        self,
+        network: ZenohSession,
+        inbox: Inbox,
+        deferred: DeferredFrames,
+        *,
+        at_once: AtOnce | None,
+        stop: Callable[[str, Call], None],
+    ) -> None:
+        self._network = network
+        self._inbox = inbox
+        self._deferred = deferred
+        self._at_once = at_once
+        self._stop = stop
+        self._border = Border(local_user())
+
+    def listen(self, topic: str, declared: ExitStack, *, defers: bool) -> None:
+        """Receive the messages of a topic until `declared` is closed; with `defers` they rouse nobody."""
+        robot = self._network.robot
+        if keys.takes_calls(topic):
+            for right in keys.RIGHTS:
+                if right != "stop":
+                    key = keys.listening_to_calls(robot, topic, right)
+                    self._subscribe(key, self._call_handler(topic), declared)
+            self._listen_to_stops(topic, declared)
+        elif defers and keys.is_of_frames(topic):
+            self._deferred.listen(topic, declared)
+        else:
+            self._subscribe(keys.listening(robot, topic), self._frame_handler(topic, defers), declared)
+
+    def _listen_to_stops(self, topic: str, declared: ExitStack) -> None:
+        """Have a lane for what comes under the right to stop, over both sessions where there are two."""
+        lane = StopLane(self._stop, self._inbox.call)
+        declared.callback(lane.close)
+        key = keys.listening_to_calls(self._network.robot, topic, "stop")
+        self._subscribe(key, _stop_handler(topic, lane, self._border, twice=False), declared)
+        if self._network.stops is not None:
+            handler = _stop_handler(topic, lane, Border(local_user()), twice=True)
+            self._subscribe(key, handler, declared, self._network.stops)
+
+    def _subscribe(
+        self, key: str, handler: Handler, declared: ExitStack, session: zenoh.Session | None = None
+    ) -> None:
+        session = self._network.session if session is None else session
+        callback = zenoh.handlers.Callback(handler, indirect=False)
+        declared.callback(session.declare_subscriber(key, callback).undeclare)
+
+    def _frame_handler(self, topic: str, defers: bool) -> Handler:
+        """Return the handler of a topic whose messages are no calls."""
+        frame, border = self._inbox.frame, self._border
+        kind, at_once = keys.kind_of_users(topic), None if defers else self._at_once
+
+        def take(sample: zenoh.Sample) -> None:
+            payload = sample.payload
+            size = len(payload)
+            data = payload.to_bytes() if size <= LARGEST else b""
+            if kind is not None:
+                user = str(sample.key_expr).rpartition("/")[2]
+                if not border.frame(kind, user, size, codec.count(data)):
+                    return  # without a reply: a reader asks again for a frame that it missed
+            if size > LARGEST:
+                frame(topic, too_large(topic, None, size))
+            elif at_once is None or not at_once(topic, data):
+                frame(topic, data, rouse=not defers)
+
+        return take
+
+    def _call_handler(self, topic: str) -> Handler:
+        inbox, border, at_once = self._inbox, self._border, self._at_once
+
+        def take(sample: zenoh.Sample) -> None:
+            payload = sample.payload
+            key = keys.call_key(str(sample.key_expr))
+            size = len(payload)
+            if key is None:
+                return  # a key without a connection leaves nobody to reply to
+            if inbox.crowded(key.connection) or not border.call(key.connection, size):
+                if border.refusal(key.connection) and size <= LARGEST:
+                    self._refuse(topic, key, payload.to_bytes())
+                return
+            if size > LARGEST:
+                inbox.call(topic, key.connection, too_large(topic, key.connection, size), 0)
+                return
+            try:
+                message = keys.check_call(codec.decode(payload.to_bytes()), key)
+            except NotAMessage as problem:
+                malformed = Malformed(topic=topic, connection=key.connection, reason=str(problem))
+                inbox.call(topic, key.connection, malformed, 0)
+            else:
+                if at_once is None or not isinstance(message, Call) or not at_once(topic, message):
+                    inbox.call(topic, key.connection, message, size)
+
+        return take
+
+    def _refuse(self, topic: str, key: keys.CallKey, data: bytes) -> None:
+        """Have a call refused with the code "flood"; bytes that are no call get no reply."""
+        with suppress(NotAMessage):
+            message = keys.check_call(codec.decode(data), key)
+            number = message.number if isinstance(message, Call) else 0
+            self._inbox.refuse(topic, key.connection, number)
+
+
+def _stop_handler(topic: str, lane: StopLane, border: Border, *, twice: bool) -> Handler:
+    """Return the handler of messages of one session under the right to stop. `twice`: another session brings
+    the same, and what is no emergency stop is left to that one."""
+
+    def take(sample: zenoh.Sample) -> None:
+        payload = sample.payload
+        key = keys.call_key(str(sample.key_expr))
+        if key is not None and len(payload) <= LARGEST and border.stop(key.connection, len(payload)):
+            lane.put(topic, key, payload.to_bytes(), twice=twice)
+
+    return take

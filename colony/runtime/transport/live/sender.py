@@ -1,0 +1,64 @@
+"""A thread that sends the messages that may have to wait for room at a link.
+
+A thread of the network must not wait for room: it may be the one that makes room, and while it waits nothing
+is received. So a direct host sends most messages without waiting, and hands this thread those that are larger
+than the room that a link has at once and must not be dropped: checkpoints, notices, large replies. They have
+another priority than the messages of frames, whose queues therefore stay free while this thread waits.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from queue import SimpleQueue
+from threading import Thread
+
+from colony.runtime.protocol.messages import Checkpoint, Notice, Reply, Send
+from colony.runtime.transport.live.outbox import Outbox
+
+DROPPABLE_BYTES = 1024
+"""Bytes of the largest reply that may be dropped for lack of room: a link has room for many of that size."""
+
+
+class Sender:
+    """A queue with its own thread. Mutable: the messages that wait, and whether the thread runs.
+
+    Args:
+        outbox: sends the messages, and waits for room; used in the sender's thread alone.
+        time: the present time in nanoseconds.
+        failed: takes the exception that ended the thread; called in that thread.
+    """
+
+    def __init__(
+        self, outbox: Outbox, time: Callable[[], int], failed: Callable[[BaseException], None]
+    ) -> None:
+        self._outbox = outbox
+        self._time = time
+        self._failed = failed
+        self._queue: SimpleQueue[Sequence[Send] | None] = SimpleQueue()
+        self._thread = Thread(target=self._run, name="large messages", daemon=True)
+        self._thread.start()
+
+    def put(self, sends: Sequence[Send]) -> None:
+        """Queue messages, without blocking."""
+        self._queue.put(sends)
+
+    def close(self) -> None:
+        """Send the messages that wait, and end the thread."""
+        self._queue.put(None)
+        self._thread.join()
+
+    def _run(self) -> None:
+        try:
+            while (sends := self._queue.get()) is not None:
+                self._outbox.send_all(sends, self._time())
+        except BaseException as failure:
+            self._failed(failure)
+
+
+def may_wait(send: Send) -> bool:
+    """Return True if a message may need more room than a link has at once, and must not be dropped."""
+    match send.message:
+        case Reply(result=result):
+            return len(bytes(result)) > DROPPABLE_BYTES
+        case message:
+            return isinstance(message, (Checkpoint, Notice))

@@ -1,0 +1,21 @@
+"""What takes long: `make test` runs a sample of it, `make test-long` the rest."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import TypeVar
+
+import pytest
+from _pytest.mark import ParameterSet
+
+T = TypeVar("T")
+
+
+def long(*values: object) -> ParameterSet:
+    """Return parameters of a test that `make test-long` runs alone."""
+    return pytest.param(*values, marks=pytest.mark.long)
+
+
+def sampled(values: Sequence[T], *, every: int) -> list[T | ParameterSet]:
+    """Return parameters of which `make test` runs the first, and each that is `every` places after one."""
+    return [long(value) if at % every else value for at, value in enumerate(values)]
