@@ -21,14 +21,19 @@ if TYPE_CHECKING:
 @click.command("test", short_help="run the tests that behavior files contain")
 @click.argument("files", nargs=-1, required=True, metavar="FILE...", type=BEHAVIOR)
 @click.option("--format", "format_", type=click.Choice(["text", "json"]), default="text", show_default=True)
-def command(files: tuple[str, ...], format_: str) -> None:
+@click.option(
+    "--only", multiple=True, metavar="NAME", help="Only tests whose names contain NAME. May be repeated."
+)
+def command(files: tuple[str, ...], format_: str, only: tuple[str, ...]) -> None:
     """Run every `test` block; contracts are checked in each of its frames.
 
-    Exit code 0 where all pass, 1 where one fails or a file has errors, 2 where a file cannot be read.
+    Exit code 0 where all pass, 1 where one fails or a file has errors, 2 where a file cannot be read or
+    --only names no test.
 
     \b
     Example:
       colony test wander
+      colony test wander --only bump
     """
     from colony.text.diagnostics import to_json
 
@@ -36,7 +41,7 @@ def command(files: tuple[str, ...], format_: str) -> None:
     unreadable = False
     found: list[Diagnostic] = []
     for file in files:
-        tested = _test(file)
+        tested = _test(file, only)
         passed, failed = passed + tested.passed, failed + tested.failed
         unreadable = unreadable or is_unreadable(tested.found)
         found += tested.found
@@ -49,8 +54,11 @@ def command(files: tuple[str, ...], format_: str) -> None:
                 report(tested.found)
     if format_ == "json":
         click.echo(to_json(found))
-    elif passed or failed or not found:
+    elif passed or failed or not (found or only):
         click.echo(f"{passed} passed, {failed} failed" + ("" if passed or failed else ": there are no tests"))
+    if only and not (passed or failed or found):
+        named = " or ".join(f"`{name}`" for name in only)
+        raise click.UsageError(f"no test has {named} in its name", click.get_current_context())
     if unreadable:
         raise click.exceptions.Exit(EXIT_MISUSE)
     if found:
@@ -66,7 +74,7 @@ class _Tested(NamedTuple):
     failed: int = 0
 
 
-def _test(file: str) -> _Tested:
+def _test(file: str, only: tuple[str, ...]) -> _Tested:
     from colony.text.diagnostics import Failure
     from colony.verify.testing.examples import failures_as_diagnostics, run_examples
 
@@ -75,7 +83,7 @@ def _test(file: str) -> _Tested:
         return _Tested(checked.diagnostics)
     try:
         with redirect_stdout(sys.stderr):  # for what modules in Python print
-            results = run_examples(checked.program)
+            results = run_examples(checked.program, only)
     except Failure as failure:
         return _Tested(failure.diagnostics)
     lines = []

@@ -63,16 +63,10 @@ def test_json(colony: Colony, a: Path, b: Path) -> None:
     assert (made["a"], made["b"], made["verdict"]) == (str(a), str(b), "different")
     assert made["frames"] == [
         {
-            "t": "0 s",
-            "given": {"sonar": "1000 mm"},
-            "a": {
-                "drive": {"by": "cruise", "sent": {"velocity": 300.0, "turn": 0.0}},
-                "lamp": {"by": None, "sent": None},
-            },
-            "b": {
-                "drive": {"by": "dodge", "sent": {"velocity": 80.0, "turn": 0.0}},
-                "lamp": {"by": None, "sent": None},
-            },
+            "frame": {"t": 0.0, "sonar": 1000.0},
+            "answers": {},
+            "a": {"drive": {"by": "cruise", "velocity": 300.0, "turn": 0.0}, "lamp": {"by": None}},
+            "b": {"drive": {"by": "dodge", "velocity": 80.0, "turn": 0.0}, "lamp": {"by": None}},
         }
     ]
     assert made["modules"] == {

@@ -111,7 +111,7 @@ def _traces(one: Verified) -> dict[Diagnostic, Sequence[TraceStep]]:
     """The frames that lead to each finding of a file."""
     from colony.cli.sarif import TraceStep
     from colony.cli.verify import examples
-    from colony.verify.contracts.report import finding, steps
+    from colony.verify.contracts.report import finding, told_frames
     from colony.verify.contracts.results import Proved
 
     made: dict[Diagnostic, Sequence[TraceStep]] = {}
@@ -122,19 +122,8 @@ def _traces(one: Verified) -> dict[Diagnostic, Sequence[TraceStep]]:
         if diagnostic is not None and not isinstance(result, Proved) and result.trace is not None:
             span = result.contract.span
             made[diagnostic] = [
-                TraceStep(span, f"t = {step['t']} s; {_all(step['sent'])}", _given(step["given"]))
-                for step in steps(one.program, result.trace)
+                TraceStep(span, happens, given) for happens, given in told_frames(one.program, result.trace)
             ]
     if one.report is not None:
         made |= examples.findings(one.program, one.report, one.offered, one.known)
     return made
-
-
-def _all(sent: object) -> str:
-    assert isinstance(sent, dict)
-    return "; ".join(f"{actuator} {what}" for actuator, what in sent.items())
-
-
-def _given(given: object) -> dict[str, str]:
-    assert isinstance(given, dict)
-    return dict(given)

@@ -2,15 +2,16 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from math import isinf
 from shlex import quote
 from typing import assert_never
 
-from colony.ir.frame import Decision
 from colony.ir.program import Program
 from colony.text.diagnostics import Diagnostic, error, warning
 from colony.text.wording import counted
 from colony.verify.contracts.decimals import seconds
+from colony.verify.contracts.frames import frame_row, outcome_row
 from colony.verify.contracts.results import Proved, Refuted, Result, Trace, Unknown
 from colony.verify.contracts.table import reading, sent, table
 from colony.verify.symbolic.system import Reason
@@ -140,22 +141,24 @@ def row(program: Program, result: Result) -> dict[str, object]:
 
 
 def steps(program: Program, trace: Trace) -> list[dict[str, object]]:
-    """An object a frame: its time, what is given and what is sent, as people read them."""
-    made: list[dict[str, object]] = []
+    """An object a frame: what is given, as `colony trace --input` takes it, and what is sent."""
+    return [
+        {
+            "frame": frame_row(program.robot.sensors, snapshot),
+            "answers": {m: list(a) for m, a in snapshot.answers.items()},
+            "sent": outcome_row(program, outcome),
+            "broken": list(outcome.breaches),
+        }
+        for snapshot, outcome in zip(trace.snapshots, trace.outcomes, strict=True)
+    ]
+
+
+def told_frames(program: Program, trace: Trace) -> Iterator[tuple[str, dict[str, str]]]:
+    """What happens in each frame, and what each sensor gives, as people read them."""
     sensors = {s.name: s for s in program.robot.sensors}
     for snapshot, outcome in zip(trace.snapshots, trace.outcomes, strict=True):
-        given = {name: reading(sensors[name], value) for name, value in snapshot.readings.items()}
-        made.append(
-            {
-                "t": snapshot.t_ns / 1e9,
-                "given": given,
-                "answers": {m: list(a) for m, a in snapshot.answers.items()},
-                "sent": {d.actuator: _sent(program, d) for d in outcome.decisions},
-                "broken": list(outcome.breaches),
-            }
+        decided = (
+            f"{a.name} {sent(a, d)}" for a, d in zip(program.robot.actuators, outcome.decisions, strict=True)
         )
-    return made
-
-
-def _sent(program: Program, decision: Decision) -> str:
-    return sent(next(a for a in program.robot.actuators if a.name == decision.actuator), decision)
+        happens = "; ".join((f"t = {snapshot.t_ns / 1e9:.9g} s", *decided))
+        yield happens, {n: reading(sensors[n], value) for n, value in snapshot.readings.items()}

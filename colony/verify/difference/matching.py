@@ -8,6 +8,7 @@ from colony.ir.program import Program
 from colony.text.wording import duration_text
 from colony.verify.difference.compatible import Pair
 from colony.verify.difference.content import contents
+from colony.verify.difference.declarations import changed_declarations
 from colony.verify.difference.results import Matching
 
 
@@ -30,6 +31,7 @@ def matching(a: Program, b: Program, compared: Sequence[Pair]) -> Matching:
         changed=changed,
         only_a=tuple(n for n in names_a if n not in same and n not in changed),
         only_b=tuple(n for n in left if n not in changed),
+        declarations=changed_declarations(a, b),
         notes=tuple(_notes(a, b, compared)),
     )
 

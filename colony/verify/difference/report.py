@@ -8,6 +8,7 @@ from typing import assert_never
 from colony.ir.frame import Outcome
 from colony.ir.program import Program
 from colony.verify.contracts.decimals import seconds
+from colony.verify.contracts.frames import frame_row, outcome_row
 from colony.verify.contracts.report import told
 from colony.verify.contracts.table import aligned, reading, sent
 from colony.verify.difference.results import Different, Matching, Result, Same, Undecided
@@ -51,6 +52,8 @@ def _matching(matching: Matching) -> Iterator[str]:
             yield f"`{mine}` of A is `{other}` of B"
     if matching.changed:
         yield f"changed: {_names(matching.changed)}"
+    for declaration in matching.declarations:
+        yield f"changed: {declaration}"
     if matching.only_a:
         yield f"only in A: {_names(matching.only_a)}"
     if matching.only_b:
@@ -126,6 +129,7 @@ def row(a: Program, b: Program, result: Result) -> dict[str, object]:
         "only_a": list(matching.only_a),
         "only_b": list(matching.only_b),
     }
+    made["declarations"] = list(matching.declarations)
     return made | {"notes": list(matching.notes)}
 
 
@@ -143,25 +147,11 @@ def verdict(result: Result) -> str:
 
 
 def _frames(a: Program, b: Program, result: Different) -> Iterator[dict[str, object]]:
-    sensors = {s.name: s for p in (b, a) for s in p.robot.sensors}
+    sensors = {s.name: s for p in (b, a) for s in p.robot.sensors}.values()
     for snapshot, one, other in zip(result.snapshots, result.a, result.b, strict=True):
-        given = {n: reading(sensors[n], v) for n, v in snapshot.readings.items()}
         yield {
-            "t": str(seconds(snapshot.t_ns)),
-            "given": given | {f"{m} answers": str(x) for m, x in snapshot.answers.items()},
-            "a": _decisions(a, one),
-            "b": _decisions(b, other),
+            "frame": frame_row(sensors, snapshot),
+            "answers": {m: list(x) for m, x in snapshot.answers.items()},
+            "a": outcome_row(a, one),
+            "b": outcome_row(b, other),
         }
-
-
-def _decisions(program: Program, outcome: Outcome) -> dict[str, object]:
-    actuators = {x.name: x for x in program.robot.actuators}
-    return {
-        d.actuator: {
-            "by": d.by,
-            "sent": None
-            if d.values is None
-            else dict(zip((f.name for f in actuators[d.actuator].fields), d.values, strict=True)),
-        }
-        for d in outcome.decisions
-    }

@@ -13,14 +13,16 @@ from colony.verify.symbolic.system import Reason
 class Matching:
     """Which modules of A are which of B: those that read the same and do the same, whatever their names.
 
-    `changed` have one name in both and differ; `only_a` and `only_b` have no counterpart at all. `notes` says
-    what the two files have besides and was not compared.
+    `changed` have one name in both and differ; `only_a` and `only_b` have no counterpart at all.
+    `declarations` says which params, derived values and limits are written otherwise, `notes` what the two
+    files have besides and was not compared.
     """
 
     same: tuple[tuple[str, str], ...] = ()
     changed: tuple[str, ...] = ()
     only_a: tuple[str, ...] = ()
     only_b: tuple[str, ...] = ()
+    declarations: tuple[str, ...] = ()
     notes: tuple[str, ...] = ()
 
 

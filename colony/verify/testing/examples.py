@@ -6,7 +6,7 @@ contract that is broken in any frame of an example.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Collection, Iterable, Iterator
 from dataclasses import dataclass, replace
 from typing import Literal, assert_never
 
@@ -16,6 +16,7 @@ from colony.ir.program import Actuator, Contract, Example, Given, Program, Step
 from colony.ir.types import Array, Bool, Enum, Quantity, Scalar, ScalarValue, Type, Value, element_type
 from colony.text.diagnostics import Diagnostic, error
 from colony.text.source import Span
+from colony.text.units import parse_unit
 from colony.text.wording import counted
 from colony.verify.reference.boundary import default_of
 from colony.verify.reference.interpreter import Interpreter
@@ -63,9 +64,13 @@ class ExampleResult:
         return not self.failures
 
 
-def run_examples(program: Program) -> tuple[ExampleResult, ...]:
-    """Run every example of `program`, each from the program's initial memory, in the order written."""
-    return tuple(run_example(program, example) for example in program.tests)
+def run_examples(program: Program, only: Collection[str] = ()) -> tuple[ExampleResult, ...]:
+    """Run every example of `program`, each from the program's initial memory, in the order written.
+
+    With `only`, those whose names contain one of these texts.
+    """
+    chosen = (e for e in program.tests if not only or any(text in e.name for text in only))
+    return tuple(run_example(program, example) for example in chosen)
 
 
 def run_example(program: Program, example: Example) -> ExampleResult:
@@ -208,7 +213,8 @@ class _Run:
                 | ir.StateValue(name=name)
             ):
                 value = self.interpreter.value_of(leaf)
-                yield f"{name} is missing" if value is None else f"{name} = {shown(value, leaf.type)}"
+                unit = self.sensors[name].unit if isinstance(leaf, ir.SensorValue) else ""
+                yield f"{name} is missing" if value is None else f"{name} = {shown(value, leaf.type, unit)}"
             case ir.Fresh(name=name):
                 yield f"{name} is {'' if self.interpreter.value_of(leaf) else 'not '}fresh"
             case ir.IsActive(name=name):
@@ -228,7 +234,7 @@ class _Run:
                 ir.SentField(type=field.type, actuator=actuator.name, field_index=i)
             )
             if value is not None:
-                yield f"{field.name} = {shown(value, field.type)}"
+                yield f"{field.name} = {shown(value, field.type, field.unit)}"
 
 
 def _decider(decision: Decision) -> str:
@@ -242,24 +248,27 @@ def _decider(decision: Decision) -> str:
 _MOST_ELEMENTS = 8
 
 
-def shown(value: Value, of: Type) -> str:
-    """Return a value with its unit, or an enumerator by its name; of long arrays the first elements."""
+def shown(value: Value, of: Type, unit: str = "") -> str:
+    """Return a value in this unit, else the base unit, or an enumerator by its name; of long arrays the first
+    elements."""
     if not isinstance(value, tuple):
-        return _scalar(value, element_type(of))
+        return _scalar(value, element_type(of), unit)
     assert isinstance(of, Array)
-    parts = [_scalar(x, of.element) for x in value[:_MOST_ELEMENTS]]
+    parts = [_scalar(x, of.element, unit) for x in value[:_MOST_ELEMENTS]]
     return f"[{', '.join(parts)}{', ...' if len(value) > _MOST_ELEMENTS else ''}]"
 
 
-def _scalar(value: ScalarValue, of: Scalar) -> str:
+def _scalar(value: ScalarValue, of: Scalar, unit: str) -> str:
     match of:
         case Bool():
             return "true" if value else "false"
         case Enum(name=name, members=members):
             return next((f"{name}.{member}" for member, n in members if n == value), _number(value))
         case Quantity(dimension=dimension):
-            unit = str(dimension)
-            return _number(value) if unit == "number" else f"{_number(value)} {unit}"
+            if unit:
+                return f"{_number(value / float(parse_unit(unit).factor))} {unit}"
+            base = str(dimension)
+            return _number(value) if base == "number" else f"{_number(value)} {base}"
         case _:
             assert_never(of)
 

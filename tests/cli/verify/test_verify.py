@@ -244,9 +244,15 @@ def test_json_has_every_verdict(colony: Colony, behavior: Path) -> None:
     verdicts = {c["contract"]: c["verdict"] for c in file["contracts"]}
     assert verdicts == {"backs": "proved", "lasts": "refuted", "never_six": "unknown"}
     trace = file["contracts"][1]["trace"]
-    assert [step["given"].get("bumper") for step in trace] == ["true", "false"]
+    assert [step["frame"].get("bumper") for step in trace] == [True, False]
     assert [step["broken"] for step in trace] == [[], ["lasts"]]
     assert {d["code"] for d in file["diagnostics"]} >= {"V010", "V011"}
+    lines = "".join(json.dumps(step["frame"]) + "\n" for step in trace)
+    code, out, _ = colony("trace", behavior, "--input", "-", stdin=lines)
+    assert code == 0
+    decided = [json.loads(line) for line in out.splitlines()]
+    assert [line["drive"] for line in decided] == [step["sent"]["drive"] for step in trace]
+    assert [line.get("breaches", []) for line in decided] == [step["broken"] for step in trace]
 
 
 def test_sarif_has_the_run_as_a_code_flow(colony: Colony, behavior: Path) -> None:

@@ -81,15 +81,15 @@ def test_results_come_in_the_order_written() -> None:
     assert [verdict(r) for r in found] == ["REFUTED", "proved", "proved"]
 
 
-def test_a_row_has_the_frames_as_people_read_them() -> None:
+def test_a_row_has_the_frames_as_trace_takes_them() -> None:
     text = "contract c: not (far > 2 m and bump)"
     made = row(program(text), refuted(text))
     assert made["verdict"] == "refuted"
     steps = made["trace"]
     assert isinstance(steps, list)
     [step] = steps
-    assert step["given"] == {"far": "10 m", "bump": "true"}
-    assert step["sent"] == {"drive": "by back: velocity = -0.5 m/s, turn = 0 deg/s"}
+    assert step["frame"] == {"t": 0.0, "far": 10.0, "bump": True}
+    assert step["sent"] == {"drive": {"by": "back", "velocity": -0.5, "turn": 0.0}}
     assert step["broken"] == ["c"]
 
 

@@ -69,7 +69,7 @@ def test_a_false_expectation_says_what_was_found() -> None:
       test "t" { at 0.5 s given sonar = 3 m, bumper = false expect drive by back_off }
     """)
     assert message == (
-        'error[T001]: in "t" at 0.5 s: expected `drive by back_off`; found: drive by cruise, speed = 300 mm/s'
+        'error[T001]: in "t" at 0.5 s: expected `drive by back_off`; found: drive by cruise, speed = 0.3 m/s'
     )
 
 
@@ -79,7 +79,7 @@ def test_values_that_an_expectation_reads_are_said() -> None:
                  expect ahead < 2 m and bumper and fresh(bumper) and cruise is active and sonar[1] > 0 mm }
     """)
     assert "ahead = 3000 mm; bumper = true; bumper is fresh; cruise is active" in message
-    assert "sonar = [3000 mm, 3000 mm, 3000 mm, 3000 mm]" in message
+    assert "sonar = [3 m, 3 m, 3 m, 3 m]" in message
 
 
 def test_an_expectation_that_says_nothing_fails() -> None:
@@ -104,7 +104,7 @@ def test_contracts_are_checked_in_every_frame() -> None:
     )
     assert message == (
         'error[T003]: in "t" at 0 s, and in 2 more frames: '
-        "contract `slow: drive.speed < 0.2 m/s` does not hold; found: drive by cruise, speed = 300 mm/s"
+        "contract `slow: drive.speed < 0.2 m/s` does not hold; found: drive by cruise, speed = 0.3 m/s"
     )
 
 
@@ -154,7 +154,7 @@ def test_records_are_told_where_an_expectation_fails() -> None:
     """,
         BEHAVIOR.replace("back_off suppresses", "bad suppresses"),
     )
-    assert "drive by bad, whose command is not finite, speed = 0 mm/s; recorded: not finite of bad" in message
+    assert "drive by bad, whose command is not finite, speed = 0 m/s; recorded: not finite of bad" in message
 
 
 def test_enumerators_and_idle_hold_are_shown() -> None:

@@ -1,0 +1,70 @@
+"""Which params, derived values and limits are written otherwise in one of two programs, for people."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Iterator
+
+from colony.dsl import ast
+from colony.dsl.parse import parse
+from colony.ir.program import Program
+
+_KINDS = {ast.ParamDecl: "param", ast.LetDecl: "let", ast.StateDecl: "state"}
+
+
+def changed_declarations(a: Program, b: Program) -> tuple[str, ...]:
+    """Return a phrase for each that both programs have with another text, and for each limit of one alone.
+
+    Files correspond by their names, those that were asked for to each other.
+    """
+    texts_a, texts_b = dict(_values(a)), dict(_values(b))
+    values = (
+        f"{kind} `{name}`: `{text}` in A, `{texts_b[kind, name]}` in B"
+        for (kind, name), text in texts_a.items()
+        if texts_b.get((kind, name), text) != text
+    )
+    limits_a, limits_b = Counter(_limits(a)), Counter(_limits(b))
+    return (
+        *values,
+        *(f"`{text}` of A" for text in (limits_a - limits_b).elements()),
+        *(f"`{text}` of B" for text in (limits_b - limits_a).elements()),
+    )
+
+
+def _values(program: Program) -> Iterator[tuple[tuple[str, str], str]]:
+    """Kind and name of each value, within its file and module, and how it is written."""
+    for file, text, declaration in _declarations(program):
+        if isinstance(declaration, ast.ModuleDecl):
+            inside = f"{file}{declaration.name.text}."
+            for clause in declaration.clauses:
+                yield from _value(inside, text, clause)
+        yield from _value(file, text, declaration)
+
+
+def _value(prefix: str, text: str, node: object) -> Iterator[tuple[tuple[str, str], str]]:
+    match node:
+        case ast.ParamDecl() | ast.LetDecl():
+            yield (_KINDS[type(node)], prefix + node.name.text), _written(text, node.value)
+        case ast.StateDecl():
+            yield (_KINDS[type(node)], prefix + node.name.text), _written(text, node)
+        case _:
+            return
+
+
+def _limits(program: Program) -> Iterator[str]:
+    for _, text, declaration in _declarations(program):
+        if isinstance(declaration, ast.LimitDecl):
+            yield _written(text, declaration)
+
+
+def _declarations(program: Program) -> Iterator[tuple[str, str, ast.Declaration]]:
+    """What names of its file begin with, the file's text, and each declaration."""
+    for i, (place, source) in enumerate(program.files):
+        is_root = i == len(program.files) - 1
+        prefix = "" if is_root else place.rpartition("/")[2].removesuffix("colony")
+        for declaration in parse(source).file.declarations:
+            yield prefix, source.text, declaration
+
+
+def _written(text: str, node: ast.SyntaxNode) -> str:
+    return " ".join(text[node.start : node.end].split())
