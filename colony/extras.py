@@ -64,5 +64,7 @@ def extras_named() -> Iterator[None]:
 
 
 def _missing(modules: list[str], extras: list[str]) -> MissingExtra:
-    names = listed(list(dict.fromkeys(modules)))
-    return MissingExtra(f"{names} not installed: {to_install(*extras)}", name=modules[0])
+    what = f"extra{'' if len(extras) == 1 else 's'} {listed(extras)}"
+    return MissingExtra(
+        f"{what} not installed (no {modules[0]}); run: {to_install(*extras)}", name=modules[0]
+    )

@@ -12,11 +12,15 @@ from __future__ import annotations
 import os
 import random
 import signal
+import subprocess
+import sys
 import tempfile
 
 import pytest
 from hypothesis import HealthCheck, Phase, settings
 from hypothesis.configuration import set_hypothesis_home_dir
+
+from tests.paths import ROOT
 
 if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
     # As in a job in the background of a script: processes that tests start would ignore it, too.
@@ -52,6 +56,21 @@ settings.load_profile(os.environ.get("HYPOTHESIS_PROFILE", "dev"))
 def pytest_addoption(parser: pytest.Parser) -> None:
     """Declare the options of this suite."""
     parser.addoption("--shuffle", metavar="SEED", help="shuffle the files, and the tests in each file")
+
+
+def pytest_configure(config: pytest.Config) -> None:
+    """Compile the simulator where that is to be done: commands say so, which tests do not expect."""
+    if not hasattr(config, "workerinput") and _must_compile():
+        subprocess.run([sys.executable, "-c", "import colony.robots.building_run"], cwd=ROOT, check=True)
+
+
+def _must_compile() -> bool:
+    """Whether nothing is kept of the simulator, or a module of it was changed since."""
+    kept = list((ROOT / "colony" / "sim").rglob("*.nbi"))
+    modules = ((file, file.parents[1] / f"{file.name.partition('.')[0]}.py") for file in kept)
+    return not kept or any(
+        not module.exists() or module.stat().st_mtime > file.stat().st_mtime for file, module in modules
+    )
 
 
 @pytest.hookimpl(trylast=True)

@@ -101,7 +101,7 @@ def test_a_command_names_the_extra_that_it_lacks(
     ran = _run(COMMAND, *command.split(), folder=tmp_path, missing=missing)
     assert ran.returncode == 2
     assert ran.stderr.startswith("colony: error: ")
-    assert ran.stderr.endswith(f" not installed: pip install 'colony-robotics[{extras}]'\n")
+    assert ran.stderr.endswith(f"; run: pip install 'colony-robotics[{extras}]'\n")
     assert ran.stderr.count("\n") == 1
     assert [path.name for path in tmp_path.iterdir()] == ["clients.json"]
 
@@ -110,8 +110,8 @@ def test_the_library_says_so_too(tmp_path: Path) -> None:
     ran = _run(LIBRARY, folder=tmp_path)
     assert ran.stdout.splitlines() == [
         '["verify]\'"]',
-        "z3 not installed: pip install 'colony-robotics[verify]'",
-        "hypothesis not installed: pip install 'colony-robotics[verify]'",
+        "extra verify not installed (no z3); run: pip install 'colony-robotics[verify]'",
+        "extra verify not installed (no hypothesis); run: pip install 'colony-robotics[verify]'",
     ]
 
 
@@ -122,4 +122,7 @@ def test_all_that_is_missing_is_named_at_once(monkeypatch: pytest.MonkeyPatch) -
         assert not installed(module)
     with pytest.raises(MissingExtra) as missing:
         expect_extras("sim", "verify", "vision")
-    assert str(missing.value) == "z3 and cv2 not installed: pip install 'colony-robotics[verify,vision]'"
+    assert (
+        str(missing.value)
+        == "extras verify and vision not installed (no z3); run: pip install 'colony-robotics[verify,vision]'"
+    )

@@ -74,6 +74,18 @@ def test_an_import_takes_the_file_beside_it_with_or_without_its_suffix(tmp_path:
         assert places["wander.colony"].text == OWN
 
 
+def test_a_file_may_extend_the_one_of_its_own_name(tmp_path: Path) -> None:
+    (tmp_path / "rome.colony").write_text('import "rome"\nlet own = 500 mm\n')
+    places = [place for place, _ in library.load(tmp_path / "rome.colony").files]
+    assert places == ["colony.shipped/rome.colony", "rome.colony"]
+
+
+def test_what_comes_with_colony_is_listed_for_a_name_like_none(colony: Colony) -> None:
+    code, _, err = colony("check", "nosuch")
+    assert code == 2
+    assert "behaviors that come with colony: allen, corridor, " in err
+
+
 def test_a_recording_has_files_of_ones_own_and_those_that_come_with_colony(
     colony: Colony, tmp_path: Path
 ) -> None:

@@ -47,7 +47,7 @@ def test_the_property_holds(tmp_path: Path) -> None:
     shutil.copytree(ROOT / "behaviors", tmp_path / "behaviors")
     (tmp_path / "test_steady.py").write_text(FILES["test_steady.py"], encoding="utf-8")
     command = [sys.executable, "-m", "pytest", "-q", "-p", "no:cacheprovider", "test_steady.py"]
-    environment = os.environ | {"PYTHONPATH": str(ROOT)}
+    environment = os.environ | {"PYTHONPATH": str(ROOT), "CI": "1"}  # to hypothesis: no deadlines
     done = subprocess.run(command, cwd=tmp_path, env=environment, capture_output=True, text=True, check=False)
     assert done.returncode == 0, done.stdout
 

@@ -191,7 +191,7 @@ def _settle(result: Result, program: Program, of: Path | None) -> None:
                 hint += ", or leave the proof out by --no-proof"
             found = error("V002", spans.get(subject, place), results.undecided_text(result), hint)
         case results.Undecided():
-            say(f"{results.undecided_text(result)}; {to_install('verify')}")
+            say(f"{results.undecided_text(result)}; run: {to_install('verify')}")
             return
         case results.WrongWinner() | results.WrongActivity() | results.Malformed():
             subject = result.actuator if isinstance(result, results.WrongWinner) else ""

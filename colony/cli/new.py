@@ -40,8 +40,8 @@ def command(path: Path) -> None:
         click.echo(f"wrote {path}; try: colony test {shlex.quote(str(path))}")
         return
     name = path.name
-    if not re.fullmatch(r"[A-Za-z0-9]([A-Za-z0-9_-]*[A-Za-z0-9])?", name):
-        message = f"expected a name of letters, digits, `-` and `_`, such as `patrol`; found `{name}`"
+    if not re.fullmatch(r"[A-Za-z0-9]([A-Za-z0-9_-]{,98}[A-Za-z0-9])?", name):
+        message = f"expected a name of letters, digits, `-` and `_`, such as `patrol`; found `{name[:100]}`"
         raise click.UsageError(message, click.get_current_context())
     try:
         path.mkdir()

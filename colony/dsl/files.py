@@ -203,6 +203,8 @@ class _Loader:
         """Return where the file is that an import names, and its path as in `Import`."""
         given = os.path.join(importer.parent, name)
         own = Shipped.BEHAVIOR.own(given)
+        if own is not None and resolved(Path(own)) == resolved(importer):
+            own = None  # a file may extend the one that comes with colony under its own name
         named = Shipped.BEHAVIOR.named(name, self.shipped) if own is None else None
         if named is not None:
             return named, None

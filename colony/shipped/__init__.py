@@ -68,5 +68,8 @@ class Shipped(Enum):
         return path if os.path.basename(name) == name and os.path.isfile(path) else None
 
     def hint(self, given: str) -> str | None:
-        """Return what to try in place of `given`, which was not found; None where nothing is like it."""
-        return did_you_mean(Path(given).stem, self.names())
+        """Return what to try in place of `given`, which was not found; None for a path like no name."""
+        close = did_you_mean(Path(given).stem, self.names())
+        if close is None and not Path(given).suffix and os.path.basename(given) == given:
+            return f"{self.value[0]} that come with colony: {', '.join(self.names())}"
+        return close

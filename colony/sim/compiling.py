@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 
-COMPILING = "compiling the simulator: about 20 s, once where the result can be kept"
+COMPILING = "compiling the simulator: some 20 s, once where the result can be kept (see NUMBA_CACHE_DIR)"
 
 
 @contextmanager

@@ -158,7 +158,7 @@ def undecided_text(found: Undecided) -> str:
         seconds = f"{found.timeout_ms / 1000:g} s"
         return f"{subjects}: z3 found neither a proof nor a counterexample within {seconds}"
     structure = counted(found.by_structure, "obligation")
-    return f"{subjects}: not proved, as z3 was not asked ({structure} proved by structure)"
+    return f"{subjects}: not proved without z3 ({structure} proved by structure)"
 
 
 def proved_text(found: Proved) -> str:

@@ -11,6 +11,7 @@ import os
 import signal
 import time
 from collections.abc import Callable, Iterator
+from contextlib import closing
 from itertools import pairwise
 
 import pytest
@@ -43,11 +44,21 @@ def run(tmp_path_factory: pytest.TempPathFactory, request: pytest.FixtureRequest
     machine = Machine(tmp_path_factory.mktemp("faults"))
     try:
         options = ("--record", "run.mcap", "--format", "json")
-        made = Run(machine, *options, seed=SEED, isolate=request.param)
-        yield made
-        made.close()
+        with closing(Run(machine, *options, seed=SEED, isolate=request.param)) as made:
+            yield made
+            _every_decision_was_the_interpreters(made)
     finally:
         machine.close()
+
+
+def _every_decision_was_the_interpreters(run: Run) -> None:
+    """End the run, and hold its recording to the interpreter: all that the tests did to it is in there."""
+    run.goes_on()
+    run.started.tell(signal.SIGINT)
+    assert run.started.wait() == 130
+    assert json.loads(run.started.out)["disagreements"] == []
+    audit = run.machine.run("audit", str(run.started.folder / "run.mcap"))
+    assert audit.process.returncode == 0, audit.out + audit.err
 
 
 @pytest.fixture
@@ -201,15 +212,3 @@ def test_all_is_back_within_two_seconds_of_a_restart(run: Run, name: str) -> Non
         return run.now() - began
 
     best(measure, 2 * SECOND, f"all is back after a restart of {name}")
-
-
-# --- in the end ------------------------------------------------------------------------------------
-
-
-def test_and_every_decision_was_the_interpreters(run: Run) -> None:
-    run.goes_on()
-    run.started.tell(signal.SIGINT)
-    assert run.started.wait() == 130
-    assert json.loads(run.started.out)["disagreements"] == []
-    audit = run.machine.run("audit", str(run.started.folder / "run.mcap"))
-    assert audit.process.returncode == 0, audit.out + audit.err
