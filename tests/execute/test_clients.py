@@ -161,7 +161,14 @@ def test_why_a_client_is_not_active() -> None:
         "inhibited",
         "inactive",
     ]
-    assert _bids(wiring, "top", *frames) == ["inactive", "inactive", "command", "inactive", "command", "command"]
+    assert _bids(wiring, "top", *frames) == [
+        "inactive",
+        "inactive",
+        "command",
+        "inactive",
+        "command",
+        "command",
+    ]
 
 
 def test_a_missing_sensor_is_silence() -> None:
