@@ -45,7 +45,8 @@ class Outside(NamedTuple):
 
 class Others(NamedTuple):
     """What counts in a frame besides the network: the commands from outside, highest priority first and no
-    two of one priority; and whether all, or all but the `holder` of the lock, are kept out."""
+    two of one priority; and whether all, or all but the `holder` of the lock, are kept out.
+    """
 
     commands: tuple[Outside, ...] = ()
     hold: Hold | None = None

@@ -74,7 +74,8 @@ class OdometerPose(NamedTuple):
 
 class Seen(NamedTuple):
     """What a law goes by: the track of the base (None: it gives nothing), the speeds that were sent last, and
-    the time since then."""
+    the time since then.
+    """
 
     track: OdometerPose | None
     sent: Speeds
@@ -320,7 +321,8 @@ def _speeds(motion: Ending, left: float, track: OdometerPose, seen: Seen) -> Spe
 
 def _trapezoid(sent: float, direction: float, left: float, motion: Ending, dt_s: float) -> float:
     """The next speed: up with the acceleration, along at the velocity, down in time. It is signed as
-    `direction` is; a base that still goes the other way is slowed down first."""
+    `direction` is; a base that still goes the other way is slowed down first.
+    """
     sign = math.copysign(1.0, direction)
     fastest = min(motion.velocity, braking_speed(left, motion.acceleration, dt_s))
     return sign * min(fastest, sign * sent + motion.acceleration * dt_s)

@@ -135,7 +135,8 @@ class ClientNode(QuietNode):
 
     def _take_back(self, saved: Checkpoint, now_ns: int) -> Iterator[Effect]:
         """Go on from the checkpoints of all clients, once these are here, if they are of one frame that the
-        node can go on from; else it asks for a new epoch with the next tick."""
+        node can go on from; else it asks for a new epoch with the next tick.
+        """
         expected = saved.client in self.part.clients and saved.client not in self._recalled
         if self._caught_up or self._recalling_since is None or not expected:
             return  # an answer to an earlier or a repeated question

@@ -48,7 +48,8 @@ class ClientProgram:
 
     def recall(self, memories: Mapping[str, bytes]) -> bool:
         """Go on from the memories of all clients after one frame; return False, and change nothing, if these
-        are not theirs."""
+        are not theirs.
+        """
         try:
             self._executor.recall({self._keys[c]: decode_memory(data) for c, data in memories.items()})
         except (BadMemory, ValueError):
@@ -58,7 +59,8 @@ class ClientProgram:
 
     def step(self, assembled: Assembled) -> tuple[Request, ...]:
         """Return what the clients want in a frame. Frames must follow each other; an epoch begins with no
-        memory."""
+        memory.
+        """
         if assembled.restart and not self._fresh:
             self._executor.restart()
         self._fresh = False

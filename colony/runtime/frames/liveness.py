@@ -76,7 +76,8 @@ class TickAnswers:
 
     def void(self, down: Iterable[str]) -> tuple[tuple[str, int], ...]:
         """Return frames that have become void, now that these servers are down: at most `VOID_AT_ONCE`, the
-        others at the next call."""
+        others at the next call.
+        """
         for server in down:
             self._give_up(server, list(self._waiting.get(server, ())))
         void, self._void = tuple(self._void[:VOID_AT_ONCE]), self._void[VOID_AT_ONCE:]
@@ -84,7 +85,8 @@ class TickAnswers:
 
     def overdue(self, tick: int) -> Iterator[tuple[str, int]]:
         """Yield servers and frames to fetch with this tick, the newest frames first: those that are 2, 4,
-        8... ticks old, so that a server gets no more fetches the further it is behind."""
+        8... ticks old, so that a server gets no more fetches the further it is behind.
+        """
         for server, waiting in self._waiting.items():
             age = 2
             while waiting and age <= self._keep:

@@ -1,5 +1,6 @@
 """How clients, or a module in Python, take part in a run: they say that they are ready until the frames of
-the run come, and ask for a new epoch when they cannot go on."""
+the run come, and ask for a new epoch when they cannot go on.
+"""
 
 from __future__ import annotations
 
@@ -32,7 +33,8 @@ class Membership:
 
     def heard(self, tick: Tick, now_ns: int) -> Iterator[Effect]:
         """A tick came. While it is not of this run, the Clock may not know yet that this process is ready:
-        what it said was lost, or the Clock was started anew."""
+        what it said was lost, or the Clock was started anew.
+        """
         if tick.run != self.run and now_ns - self._said_ns >= READY_AGAIN_NS:
             yield from self.start(now_ns)
 

@@ -63,7 +63,8 @@ class ClientRegistry:
 
     def judged(self, verdict: Verdict, now_ns: int) -> None:
         """Count the requests that were on time and those that were late; those that counted renew leases. A
-        request that was refused was on time, but renews none."""
+        request that was refused was on time, but renews none.
+        """
         for name, fate in verdict.fates:
             client = topics.client_address(verdict.actuator, name)
             member = self._clients.get(client)

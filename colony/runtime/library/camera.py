@@ -61,7 +61,8 @@ def grab() -> Ask[Image]:
 
 def grab_rows(first: int, count: int = 1) -> Ask[Image]:
     """Read a band of that image (`CameraGrabRow`). Bands with the same `t_ns` are of the same image, as all
-    are under the lock."""
+    are under the lock.
+    """
     return Ask("grab_rows", GrabRows(first=first, count=count), Image, "read", repeatable=True)
 
 
@@ -94,7 +95,8 @@ def set_period(seconds: float) -> Ask[None]:
 
 def array(image: Image) -> NDArray[np.uint8]:
     """Return an image as a read-only array: (height, width) where it has one channel, else (height, width,
-    channels)."""
+    channels).
+    """
     import numpy as np
 
     shape = (image.height, image.width, image.channels)

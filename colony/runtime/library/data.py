@@ -118,7 +118,8 @@ class CreateSemaphore(msgspec.Struct, frozen=True, kw_only=True):
 
 class Wait(msgspec.Struct, frozen=True, kw_only=True):
     """`wait`: a semaphore, the longest time to wait (None: for ever), and whether it is given back when the
-    connection is lost."""
+    connection is lost.
+    """
 
     name: str
     wait_ns: int | None = None
@@ -312,7 +313,8 @@ def semaphores(prefix: str = "", *, after: str = "", limit: int = 1000) -> Ask[t
 
 def delete_semaphore(name: str) -> Ask[bool]:
     """Remove a semaphore; the reply is False if there is none. Calls that wait for it are refused with
-    "deleted"."""
+    "deleted".
+    """
     return Ask("delete_semaphore", Named(name=name), bool, "command", repeatable=True)
 
 

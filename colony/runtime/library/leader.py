@@ -17,7 +17,8 @@ Standing = Literal["alive", "late", "lost", "starting"]
 
 class ClientStanding(msgspec.Struct, frozen=True, kw_only=True):
     """A client of the network, by address: how it stands in the newest frame, and in how many frames it was
-    on time, late and lost. `restarts` of its process, and the last line that one said which died."""
+    on time, late and lost. `restarts` of its process, and the last line that one said which died.
+    """
 
     address: str
     standing: Standing

@@ -45,7 +45,8 @@ def infrared() -> Ask[InfraredReading | None]:
 
 def set_timeouts(ranges: Sequence[float]) -> Ask[None]:
     """Set the greatest range of each of the 24 sonars in mm, which is what it reads where nothing is
-    nearer (`PROX_TIMEOUT`). It holds for all connections, until PServer ends."""
+    nearer (`PROX_TIMEOUT`). It holds for all connections, until PServer ends.
+    """
     return Ask("set_timeouts", SetTimeouts(ranges=tuple(ranges)), type(None), "command", repeatable=True)
 
 

@@ -76,7 +76,8 @@ class Halt(msgspec.Struct, frozen=True, kw_only=True):
 
 class Move(msgspec.Struct, frozen=True, kw_only=True):
     """`move`: a distance straight on; negative is backward. A negative velocity or acceleration is the one
-    set last. `wait`: the answer comes when it is done."""
+    set last. `wait`: the answer comes when it is done.
+    """
 
     distance: float
     velocity: float = KEEP

@@ -30,7 +30,8 @@ class Checked(NamedTuple):
 
 class Restartable(Protocol):
     """An executor that can go on from its initial memory, and tells what it remembers. It is given what
-    modules in Python answered."""
+    modules in Python answered.
+    """
 
     def step(self, frame: Frame, answers: Mapping[str, Answer]) -> Outcome: ...
 
@@ -42,7 +43,8 @@ class Restartable(Protocol):
 
 class Keyframe(NamedTuple):
     """The memory before a frame, None where it is not known, and whether a client has been lost since it was
-    initial: then what `on_loss degrade` makes of it is not known."""
+    initial: then what `on_loss degrade` makes of it is not known.
+    """
 
     memory: ProgramMemory | None
     degraded: bool = False
@@ -87,7 +89,8 @@ class Monitor:
         answers: Mapping[str, Answer] = _NO_ANSWERS,
     ) -> Checked:
         """Step, and compare, in a frame in which these clients are lost; an actuator without a verdict is not
-        compared."""
+        compared.
+        """
         if not self._modules <= answers.keys():
             self._memory_unknown = True
         if self._memory_unknown:

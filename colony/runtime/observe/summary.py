@@ -62,7 +62,8 @@ class TroubleSummary:
 @dataclass(frozen=True, slots=True, kw_only=True)
 class InterventionSummary:
     """The network did not decide over `actuator` in `frames` frames: the client `by` outside it commanded, or
-    `hold` was on."""
+    `hold` was on.
+    """
 
     actuator: str
     by: str | None

@@ -43,7 +43,8 @@ def _reading(reading: Reading, size: int | None) -> str:
 def number_text(value: ScalarValue) -> str:
     """JSON has neither infinities nor NaN: the former are written too large for a double, and NaN as a
     string, which is a value of the wrong type and so a faulty reading, as NaN is. An int beyond all doubles
-    is infinite, too."""
+    is infinite, too.
+    """
     if isinstance(value, bool):
         return "true" if value else "false"
     if isinstance(value, (int, float)):

@@ -44,7 +44,8 @@ def keyframe_members(keyframe: Keyframe) -> list[str]:
 
 def read_keyframe(found: object) -> Keyframe | None:
     """Return the keyframe in an object that was read from JSON, None of None; where it is something else,
-    memory is not known."""
+    memory is not known.
+    """
     if found is None:
         return None
     try:

@@ -51,7 +51,8 @@ def write_all(file: ByteFile, data: bytes) -> None:
 
 class Recording:
     """Writes each frame as it comes, a whole line in one write, so that a run that is killed at any moment
-    leaves whole lines. A sink."""
+    leaves whole lines. A sink.
+    """
 
     def __init__(self, compiled: Compiled, file: ByteFile) -> None:
         self._encode = encoder(compiled)

@@ -40,7 +40,8 @@ _LATEST_S = 9e9
 
 class Row(NamedTuple):
     """A line of a recording: where it is, the frame in it, all that it says by name, and whether lines before
-    it are damaged."""
+    it are damaged.
+    """
 
     number: int
     text: str

@@ -127,7 +127,8 @@ class CommandDesk:
 
     def halt(self, now_ns: int) -> Iterable[Effect]:
         """Carry out every idle command, whatever the frames have decided: for the emergency stop, and for a
-        server that gets no ticks."""
+        server that gets no ticks.
+        """
         for name, table in self._actuators.items():
             yield from self.intervene(name, STOPPED, now_ns)
             if table.idle is not None:

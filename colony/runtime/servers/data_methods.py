@@ -112,7 +112,8 @@ class DataMethods:
 
     def drop(self, connection: str) -> tuple[int, ...]:
         """Free a connection's places in queues, and the semaphores that it holds, for others; return the
-        numbers of the calls by which it held them."""
+        numbers of the calls by which it held them.
+        """
         held, granted = self._semaphores.drop(connection)
         self.answers += [(asked, None) for asked in granted]
         return held

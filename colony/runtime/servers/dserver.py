@@ -205,7 +205,8 @@ class DServer:
 
     def full(self) -> tuple[str, ...]:
         """Return sentences for people about the store, and about limits that are reached, or were since the
-        server started."""
+        server started.
+        """
         parts = (
             self._variables,
             self._wanted,

@@ -19,7 +19,8 @@ from colony.runtime.servers.drivers import BaseLimits
 
 class Range(NamedTuple):
     """What may be commanded, lowest and highest, in mm/s and deg/s counterclockwise; and what accelerations
-    there are."""
+    there are.
+    """
 
     velocity: tuple[float, float]
     turn: tuple[float, float]

@@ -89,7 +89,8 @@ class Shown:
 
     def read(self, names: Iterable[str]) -> frozenset[str]:
         """Take these, and no others, for the variables that the program reads; return those that this
-        changes, whose present values `put` is to give again."""
+        changes, whose present values `put` is to give again.
+        """
         new = frozenset(names)
         changed = self._read ^ new
         for name in changed:
@@ -105,7 +106,8 @@ class Shown:
 
     def growth(self, name: str, size: int) -> int:
         """Return the bytes by which the program's part of frames grows if a variable gets a value of this
-        size."""
+        size.
+        """
         return size - self._sizes.get(name, 0) if name in self._wanted and name in self._read else 0
 
     def expect_room_besides(self, size: int) -> None:

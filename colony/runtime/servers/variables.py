@@ -74,7 +74,8 @@ class _Variable:
 
     def slot(self, turn: int) -> int:
         """Where the store has the value of a turn: the same place for every length but 1, so that a history
-        that gets longer or shorter leaves its values where they are."""
+        that gets longer or shorter leaves its values where they are.
+        """
         return 0 if self.length == 1 else turn % HISTORY_LENGTH
 
 
@@ -337,7 +338,8 @@ class Variables:
 
     def age(self, now_ns: int, *, all_of_them: bool) -> None:
         """Make values old whose times are of another clock: those of the future, or `all_of_them`; at the
-        start, before frames show any."""
+        start, before frames show any.
+        """
         for name, variable in self._variables.items():
             for dating in [*variable.values]:
                 if all_of_them or dating.t_ns > now_ns:
