@@ -100,7 +100,7 @@ class Camera:
 
     def tend(self, now_ns: int) -> None:
         """Grab an image when it is due, and refuse calls whose wait for the lock timed out."""
-        frozen = self._lock.holder is not None and not self.answers  # a lock that changes hands freezes nothing
+        frozen = self._lock.holder is not None and not self.answers  # a grant freezes nothing
         if now_ns >= self._due_ns and not frozen:
             self._shot = self._driver.grab()
             self._due_ns += self._period_ns * (1 + (now_ns - self._due_ns) // self._period_ns)
