@@ -144,7 +144,7 @@ class Arbiter:
         return self._advance(now_ns)
 
     def wake(self, now_ns: int) -> tuple[Event, ...]:
-        """Decide the frame if its deadline has passed."""
+        """Decide the frame if its deadline or grace period has passed."""
         return self._advance(now_ns)
 
     def finish(self) -> tuple[Event, ...]:

@@ -24,7 +24,7 @@ from colony.runtime.protocol.messages import Hold, Request
 
 
 class Places:
-    """The clients of an actuator, highest place first, and their priorities, falling."""
+    """The clients of an actuator, highest place first, and their priorities in descending order."""
 
     def __init__(self, clients: tuple[tuple[str, int], ...]) -> None:
         self.names = tuple(name for name, _ in clients)
@@ -47,8 +47,8 @@ class Outside(NamedTuple):
 class Others(NamedTuple):
     """The influences on a frame besides the network: outside commands and holds.
 
-    `commands` are in falling priority, no two of one priority. `hold` keeps out all parties, or all but the
-    `holder` of the lock.
+    `commands` are in descending order of priority, no two of one priority. `hold` keeps out all parties, or
+    all but the `holder` of the lock.
     """
 
     commands: tuple[Outside, ...] = ()

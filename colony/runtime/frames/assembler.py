@@ -172,7 +172,7 @@ class FrameAssembler:
             self._next += 1
             if gone:
                 got = {server: frame for server, frame in got.items() if server not in gone}
-            for void in tick.void:  # a frame that is older than one handed out cannot contradict it any more
+            for void in tick.void:  # needed only until the tick that declares them is handed out
                 self._void.pop(void, None)
             yield Assembled(tick, self._assemble(tick, got), tick.k == self._latest, self._answers(got))
 
@@ -196,7 +196,7 @@ class FrameAssembler:
         self._ticks = {at: tick for at, tick in self._ticks.items() if at >= k}
         self._frames = {at: got for at, got in self._frames.items() if at >= k}
 
-    # --- what comes in ---------------------------------------------------------------------------------
+    # --- input -----------------------------------------------------------------------------------------
 
     def _take_frame(self, frame: ServerFrame) -> None:
         if frame.k < self._next or frame.server not in self._servers:
@@ -248,7 +248,7 @@ class FrameAssembler:
                 asked = DSERVER.name if server in self._modules else server
                 yield Send(topics.fetches(asked), Fetch(server=server, k=k))
 
-    # --- what goes out ---------------------------------------------------------------------------------
+    # --- output ----------------------------------------------------------------------------------------
 
     def _gone(self, tick: Tick) -> frozenset[str]:
         """Return the servers whose frames are not waited for, and do not count if they come."""

@@ -14,7 +14,8 @@ The emergency stop is latched here (`stop_latch.py`): the Clock keeps it, repeat
 stops that it missed from the frames of the servers that received them, and alone releases it.
 
 A Clock that was suspended for a while skips the periods that it missed. In lockstep a frame begins as soon as
-the one before it is decided, at latest after a period; its time is a whole number of periods all the same.
+the one before it is decided, after a period at the latest; its time is a whole number of periods all the
+same.
 """
 
 from __future__ import annotations

@@ -118,7 +118,7 @@ class CreateSemaphore(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class Wait(msgspec.Struct, frozen=True, kw_only=True):
-    """Arguments of `wait`: a semaphore, and the longest time to wait (None: for ever).
+    """Arguments of `wait`: a semaphore, and the longest time to wait (None: forever).
 
     With `hold` the semaphore is released when the connection is lost.
     """
@@ -274,7 +274,7 @@ def wait(name: str, timeout_s: float | None = None, *, hold: bool = False) -> As
 
     Args:
         name: the semaphore.
-        timeout_s: the longest time to wait; 0 does not wait, None waits for ever.
+        timeout_s: the longest time to wait; 0 does not wait, None waits forever.
         hold: True if the semaphore is to be released when this connection is lost.
     """
     patient = timeout_s is None or timeout_s == math.inf

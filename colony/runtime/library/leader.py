@@ -33,7 +33,7 @@ class ClientStanding(msgspec.Struct, frozen=True, kw_only=True):
 class RunStatus(msgspec.Struct, frozen=True, kw_only=True):
     """A run of a program: `frames` were decided, the newest of them k; `process` leads it.
 
-    In `restarts` of them all memory restarted. `commanded_by` has the client that commanded each actuator in
+    All memory restarted in `restarts` of them. `commanded_by` has the client that commanded each actuator in
     the newest frame, None for none. `disagreements` are frames in which the runtime did not do what the
     program says: there should be none. `processes` has the ids of the processes that the leader started, by
     name.

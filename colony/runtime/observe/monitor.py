@@ -3,7 +3,7 @@
 That yields the contracts broken in each frame, the limited, clamped and faulty commands, and a check of the
 runtime itself: while no client is late or lost, the verdicts are the decisions of the client list; otherwise
 they are these or idle. Where a client outside the network commanded, or a hold kept the network from
-deciding, the client that was overridden is the one that would have won.
+deciding, the client that was set aside is the one that would have won.
 
 Modules in Python run only in processes of their own: the monitor takes the answers that they announced. From
 a frame on in which one of them announced no answer, memory is unknown.

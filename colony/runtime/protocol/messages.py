@@ -61,7 +61,7 @@ class Stopped(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class Tick(_Message, frozen=True, kw_only=True):
-    """The start of frame `k` at `t_ns`; `down` are dead servers, `lost` are lost clients, by address.
+    """The start of frame `k` at `t_ns`; servers in `down` and clients in `lost` (by address) are not alive.
 
     `start` is the frame in which the memory of the whole network was at its initial values: 0, or that of the
     last restart. Frames before it are of no use any more. `run` names the run of a program that the frame

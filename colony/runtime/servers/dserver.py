@@ -154,7 +154,7 @@ class DServer:
         self.listens = tuple(dict.fromkeys(listens))
 
     def start(self, now_ns: int) -> Iterable[Effect]:
-        """Date the loaded values, and wait for connections that were open before."""
+        """Age loaded values of another clock, and give earlier connections the time to reconnect."""
         self._variables.age(now_ns, all_of_them=self._other_epoch)
         return self._calls.start(now_ns)
 

@@ -134,7 +134,7 @@ class Pilot:
             self.mode = "go"
 
     def bumped(self, connection: str, bumper: Bumper, seen: Seen) -> None:
-        """End the motion of a connection that a bumper stopped, if it goes some distance."""
+        """End the motion of a connection that a bumper stopped, if it is a move or an arc."""
         for commander in self.outsiders.commanding:
             moving = isinstance(commander.motion, motion.Move | motion.Arc)
             if moving and commander.caller.connection == connection:

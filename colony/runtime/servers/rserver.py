@@ -165,7 +165,7 @@ class RServer:
         since = frame_ns if self._commanded_at is None else now_ns - self._commanded_at
         return self._base.seen(min(max(since, 0), 2 * frame_ns) / 1e9)
 
-    # --- what is sent to the base --------------------------------------------------------------------
+    # --- commands to the base ------------------------------------------------------------------------
 
     def _told(self, actuator: ActuatorTable, dispatch: Dispatch, now_ns: int) -> None:
         self._acting = dispatch.by if dispatch.outside is None else dispatch.outside

@@ -39,7 +39,7 @@ HIGHEST = (1 << 31) - 1
 
 
 class Waiter(NamedTuple):
-    """A call that waits for a semaphore, its timeout (None: for ever), and whether it would hold it."""
+    """A call that waits for a semaphore, its timeout (None: forever), and whether it would hold it."""
 
     asked: Asked
     name: str

@@ -252,7 +252,7 @@ class Variables:
             raise Refused("full", f"DServer has no room for more than {self._space.most} bytes of values")
 
     def hold(self, held: Mapping[str, Value]) -> None:
-        """Keep only these variables as fresh as each frame, each until it is set again."""
+        """Set variables that stay as fresh as each frame until they are set again; hold no others."""
         for name, value in held.items():
             self.put(prepared(name, encoded(value)), 0)
         if self._held != set(held):

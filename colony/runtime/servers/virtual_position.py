@@ -4,7 +4,7 @@ It is the "Virtual X-Y Coordinate" of thesis section 4.6.3. A Labmate keeps x an
 they jump by 65536 mm when one overflows. A jump is recognized by a change of sign over more than half of that
 range, the sign of 0 counting as plus; it is never mistaken while the robot goes less than 32768 mm from one
 look at the registers to the next. RServer looks in every frame. Positions that users set are kept here and
-not in the registers: setting one restarts the reckoning from the registers.
+not in the registers: setting one drops the overflows counted so far.
 """
 
 from __future__ import annotations
