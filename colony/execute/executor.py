@@ -121,9 +121,9 @@ class ClientStep(NamedTuple):
     and of this client's command. `values` are the command in base units within limits and range; None unless
     active, and when the command is not finite (`fault`), where the actuator gets its idle command. `bid`
     tells why it is not active: its predicate holds, but another's command takes its place ("suppressed") or
-    its gates are closed ("inhibited"), or its predicate does not hold or something is missing ("silent"). One
-    that is both dominated and gated is "inhibited"; one whose command has several ways to the actuator, all
-    of them closed in one manner or the other, is "suppressed".
+    its gates are closed ("inhibited"), or its predicate does not hold ("inactive"), or it reads something
+    missing ("silent"). One that is both dominated and gated is "inhibited"; one whose command has several
+    ways to the actuator, all of them closed in one manner or the other, is "suppressed".
     """
 
     active: bool
@@ -250,7 +250,7 @@ def _bid(client: ClientCode, values: list[Any]) -> Bid:
     if values[client.exclusive]:
         return "command"
     if not values[client.active]:
-        return "silent"
+        return "inactive" if values[client.present] else "silent"
     return "suppressed" if values[client.guard] or client.several_ways else "inhibited"
 
 

@@ -35,7 +35,8 @@ Bid = Literal[
     "command",  # active: the network lets its command through
     "suppressed",  # its predicate holds, but by the network another one's command takes its place
     "inhibited",  # its predicate holds, but by the network another one gates it
-    "silent",  # its predicate does not hold, or something that it reads is missing
+    "inactive",  # its predicate does not hold
+    "silent",  # something that it reads is missing
 ]
 """What a client does in a frame, by its own knowledge."""
 

@@ -133,7 +133,8 @@ Fate = Literal[
     "won",
     "suppressed",
     "inhibited",
-    "silent",
+    "inactive",  # its predicate is false
+    "silent",  # it reads a missing value
     "overruled",  # active, although a client with a higher place was too: a violation
     "overridden",  # active, but a client outside the network with a higher priority commanded
     "locked out",  # active, but another connection holds the lock

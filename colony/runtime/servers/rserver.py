@@ -54,6 +54,10 @@ waited for it.
 """
 
 
+CLOCK_GRACE_NS = 2_000_000_000
+"""Nanoseconds without a tick after which calls that command motion are refused."""
+
+
 class RServer:
     """The server of the base: it publishes its state, arbitrates its commands, and takes calls.
 
@@ -82,7 +86,7 @@ class RServer:
         self._publisher = Publisher(
             self.address, self._read, keep=keep, stopped=lambda: self._emergency.stopped
         )
-        self._pilot = Pilot(self._base.limits, self._emergency, self._values)
+        self._pilot = Pilot(self._base.limits, self._emergency, self._values, self._ticking)
         self._leadership = Leadership(self.address)
         self._leader: str | None = None
         methods = (*self._pilot.methods, *self._base.methods, *self._methods())
@@ -91,6 +95,7 @@ class RServer:
         self._use(deployment)
         self._k = -1
         self._tick_ns = 0
+        self._began_ns = 0
         self._outside_speeds: Speeds | None = None
         self._acting: str | None = None
         self._commanded_at: int | None = None
@@ -104,7 +109,8 @@ class RServer:
         )
 
     def start(self, now_ns: int) -> Iterable[Effect]:
-        """Stop the base."""
+        """Stop the base, and await the first tick."""
+        self._began_ns = now_ns
         self._halt()
         return ()
 
@@ -192,6 +198,11 @@ class RServer:
         if bumper is not None:
             self._bumped(wanted, bumper, now_ns)
         self._commanded_at = now_ns
+
+    def _ticking(self, now_ns: int) -> bool:
+        """Return True if the Clock ticked recently; in lockstep the times of ticks only count frames."""
+        last_ns = max(self._began_ns, self._tick_ns)
+        return self._actuator.lockstep or now_ns - last_ns <= CLOCK_GRACE_NS
 
     def _stale(self, now_ns: int) -> bool:
         """Return True if the present frame is long over; in lockstep the times of ticks only count frames."""

@@ -7,7 +7,7 @@ from typing import Any, Literal
 
 from colony.ir.frame import Decision
 
-Part = Literal["wins", "active", "silent"]
+Part = Literal["wins", "active", "inactive", "silent"]
 """What a client does by the interpreter: it wins, its predicate holds but it does not get through, or not."""
 
 
