@@ -203,11 +203,10 @@ def get(name: str, back: int = 0) -> Ask[Any]: ...
 @overload
 def get(name: str, back: int = 0, *, type: type[T]) -> Ask[T]: ...
 def get(name: str, back: int = 0, *, type: Any = Any) -> Ask[Any]:
-    """Read a value of a variable (`DATA_GETVALUE`).
+    """Read a value of a variable (`DATA_GETVALUE`): 0 is the present one, -1 the one before it.
 
-    0 is the present value, -1 the one before it, and so on back to -(n - 1) for a history of length n.
-    Refused with "unknown": there is no such variable; "range": `back` is not in the history; "unset": the
-    variable was not set that often yet.
+    A history of length n has the values back to -(n - 1). Refused with "unknown": there is no such variable;
+    "range": `back` is not in the history; "unset": the variable was not set that often yet.
     """
     return Ask("get", Get(name=name, back=back), type, "read", repeatable=True)
 
