@@ -1,14 +1,14 @@
-"""When an actuator is commanded in a frame, and by whom: protocol logic without input, output or a clock.
+"""Arbitration of an actuator: when it is commanded in a frame, and by which client.
 
-Being served first is not subsuming: a server that executed the requests of a frame in the order of their
-priorities would end up with the *last* command, the least important one. So of all that is asked for in a
-frame exactly one command is dispatched, once:
+This is protocol logic without input, output or a clock. Being served first is not subsuming: a server that
+executed the requests of a frame in the order of their priorities would end up with the *last* command, the
+least important one. So exactly one of the commands requested in a frame is dispatched, once:
 
-- Requests carry the exclusive guard: whoever bids a command knows that the network lets it through, and
-  normally nobody else bids one in that frame. Priorities are the second line of defense.
+- Requests carry the exclusive guard: a client that bids a command knows that the network lets it through, and
+  normally no other client bids one in that frame. Priorities are the second line of defense.
 - The frame is decided as soon as a command has come and no live client with a higher place is still to be
-  heard; a higher one that stays out delays it by the grace at most, for by its exclusive guard the command is
-  the right one. When all live clients have been heard and none commands, it is idle.
+  heard; a higher one that does not answer delays it by the grace period at most, for by its exclusive guard
+  the command is the right one. When all live clients have been heard and none commands, it is idle.
 - At the deadline the highest command of those that came is dispatched, or the idle command. A late or lost
   client therefore leads to idle, never to a lesser behavior.
 - Two commands in one frame are a violation: it is recorded, and the higher place wins.
@@ -31,9 +31,9 @@ from colony.runtime.protocol.messages import Fate, Hold, Request, Tick, Verdict
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Timing:
-    """Times after a tick, or after the first command, at which an arbiter stops waiting.
+    """Deadline after a tick, and grace period after the first command, at which an arbiter stops waiting.
 
-    The deadline counts from the time that the tick tells; with `from_arrival`, from when it came.
+    The deadline counts from the time in the tick; with `from_arrival`, from the tick's arrival.
     """
 
     deadline_ns: int
@@ -42,15 +42,15 @@ class Timing:
 
 
 def timing(frame_ns: int, *, lockstep: bool = False) -> Timing:
-    """A deadline that leaves a fifth of the frame, and a tenth of it of grace.
+    """Return a deadline that leaves a fifth of the frame, and a grace period of a tenth of it.
 
-    In lockstep the times of ticks count frames, and say nothing of when these really began.
+    In lockstep the times of ticks count frames, and do not give their real beginnings.
     """
     return Timing(deadline_ns=max(1, frame_ns * 4 // 5), grace_ns=frame_ns // 10, from_arrival=lockstep)
 
 
 class Dispatch(NamedTuple):
-    """Event: send this now. `values` are in base units; None when nothing is sent (`idle hold`)."""
+    """Event: send this command now. `values` are in base units; None when nothing is sent (`idle hold`)."""
 
     k: int
     by: str | None
@@ -63,24 +63,24 @@ class Dispatch(NamedTuple):
 Event = Dispatch | Verdict
 
 AHEAD = 64
-"""How many frames before its tick a request may come; a wilder one is refused."""
+"""Largest number of frames by which a request may precede its tick; others are refused."""
 
 MOST_NOTES = 20
 LONGEST_NOTE = 200
-"""What a verdict has of notes at most, and of a note in characters, whatever anybody sends."""
+"""Limits of a verdict: its number of notes, and the characters of each, whatever clients send."""
 
 Phase = Literal["open", "dispatched", "closed"]
 
 
 class Arbiter:
-    """The protocol of one actuator. Mutable: the requests of the present frame and of those to come.
+    """The arbitration protocol of one actuator. Mutable: the requests of the present frame and of later ones.
 
     Every frame gives exactly one `Dispatch` and one `Verdict`: the dispatch when it is decided, the verdict
     when every live client has been heard too, or the next frame begins.
 
     Args:
         actuator: the actuator, with its clients and their priorities.
-        times: when a frame is decided, and when it is over.
+        times: the deadline and the grace period.
     """
 
     def __init__(self, actuator: ActuatorTable, times: Timing) -> None:
@@ -107,13 +107,13 @@ class Arbiter:
 
     @property
     def wake_at(self) -> int | None:
-        """When to call `wake` if nothing else happens."""
+        """Time at which to call `wake` if nothing else happens."""
         return self._decide_by if self._phase == "open" else None
 
     def open(
         self, tick: Tick, lost: frozenset[str], now_ns: int, others: Others = NOBODY
     ) -> tuple[Event, ...]:
-        """A frame begins; the one before it ends, however it stands. Ticks of the past are ignored."""
+        """Begin a frame, and end the one before it in its present state; ignore ticks of the past."""
         if tick.k <= self._tick.k:
             return ()
         events = self._end_frame()
@@ -126,7 +126,7 @@ class Arbiter:
         return (*events, *self._advance(now_ns))
 
     def receive(self, request: Request, now_ns: int) -> tuple[Event, ...]:
-        """A request came. One for a frame that is over changes nothing."""
+        """Take a request; one for a frame that is over changes nothing."""
         k = self._tick.k
         if request.k > k:
             self._keep_for_later(request)
@@ -137,22 +137,22 @@ class Arbiter:
         return self._advance(now_ns)
 
     def intervene(self, others: Others, now_ns: int) -> tuple[Event, ...]:
-        """What counts besides the network has changed; a frame that is dispatched already stays as it is."""
+        """Apply a change of commands from outside, locks or the stop; a dispatched frame stays as it is."""
         if self._phase != "open":
             return ()
         self._others = others
         return self._advance(now_ns)
 
     def wake(self, now_ns: int) -> tuple[Event, ...]:
-        """Time went by."""
+        """Decide the frame if its deadline or grace period has passed."""
         return self._advance(now_ns)
 
     def finish(self) -> tuple[Event, ...]:
-        """No frame follows: the present one ends as it stands."""
+        """End the present frame in its present state, as no other follows."""
         return self._end_frame()
 
     def remark(self, note: str) -> None:
-        """Something for people, about this frame or, if that is over, about the next."""
+        """Add a note for people about this frame or, if that is over, about the next."""
         notes = self._notes if self._phase in ("open", "dispatched") else self._remarks
         if len(notes) < MOST_NOTES:
             notes.append(note if len(note) <= LONGEST_NOTE else f"{note[: LONGEST_NOTE - 3]}...")
@@ -171,7 +171,7 @@ class Arbiter:
     def _note(self, request: Request, now_ns: int) -> None:
         client = request.client
         if client in self._ballot.requests or client in self._refused or client in self._late:
-            return  # a message doubled on its way
+            return  # a duplicated message
         wrong = malformed(request, self._actuator, self._places.rank)
         if wrong is not None:
             self.remark(wrong)
@@ -253,7 +253,7 @@ class Arbiter:
         return _outdone(sent)
 
     def _fates_outside(self, sent: Dispatch) -> tuple[tuple[str, Fate], ...]:
-        """Of those outside whose command was not sent; they come after the clients of the network."""
+        """Return the fates of outside connections whose command was not sent, after those of the network."""
         if not self._others.commands:
             return ()
         fate: Fate = "overridden" if sent.hold is None else _outdone(sent)
@@ -261,7 +261,7 @@ class Arbiter:
 
 
 def _outdone(sent: Dispatch) -> Fate:
-    """Why a client with a command did not get through."""
+    """Return the fate of a client whose command did not get through."""
     match sent.hold:
         case "stopped":
             return "stopped"

@@ -1,13 +1,14 @@
-"""Who of those that want an actuator in a frame gets it: the rule, over what has come of the frame so far.
+"""The rule that gives an actuator to one of the parties that want it in a frame.
 
 Three kinds of parties want it. The clients of the network bid by their places; by their exclusive guards at
 most one of them commands. Connections from outside command by the priority of the connection, which is never
-that of a place: one above the network's winner takes its place, one below acts only when the network is
-idle. And the emergency stop or a lock keeps everyone out, or everyone but the holder.
+that of a place: one above the network's winner takes its place, one below acts only when the network is idle.
+And the emergency stop or a lock keeps out all parties, or all but the holder.
 
-What is not known is never taken for idleness. A command from outside acts when every client with a higher
-place was heard and is silent, or when the network's winner has a lower place (then, by the exclusive guards,
-everyone above that winner is inactive); a higher client that is late, lost or refused leaves idle.
+The rule applies to the part of the frame that has come. What is not known is never taken for idleness. A
+command from outside acts when every client with a higher place was heard and is silent, or when the network's
+winner has a lower place (then, by the exclusive guards, every client above that winner is inactive); a higher
+client that is late, lost or refused leaves idle.
 """
 
 from __future__ import annotations
@@ -23,7 +24,7 @@ from colony.runtime.protocol.messages import Hold, Request
 
 
 class Places:
-    """The clients of an actuator, highest place first, and their priorities, falling."""
+    """The clients of an actuator, highest place first, and their priorities in descending order."""
 
     def __init__(self, clients: tuple[tuple[str, int], ...]) -> None:
         self.names = tuple(name for name, _ in clients)
@@ -31,7 +32,7 @@ class Places:
         self.rank = {name: rank for rank, name in enumerate(self.names)}
 
     def above(self, priority: int) -> int:
-        """How many of them have a higher priority."""
+        """Return the number of clients with a higher priority."""
         return sum(p > priority for p in self.priorities)
 
 
@@ -44,8 +45,11 @@ class Outside(NamedTuple):
 
 
 class Others(NamedTuple):
-    """What counts in a frame besides the network: the commands from outside, highest priority first and no
-    two of one priority; and whether all, or all but the `holder` of the lock, are kept out."""
+    """The influences on a frame besides the network: outside commands and holds.
+
+    `commands` are in descending order of priority, no two of one priority. `hold` keeps out all parties, or
+    all but the `holder` of the lock.
+    """
 
     commands: tuple[Outside, ...] = ()
     hold: Hold | None = None
@@ -57,7 +61,7 @@ STOPPED = Others(hold="stopped")
 
 
 class Choice(NamedTuple):
-    """Where a frame stands: `by`, of the network, or `outside` would act now; neither: it is idle.
+    """The present decision of a frame: the client `by` or the connection `outside` acts, or neither (idle).
 
     `settled`: no client that could still be heard can change it.
     """
@@ -70,7 +74,7 @@ class Choice(NamedTuple):
 class Ballot:
     """The requests of one frame of one actuator. Mutable: those that came.
 
-    Nothing here takes longer for more clients, but for the frame as a whole.
+    No method takes longer for more clients; only creating the ballot does.
     """
 
     def __init__(self, places: Places, lost: Iterable[str]) -> None:
@@ -79,19 +83,19 @@ class Ballot:
         self.requests: dict[str, Request] = {}
         self.commands = 0
         self._heard = bytearray(count)
-        self._first = 0  # the highest that is still to be heard
-        self._gone = count  # the highest of whom nothing will be known
-        self._contender = count  # the highest that commands
+        self._first = 0  # the highest rank that is still to be heard
+        self._gone = count  # the highest rank whose request will never be known
+        self._contender = count  # the highest rank that commands
         for client in lost:
             self.without(client)
 
     @property
     def complete(self) -> bool:
-        """Whether nobody is left to be heard."""
+        """True if no client is left to be heard."""
         return self._first == len(self._heard)
 
     def take(self, request: Request) -> None:
-        """A request that is well formed and the first of its client; that of a lost one does not count."""
+        """Take a client's first, well-formed request; that of a lost client does not count."""
         rank = self._places.rank[request.client]
         self.requests[request.client] = request
         if self._heard[rank]:
@@ -102,17 +106,17 @@ class Ballot:
         self._pass(rank)
 
     def without(self, client: str) -> None:
-        """This one is not waited for, and what it would do stays unknown."""
+        """Stop waiting for a client; its bid stays unknown."""
         rank = self._places.rank[client]
         self._gone = min(self._gone, rank)
         self._pass(rank)
 
     def late(self, client: str) -> None:
-        """It was heard when everything was decided."""
+        """Note a request that came after the decision."""
         self._pass(self._places.rank[client])
 
     def choose(self, others: Others) -> Choice:
-        """Decide, as far as things are known."""
+        """Return the decision, as far as it is known."""
         match others.hold:
             case "stopped":
                 return Choice(None, None, True)
@@ -146,7 +150,7 @@ _BIDS = frozenset(get_args(Bid))
 
 
 def malformed(request: Request, actuator: ActuatorTable, places: Container[str]) -> str | None:
-    """What is wrong with a request, or None. Nothing that is wrong may move a robot."""
+    """Return the reason why a request is malformed, or None. No malformed request may move a robot."""
     if request.client not in places:
         return f"`{request.client}` is no client of {actuator.name}"
     if request.bid not in _BIDS:

@@ -1,9 +1,9 @@
-"""A lock of a server: one token, and who waits for it (thesis section 4.6.3, "Locking Mechanism").
+"""A lock of a server: one token, and the queue for it (thesis section 4.6.3, "Locking Mechanism").
 
-RServer's lock gives one client exclusive motion, a CServer's keeps its image from being replaced. Requests
-that wait are served by the priority of their connections, first come first served within one. Each waits for
-as long as it asked to and no longer, so that nobody is given a lock after it stopped waiting. The death of a
-holder, or of one who waits, is a matter of `drop`.
+RServer's lock gives one client exclusive motion, a CServer's keeps its image from being replaced. Waiting
+requests are served by the priority of their connections, first come first served within one. Each waits no
+longer than its timeout, so that no client is given a lock after it stopped waiting. `drop` handles the death
+of the holder or of a waiting client.
 """
 
 from __future__ import annotations
@@ -21,9 +21,9 @@ class _Waiting(NamedTuple):
 
 
 class LockQueue:
-    """Mutable: who holds the token, and who waits.
+    """The holder of a token, and the calls that wait for it. Mutable: both.
 
-    What was granted or refused late is returned as the calls to answer.
+    Methods return the calls to answer, as they were granted or refused late.
     """
 
     def __init__(self) -> None:
@@ -33,24 +33,24 @@ class LockQueue:
 
     @property
     def holder(self) -> Caller | None:
-        """Who has the token."""
+        """The connection that has the token."""
         return self._holder
 
     @property
     def waiting(self) -> tuple[Caller, ...]:
-        """Who waits for it, in the order in which they will be served."""
+        """Callers that wait for the token, in the order in which they will be served."""
         return tuple(w.asked.caller for w in sorted(self._waiting))
 
     @property
     def wake_at(self) -> int | None:
-        """When the patience of somebody who waits ends."""
+        """The earliest timeout of the waiting calls."""
         return min((w.until_ns for w in self._waiting), default=None)
 
     def ask(self, asked: Asked, now_ns: int, *, wait_ns: int) -> bool:
-        """Whether the token is granted now; it is, again, to who has it. Otherwise the call waits for it.
+        """Return True if the token is granted now; otherwise the call waits. The lock is reentrant.
 
         Raises:
-            Refused: "locked": somebody else has it, and the call does not wait.
+            Refused: "locked": another connection has the token, and the call does not wait.
         """
         if self._holder is None or self._holder.connection == asked.caller.connection:
             self._holder = asked.caller
@@ -62,7 +62,7 @@ class LockQueue:
         return False
 
     def release(self, caller: Caller) -> tuple[Asked, ...]:
-        """Take the token back from who has it; gives the calls that are granted by that.
+        """Take the token back from its holder, and return the calls that are granted by that.
 
         Raises:
             Refused: "unlocked": the caller does not have it.
@@ -73,7 +73,7 @@ class LockQueue:
         return self._grant()
 
     def drop(self, caller: Caller) -> tuple[Asked, ...]:
-        """A connection ended: it neither has the token nor waits for it; gives the calls that are granted."""
+        """Remove a connection that ended as holder and from the queue; return the calls that are granted."""
         self._waiting = [w for w in self._waiting if w.asked.caller.connection != caller.connection]
         if self._holder is None or self._holder.connection != caller.connection:
             return ()
@@ -81,18 +81,18 @@ class LockQueue:
         return self._grant()
 
     def expire(self, now_ns: int) -> tuple[Asked, ...]:
-        """The calls that have waited for as long as they would; they are to be refused."""
+        """Return the calls whose timeout has passed; they are to be refused."""
         late = tuple(w.asked for w in sorted(self._waiting) if now_ns >= w.until_ns)
         self._waiting = [w for w in self._waiting if now_ns < w.until_ns]
         return late
 
     def refusal(self) -> Refused:
-        """Why a call does not get the token."""
+        """Return the refusal of a call that does not get the token."""
         name = "nobody" if self._holder is None else self._holder.name
         return Refused("locked", f"{name} holds the lock")
 
     def _grant(self) -> tuple[Asked, ...]:
-        """Give the token to the first who waits, with all of its calls that wait."""
+        """Give the token to the first waiting connection, with all of its calls that wait."""
         if not self._waiting:
             return ()
         self._holder = min(self._waiting).asked.caller

@@ -1,20 +1,19 @@
-"""How a base carries out what it was told: the modes of the Labmate (thesis section 4.6.3), as laws that give
-its speeds from its track, one step a frame.
+"""Motions of a base: the modes of the Labmate (thesis section 4.6.3), as control laws stepped once a frame.
 
-    joystick              nobody told it anything yet: it stands, and whoever has the joystick moves it
-    go                    straight on, the heading held with error integration
+    joystick              no command yet: the base stands, and the joystick moves it
+    go                    straight ahead, the heading held with error integration
     proportional go       the same without integration
-    continuous turn       so many degrees along an arc of a radius
-    point-to-point go     so far, straight, by a trapezoid of speed
-    point-to-point turn   so many degrees on the spot, by a trapezoid of speed
+    continuous turn       a number of degrees along an arc of a radius
+    point-to-point go     a distance, straight, by a trapezoid of speed
+    point-to-point turn   a number of degrees on the spot, by a trapezoid of speed
     jog                   a turning rate on top of forward motion
 
-What is told in degrees is positive clockwise, as in the thesis, and so lowers the heading, which grows
-counterclockwise; the speeds that come out turn counterclockwise where they are positive, as a driver's do.
-The trapezoid brakes for the way that is left less what is driven before the next frame, so that it does not
-overshoot on a base that brakes as it was told. All that ends, ends standing.
+Commands in degrees are positive clockwise, as in the thesis, and so lower the heading, which grows
+counterclockwise; the resulting speeds are positive counterclockwise, as a driver's are. The trapezoid brakes
+for the remaining distance less what is driven before the next frame, so that it does not overshoot on a base
+that brakes as commanded. Every motion with an end ends standing.
 
-A law is a value: `step` gives the speeds of a frame and the law's next value, which is used only if the
+A law is a value: `step` returns the speeds of a frame and the law's next value, which is used only if the
 speeds were. Pure.
 """
 
@@ -35,27 +34,27 @@ Mode = Literal[
 ]
 
 HEADING_GAIN = 2.0
-"""deg/s of turning for each degree by which the heading is off."""
+"""Turning rate in deg/s for each degree of heading error."""
 
 INTEGRAL_GAIN = 0.5
-"""deg/s of turning for each degree and second."""
+"""Turning rate in deg/s for each degree-second of integrated heading error."""
 
 MOST_INTEGRAL = 20.0
-"""Degrees and seconds: what is integrated ends there, so that a base that was held fast does not swing."""
+"""Limit of the integral, in degree-seconds, so that a base that was blocked does not swing."""
 
 MOST_CORRECTION = 20.0
-"""deg/s with which a heading is held at most."""
+"""Largest turning rate, in deg/s, that holds a heading."""
 
 NEAR_MM = 1.0
 NEAR_DEG = 0.2
-"""What is left where a motion is done."""
+"""Tolerances within which a motion is done, in mm and degrees."""
 
 STALLED_S = 2.0
-"""After this time without progress a motion is given up."""
+"""Seconds without progress after which a motion is given up."""
 
 
 class Speeds(NamedTuple):
-    """Forward in mm/s, turning in deg/s counterclockwise."""
+    """Forward speed in mm/s, turning rate in deg/s counterclockwise."""
 
     velocity: float
     turn: float
@@ -73,8 +72,10 @@ class OdometerPose(NamedTuple):
 
 
 class Seen(NamedTuple):
-    """What a law goes by: the track of the base (None: it gives nothing), the speeds that were sent last, and
-    the time since then."""
+    """The input of a law: the track of the base, the speeds sent last, and the seconds since then.
+
+    The track is None while the base has no value.
+    """
 
     track: OdometerPose | None
     sent: Speeds
@@ -83,14 +84,14 @@ class Seen(NamedTuple):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ConstantSpeeds:
-    """These speeds, whatever comes of them."""
+    """Constant speeds, without feedback."""
 
     speeds: Speeds
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Go:
-    """Straight on. `heading` is held once it has begun; `error` is what it was off by, integrated."""
+    """Motion straight ahead. `heading` is held once it has begun; `error` is the integrated heading error."""
 
     velocity: float
     acceleration: float
@@ -111,7 +112,7 @@ class Jog:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Halt:
-    """Stand; at once, or as fast as the accelerations allow."""
+    """Standstill; reached immediately, or within the accelerations if `gradual`."""
 
     gradual: bool
     acceleration: float
@@ -119,7 +120,7 @@ class Halt:
 
 
 class Progress(NamedTuple):
-    """Of a motion with an end: where it began, the most that was done of it, and for how long no more."""
+    """Progress of a motion with an end: its origin, the most covered, and the time without progress."""
 
     origin: OdometerPose
     done: float = 0.0
@@ -128,7 +129,7 @@ class Progress(NamedTuple):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Move:
-    """`distance` mm straight on, backward where it is negative; `velocity` is a magnitude."""
+    """Motion of `distance` mm straight ahead, backward if negative; `velocity` is a magnitude."""
 
     distance: float
     velocity: float
@@ -138,19 +139,19 @@ class Move:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Turn:
-    """`degrees` clockwise on the spot; `velocity` in deg/s is a magnitude."""
+    """Turn of `degrees` clockwise on the spot; `velocity` in deg/s is a magnitude."""
 
     degrees: float
     velocity: float
     acceleration: float
     braking: float
-    """mm/s^2 with which forward motion ends before."""
+    """Deceleration, in mm/s^2, that ends forward motion."""
     progress: Progress | None = None
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Arc:
-    """`degrees` clockwise along an arc of `radius` mm, forward at `velocity` mm/s."""
+    """Turn of `degrees` clockwise along an arc of `radius` mm, forward at `velocity` mm/s."""
 
     degrees: float
     radius: float
@@ -161,13 +162,13 @@ class Arc:
 
 Motion = ConstantSpeeds | Go | Jog | Halt | Move | Turn | Arc
 Ending = Move | Turn | Arc
-"""Those that are done some time."""
+"""Motions that end by themselves."""
 
 End = Literal["done", "stalled"]
 
 
 class Step(NamedTuple):
-    """The speeds of a frame, the law's next value, and whether that was all of it."""
+    """The speeds of a frame, the law's next value, and the end of the motion if it has ended."""
 
     speeds: Speeds
     motion: Motion
@@ -175,7 +176,7 @@ class Step(NamedTuple):
 
 
 def step(motion: Motion, seen: Seen) -> Step:
-    """One frame of a motion."""
+    """Return one frame of a motion."""
     match motion:
         case ConstantSpeeds():
             return Step(motion.speeds, motion)
@@ -194,7 +195,7 @@ def step(motion: Motion, seen: Seen) -> Step:
 
 
 def mode(motion: Motion) -> Mode:
-    """The mode that a base is in while it carries this out; one that was told to stand is in go mode."""
+    """Return the mode of a base that carries out a motion; a halted base is in go mode."""
     match motion:
         case Go():
             return "go" if motion.integrating else "proportional go"
@@ -213,9 +214,9 @@ def mode(motion: Motion) -> Mode:
 
 
 def interrupted(motion: Motion) -> Motion:
-    """A motion after a frame that belonged to somebody else: it holds the heading that it then finds.
+    """Return a motion after a frame of another party: it holds the heading that it then finds.
 
-    One with an end goes on with what is left of it.
+    A motion with an end continues with the rest of it.
     """
     if isinstance(motion, Go):
         return replace(motion, heading=None, error=0.0)
@@ -223,7 +224,7 @@ def interrupted(motion: Motion) -> Motion:
 
 
 def covered(motion: Ending, track: OdometerPose | None) -> float:
-    """How much of it was done, in mm or degrees in the direction asked for."""
+    """Return how much of a motion is covered, in mm or degrees in the direction commanded."""
     if motion.progress is None or track is None:
         return 0.0
     origin = motion.progress.origin
@@ -235,12 +236,12 @@ def covered(motion: Ending, track: OdometerPose | None) -> float:
 
 
 def approach(present: float, wanted: float, most: float) -> float:
-    """`present`, changed toward `wanted` by `most` at most."""
+    """Return `present`, changed toward `wanted` by `most` at most."""
     return present + min(max(wanted - present, -most), most)
 
 
 def braking_speed(left: float, acceleration: float, dt_s: float) -> float:
-    """The speed from which a base that keeps it for `dt_s` and then brakes stops within `left`."""
+    """Return the speed from which a base that keeps it for `dt_s` and then brakes stops within `left`."""
     if left <= 0.0:
         return 0.0
     lag = acceleration * dt_s
@@ -276,7 +277,7 @@ def _correction(off: float, error: float) -> float:
 
 def _ending(motion: Ending, seen: Seen) -> Step:
     track = seen.track
-    if track is None:  # what cannot be measured is not begun, and not gone on with
+    if track is None:  # a motion that cannot be measured is neither begun nor continued
         return Step(STILL, motion)
     progress = motion.progress or Progress(track)
     motion = replace(motion, progress=progress)
@@ -319,8 +320,10 @@ def _speeds(motion: Ending, left: float, track: OdometerPose, seen: Seen) -> Spe
 
 
 def _trapezoid(sent: float, direction: float, left: float, motion: Ending, dt_s: float) -> float:
-    """The next speed: up with the acceleration, along at the velocity, down in time. It is signed as
-    `direction` is; a base that still goes the other way is slowed down first."""
+    """Return the next speed of a trapezoid: accelerate, keep the velocity, brake in time.
+
+    It is signed as `direction` is; a base that still goes the other way is slowed down first.
+    """
     sign = math.copysign(1.0, direction)
     fastest = min(motion.velocity, braking_speed(left, motion.acceleration, dt_s))
     return sign * min(fastest, sign * sent + motion.acceleration * dt_s)

@@ -1,8 +1,8 @@
 """Connections that command an actuator from outside the network: strict order, and leases that end.
 
-A connection takes part in arbitration from its first command until it ends, and for that time its priority
-is its own: nobody else may command with the same, be it another connection or a client of the network. What
-it commands holds until its lease runs out, or until it is done.
+A connection takes part in arbitration from its first command until it ends, and for that time its priority is
+its own: no other connection, and no client of the network, may command with the same. Its command holds until
+its lease expires, or until it is done.
 """
 
 from __future__ import annotations
@@ -20,7 +20,11 @@ LONGEST_LEASE_S = 60.0
 
 @dataclass(frozen=False, slots=True, kw_only=True)
 class Commander:
-    """A connection, and what it commands: until when (None: until it is done), and who waits for the end."""
+    """A connection and its command.
+
+    `until_ns` is the end of the command's lease (None: it holds until it is done), `asked` the call that
+    waits for the end.
+    """
 
     caller: Caller
     motion: Motion | None = None
@@ -29,26 +33,30 @@ class Commander:
 
 
 class Outsiders:
-    """Mutable: who commands what."""
+    """The commanders from outside, by priority. Mutable: their commands."""
 
     def __init__(self) -> None:
         self._by_priority: dict[int, Commander] = {}
 
     @property
     def all(self) -> tuple[Commander, ...]:
-        """Everyone who has commanded, highest priority first."""
+        """All connections that have commanded, highest priority first."""
         return tuple(self._by_priority[p] for p in sorted(self._by_priority, reverse=True))
 
     @property
     def commanding(self) -> tuple[Commander, ...]:
-        """Those who want something now, highest priority first."""
+        """The connections that command now, highest priority first."""
         return tuple(c for c in self.all if c.motion is not None) if self._by_priority else ()
 
     def enter(self, caller: Caller, places: Mapping[int, str]) -> Commander:
-        """The commander that a connection is; `places` are the clients of the network by priority.
+        """Return the commander of a connection; create it if needed.
+
+        Args:
+            caller: the connection.
+            places: the clients of the network by priority.
 
         Raises:
-            Refused: "tie": somebody else has that priority.
+            Refused: "tie": another connection or client has that priority.
         """
         known = self._by_priority.get(caller.priority)
         if known is not None and known.caller.connection == caller.connection:
@@ -65,23 +73,23 @@ class Outsiders:
         return entered
 
     def of(self, caller: Caller) -> Commander | None:
-        """The commander that a connection is, if it is one."""
+        """Return the commander of a connection, or None."""
         known = self._by_priority.get(caller.priority)
         return known if known is not None and known.caller.connection == caller.connection else None
 
     def leave(self, caller: Caller) -> None:
-        """A connection ended: its priority is free."""
+        """Free the priority of a connection that ended."""
         if self.of(caller) is not None:
             del self._by_priority[caller.priority]
 
     def expire(self, now_ns: int) -> None:
-        """End the commands whose lease has run out."""
+        """End the commands whose lease has expired."""
         for commander in self._by_priority.values():
             if commander.until_ns is not None and now_ns >= commander.until_ns:
                 commander.motion = commander.until_ns = None
 
     def tied(self, places: Mapping[int, str]) -> str | None:
-        """What is wrong with a network of these clients by priority, or None."""
+        """Return the conflict between the priorities of a network and those of connections, or None."""
         for priority, client in places.items():
             if (known := self._by_priority.get(priority)) is not None:
                 who = f"{known.caller.name} ({known.caller.connection})"
@@ -90,10 +98,10 @@ class Outsiders:
 
 
 def lease_end(lease_s: float, now_ns: int) -> int:
-    """When a lease that begins now ends.
+    """Return the end of a lease that begins now, in nanoseconds.
 
     Raises:
-        Refused: "arguments": it is not positive, or longer than anybody may hold a robot unheard.
+        Refused: "arguments": the lease is not positive, or longer than `LONGEST_LEASE_S`.
     """
     if not (math.isfinite(lease_s) and 0.0 < lease_s <= LONGEST_LEASE_S):
         expected = f"expected more than 0 and at most {LONGEST_LEASE_S:g} s"

@@ -1,12 +1,12 @@
-"""The file in which the Clock keeps the emergency stop, so that a Clock that is started again knows of it.
+"""The file in which the Clock keeps the emergency stop, so that a restarted Clock knows of it.
 
-Its size never changes, and it is written in place: once the file is there, keeping a stop takes no room on
-the disk, be it full to the last byte. (A file system that writes each change to a new place, such as btrfs,
-may want room all the same; then the stop is not kept, and that is told.) A checksum covers the whole content.
-What was torn by a loss of power, or is no such file at all, cannot be read: to the Clock that is a stop.
+Its size never changes, and it is written in place: once the file exists, keeping a stop takes no room on the
+disk, even a full one. (A file system that writes each change to a new place, such as btrfs, may need room all
+the same; then the stop is not kept, and the Clock reports that.) A checksum covers the whole content. Content
+torn by a loss of power, or written by another program, cannot be read: the Clock treats that as a stop.
 
-The file stays open. A path that leads to another file in the meantime, or nowhere, is noticed by `is_intact`,
-and so is another content: what was written would not be found again.
+The file stays open. `is_intact` detects a path that leads to another file in the meantime, or nowhere, and
+changed content: what was written would not be found again.
 """
 
 from __future__ import annotations
@@ -27,11 +27,11 @@ FILE_BYTES = 4096
 _MAGIC = b"colony stop 1 "
 _BODY_BYTES = FILE_BYTES - len(_MAGIC) - 9
 _FLAGS = os.O_NOFOLLOW
-"""A link is not followed: writing through it would change a file that is not the Clock's."""
+"""Flag against links: writing through one would change a file that is not the Clock's."""
 
 
 class Kept(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
-    """The content of the file: the stop that is on, and the time of the last release."""
+    """The content of the file: the stop in force, and the time of the last release."""
 
     stopped: Stopped | None
     released_ns: int
@@ -44,7 +44,7 @@ class BadStopFile(Exception):
 class StopFile:
     """The file at `path`.
 
-    Mutable: the descriptor under which it is open to be written, if it is, and what was written last.
+    Mutable: the descriptor while it is open for writing, and the content written last.
     """
 
     def __init__(self, path: Path) -> None:
@@ -54,12 +54,12 @@ class StopFile:
         self._left_over = path.with_name(f"{path.name}.new")
 
     def read(self) -> Kept | None:
-        """Return what is kept, None if there is no file yet.
+        """Return the content, None if there is no file yet.
 
         Raises:
             BadStopFile: the content is damaged, or a `.new` file was left over by an earlier version, whose
                 Clock died while it replaced this one.
-            OSError: it cannot be read.
+            OSError: the file cannot be read.
         """
         if os.path.lexists(self._left_over):
             raise BadStopFile(f"{self._left_over.name} was left over")
@@ -71,10 +71,10 @@ class StopFile:
             return _decoded(read_all(file, FILE_BYTES, self.path))
 
     def write(self, kept: Kept) -> None:
-        """Write the file, and wait until the disk has it. There is a new one if the path leads to none.
+        """Write the file, creating it if the path leads to none, and wait until the disk has it.
 
         Raises:
-            OSError: it is not kept.
+            OSError: the content is not kept.
         """
         data, opens = _encoded(kept), not self._in_place
         try:
@@ -95,7 +95,7 @@ class StopFile:
 
     @property
     def is_intact(self) -> bool:
-        """True if the path leads to the open file, and that has what was written last."""
+        """True if the path leads to the open file, and its content is what was written last."""
         if self._descriptor is None:
             return False
         try:
@@ -119,13 +119,13 @@ class StopFile:
             return False
 
     def _reserved(self) -> int:
-        """Open the file to be written; where there is none, make one with all of its room."""
+        """Open the file for writing; if there is none, create it with all of its room allocated."""
         try:
             return open_descriptor(self.path, os.O_RDWR | _FLAGS)
         except FileNotFoundError:
             descriptor = open_descriptor(self.path, os.O_RDWR | os.O_CREAT | os.O_EXCL | _FLAGS)
         try:
-            _write(descriptor, bytes(FILE_BYTES))  # damaged to whoever reads it now: a stop
+            _write(descriptor, bytes(FILE_BYTES))  # damaged for a reader at this moment: a stop
         except OSError:
             os.close(descriptor)
             self.path.unlink(missing_ok=True)
@@ -157,7 +157,7 @@ def _decoded(data: bytes) -> Kept:
         raise BadStopFile("it is damaged: the checksum is wrong")
     try:
         kept = msgspec.json.decode(body, type=Kept)
-        msgspec.msgpack.encode(kept)  # what a tick could not carry is no time
+        msgspec.msgpack.encode(kept)  # a time that a tick could not carry is invalid
     except (msgspec.DecodeError, UnicodeDecodeError, OverflowError) as problem:
         raise BadStopFile(str(problem)) from None
     return kept

@@ -2,14 +2,14 @@
 
 The Clock has the `StopLatch`: it keeps the stop in a file, repeats it in every tick, and alone releases it. A
 server of actuators has a `StopFollower`: a call of its own or a tick stops it, its frames carry the stop, and
-it goes on when a tick carries a release that is not earlier than the stop. So a server that heard a stop
+it resumes when a tick carries a release that is not earlier than the stop. So a server that received a stop
 needs no other process to stay stopped, and a Clock that missed the call, or was restarted, learns of the stop
-from frames.
+from frames:
 
-    stop heard at t   is over   once a release at r >= t is known, and only then
+    a stop received at t is over once a release at r >= t is known, and only then
 
-A file that cannot be read counts as a stop: a robot that may have been stopped for a reason does not drive on
-because of a bad disk. How the file is written is told in `stop_file.py`.
+A file that cannot be read counts as a stop: a robot that may have been stopped for a reason must not drive on
+because of a bad disk. `stop_file.py` describes the file.
 """
 
 from __future__ import annotations
@@ -22,27 +22,27 @@ from colony.runtime.arbitration.stop_file import BadStopFile, Kept, StopFile
 from colony.runtime.protocol.messages import Stopped, Tick
 
 NEVER_RELEASED_NS = -1
-"""The time of the last release if there was none."""
+"""Time of the last release if there was none."""
 
 UNREADABLE = "a file that cannot be read"
-"""The author of a stop that holds because nobody knows whether the robot was stopped."""
+"""Author of a stop that holds because it is unknown whether the robot was stopped."""
 
 LONGEST_BY = 255
-"""Characters kept of the connection that stopped the robot; each takes at most six bytes in the file."""
+"""Largest number of characters kept of a stopping connection; each takes at most six bytes in the file."""
 
 CHECK_NS = 1_000_000_000
-"""Nanoseconds between two checks that the file is in its place, and has what was written."""
+"""Nanoseconds between two checks that the file is in place and has the content written last."""
 
 FIRST_RETRY_NS, LAST_RETRY_NS = 50_000_000, 1_000_000_000
-"""Nanoseconds until a file that could not be written is tried again: at first, and at most."""
+"""Delay before a failed write of the file is retried, in nanoseconds: the first, and the longest."""
 
 
 class StopLatch:
-    """The Clock's memory of the emergency stop. Mutable: whether it is on, and whether the file says so.
+    """The Clock's memory of the emergency stop. Mutable: the stop, and whether the file is up to date.
 
     Args:
         path: the file, which need not exist; with None, a restart forgets the stop.
-        report: called with a line for people each time the file makes another kind of trouble.
+        report: called with a line for users each time the file causes a different problem.
     """
 
     def __init__(self, path: Path | None, *, report: Callable[[str], None] = lambda line: None) -> None:
@@ -56,10 +56,10 @@ class StopLatch:
         self.released_ns = NEVER_RELEASED_NS
 
     def begin(self, now_ns: int) -> None:
-        """Take over what the file says, and reserve its room, at this time of the robot.
+        """Load the file, and reserve its room, at this time of the robot.
 
-        What the file dates later is of another clock, from before the machine was started again: a stop holds
-        from now on, and a release is that of stops which nobody remembers.
+        Later times in the file are of another clock, from before the machine was rebooted: a stop then holds
+        from now on, and a release is dropped, as the stops that it ended are forgotten.
         """
         if self._file is not None:
             self._load(self._file)
@@ -71,9 +71,9 @@ class StopLatch:
             self._keep()
 
     def engage(self, stopped: Stopped) -> None:
-        """Stop; of several stops the first is remembered. Then the file has it, or there is `trouble`.
+        """Stop; the first of several stops is kept. Afterwards the file has it, or there is `trouble`.
 
-        The file is written for each stop, also where it should be up to date: each is acknowledged.
+        The file is written for each stop, even if it should be up to date: each stop is acknowledged.
         """
         if self.stopped is None:
             self.stopped = Stopped(by=stopped.by[:LONGEST_BY], t_ns=stopped.t_ns)
@@ -86,17 +86,17 @@ class StopLatch:
             self.engage(stopped)
 
     def release(self, now_ns: int) -> None:
-        """End every stop that was heard until `now_ns`. Then the file says so, or there is `trouble`."""
+        """End every stop received until `now_ns`. Afterwards the file has that, or there is `trouble`."""
         self.stopped = None
         self.released_ns = now_ns
         self._saved = False
         self._keep()
 
     def save(self, now_ns: int) -> None:
-        """Keep the file in its place and up to date; call this in each frame.
+        """Keep the file in place and up to date; call this in each frame.
 
-        After a failure the file is tried again, after longer and longer pauses. One that could not be read
-        stays as it is until the robot is stopped or released.
+        After a failure the file is retried with growing pauses. A file that could not be read stays as it is
+        until the robot is stopped or released.
         """
         if self._unreadable or now_ns < self._due_ns:
             return
@@ -110,7 +110,7 @@ class StopLatch:
             self._file.close()
 
     def _keep(self) -> None:
-        """Write the file unless it is up to date and nobody changed it; set or clear `trouble`."""
+        """Write the file unless it is up to date and unchanged on disk; set or clear `trouble`."""
         self._unreadable = False
         if self._file is None or (self._saved and self._file.is_intact):
             return
@@ -153,7 +153,7 @@ class StopFollower:
             self.stopped = Stopped(by=by, t_ns=stopped.t_ns)
 
     def follow(self, tick: Tick) -> None:
-        """Stop or go on, as the Clock's tick says."""
+        """Stop or resume according to the Clock's tick."""
         if self.stopped is not None and tick.released_ns >= self.stopped.t_ns:
             self.stopped = None
         if self.stopped is None:

@@ -1,7 +1,7 @@
-"""A module in Python as a process: it runs the module, alone, and tells DServer its answer in each frame.
+"""A module in Python as a process: it runs the module alone, and sends DServer its answer in each frame.
 
-Whatever the module does to its process, it does to no other: its client, other guards and the observer take
-its answers from DServer's frames.
+A fault of the module affects no other process: its client, other guards and the observer take its answers
+from DServer's frames.
 """
 
 from __future__ import annotations
@@ -27,20 +27,24 @@ from colony.runtime.protocol.messages import (
 
 
 class Answering(Protocol):
-    """Gives the answers of a module, from its initial memory after each `restart`."""
+    """An executor of one module, which returns its answers; `restart` resets its memory."""
 
-    def step(self, frame: Frame) -> Answer: ...
+    def step(self, frame: Frame) -> Answer:
+        """Return the module's answer in a frame."""
+        ...
 
-    def restart(self) -> None: ...
+    def restart(self) -> None:
+        """Reset the module to its initial memory."""
+        ...
 
 
 class Announcer(QuietNode):
-    """Mutable: the module's memory, what it announced, and frames that are not complete yet.
+    """The node of a module in Python. Mutable: its memory, its announcements, and incomplete frames.
 
-    It tells the answers of every frame, also of those that it is late for: others wait for them. What it told
-    is told again to who asks DServer for it, as DServer may have been started anew. The memory of an object
-    in Python cannot be saved: an announcer that takes the place of a dead one, and cannot step through all
-    frames since the epoch began, asks for a new one.
+    It announces the answers of every frame, also of those that it is late for: other nodes wait for them. It
+    sends an announcement again when DServer is asked for it, as DServer may have been restarted. The memory
+    of an object in Python cannot be saved: an announcer that replaces a dead one, and cannot step through all
+    frames since the epoch began, requests a new epoch.
     """
 
     def __init__(
@@ -57,9 +61,11 @@ class Announcer(QuietNode):
         self._fresh = True
 
     def start(self, now_ns: int) -> Iterable[Effect]:
+        """Report the module as ready."""
         return self._membership.start(now_ns)
 
     def handle(self, message: Message, now_ns: int) -> Iterator[Effect]:
+        """Step over the frames that are complete, announce the answers, and repeat them on request."""
         match message:
             case Tick():
                 yield from self._membership.heard(message, now_ns)

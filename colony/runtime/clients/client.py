@@ -1,15 +1,15 @@
-"""Clients: each is one module for one actuator (thesis section 4.8.2). Those that read the same servers may
-share a node, which puts their frames together once.
+"""Clients: each is one module for one actuator (thesis section 4.8.2).
 
-The node steps their part of the program over every frame, and each client sends its actuator's server one
-request a frame: a command, or why it has none. Clients do not talk to each other. A node that is behind
-steps through the frames that it missed, and its clients speak again at the present one.
+Clients that read the same servers may share a node, which assembles their frames once. The node steps their
+part of the program over every frame, and each client sends its actuator's server one request a frame: a
+command, or the reason why it has none. Clients do not talk to each other. A node that is behind steps through
+the frames that it missed, and its clients send requests again at the present one.
 
 The memory of the node goes to DServer every half second of the robot's time, as one checkpoint per client: a
-memory cell that several clients need is in the checkpoint of the first. A process that takes the place of a
-dead one steps through all frames since the epoch began, where they are still to be had; otherwise it asks
-DServer for the checkpoints and steps through the frames since. All of them must be there, and be of one
-frame; if one is missing, or older than the others, the node asks the Clock for a new epoch.
+memory cell that several clients need is in the checkpoint of the first. A process that replaces a dead one
+steps through all frames since the epoch began, if they are still available; otherwise it asks DServer for the
+checkpoints and steps through the frames since. All of them must exist, and be of one frame; if one is
+missing, or older than the others, the node asks the Clock for a new epoch.
 """
 
 from __future__ import annotations
@@ -36,17 +36,18 @@ CHECKPOINT_NS = 500_000_000
 """Nanoseconds of the robot's time between two checkpoints."""
 
 RECALL_NS = 1_000_000_000
-"""Nanoseconds after which a node that asks DServer for its checkpoints, once a frame, does without."""
+"""Nanoseconds after which a node gives up asking DServer for its checkpoints."""
 
 
 class ClientNode(QuietNode):
-    """The clients of one process that read the same servers and modules in Python. Mutable: their memory, and
-    frames that are not complete yet.
+    """The clients of one process that read the same servers and modules in Python.
+
+    Mutable: their memory, and frames that are not complete yet.
 
     Args:
-        part: what the clients execute. The address of the first client is that of the node.
-        servers: where the requests of each client go, in the order of `part.clients`.
-        assembler: of all that they read.
+        part: the part of the program that the clients execute. The node has the first client's address.
+        servers: the servers to which the requests of each client go, in the order of `part.clients`.
+        assembler: the assembler of all frames that the clients read.
         run: the run that they take part in.
     """
 
@@ -74,9 +75,11 @@ class ClientNode(QuietNode):
         self._saved_ns: int | None = None
 
     def start(self, now_ns: int) -> Iterable[Effect]:
+        """Report the clients as ready."""
         return self._membership.start(now_ns)
 
     def handle(self, message: Message, now_ns: int) -> Iterator[Effect]:
+        """Step over the frames that are complete, and recover memory if frames are lost."""
         match message:
             case Tick():
                 yield from self._membership.heard(message, now_ns)
@@ -96,7 +99,7 @@ class ClientNode(QuietNode):
 
     @property
     def frontier(self) -> tuple[int, int]:
-        """The epoch that it is in, and the last frame that its memory has seen."""
+        """The present epoch, and the last frame that the clients' memory has seen."""
         return self._assembler.start, self._assembler.next - 1
 
     def _go_on(self, now_ns: int) -> Iterator[Effect]:
@@ -122,7 +125,7 @@ class ClientNode(QuietNode):
                 yield Send(topics.checkpoints(DSERVER.name), saved)
 
     def _recover(self, now_ns: int) -> Iterator[Effect]:
-        """The frame that comes next cannot be had: memory must come from DServer, or begin anew."""
+        """Recall the memory from DServer, as the next frame is unobtainable; else request a new epoch."""
         missing = [client for client in self.part.clients if client not in self._recalled]
         if self._recalling_since is None:
             self._recalling_since = now_ns
@@ -134,11 +137,14 @@ class ClientNode(QuietNode):
             yield self._membership.begin_anew(self._assembler.start)
 
     def _take_back(self, saved: Checkpoint, now_ns: int) -> Iterator[Effect]:
-        """Go on from the checkpoints of all clients, once these are here, if they are of one frame that the
-        node can go on from; else it asks for a new epoch with the next tick."""
+        """Take a recalled checkpoint, and resume once those of all clients are here.
+
+        They must be of one frame from which the node can continue; else it requests a new epoch with the next
+        tick.
+        """
         expected = saved.client in self.part.clients and saved.client not in self._recalled
         if self._caught_up or self._recalling_since is None or not expected:
-            return  # an answer to an earlier or a repeated question
+            return  # an answer to an earlier or a repeated recall
         self._recalled[saved.client] = saved
         if len(self._recalled) < len(self.part.clients):
             return

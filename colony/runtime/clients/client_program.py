@@ -1,4 +1,4 @@
-"""The part of a program that the clients of one node execute: a frame in, a request of each out."""
+"""The part of a program that the clients of one node execute: a frame in, a request of each client out."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from colony.runtime.protocol.topics import client_address, module_of
 
 
 class ClientProgram:
-    """What the clients of a node execute. Mutable: their memory.
+    """The program of a node's clients. Mutable: their memory.
 
     Raises:
         KeyError: there is no such client.
@@ -34,12 +34,12 @@ class ClientProgram:
 
     @property
     def sensors(self) -> tuple[str, ...]:
-        """The sensors that they read."""
+        """The sensors that the clients read."""
         return self._executor.sensors
 
     @property
     def python_modules(self) -> tuple[str, ...]:
-        """The modules in Python whose answers they need; these run in processes of their own."""
+        """The modules in Python whose answers the clients need; these run in processes of their own."""
         return self._executor.python_modules
 
     def memory(self, client: str) -> bytes:
@@ -47,8 +47,10 @@ class ClientProgram:
         return encode_memory(self._executor.memory(self._keys[client]))
 
     def recall(self, memories: Mapping[str, bytes]) -> bool:
-        """Go on from the memories of all clients after one frame; return False, and change nothing, if these
-        are not theirs."""
+        """Restore the memories of all clients after one frame.
+
+        Return False, and change nothing, if these are not their memories.
+        """
         try:
             self._executor.recall({self._keys[c]: decode_memory(data) for c, data in memories.items()})
         except (BadMemory, ValueError):
@@ -57,8 +59,10 @@ class ClientProgram:
         return True
 
     def step(self, assembled: Assembled) -> tuple[Request, ...]:
-        """Return what the clients want in a frame. Frames must follow each other; an epoch begins with no
-        memory."""
+        """Return the requests of the clients in a frame.
+
+        Frames must follow each other; an epoch begins with initial memory.
+        """
         if assembled.restart and not self._fresh:
             self._executor.restart()
         self._fresh = False

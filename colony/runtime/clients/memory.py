@@ -1,4 +1,4 @@
-"""The memory of a client as bytes, for checkpoints: msgpack, checked on the way back."""
+"""Encoding of a client's memory for checkpoints: msgpack, checked on decoding."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from colony.execute.executor import ClientMemory
 
 
 class BadMemory(ValueError):
-    """These bytes are no client's memory; the text says what is wrong with them."""
+    """Bytes that are not a client's memory; the text says what is wrong with them."""
 
 
 class _Memory(msgspec.Struct, frozen=True, array_like=True):
@@ -26,10 +26,10 @@ def encode_memory(memory: ClientMemory) -> bytes:
 
 
 def decode_memory(data: bytes) -> ClientMemory:
-    """Return the memory in these bytes.
+    """Return the memory encoded in these bytes.
 
     Raises:
-        BadMemory: there is none.
+        BadMemory: the bytes are not a client's memory.
     """
     try:
         memory = _decoder.decode(data)

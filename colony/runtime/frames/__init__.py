@@ -1,0 +1,1 @@
+"""Frames of a robot: the Clock that numbers them, the servers' frames, and their assembly by readers."""

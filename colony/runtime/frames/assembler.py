@@ -1,19 +1,19 @@
-"""From ticks and server frames, arriving in any order, to the consistent frames that executors step on.
+"""Assembly of ticks and server frames, in any order of arrival, into the frames that executors step on.
 
 A sensor is missing when its server said "no value", when its value is older than `within`, when the tick
-says that the server is down, or when a later tick says that the server's frame is void. A frame not delivered
-is none of these: it is asked for again (servers keep what they published for `KEPT_NS`), and no later frame
-is handed out before it, because memory must see every frame, and all readers the same one.
+lists the server as down, or when a later tick lists the server's frame as void. A frame that was not
+delivered is none of these: the assembler fetches it again (servers keep what they published for `KEPT_NS`),
+and hands out no later frame before it, because memory must see every frame, and all readers the same one.
 
-Where that cannot be had (the frame is older than what is kept, or was handed out and is void by now), the
-assembler says that it is `lost`; memory then has to come from elsewhere, or the network to begin anew. With
-each epoch (`Tick.start`) everything before it is forgotten.
+If that is impossible (the frame is older than what is kept, or was handed out and has become void), the
+assembler is `lost`; memory then has to come from elsewhere, or the network has to start a new epoch. With
+each epoch (`Tick.start`) the assembler drops everything before it.
 
 Readings are converted here, once: into base units for executors, into declared units for the observer.
 
-The answer of a module in Python cannot be missing: nobody knows what it would have been. It is waited for;
-only where lesser behaviors may take over (`degrade`) the module counts as not active. The observer waits for
-the answers of modules that live.
+The answer of a module in Python cannot be missing: no reader knows what it would have been. The assembler
+waits for it; only where lesser behaviors may take over (`degrade`) the module counts as not active. The
+observer waits for the answers of modules that are alive.
 """
 
 from __future__ import annotations
@@ -28,35 +28,40 @@ from colony.runtime.protocol.fields import DSERVER
 from colony.runtime.protocol.messages import Effect, Fetch, Send, ServerFrame, Tick
 
 KEPT_NS = 2_000_000_000
-"""For how long servers keep the frames that they published, and readers wait for one."""
+"""Nanoseconds for which servers keep the frames that they published, and readers wait for one."""
 
 KEPT_MOST = 10_000
-"""How many frames a server keeps at most, however short they are."""
+"""Largest number of frames that a server keeps, however short they are."""
 
 COMMAND, ERROR = "command", "error"
-"""The fields of the frames in which the answers of a module in Python are published."""
+"""Fields of the frames in which the answers of a module in Python are published."""
 
 Awaited = Literal["all", "degrade", "living"]
-"""The modules in Python that are waited for: all of them; those that live, while DServer lives; those that
-live."""
+"""The modules in Python that an assembler waits for.
+
+These are all of them ("all"), those that are alive while DServer is up ("degrade"), or those that are alive
+("living").
+"""
 
 ASKED_AT_ONCE = 100
-"""Missing ticks and frames that are fetched with each tick, the oldest first. One that does not come is
-fetched again when it is 2, 4, 8... ticks old, so that a server gets no more fetches the further it is
-behind."""
+"""Largest number of missing ticks and frames that are fetched with each tick, the oldest first.
+
+One that does not come is fetched again when it is 2, 4, 8... ticks old, so that a server gets no more fetches
+the further it is behind.
+"""
 
 V = TypeVar("V")
 
 
 def frames_kept(frame_ns: int) -> int:
-    """How many frames everyone keeps."""
+    """Return the number of frames that every node keeps."""
     return min(max(2, KEPT_NS // frame_ns), KEPT_MOST)
 
 
 class Assembled(NamedTuple):
-    """Frame `tick.k` as a program sees it; `current` is whether no later tick has come.
+    """Frame `tick.k` as a program sees it; `current` is True if no later tick has come.
 
-    `answers` are those of the modules in Python that it needs; one that is not waited for may be absent.
+    `answers` are those of the required modules in Python; one that is not waited for may be absent.
     """
 
     tick: Tick
@@ -66,20 +71,20 @@ class Assembled(NamedTuple):
 
     @property
     def restart(self) -> bool:
-        """Whether all memory begins anew with this frame."""
+        """True if all memory restarts from its initial values with this frame."""
         return self.tick.k == self.tick.start
 
 
 class FrameAssembler:
-    """Collects what one process reads. Mutable: the frames that are not complete yet.
+    """An assembler of the frames that one process reads. Mutable: the frames that are not complete yet.
 
     Args:
-        bindings: the sensors that it reads.
+        bindings: the sensors that the process reads.
         modules: the modules in Python whose answers it needs.
-        run: whose ticks count.
-        keep: how many frames servers keep.
+        run: the run whose ticks count.
+        keep: the number of frames that servers keep.
         awaited: the modules whose answers it waits for.
-        declared: whether readings are in declared units, for people, and not in base units.
+        declared: True for readings in declared units, for people, instead of base units.
     """
 
     def __init__(
@@ -107,7 +112,7 @@ class FrameAssembler:
 
     @property
     def listens(self) -> tuple[str, ...]:
-        """The topics that its frames come from."""
+        """Topics of the frames and ticks to assemble."""
         return (topics.TICKS, *(topics.frames(server) for server in (topics.CLOCK, *self._servers)))
 
     @property
@@ -117,26 +122,26 @@ class FrameAssembler:
 
     @property
     def next(self) -> int:
-        """The frame to be handed out next."""
+        """The next frame to be handed out."""
         return self._next
 
     @property
     def latest(self) -> int:
-        """The newest frame that it heard of, -1 before any tick."""
+        """The newest frame that was ticked, -1 before any tick."""
         return self._latest
 
     @property
     def lost(self) -> bool:
-        """Whether the frame to be handed out next cannot be had any more, or one before it was wrong.
+        """True if the next frame is unobtainable, or a frame handed out was wrong.
 
-        It is for an epoch to mend this, or for `resume`.
+        A new epoch repairs this, and so does `resume`.
         """
         if self._contradicted:
             return True
         return self._latest - self._next >= self._keep and not self._only_modules_down()
 
     def take(self, message: Tick | ServerFrame) -> tuple[Effect, ...]:
-        """Note a message; gives requests for what should have come before it and did not."""
+        """Note a message, and return fetches of earlier ticks and frames that are missing."""
         if isinstance(message, ServerFrame):
             self._take_frame(message)
             return ()
@@ -156,7 +161,7 @@ class FrameAssembler:
         return () if self.lost else tuple(self._gaps())
 
     def complete(self) -> Iterator[Assembled]:
-        """Every frame that can be handed out now, in order, each once."""
+        """Yield every frame that can be handed out now, in order, each once."""
         while not self._contradicted and (tick := self._ticks.get(self._next)) is not None:
             got = self._frames.get(self._next, {})
             gone = self._gone(tick)
@@ -167,12 +172,12 @@ class FrameAssembler:
             self._next += 1
             if gone:
                 got = {server: frame for server, frame in got.items() if server not in gone}
-            for void in tick.void:  # what is older than a frame handed out needs no telling any more
+            for void in tick.void:  # needed only until the tick that declares them is handed out
                 self._void.pop(void, None)
             yield Assembled(tick, self._assemble(tick, got), tick.k == self._latest, self._answers(got))
 
     def resume(self, k: int) -> tuple[Effect, ...]:
-        """Hand out frame `k` next: memory is that after frame k - 1. Gives requests for what is not here."""
+        """Hand out frame `k` next, as memory is that after frame k - 1; return fetches of what is missing."""
         self._go_to(k)
         self._contradicted = any(
             at < k <= by and server not in self._modules for (server, at), by in self._void.items()
@@ -180,7 +185,7 @@ class FrameAssembler:
         return () if self.lost else tuple(self._gaps())
 
     def skip(self) -> int:
-        """Do without what is lost, for who does not command anything; gives how many frames are left out."""
+        """Skip lost frames, for a reader that commands nothing; return the number of skipped frames."""
         left_out = self._latest - self._next if self._latest - self._next >= self._keep else 0
         self._go_to(self._next + left_out)
         self._contradicted = False
@@ -191,7 +196,7 @@ class FrameAssembler:
         self._ticks = {at: tick for at, tick in self._ticks.items() if at >= k}
         self._frames = {at: got for at, got in self._frames.items() if at >= k}
 
-    # --- what comes in ---------------------------------------------------------------------------------
+    # --- input -----------------------------------------------------------------------------------------
 
     def _take_frame(self, frame: ServerFrame) -> None:
         if frame.k < self._next or frame.server not in self._servers:
@@ -200,7 +205,7 @@ class FrameAssembler:
         self._trim(self._frames)
 
     def _trim(self, stock: dict[int, V]) -> None:
-        """While nothing can be handed out, keep the frame that comes next and the newest."""
+        """Trim the stock while nothing can be handed out: keep the next frame and the newest ones."""
         while len(stock) > 2 * self._keep:
             del stock[next(at for at in stock if at != self._next)]
 
@@ -208,7 +213,7 @@ class FrameAssembler:
         if k < self._start or (server not in self._servers and server != DSERVER.name):
             return
         if k < self._next and server in self._servers and server not in self._modules:
-            self._contradicted = True  # it was handed out with what others never got
+            self._contradicted = True  # it was handed out with a frame that other readers never got
         self._void[server, k] = by
         if len(self._void) > KEPT_MOST:
             del self._void[next(iter(self._void))]
@@ -243,10 +248,10 @@ class FrameAssembler:
                 asked = DSERVER.name if server in self._modules else server
                 yield Send(topics.fetches(asked), Fetch(server=server, k=k))
 
-    # --- what goes out ---------------------------------------------------------------------------------
+    # --- output ----------------------------------------------------------------------------------------
 
     def _gone(self, tick: Tick) -> frozenset[str]:
-        """Whose frames are not waited for, and do not count if they come."""
+        """Return the servers whose frames are not waited for, and do not count if they come."""
         if not tick.down and not self._void:
             return _NOBODY
         k = tick.k
@@ -257,7 +262,7 @@ class FrameAssembler:
         return frozenset(gone.union(self._modules) if blind else gone)
 
     def _only_modules_down(self) -> bool:
-        """Whether it waits for modules in Python of which none lives: a new epoch would not help them."""
+        """Return True if all missing frames are of dead modules in Python: a new epoch would not help."""
         tick, newest = self._ticks.get(self._next), self._ticks.get(self._latest)
         if tick is None or newest is None:
             return False

@@ -1,19 +1,20 @@
-"""The Clock of a robot: it numbers the frames and tells everyone who is down, who is lost, what is void.
+"""The Clock of a robot: it numbers the frames and publishes what is down, lost and void.
 
-Frames are a period apart. A robot without a program has frames too, of `IDLE_FRAME_NS`, in the run "": so
-that scripts can drive it and servers are watched. A leader deploys a program; when all of its clients have
-said that they are ready, or after `GATHER_NS`, its frames begin, and they end with the leader's connection.
+Servers are down, clients are lost, and frames of dead servers are void. Frames are a period apart. A robot
+without a program has frames too, of `IDLE_FRAME_NS`, in the run "": so that scripts can drive it and servers
+are watched. A leader deploys a program; when all of its clients have reported that they are ready, or after
+`GATHER_NS`, its frames begin, and they end with the leader's connection.
 
-The frames since one in which all memory was initial are an epoch. A new one begins with a run; when the
-Clock was restarted; when a client lost its memory for good; and when the observer stepped over a frame
-that nobody else received. A frame's number is never used twice: a Clock that starts takes its first from the
-time, a number each `NUMBER_NS`, and no frames come faster than that.
+An epoch is the sequence of frames since one in which all memory was initial. A new one begins with a run;
+when the Clock was restarted; when a client lost its memory for good; and when the observer stepped over a
+frame that no other node received. A frame's number is never used twice: a Clock that starts derives its first
+number from the time, a number each `NUMBER_NS`, and no frames come faster than that.
 
 The emergency stop is latched here (`stop_latch.py`): the Clock keeps it, repeats it in every tick, learns of
-stops that it missed from the frames of the servers that heard them, and alone releases it.
+stops that it missed from the frames of the servers that received them, and alone releases it.
 
-A Clock that was stopped for a while leaves out the periods that it missed. In lockstep a frame begins as
-soon as the one before it is decided, at latest after a period; its time is a whole number of periods all the
+A Clock that was suspended for a while skips the periods that it missed. In lockstep a frame begins as soon as
+the one before it is decided, after a period at the latest; its time is a whole number of periods all the
 same.
 """
 
@@ -54,22 +55,22 @@ from colony.runtime.protocol.messages import (
 from colony.runtime.protocol.plausibility import NUMBER_NS
 
 IDLE_FRAME_NS = 50_000_000
-"""The frames of a robot without a program."""
+"""Frame period of a robot without a program, in nanoseconds."""
 
 GATHER_NS = 5_000_000_000
-"""For how long the clients of a run are waited for."""
+"""Nanoseconds to wait for the clients of a run to be ready."""
 
 
 class Clock:
-    """Logical time of one robot. Mutable: the newest tick, and all that it knows of others.
+    """The logical time of one robot. Mutable: the newest tick, and the state of servers and clients.
 
     Args:
-        servers: those of the robot, which answer ticks.
-        keep: how many ticks are kept for who missed one.
-        deployment: a program that is there from the beginning; others come by `deploy`.
-        told: hears of every deployment, before its first frame.
+        servers: the robot's servers, which answer ticks.
+        keep: the number of ticks kept for nodes that missed one.
+        deployment: a program that is deployed from the beginning; others come by `deploy`.
+        told: called with every deployment, before its first frame.
         stop_path: the file in which the emergency stop is kept; without it, a restart forgets the stop.
-        report: called with a line for people when that file makes trouble.
+        report: called with a line for users when that file cannot be read or written.
     """
 
     address = topics.CLOCK
@@ -121,12 +122,13 @@ class Clock:
 
     @property
     def deferred(self) -> tuple[str, ...]:
-        """The frames of servers: what they tell counts for the next tick."""
+        """Topics of the servers' frames: their content counts for the next tick."""
         return tuple(topics.frames(server) for server in self._servers)
 
     # --- messages --------------------------------------------------------------------------------------
 
     def start(self, now_ns: int) -> Iterable[Effect]:
+        """Begin the first frame."""
         self._latch.begin(now_ns)
         self._next_k = now_ns // NUMBER_NS
         self._epoch_k, self._due_ns = self._next_k, now_ns
@@ -134,6 +136,7 @@ class Clock:
         return self._advance(now_ns)
 
     def handle(self, message: Message, now_ns: int) -> Iterator[Effect]:
+        """Handle a message, and begin the next frame if it is due."""
         match message:
             case ServerFrame():
                 self._heard(message.server, message.k, message.since, now_ns)
@@ -150,7 +153,7 @@ class Clock:
                 if tick is not None:
                     size = FRAME_BYTES * (1 + len(tick.lost) + len(tick.void))
                     if self._fetched.take(self.address, message.k, size):
-                        # not where it was: to a server that was started anew it would be new
+                        # not on the topic of ticks: a server that was restarted would take it for a new one
                         yield Send(topics.frames(self.address), tick)
             case Ready():
                 if self._deployed is not None and message.run == self._deployed.run:
@@ -177,7 +180,7 @@ class Clock:
         self._answers.answered(server, k, since)
 
     def _overtake(self, k: int) -> None:
-        """Number on above frame `k`, which a server has answered, if this Clock has not ticked it yet.
+        """Skip numbers up to frame `k`, which a server has answered, if this Clock has not ticked it yet.
 
         Another process has then ticked in its place, and the server would wait until this Clock gets there.
         """
@@ -206,13 +209,13 @@ class Clock:
 
     @property
     def _frame_ns(self) -> int:
-        """The period of the present frames."""
+        """The current frame period."""
         if self._deployed is None or self._gather_by is not None:
             return IDLE_FRAME_NS
         return self._deployed.frame_ns
 
     def _enroll(self, now_ns: int) -> None:
-        """Begin to watch everyone who has a part in what is deployed now, and to wait for the clients."""
+        """Start watching the participants of the present deployment, and waiting for its clients."""
         deployed, announcers = self._deployed, self._announcers()
         clients = () if deployed is None else tuple(address for address, _ in client_addresses(deployed))
         lease_ns = lease(IDLE_FRAME_NS if deployed is None else deployed.frame_ns)
@@ -223,7 +226,7 @@ class Clock:
         self._answers = TickAnswers(watched, keep=self._keep)
         self._restarts = 0
         if deployed is not None and self._tick.k < 0:
-            self._due_ns = now_ns + IDLE_FRAME_NS  # there is a program: no frame without one at first
+            self._due_ns = now_ns + IDLE_FRAME_NS  # a program is deployed: no idle frame before it
 
     def _deploy(self, asked: Asked, deployed: Deployment, now_ns: int) -> None:
         new = self._leadership.take(asked.caller, deployed) and deployed.run != self._run
@@ -234,18 +237,18 @@ class Clock:
             self._enroll(now_ns)
 
     def _lost(self, caller: Caller, now_ns: int) -> Iterable[Effect]:
-        """The run ends with the connection of its leader."""
+        """Note a lost connection; the run ends with the connection of its leader."""
         self._leadership.lost(caller)
         if self._leader is not None and self._leader.connection == caller.connection:
             self._leader, self._deployed = None, None
             self._enroll(now_ns)
-            self._due_ns = min(self._due_ns, now_ns + IDLE_FRAME_NS)  # its frames may have been slow ones
+            self._due_ns = min(self._due_ns, now_ns + IDLE_FRAME_NS)  # its frame period may have been long
         return ()
 
     # --- ticks -----------------------------------------------------------------------------------------
 
     def _advance(self, now_ns: int) -> Iterator[Effect]:
-        """Do what is due, and see to a wake for what comes next."""
+        """Carry out what is due, and schedule a wake for the next deadline."""
         if self._gather_by is not None and (self._registry.complete or now_ns >= self._gather_by):
             self._gather_by = None
             self._registry.begin(now_ns)
@@ -261,7 +264,7 @@ class Clock:
             yield WakeAt(due)
 
     def _in_step(self) -> bool:
-        """Whether the frame is in lockstep, and decided by all."""
+        """Return True if the frame is in lockstep, and decided for all actuators."""
         deployed = self._deployed
         if deployed is None or not deployed.lockstep or self._gather_by is not None:
             return False
@@ -276,7 +279,7 @@ class Clock:
         lockstep = self._deployed is not None and self._deployed.lockstep and run != ""
         frame_ns = self._frame_ns
         missed_ns = max(0, (now_ns - self._due_ns) // frame_ns * frame_ns)
-        if missed_ns:  # this process was not there: the silence was not that of others
+        if missed_ns:  # this process was suspended: the silence was its own, not that of servers and clients
             self._liveness.slept(missed_ns)
             self._registry.slept(missed_ns)
         begins = self._tick.k < 0 or run != self._begun_run
@@ -315,7 +318,7 @@ class Clock:
             asked = DSERVER.name if server in self._announcers() else server
             yield Send(topics.fetches(asked), Fetch(server=server, k=missing))
 
-    # --- who -------------------------------------------------------------------------------------------
+    # --- participants ----------------------------------------------------------------------------------
 
     def _who(self, asked: Asked, arguments: object, now_ns: int) -> Who:
         down = self._liveness.missing(now_ns)
@@ -338,7 +341,7 @@ class Clock:
         )
 
     def _watched_servers(self) -> tuple[str, ...]:
-        """Those of the robot, and those that the program reads besides."""
+        """Return the robot's servers, and those that the program reads besides."""
         more = () if self._deployed is None else self._deployed.servers
         return tuple(dict.fromkeys((*self._servers, *more)))
 

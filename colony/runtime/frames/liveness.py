@@ -1,4 +1,4 @@
-"""Who lives: whoever was heard of within the lease; and which frames of a server were heard of at all."""
+"""Liveness: the servers and clients heard from within the lease, and the frames that servers answered."""
 
 from __future__ import annotations
 
@@ -7,49 +7,49 @@ from collections.abc import Iterable, Iterator
 LEASE_NS = 250_000_000
 
 VOID_AT_ONCE = 2000
-"""Void frames in one tick, so that it stays a small message."""
+"""Largest number of void frames in one tick, so that it stays a small message."""
 
 
 def lease(frame_ns: int) -> int:
-    """A quarter of a second, but at least three frames."""
+    """Return the lease in nanoseconds: a quarter of a second, but at least three frames."""
     return max(LEASE_NS, 3 * frame_ns)
 
 
 class Liveness:
-    """Remembers when each of `names` was heard of last. Mutable: those times."""
+    """The time at which each of `names` was last heard from. Mutable: those times."""
 
     def __init__(self, names: Iterable[str], *, lease_ns: int, now_ns: int) -> None:
         self._heard: dict[str, int | None] = dict.fromkeys(names, now_ns)
         self._lease_ns = lease_ns
 
     def heard(self, name: str, now_ns: int) -> None:
-        """A sign of life; of a stranger it is ignored."""
+        """Record a sign of life; ignore an unknown name."""
         if name in self._heard:
             self._heard[name] = now_ns
 
     def gone(self, name: str) -> None:
-        """Count one as missing from now on, until it is heard of."""
+        """Mark a name as missing until it is heard from."""
         if name in self._heard:
             self._heard[name] = None
 
     def slept(self, asleep_ns: int) -> None:
-        """The listener itself was not there for a time, in which nobody's silence means anything."""
+        """Extend all leases by the time that the listener was suspended: silence then means nothing."""
         for name, at in self._heard.items():
             if at is not None:
                 self._heard[name] = at + asleep_ns
 
     def missing(self, now_ns: int) -> tuple[str, ...]:
-        """Those not heard of for longer than the lease, in the order in which they were named."""
+        """Return the names not heard from for longer than the lease, in the order given."""
         lease_ns = self._lease_ns
         return tuple([n for n, at in self._heard.items() if at is None or now_ns - at > lease_ns])
 
 
 class TickAnswers:
-    """What servers answered to ticks, so that all readers can be told the same of a server that died.
+    """The servers' answers to ticks, so that all readers get the same account of a server that died.
 
-    A frame of a server that lives is waited for, and asked for again: it will come. One of a server that died
-    (it is silent for the lease, or was started anew) and that nobody heard of will never come: it is void.
-    Mutable: the frames that are waited for.
+    A frame of a live server is waited for, and fetched again: it will come. A server is dead if it is silent
+    for the lease, or was restarted; a frame of it that did not arrive will never come: it is void. Mutable:
+    the frames that are waited for.
     """
 
     def __init__(self, servers: Iterable[str], *, keep: int) -> None:
@@ -58,7 +58,7 @@ class TickAnswers:
         self._keep = keep
 
     def asked(self, k: int, down: Iterable[str]) -> None:
-        """Tick `k` went out; who is down is not waited for."""
+        """Record that tick `k` was sent; servers that are down are not waited for."""
         for server, waiting in self._waiting.items():
             if server not in down:
                 waiting[k] = None
@@ -66,7 +66,7 @@ class TickAnswers:
                     del waiting[next(iter(waiting))]
 
     def answered(self, server: str, k: int, since: int) -> None:
-        """A frame came, of a server that knows of frames from `since` on."""
+        """Record a frame of a server that knows of frames from `since` on."""
         waiting = self._waiting.get(server)
         if waiting is None:
             return
@@ -75,16 +75,21 @@ class TickAnswers:
             self._give_up(server, [k for k in waiting if k < since])
 
     def void(self, down: Iterable[str]) -> tuple[tuple[str, int], ...]:
-        """Return frames that have become void, now that these servers are down: at most `VOID_AT_ONCE`, the
-        others at the next call."""
+        """Return frames that have become void, now that these servers are down.
+
+        At most `VOID_AT_ONCE` are returned; the next call returns the others.
+        """
         for server in down:
             self._give_up(server, list(self._waiting.get(server, ())))
         void, self._void = tuple(self._void[:VOID_AT_ONCE]), self._void[VOID_AT_ONCE:]
         return void
 
     def overdue(self, tick: int) -> Iterator[tuple[str, int]]:
-        """Yield servers and frames to fetch with this tick, the newest frames first: those that are 2, 4,
-        8... ticks old, so that a server gets no more fetches the further it is behind."""
+        """Yield servers and frames to fetch with this tick, the newest frames first.
+
+        Those are the frames 2, 4, 8... ticks old, so that a server gets no more fetches the further it is
+        behind.
+        """
         for server, waiting in self._waiting.items():
             age = 2
             while waiting and age <= self._keep:
@@ -93,7 +98,7 @@ class TickAnswers:
                 age *= 2
 
     def forget(self) -> None:
-        """No frame of the past is of use any more."""
+        """Drop all past frames: a new epoch does not need them."""
         for waiting in self._waiting.values():
             waiting.clear()
         self._void.clear()

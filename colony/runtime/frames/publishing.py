@@ -1,4 +1,4 @@
-"""What all servers have in common: they answer ticks with frames, and keep these for who missed one."""
+"""Publishing of frames, common to all servers: they answer ticks with frames, and keep these for a while."""
 
 from __future__ import annotations
 
@@ -12,23 +12,23 @@ from colony.runtime.protocol.messages import Effect, Fetch, Sample, Send, Server
 Fields = Mapping[str, Sample | None]
 
 REPUBLISHED_FRAMES = 64
-"""Frames that a server publishes again between two ticks."""
+"""Largest number of frames that a server publishes again between two ticks."""
 
 REPUBLISHED_BYTES = 1 << 20
-"""Estimated bytes of the frames that a server publishes again between two ticks."""
+"""Byte limit (estimated) of the frames that a server publishes again between two ticks."""
 
 FRAMES_KEPT = 2000
-"""Frames that a server keeps for readers that missed one: two seconds, also of frames of a millisecond."""
+"""Number of frames that a server keeps for readers that missed one: two seconds of 1 ms frames."""
 
 KEPT_BYTES = 16 << 20
-"""Estimated bytes of the frames that a server keeps; fields that several frames share count once."""
+"""Byte limit (estimated) of the frames that a server keeps; fields that several frames share count once."""
 
 FRAME_BYTES = 100
 """Estimated bytes of a frame without fields."""
 
 
 class FetchBudget:
-    """The frames that fetches may make a server publish between two ticks. Mutable: what is left of it.
+    """The budget of frames that fetches may make a server publish between two ticks. Mutable: the rest of it.
 
     A frame goes to all readers, so that one answer is enough; a reader that missed it asks again after the
     next tick. Without a limit, a reader that falls behind would be sent more frames than it can read, fall
@@ -40,12 +40,12 @@ class FetchBudget:
         self._bytes = 0
 
     def renew(self) -> None:
-        """Begin a new interval: a tick came."""
+        """Renew the budget, as a tick came."""
         self._answered.clear()
         self._bytes = 0
 
     def take(self, server: str, k: int, size: int) -> bool:
-        """Return whether frame `k` may be published again, and count it."""
+        """Return True if frame `k` may be published again, and charge it to the budget."""
         frame = (server, k)
         if frame in self._answered or len(self._answered) >= REPUBLISHED_FRAMES:
             return False
@@ -62,11 +62,11 @@ class _Kept(NamedTuple):
 
 
 class Publisher:
-    """Publishes one frame a tick and keeps the newest `keep` of them. Mutable: the frames kept.
+    """A publisher of one frame a tick that keeps the newest `keep` of them. Mutable: the frames kept.
 
-    For one k it never publishes two different frames. Asked for a frame of a tick that it never saw, it says
-    "no value" for all fields, so that every reader goes on with the same. It does not answer fetches of
-    frames before its first one: another process, which died, may have published them.
+    For one k it never publishes two different frames. Asked for a frame of a tick that it never saw, it
+    publishes "no value" for all fields, so that every reader continues with the same. It does not answer
+    fetches of frames before its first one: another process, which died, may have published them.
     """
 
     def __init__(
@@ -77,7 +77,7 @@ class Publisher:
         keep: int = FRAMES_KEPT,
         stopped: Callable[[], Stopped | None] = lambda: None,
     ) -> None:
-        """`stopped` gives the emergency stop that keeps the server's actuators idle."""
+        """Start with no frames; `stopped` returns the emergency stop that keeps the actuators idle."""
         self._server = server
         self._read = read
         self._stopped = stopped
@@ -85,7 +85,7 @@ class Publisher:
         self._order: deque[int] = deque()
         self._keep = keep
         self._bytes = 0
-        self._shared: dict[int, int] = {}  # how many of the frames kept have the fields object of this id
+        self._shared: dict[int, int] = {}  # number of kept frames by the id of their fields object
         self._since: int | None = None
         self._latest = -1
         self._forgotten = -1
@@ -94,18 +94,19 @@ class Publisher:
 
     @property
     def listens(self) -> tuple[str, ...]:
+        """Topics of ticks and of fetches of the server's frames."""
         return (topics.TICKS, topics.fetches(self._server))
 
     @property
     def reached(self) -> tuple[str, ...]:
-        """A sentence for people if frames were forgotten early for want of room; else nothing."""
+        """A sentence for users if frames were dropped early for want of room; else nothing."""
         if not self._was_full:
             return ()
         kept = f"{len(self._kept)} of {self._keep} are kept"
         return (f"frames: {kept}, as {KEPT_BYTES >> 20} MiB have no room for more",)
 
     def handle(self, message: Tick | Fetch) -> Iterable[Effect]:
-        """Answer a tick with its frame, once, and a fetch with the frame kept, within the budget."""
+        """Answer a tick with its frame, once, and a fetch with a kept frame, within the budget."""
         if isinstance(message, Tick):
             frame = self._tick(message)
         else:

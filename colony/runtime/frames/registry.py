@@ -1,4 +1,4 @@
-"""The clients of a run as the Clock sees them: which are ready, alive, and on time with their requests."""
+"""Registry of a run's clients, kept by the Clock: ready, alive, and on time with their requests."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ class _Member:
 
 
 class ClientRegistry:
-    """The members of a run: which are ready, which are alive, and how many requests were on time. Mutable.
+    """The members of a run: their readiness, their leases, and how many requests were on time. Mutable.
 
     Args:
         clients: addresses of the clients, each of which sends a request a frame.
@@ -36,6 +36,7 @@ class ClientRegistry:
         self._liveness = Liveness(self._clients, lease_ns=lease_ns, now_ns=now_ns)
 
     def __contains__(self, address: str) -> bool:
+        """Return True if an address is that of a member."""
         return address in self._clients or address in self._others
 
     @property
@@ -62,8 +63,10 @@ class ClientRegistry:
         self._liveness.heard(client, now_ns)
 
     def judged(self, verdict: Verdict, now_ns: int) -> None:
-        """Count the requests that were on time and those that were late; those that counted renew leases. A
-        request that was refused was on time, but renews none."""
+        """Count requests that were on time or late; those that counted renew the lease of their client.
+
+        A request that was refused was on time, but renews no lease.
+        """
         for name, fate in verdict.fates:
             client = topics.client_address(verdict.actuator, name)
             member = self._clients.get(client)
@@ -74,7 +77,7 @@ class ClientRegistry:
                 member.late += fate == "late"
 
     def slept(self, asleep_ns: int) -> None:
-        """Extend all leases by the time that this process was frozen, as `Liveness.slept` does."""
+        """Extend all leases by the time that this process was suspended, as `Liveness.slept` does."""
         self._liveness.slept(asleep_ns)
 
     def lost(self, now_ns: int) -> tuple[str, ...]:
@@ -82,7 +85,7 @@ class ClientRegistry:
         return self._liveness.missing(now_ns)
 
     def who(self, now_ns: int) -> tuple[ClientWho, ...]:
-        """Return what is known of each client."""
+        """Return the state of each client."""
         lost = self.lost(now_ns)
         return tuple(
             ClientWho(

@@ -1,0 +1,1 @@
+"""The Python client library: calls to the servers of a robot from scripts and programs."""

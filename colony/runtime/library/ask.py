@@ -20,19 +20,19 @@ T = TypeVar("T")
 
 
 class Ask(NamedTuple, Generic[T]):
-    """Call `method` with `arguments`, under `right`; the result is a `reply`.
+    """A call of `method` with `arguments`, under `right`; the result is a `reply`.
 
-    `repeatable`: where the server dies before it answered, the call may be made again.
-    `wait_s`: for how long to wait for the answer, where that is longer than the connection's own time-out.
+    `repeatable`: the call may be made again if the server dies before it answers. `wait_s`: the time to wait
+    for the answer, if that is longer than the connection's own timeout.
     """
 
     method: str
     arguments: msgspec.Struct
-    reply: Any  # type[T], which cannot say `int | None`
+    reply: Any  # type[T], which cannot express `int | None`
     right: Right
     repeatable: bool = False
     wait_s: float | None = None
 
 
 STATUS: Ask[Status] = Ask("status", Nothing(), Status, "read", repeatable=True)
-"""Ask a server who is connected to it, and which of its limits are reached."""
+"""Call of `status`: the connections of a server, and its limits that are reached."""

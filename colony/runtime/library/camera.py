@@ -19,11 +19,11 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
 _MARGIN_S = 1.0
-"""Seconds that a caller waits for a lock longer than the server."""
+"""Seconds by which a caller's wait for a lock exceeds the server's."""
 
 
 class ImageSize(msgspec.Struct, frozen=True, kw_only=True):
-    """The size of a camera's images, in rows, columns and bytes a pixel."""
+    """Size of a camera's images, in rows, columns and bytes per pixel."""
 
     height: int
     width: int
@@ -31,20 +31,20 @@ class ImageSize(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class GrabRows(msgspec.Struct, frozen=True, kw_only=True):
-    """`grab_rows`: `count` rows from row `first` on; 0 is the top one."""
+    """Arguments of `grab_rows`: `count` rows from row `first` on; 0 is the top one."""
 
     first: int
     count: int = 1
 
 
 class LockImage(msgspec.Struct, frozen=True, kw_only=True):
-    """`lock`: the longest time to wait for the lock; 0 does not wait."""
+    """Arguments of `lock`: the longest time to wait for the lock; 0 does not wait."""
 
     wait_ns: int = 0
 
 
 class SetPeriod(msgspec.Struct, frozen=True, kw_only=True):
-    """`set_period`: the time from one image to the next."""
+    """Arguments of `set_period`: the time from one image to the next."""
 
     period_ns: int
 
@@ -60,16 +60,18 @@ def grab() -> Ask[Image]:
 
 
 def grab_rows(first: int, count: int = 1) -> Ask[Image]:
-    """Read a band of that image (`CameraGrabRow`). Bands with the same `t_ns` are of the same image, as all
-    are under the lock."""
+    """Read a band of that image (`CameraGrabRow`).
+
+    Bands with the same `t_ns` are of the same image, as all are under the lock.
+    """
     return Ask("grab_rows", GrabRows(first=first, count=count), Image, "read", repeatable=True)
 
 
 def lock(wait_s: float = 0.0) -> Ask[None]:
     """Keep the image from being replaced until `unlock`, or until this connection ends (`CameraLock`).
 
-    Where another connection keeps it, the call waits for `wait_s`, behind connections of higher priority, and
-    is then refused with the code "locked".
+    If another connection holds the lock, the call waits for `wait_s`, behind connections of higher priority,
+    and is then refused with the code "locked".
     """
     asked = LockImage(wait_ns=round(wait_s * 1e9))
     return Ask("lock", asked, type(None), "command", wait_s=wait_s + _MARGIN_S if wait_s > 0 else None)
@@ -86,15 +88,17 @@ def period() -> Ask[int]:
 
 
 def set_period(seconds: float) -> Ask[None]:
-    """Set the time from one image to the next; it holds for all connections, until the server ends."""
+    """Set the time from one image to the next, for all connections, until the server ends."""
     return Ask(
         "set_period", SetPeriod(period_ns=round(seconds * 1e9)), type(None), "command", repeatable=True
     )
 
 
 def array(image: Image) -> NDArray[np.uint8]:
-    """Return an image as a read-only array: (height, width) where it has one channel, else (height, width,
-    channels)."""
+    """Return an image as a read-only array.
+
+    Its shape is (height, width) for one channel, else (height, width, channels).
+    """
     import numpy as np
 
     shape = (image.height, image.width, image.channels)

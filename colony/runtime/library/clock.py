@@ -1,4 +1,4 @@
-"""Calls of the Clock: run a program, and read who takes part in the run."""
+"""Calls of the Clock: run a program, and read the participants of the run."""
 
 from __future__ import annotations
 
@@ -11,17 +11,17 @@ from colony.runtime.protocol.messages import Stopped
 
 
 class ServerWho(msgspec.Struct, frozen=True, kw_only=True):
-    """A server that is expected to answer ticks, or what tells the activity of a module in Python."""
+    """A server that is expected to answer ticks, or the source of a Python module's activity."""
 
     server: str
     up: bool
 
 
 class ClientWho(msgspec.Struct, frozen=True, kw_only=True):
-    """A client of the run, by address. `ready`: it has said that it listens, in this run.
+    """A client of the run, by address. `ready`: it has reported that it listens, in this run.
 
     `on_time` counts the frames that were decided with its request, `late` those that were decided without it
-    although it lived; both as the verdicts say, as far as the Clock heard them.
+    although it was alive; both according to the verdicts that the Clock received.
     """
 
     client: str
@@ -32,12 +32,12 @@ class ClientWho(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class Who(msgspec.Struct, frozen=True, kw_only=True):
-    """The newest tick (k -1 where there was none yet), and who takes part.
+    """The newest tick (k -1 if there was none yet), and the participants.
 
-    `run` and `program` are of the deployment, "" where there is none; `leader` is the connection that
-    deployed it. `begun` is false while the Clock still waits for clients to be ready; `restarts` counts how
-    often all memory began anew since. `stopped` is the emergency stop that is on; `trouble` says that it
-    could not be written to, or read from, its file.
+    `run` and `program` are of the deployment, "" if there is none; `leader` is the connection that deployed
+    it. `begun` is false while the Clock still waits for clients to be ready; `restarts` counts the restarts
+    of all memory since. `stopped` is the emergency stop in force; `trouble` is the reason why it could not be
+    written to, or read from, its file.
     """
 
     k: int
@@ -56,15 +56,15 @@ class Who(msgspec.Struct, frozen=True, kw_only=True):
 
 
 def release() -> Ask[None]:
-    """Let the robot be moved again after an emergency stop. Only the Clock takes this call."""
+    """Release the emergency stop, so that the robot may move again. Only the Clock accepts this call."""
     return Ask("release", Nothing(), type(None), "command", repeatable=True)
 
 
 def deploy(deployment: Deployment) -> Ask[None]:
-    """Run a program: at the Clock, and at each server that it commands. The connection that asks leads the
-    run, which ends with the connection.
+    """Run a program: at the Clock, and at each server that it commands.
 
-    Refused with the code "busy" while somebody else leads another run, "arguments" where it makes no sense.
+    The calling connection leads the run, which ends with the connection. Refused with the code "busy" while
+    another leader's run is on, "arguments" if the deployment is invalid.
     """
     return Ask("deploy", deployment, None, "command", repeatable=True)
 

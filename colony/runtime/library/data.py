@@ -1,15 +1,16 @@
-"""Calls of DServer: variables with a history, semaphores, and notices of changes (thesis
-section 4.6.1).
+"""Calls of DServer: variables with a history, semaphores, and notices of changes.
+
+They are those of thesis section 4.6.1:
 
     connection.do(data.set("PosX", 4))
     x = connection.do(data.get("PosX", type=int))
 
-A value is anything that msgspec can put into msgpack: numbers, bools, strings, bytes, None, lists, mappings,
+A value is anything that msgspec can encode in msgpack: numbers, bools, strings, bytes, None, lists, mappings,
 dataclasses and structs. Numbers, bools and flat lists of them can also be fields of DServer's frames, which
 the sensors of programs bind to: frames show the variables that the program reads, and those that a connection
 asked for with `publish`. A name has 1 to 255 bytes of UTF-8.
 
-What was acknowledged survives the death of the server. Each call is done once, however often it is repeated
+Acknowledged changes survive the death of the server. Each call is done once, however often it is repeated
 because no answer came. Besides the codes given below, calls are refused with "arguments"; "size", for a value
 or a call that is too large; "full", if the server has no room for more, or its disk has none for what must be
 kept.
@@ -29,29 +30,29 @@ from colony.runtime.protocol.messages import Notice
 T = TypeVar("T")
 
 _MARGIN_S = 1.0
-"""Seconds that a caller waits for a semaphore longer than the server."""
+"""Seconds by which a caller's wait for a semaphore exceeds the server's."""
 
 # --- arguments -------------------------------------------------------------------------------------
 
 
 class Set(msgspec.Struct, frozen=True, kw_only=True):
-    """`set`: a variable and its new value in msgpack."""
+    """Arguments of `set`: a variable and its new value in msgpack."""
 
     name: str
     value: msgspec.Raw
 
 
 class SetMany(msgspec.Struct, frozen=True, kw_only=True):
-    """`set_many`: a mapping from variables to their new values, in msgpack.
+    """Arguments of `set_many`: a mapping from variables to their new values, in msgpack.
 
-    It stays undecoded, so that a server can check its length first.
+    It stays encoded, so that a server can check its length first.
     """
 
     values: msgspec.Raw
 
     @property
     def count(self) -> int:
-        """Return the number of entries of the mapping, by its first bytes; 0 if it is not a mapping."""
+        """The number of entries of the mapping, by its first bytes; 0 if it is not a mapping."""
         head = bytes(memoryview(self.values)[:5])
         if head[0] & 0xF0 == 0x80:
             return head[0] & 0x0F
@@ -68,20 +69,20 @@ class SetMany(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class Get(msgspec.Struct, frozen=True, kw_only=True):
-    """`get`: a variable, and which of its values: 0 is the present one, -1 the one before it."""
+    """Arguments of `get`: a variable, and the value to read: 0 is the present one, -1 the one before it."""
 
     name: str
     back: int = 0
 
 
 class GetMany(msgspec.Struct, frozen=True, kw_only=True):
-    """`get_many`: several variables at one moment."""
+    """Arguments of `get_many`: several variables, read at one moment."""
 
     names: tuple[str, ...]
 
 
 class History(msgspec.Struct, frozen=True, kw_only=True):
-    """`history`: a variable, the first of its values to return, and how many."""
+    """Arguments of `history`: a variable, the first of its values to return, and their number."""
 
     name: str
     back: int = 0
@@ -89,20 +90,20 @@ class History(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class SetHistory(msgspec.Struct, frozen=True, kw_only=True):
-    """`set_history`: a variable, and the number of its values that are kept."""
+    """Arguments of `set_history`: a variable, and the number of its values that are kept."""
 
     name: str
     length: int
 
 
 class Named(msgspec.Struct, frozen=True, kw_only=True):
-    """`delete`, `semaphore`, `delete_semaphore`, `signal` and `release`: a name."""
+    """Arguments of `delete`, `semaphore`, `delete_semaphore`, `signal` and `release`: a name."""
 
     name: str
 
 
 class ListNames(msgspec.Struct, frozen=True, kw_only=True):
-    """`names` and `semaphores`: at most `limit` names that begin with `prefix` and come after `after`."""
+    """Arguments of `names` and `semaphores`: up to `limit` names with `prefix` that come after `after`."""
 
     prefix: str = ""
     after: str = ""
@@ -110,15 +111,17 @@ class ListNames(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class CreateSemaphore(msgspec.Struct, frozen=True, kw_only=True):
-    """`create_semaphore`: its name and initial value."""
+    """Arguments of `create_semaphore`: its name and initial value."""
 
     name: str
     value: int = 1
 
 
 class Wait(msgspec.Struct, frozen=True, kw_only=True):
-    """`wait`: a semaphore, the longest time to wait (None: for ever), and whether it is given back when the
-    connection is lost."""
+    """Arguments of `wait`: a semaphore, and the longest time to wait (None: forever).
+
+    With `hold` the semaphore is released when the connection is lost.
+    """
 
     name: str
     wait_ns: int | None = None
@@ -126,13 +129,13 @@ class Wait(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class Publish(msgspec.Struct, frozen=True, kw_only=True):
-    """`publish`: variables by name."""
+    """Arguments of `publish`: variables by name."""
 
     names: tuple[str, ...]
 
 
 class Watch(msgspec.Struct, frozen=True, kw_only=True):
-    """`watch` and `unwatch`: variables by name, and all whose name begins with a prefix."""
+    """Arguments of `watch` and `unwatch`: variables by name, and prefixes of names."""
 
     names: tuple[str, ...] = ()
     prefixes: tuple[str, ...] = ()
@@ -151,7 +154,7 @@ class Dated(msgspec.Struct, frozen=True, kw_only=True):
         """Return the value.
 
         Raises:
-            msgspec.ValidationError: it is not of this type.
+            msgspec.ValidationError: the value is not of this type.
         """
         return msgspec.msgpack.decode(self.value, type=type)
 
@@ -175,21 +178,21 @@ class SemaphoreState(msgspec.Struct, frozen=True, kw_only=True):
 
 
 def set(name: str, value: object) -> Ask[None]:
-    """Give a variable a new value (`DATA_SETVALUE`).
+    """Set a variable to a new value (`DATA_SETVALUE`).
 
     Raises:
-        TypeError, OverflowError: msgspec cannot put the value into msgpack.
+        TypeError, OverflowError: msgspec cannot encode the value.
     """
     return Ask("set", Set(name=name, value=_raw(value)), type(None), "command", repeatable=True)
 
 
 def set_many(values: Mapping[str, object]) -> Ask[None]:
-    """Give several variables new values at one moment: nobody sees some of them old and some new.
+    """Set several variables at one moment: no reader sees some of them old and some new.
 
     At most 1,000 variables, and 1 MiB of names and values.
 
     Raises:
-        TypeError, OverflowError: msgspec cannot put a value into msgpack.
+        TypeError, OverflowError: msgspec cannot encode a value.
     """
     arguments = SetMany(values=_raw({name: _raw(value) for name, value in values.items()}))
     return Ask("set_many", arguments, type(None), "command", repeatable=True)
@@ -200,17 +203,16 @@ def get(name: str, back: int = 0) -> Ask[Any]: ...
 @overload
 def get(name: str, back: int = 0, *, type: type[T]) -> Ask[T]: ...
 def get(name: str, back: int = 0, *, type: Any = Any) -> Ask[Any]:
-    """Read a value of a variable (`DATA_GETVALUE`): 0 is the present one, -1 the one before it, and so on
-    back to -(n - 1) where its history is n long.
+    """Read a value of a variable (`DATA_GETVALUE`): 0 is the present one, -1 the one before it.
 
-    Refused with "unknown": there is no such variable; "range": `back` is not in the history; "unset": it was
-    not set that often yet.
+    A history of length n has the values back to -(n - 1). Refused with "unknown": there is no such variable;
+    "range": `back` is not in the history; "unset": the variable was not set that often yet.
     """
     return Ask("get", Get(name=name, back=back), type, "read", repeatable=True)
 
 
 def get_many(names: Iterable[str]) -> Ask[dict[str, Any]]:
-    """Read the present values of several variables at one moment. Refused as `get` is if one has none."""
+    """Read the present values of several variables at one moment; refused like `get` if one has none."""
     return Ask("get_many", GetMany(names=tuple(names)), dict[str, Any], "read", repeatable=True)
 
 
@@ -225,9 +227,9 @@ def history(name: str, back: int = 0, limit: int = 2000) -> Ask[tuple[Dated, ...
 
 
 def set_history(name: str, length: int) -> Ask[None]:
-    """Set how many values of a variable are kept, the present one included (`DATA_SETHISTORY`); 1 at first.
+    """Set the number of values of a variable that are kept, with the present one (`DATA_SETHISTORY`).
 
-    A shorter history loses its oldest values. A variable that was never set may be given one.
+    It is 1 at first. A shorter history loses its oldest values. The variable need not be set yet.
     """
     arguments = SetHistory(name=name, length=length)
     return Ask("set_history", arguments, type(None), "command", repeatable=True)
@@ -239,13 +241,13 @@ def delete(name: str) -> Ask[bool]:
 
 
 def names(prefix: str = "", *, after: str = "", limit: int = 1000) -> Ask[tuple[str, ...]]:
-    """List up to `limit` names of variables, in order; `after` is the name after which the list goes on."""
+    """List up to `limit` names of variables, in order, beginning after the name `after`."""
     arguments = ListNames(prefix=prefix, after=after, limit=limit)
     return Ask("names", arguments, tuple[str, ...], "read", repeatable=True)
 
 
 def publish(names: Iterable[str]) -> Ask[None]:
-    """Have DServer's frames show these variables, too, for as long as this connection is open.
+    """Show these variables in DServer's frames, too, as long as this connection is open.
 
     Frames show numbers, bools and flat lists of them. A variable that does not exist yet is shown as soon as
     it is set. Further calls add variables, up to 1,000 for a connection. Refused with "full" if frames have
@@ -265,13 +267,14 @@ def create_semaphore(name: str, value: int = 1) -> Ask[bool]:
 
 
 def wait(name: str, timeout_s: float | None = None, *, hold: bool = False) -> Ask[None]:
-    """Take one from a semaphore, or wait until there is one to take (`DATA_WAIT`), first come first served.
-
-    Args:
-        timeout_s: the longest time to wait; 0 does not wait, None waits for ever.
-        hold: whether the semaphore is given back when this connection is lost.
+    """Take one from a semaphore, or wait until it can be taken (`DATA_WAIT`), first come first served.
 
     Refused with "timeout", "unknown", or "deleted". A client that died does not wait any more.
+
+    Args:
+        name: the semaphore.
+        timeout_s: the longest time to wait; 0 does not wait, None waits forever.
+        hold: True if the semaphore is to be released when this connection is lost.
     """
     patient = timeout_s is None or timeout_s == math.inf
     if timeout_s is None or patient:
@@ -283,18 +286,18 @@ def wait(name: str, timeout_s: float | None = None, *, hold: bool = False) -> As
 
 
 def signal(name: str) -> Ask[None]:
-    """Put one back into a semaphore (`DATA_SIGNAL`): the first connection that waits gets it at once.
+    """Put one back into a semaphore (`DATA_SIGNAL`): the first waiting connection gets it immediately.
 
-    What this connection holds of it counts as given back. Refused with "unknown".
+    A hold of this connection on it counts as released. Refused with "unknown".
     """
     return Ask("signal", Named(name=name), type(None), "command", repeatable=True)
 
 
 def release(name: str) -> Ask[None]:
-    """Give back what was taken with `hold`.
+    """Release a semaphore that was taken with `hold`.
 
-    Refused with "not held" where it is not held any more: the connection was lost in between, so that
-    somebody else may have had it at the same time.
+    Refused with "not held" if it is not held any more: the connection was lost in between, so that another
+    one may have held it at the same time.
     """
     return Ask("release", Named(name=name), type(None), "command", repeatable=True)
 
@@ -305,14 +308,16 @@ def semaphore(name: str) -> Ask[SemaphoreState]:
 
 
 def semaphores(prefix: str = "", *, after: str = "", limit: int = 1000) -> Ask[tuple[str, ...]]:
-    """List the names of semaphores, as `names` does those of variables."""
+    """List the names of semaphores, as `names` does for variables."""
     arguments = ListNames(prefix=prefix, after=after, limit=limit)
     return Ask("semaphores", arguments, tuple[str, ...], "read", repeatable=True)
 
 
 def delete_semaphore(name: str) -> Ask[bool]:
-    """Remove a semaphore; the reply is False if there is none. Calls that wait for it are refused with
-    "deleted"."""
+    """Remove a semaphore; the reply is False if there is none.
+
+    Calls that wait for it are refused with "deleted".
+    """
     return Ask("delete_semaphore", Named(name=name), bool, "command", repeatable=True)
 
 
@@ -320,26 +325,26 @@ def delete_semaphore(name: str) -> Ask[bool]:
 
 
 def watch(*names: str, prefixes: Iterable[str] = ()) -> Ask[None]:
-    """Get a notice whenever one of these variables, or one whose name begins with one of `prefixes`, is set.
+    """Subscribe to notices about these variables, and all whose name begins with one of `prefixes`.
 
-    A notice comes for each that has a value already, and then for every time that one is set or deleted; its
-    subject is the name of the variable, its body a `Change`. When a connection is opened again, the notices
-    go on, from the values of that moment. Further calls add to what is watched. When very many notices are
-    due at one moment, some come a little later, and a variable that changes again before its turn comes once.
+    A notice comes for each that has a value already, and then each time one is set or deleted; its subject is
+    the name of the variable, its body a `Change`. When a connection is reopened, the notices continue from
+    the values of that moment. Further calls add to the subscription. When very many notices are due at one
+    moment, some come a little later, and a variable that changes again before its turn comes once.
     """
     return Ask("watch", Watch(names=names, prefixes=tuple(prefixes)), type(None), "read", repeatable=True)
 
 
 def unwatch(*names: str, prefixes: Iterable[str] = ()) -> Ask[None]:
-    """Get no more notices of these; of none at all, if none is given."""
+    """Cancel notices about these variables and prefixes; about all, if none is given."""
     return Ask("unwatch", Watch(names=names, prefixes=tuple(prefixes)), type(None), "read", repeatable=True)
 
 
 def change(notice: Notice) -> Change:
-    """Decode a notice about a variable that is watched.
+    """Decode a notice about a watched variable.
 
     Raises:
-        msgspec.DecodeError: it is not one of those.
+        msgspec.DecodeError: the notice is not about a variable.
     """
     return msgspec.msgpack.decode(notice.body, type=Change)
 

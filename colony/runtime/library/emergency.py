@@ -1,4 +1,4 @@
-"""The emergency stop, as the Clock and every server of actuators take it.
+"""The emergency stop, as the Clock and every server of actuators accept it.
 
     base.do(emergency.stop())
 
@@ -13,11 +13,11 @@ from colony.runtime.protocol.calls import EMERGENCY_STOP, Nothing
 from colony.runtime.protocol.fields import SERVERS
 
 ACTUATOR_SERVERS = tuple(s.name for s in SERVERS if s.commands or s.open_fields)
-"""The servers that actuators can be bound to."""
+"""Names of the servers that actuators can be bound to."""
 
 
 def stop() -> Ask[None]:
-    """Stop at once, and stay stopped until a tick of the Clock carries a release.
+    """Stop immediately, and stay stopped until a tick of the Clock carries a release.
 
     At the Clock, the stop survives restarts of every process, the Clock included. The Clock refuses with the
     code "not kept" if it stops the robot but cannot write the stop to its file.

@@ -1,4 +1,4 @@
-"""The call of the leader of a run, which is the process of `colony run`, which watches over it."""
+"""Calls of the leader of a run: the process of `colony run` that supervises it."""
 
 from __future__ import annotations
 
@@ -10,14 +10,16 @@ from colony.runtime.library.ask import Ask
 from colony.runtime.protocol.calls import Nothing
 
 LEADER = "Leader"
-"""Its name among the servers of a robot."""
+"""Name of the leader among the servers of a robot."""
 
 Standing = Literal["alive", "late", "lost", "starting"]
 
 
 class ClientStanding(msgspec.Struct, frozen=True, kw_only=True):
-    """A client of the network, by address: how it stands in the newest frame, and in how many frames it was
-    on time, late and lost. `restarts` of its process, and the last line that one said which died."""
+    """A client of the network, by address: its standing in the newest frame, and its counts of frames.
+
+    `restarts` counts those of its process; `last_error` is the last line of output of a process that died.
+    """
 
     address: str
     standing: Standing
@@ -31,8 +33,8 @@ class ClientStanding(msgspec.Struct, frozen=True, kw_only=True):
 class RunStatus(msgspec.Struct, frozen=True, kw_only=True):
     """A run of a program: `frames` were decided, the newest of them k; `process` leads it.
 
-    In `restarts` of them all memory began again. `commanded_by` has the client that commanded each actuator
-    in the newest frame, None for none. `disagreements` are frames in which the runtime did not do what the
+    All memory restarted in `restarts` of them. `commanded_by` has the client that commanded each actuator in
+    the newest frame, None for none. `disagreements` are frames in which the runtime did not do what the
     program says: there should be none. `processes` has the ids of the processes that the leader started, by
     name.
     """

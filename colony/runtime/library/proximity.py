@@ -21,34 +21,37 @@ class SonarReading(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class InfraredReading(msgspec.Struct, frozen=True, kw_only=True):
-    """For each of 24 detectors True if it saw something at `t_ns`; a missing detector never does."""
+    """A flag for each of 24 detectors, True if it saw something at `t_ns`; a missing detector never does."""
 
     t_ns: int
     seen: tuple[bool, ...]
 
 
 class SetTimeouts(msgspec.Struct, frozen=True, kw_only=True):
-    """`set_timeouts`: the greatest range of each of the 24 sonars in mm."""
+    """Arguments of `set_timeouts`: the greatest range of each of the 24 sonars in mm."""
 
     ranges: tuple[float, ...]
 
 
 def sonar() -> Ask[SonarReading | None]:
-    """Read the newest ranges; None while the device has none to give (`PROX_SONAR`)."""
+    """Read the newest ranges; None while the device has none (`PROX_SONAR`)."""
     return Ask("sonar", Nothing(), SonarReading | None, "read", repeatable=True)
 
 
 def infrared() -> Ask[InfraredReading | None]:
-    """Read the infrared detectors; None while the device has nothing to give (`PROX_IR`)."""
+    """Read the infrared detectors; None while the device has no values (`PROX_IR`)."""
     return Ask("infrared", Nothing(), InfraredReading | None, "read", repeatable=True)
 
 
 def set_timeouts(ranges: Sequence[float]) -> Ask[None]:
-    """Set the greatest range of each of the 24 sonars in mm, which is what it reads where nothing is
-    nearer (`PROX_TIMEOUT`). It holds for all connections, until PServer ends."""
+    """Set the greatest range of each of the 24 sonars in mm (`PROX_TIMEOUT`).
+
+    A sonar reads its greatest range if nothing is nearer. The setting holds for all connections, until
+    PServer ends.
+    """
     return Ask("set_timeouts", SetTimeouts(ranges=tuple(ranges)), type(None), "command", repeatable=True)
 
 
 def timeouts() -> Ask[tuple[float, ...] | None]:
-    """Read what `set_timeouts` set last; None before that: the sonars read as far as they can."""
+    """Read the ranges set last by `set_timeouts`; None if unset: the sonars use their full range."""
     return Ask("timeouts", Nothing(), tuple[float, ...] | None, "read", repeatable=True)

@@ -1,18 +1,20 @@
-"""Calls of RServer: move the base, read its state, lock it (thesis section 4.6.3, Table
-4.1). For the emergency stop see `library/emergency.py`.
+"""Calls of RServer: move the base, read its state, lock it (thesis section 4.6.3, Table 4.1).
+
+For the emergency stop see `library/emergency.py`.
 
     connection.do(robot.move(1500, velocity=250))
     where = connection.do(robot.position())
 
-Distances are in mm, angles in degrees, times in seconds; speeds and accelerations accordingly. What is told
-in degrees (`turn`, `continuous_turn`, `jog`) is positive clockwise, as in the thesis, and lowers the heading,
+Distances are in mm, angles in degrees, times in seconds; speeds and accelerations accordingly. Arguments in
+degrees (`turn`, `continuous_turn`, `jog`) are positive clockwise, as in the thesis, and lower the heading,
 which grows counterclockwise; `drive` takes turning speeds as programs do, positive counterclockwise.
 
-What moves the base is arbitrated by the connection's priority. Over a program, a connection with a priority
-above its modules' drives in their place, one below them only while they are idle; a priority that another
-commander has is refused with the code "tie". `drive`, `go`, `jog` and `stop` hold for their lease, unless
-they are told again; what has an end holds until then. Other codes: "stopped" while the emergency stop is on,
-"locked" while somebody else has the lock, "replaced", "bumper" and "stalled" for motions that ended early.
+Commands that move the base are arbitrated by the connection's priority. Over a program, a connection with a
+priority above its modules' drives in their place, one below them only while they are idle; a priority that
+another commander has is refused with the code "tie". `drive`, `go`, `jog` and `stop` hold for their lease,
+unless they are repeated; motions with an end hold until then. Other codes: "stopped" while the emergency stop
+is on, "locked" while another connection has the lock, "replaced", "bumper" and "stalled" for motions that
+ended early.
 """
 
 from __future__ import annotations
@@ -30,23 +32,23 @@ if TYPE_CHECKING:
     from colony.runtime.protocol.deployment import Deployment
 
 LEASE_S = 0.5
-"""Seconds for which a command holds that is not repeated."""
+"""Seconds for which a command holds if it is not repeated."""
 
 KEEP = -1.0
-"""In place of a velocity or acceleration: the one that was set last."""
+"""Stand-in for a velocity or acceleration: keep the one set last."""
 
 MOTION_WAIT_S = 3600.0
 """Seconds to wait for the end of a motion."""
 
 _MARGIN_S = 1.0
-"""Seconds that a caller waits for a lock longer than the server."""
+"""Seconds by which a caller's wait for a lock exceeds the server's."""
 
 
 # --- arguments -------------------------------------------------------------------------------------
 
 
 class Drive(msgspec.Struct, frozen=True, kw_only=True):
-    """`drive`: forward mm/s and deg/s counterclockwise, for `lease_s`."""
+    """Arguments of `drive`: forward mm/s and deg/s counterclockwise, for `lease_s`."""
 
     velocity: float
     turn: float
@@ -54,29 +56,31 @@ class Drive(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class Go(msgspec.Struct, frozen=True, kw_only=True):
-    """`go` and `proportional_go`: straight on at `velocity`, backward where it is negative."""
+    """Arguments of `go` and `proportional_go`: straight ahead at `velocity`, backward if negative."""
 
     velocity: float
     lease_s: float = LEASE_S
 
 
 class Jog(msgspec.Struct, frozen=True, kw_only=True):
-    """`jog`: deg/s clockwise on top of the forward motion."""
+    """Arguments of `jog`: deg/s clockwise on top of the forward motion."""
 
     rate: float
     lease_s: float = LEASE_S
 
 
 class Halt(msgspec.Struct, frozen=True, kw_only=True):
-    """`stop`: at once where `mode` is not 0, else gradually; and stand for `lease_s`."""
+    """Arguments of `stop`: immediately if `mode` is not 0, else gradually; then stand for `lease_s`."""
 
     mode: int = 0
     lease_s: float = LEASE_S
 
 
 class Move(msgspec.Struct, frozen=True, kw_only=True):
-    """`move`: a distance straight on; negative is backward. A negative velocity or acceleration is the one
-    set last. `wait`: the answer comes when it is done."""
+    """Arguments of `move`: a distance straight ahead; negative is backward.
+
+    A negative velocity or acceleration is the one set last. `wait`: the answer comes when the motion is done.
+    """
 
     distance: float
     velocity: float = KEEP
@@ -85,7 +89,7 @@ class Move(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class Turn(msgspec.Struct, frozen=True, kw_only=True):
-    """`turn`: degrees clockwise on the spot, at deg/s and with deg/s^2; else as `Move`."""
+    """Arguments of `turn`: degrees clockwise on the spot, in deg/s and deg/s^2; otherwise like `Move`."""
 
     degrees: float
     velocity: float = KEEP
@@ -94,7 +98,7 @@ class Turn(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class ContinuousTurn(msgspec.Struct, frozen=True, kw_only=True):
-    """`continuous_turn`: degrees clockwise along an arc of `radius`, at mm/s along it; else as `Move`."""
+    """Arguments of `continuous_turn`: degrees clockwise along an arc, at mm/s; otherwise like `Move`."""
 
     degrees: float
     radius: float
@@ -104,7 +108,7 @@ class ContinuousTurn(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class PoseArguments(msgspec.Struct, frozen=True, kw_only=True):
-    """`set_position` and `adjust_position`: x, y and heading, or by how much they are off."""
+    """Arguments of `set_position` and `adjust_position`: x, y and heading, or corrections of them."""
 
     x: float
     y: float
@@ -112,13 +116,13 @@ class PoseArguments(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class SetBumper(msgspec.Struct, frozen=True, kw_only=True):
-    """`set_bumper`: 0 is to ignore the bumpers, all else to watch them."""
+    """Arguments of `set_bumper`: 0 ignores the bumpers, any other value watches them."""
 
     setting: int
 
 
 class LockBase(msgspec.Struct, frozen=True, kw_only=True):
-    """`lock`: the longest time to wait for the lock; 0 does not wait."""
+    """Arguments of `lock`: the longest time to wait for the lock; 0 does not wait."""
 
     wait_ns: int = 0
 
@@ -148,7 +152,7 @@ class Position(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class ClientReport(msgspec.Struct, frozen=True, kw_only=True):
-    """A client of the program; in how many frames its request was on time, late, lost or refused."""
+    """A client of the program, with the numbers of frames by the fate of its request."""
 
     name: str
     priority: int
@@ -170,7 +174,7 @@ class ActuatorReport(msgspec.Struct, frozen=True, kw_only=True):
 class OutsideReport(msgspec.Struct, frozen=True, kw_only=True):
     """A connection that has commanded, whose priority is therefore taken.
 
-    `commands` is what it wants now, None for nothing. `lease_s` is the time that its command still has, None
+    `commands` is its present command, None for nothing. `lease_s` is the rest of the command's lease, None
     for a motion that ends when it is done.
     """
 
@@ -184,7 +188,7 @@ class OutsideReport(msgspec.Struct, frozen=True, kw_only=True):
 class Arbitration(msgspec.Struct, frozen=True, kw_only=True):
     """The clients and connections that may move the base, and the one that does.
 
-    `run` is "" where no program is deployed, `leader` the connection that deployed it, `acting` the client or
+    `run` is "" if no program is deployed, `leader` the connection that deployed it, `acting` the client or
     connection that commanded the newest frame. Connections are in the order of their priorities, those that
     wait for the lock in the order in which they will get it.
     """
@@ -203,17 +207,17 @@ class Arbitration(msgspec.Struct, frozen=True, kw_only=True):
 
 
 def drive(velocity: float, turn: float, lease: float = LEASE_S) -> Ask[None]:
-    """Go at `velocity` mm/s, turning `turn` deg/s counterclockwise, for `lease` s or until told again."""
+    """Drive at `velocity` mm/s, turning `turn` deg/s counterclockwise, for `lease` s or until replaced."""
     return _order("drive", Drive(velocity=velocity, turn=turn, lease_s=lease))
 
 
 def go(velocity: float, lease: float = LEASE_S) -> Ask[None]:
-    """Go straight on, the heading held with error integration (`ROBOT_GO`)."""
+    """Go straight ahead, the heading held with error integration (`ROBOT_GO`)."""
     return _order("go", Go(velocity=velocity, lease_s=lease))
 
 
 def proportional_go(velocity: float, lease: float = LEASE_S) -> Ask[None]:
-    """Go straight on, the heading held without error integration."""
+    """Go straight ahead, the heading held without error integration."""
     return _order("proportional_go", Go(velocity=velocity, lease_s=lease))
 
 
@@ -223,7 +227,7 @@ def jog(rate: float, lease: float = LEASE_S) -> Ask[None]:
 
 
 def stop(mode: int = 0, lease: float = LEASE_S) -> Ask[None]:
-    """Stop, at once where `mode` is not 0, else gradually, and stand for `lease` s (`ROBOT_STOP`).
+    """Stop, immediately if `mode` is not 0, else gradually, and stand for `lease` s (`ROBOT_STOP`).
 
     Like every command it acts by the connection's priority; an emergency stop always does.
     """
@@ -233,9 +237,9 @@ def stop(mode: int = 0, lease: float = LEASE_S) -> Ask[None]:
 def move(
     distance: float, velocity: float = KEEP, acceleration: float = KEEP, wait: bool = True
 ) -> Ask[float | None]:
-    """Go `distance` mm straight on, backward where it is negative, and stand (`ROBOT_MOVE`).
+    """Go `distance` mm straight ahead, backward if negative, and stand (`ROBOT_MOVE`).
 
-    The reply is the distance that the base went, when it is done; None at once, without `wait`.
+    The reply is the distance that the base went, when it is done; None immediately, without `wait`.
     """
     order = Move(distance=distance, velocity=velocity, acceleration=acceleration, wait=wait)
     return _motion("move", order, wait)
@@ -246,7 +250,7 @@ def turn(
 ) -> Ask[float | None]:
     """Turn on the spot by `degrees`, positive clockwise, and stand (`ROBOT_TURN`).
 
-    The reply is by how much it turned, when it is done; None at once, without `wait`.
+    The reply is the angle that the base turned, when it is done; None immediately, without `wait`.
     """
     order = Turn(degrees=degrees, velocity=velocity, acceleration=acceleration, wait=wait)
     return _motion("turn", order, wait)
@@ -257,7 +261,7 @@ def continuous_turn(
 ) -> Ask[float | None]:
     """Go along an arc of `radius` mm until the heading changed by `degrees`, positive clockwise; then stand.
 
-    The reply is by how much it turned, when it is done; None at once, without `wait`.
+    The reply is the angle that the base turned, when it is done; None immediately, without `wait`.
     """
     order = ContinuousTurn(
         degrees=degrees, radius=radius, velocity=velocity, acceleration=acceleration, wait=wait
@@ -271,7 +275,7 @@ def adjust_position(dx: float, dy: float, dheading: float) -> Ask[None]:
 
 
 def set_position(x: float, y: float, heading: float) -> Ask[None]:
-    """Set the position of the base, from which dead reckoning goes on (`ROBOT_SETPOS`)."""
+    """Set the position of the base, from which dead reckoning continues (`ROBOT_SETPOS`)."""
     return Ask("set_position", PoseArguments(x=x, y=y, heading=heading), type(None), "command")
 
 
@@ -286,9 +290,9 @@ def bumper() -> Ask[Bumpers]:
 
 
 def set_bumper(setting: int) -> Ask[None]:
-    """Ignore the bumpers where `setting` is 0, else watch them, as is the default (`ROBOT_SETBMPR`).
+    """Ignore the bumpers if `setting` is 0, else watch them, which is the default (`ROBOT_SETBMPR`).
 
-    A bumper that is watched and pressed stops every motion into it.
+    A watched bumper that is pressed stops every motion into it.
     """
     return Ask("set_bumper", SetBumper(setting=setting), type(None), "command", repeatable=True)
 
@@ -309,18 +313,18 @@ def wheel_speed() -> Ask[float]:
 
 
 def lock(wait: bool = True, wait_s: float = 60.0) -> Ask[None]:
-    """Let nobody else move the base, the program included, until `unlock` or this connection's end
-    (`RobotLock`).
+    """Keep all others from moving the base, until `unlock` or this connection's end (`RobotLock`).
 
-    Where another connection has the lock, the call waits for it up to `wait_s`, behind connections of higher
-    priority. Then, or at once without `wait`, it is refused with the code "locked".
+    That includes the program. If another connection has the lock, the call waits for it up to `wait_s`,
+    behind connections of higher priority. Then, or immediately without `wait`, it is refused with the code
+    "locked".
     """
     asked = LockBase(wait_ns=round(wait_s * 1e9) if wait else 0)
     return Ask("lock", asked, type(None), "command", wait_s=wait_s + _MARGIN_S if wait else None)
 
 
 def unlock() -> Ask[None]:
-    """Give the lock back (`RobotUnlock`)."""
+    """Release the lock (`RobotUnlock`)."""
     return Ask("unlock", Nothing(), type(None), "command")
 
 
@@ -330,10 +334,10 @@ def arbitration() -> Ask[Arbitration]:
 
 
 def deploy(deployed: Deployment) -> Ask[None]:
-    """Let the clients of a program command the base for as long as this connection lives.
+    """Let the clients of a program command the base as long as this connection is open.
 
-    Refused with the codes "busy" while another run's leader lives, "deployment" where there is something
-    wrong with it, "tie" where a connection commands with the priority of one of its clients.
+    Refused with the codes "busy" while another run's leader is connected, "deployment" if the deployment is
+    invalid, "tie" if a connection commands with the priority of one of its clients.
     """
     return Ask("deploy", deployed, type(None), "command", repeatable=True)
 

@@ -1,0 +1,1 @@
+"""Observation of a run: verdicts, state changes and summaries, without influence on it."""

@@ -1,4 +1,4 @@
-"""Ending several things, whatever happens to one of them."""
+"""Closing of several resources, even if one of them fails to close."""
 
 from __future__ import annotations
 
@@ -7,13 +7,15 @@ from typing import Protocol
 
 
 class Closable(Protocol):
-    """What is closed in the end."""
+    """A resource that can be closed."""
 
-    def close(self) -> None: ...
+    def close(self) -> None:
+        """Close the resource."""
+        ...
 
 
 def close_all(things: Iterable[Closable]) -> None:
-    """Close each, in order, even where closing another fails; the first failure is raised in the end."""
+    """Close all in order, even if closing one fails; raise the first failure at the end."""
     failures: list[BaseException] = []
     for thing in things:
         try:

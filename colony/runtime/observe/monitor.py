@@ -1,12 +1,12 @@
 """The monitor: it steps the whole client list over the frames that the clients saw.
 
-That gives the contracts broken in each frame, what was limited, clamped and faulty, and a check of the
-runtime itself: while nobody is late or lost, the verdicts are the decisions of the client list; while
-somebody is, they are these or idle. Where a client outside the network commanded, or a hold kept the network
-from deciding, the client that was put aside is the one that would have won.
+That yields the contracts broken in each frame, the limited, clamped and faulty commands, and a check of the
+runtime itself: while no client is late or lost, the verdicts are the decisions of the client list; otherwise
+they are these or idle. Where a client outside the network commanded, or a hold kept the network from
+deciding, the client that was set aside is the one that would have won.
 
-Modules in Python run in processes of their own and nowhere else: the monitor takes their answers as they
-were told. From a frame in which one of them did not tell its answer, memory is not known.
+Modules in Python run only in processes of their own: the monitor takes the answers that they announced. From
+a frame on in which one of them announced no answer, memory is unknown.
 """
 
 from __future__ import annotations
@@ -22,37 +22,48 @@ _NO_ANSWERS: Mapping[str, Answer] = {}
 
 
 class Checked(NamedTuple):
-    """What should have come of a frame, and how the verdicts differ from it without an excuse."""
+    """The expected outcome of a frame, and the unexcused differences of the verdicts from it."""
 
     expected: Outcome
     disagreements: tuple[str, ...]
 
 
 class Restartable(Protocol):
-    """An executor that can go on from its initial memory, and tells what it remembers. It is given what
-    modules in Python answered."""
+    """An executor that can restart from its initial memory, and exposes its memory.
 
-    def step(self, frame: Frame, answers: Mapping[str, Answer]) -> Outcome: ...
+    It takes the answers of modules in Python as input.
+    """
+
+    def step(self, frame: Frame, answers: Mapping[str, Answer]) -> Outcome:
+        """Return the outcome of a frame, given the answers of modules in Python."""
+        ...
 
     @property
-    def memory(self) -> ProgramMemory | None: ...
+    def memory(self) -> ProgramMemory | None:
+        """The present memory, None if it is unknown."""
+        ...
 
-    def restart(self) -> None: ...
+    def restart(self) -> None:
+        """Reset all memory to its initial values."""
+        ...
 
 
 class Keyframe(NamedTuple):
-    """The memory before a frame, None where it is not known, and whether a client has been lost since it was
-    initial: then what `on_loss degrade` makes of it is not known."""
+    """The memory before a frame, None if it is unknown.
+
+    `degraded` is True if a client has been lost since the memory was initial: then the effect of `on_loss
+    degrade` is unknown.
+    """
 
     memory: ProgramMemory | None
     degraded: bool = False
 
 
 class Monitor:
-    """Mutable: the executor's memory.
+    """A monitor of the verdicts. Mutable: the executor's memory.
 
     `degrading` are the actuators with `on_loss degrade`: from a frame in which any client is lost, lesser
-    ones may command, which is not compared any more until memory begins anew. `modules` are those in Python.
+    ones may command, so their verdicts are not compared until memory restarts. `modules` are those in Python.
     """
 
     def __init__(
@@ -65,14 +76,14 @@ class Monitor:
         self._fresh, self._memory_unknown = True, False
 
     def restart(self) -> None:
-        """All memory begins anew with the next frame."""
+        """Restart all memory with the next frame."""
         if not self._fresh:
             self._executor.restart()
         self._degraded.clear()
         self._fresh, self._memory_unknown = True, False
 
     def lose_memory(self) -> None:
-        """Stop expecting anything until memory begins anew: a frame was missed."""
+        """Stop expecting anything until memory restarts: a frame was missed."""
         self._memory_unknown = True
 
     def keyframe(self) -> Keyframe:
@@ -86,8 +97,7 @@ class Monitor:
         lost: Collection[str] = (),
         answers: Mapping[str, Answer] = _NO_ANSWERS,
     ) -> Checked:
-        """Step, and compare, in a frame in which these clients are lost; an actuator without a verdict is not
-        compared."""
+        """Step a frame in which these clients are lost, and compare; skip actuators without a verdict."""
         if not self._modules <= answers.keys():
             self._memory_unknown = True
         if self._memory_unknown:
@@ -123,7 +133,7 @@ def _any(verdict: Verdict, fates: frozenset[Fate]) -> bool:
 
 
 def _excused(decision: Decision, verdict: Verdict) -> bool:
-    """Whether nobody of the network commanded, for a reason that the verdict gives."""
+    """Return True if the verdict gives a reason why no client of the network commanded."""
     if verdict.by is not None:
         return False
     if verdict.outside is None and verdict.hold is None:

@@ -1,12 +1,14 @@
-"""The process that sees everything and commands nothing: it puts each frame together with its verdicts,
-has it checked by the monitor, and hands it to the sinks (a recording, a summary, a progress line).
+"""The observer: it sees everything and commands nothing.
 
-A frame of a server that is killed while it publishes may reach the observer and nobody else. When a tick
-declares it void, the monitor has stepped over what no client saw, and could expect nothing for the rest of
-the run. Like a client to which this happens, the observer then asks the Clock for a new epoch.
+It combines each frame with its verdicts, has the monitor check it, and passes it to the sinks (a recording, a
+summary, a progress line).
 
-The answers of modules in Python come as frames, too. They hold up no other frame: a frame waits for them as
-it waits for its verdicts, and goes on without them.
+A frame of a server that is killed while it publishes may reach the observer and no other node. When a tick
+declares it void, the monitor has stepped over a frame that no client saw, and could expect nothing for the
+rest of the run. Like a client to which this happens, the observer then asks the Clock for a new epoch.
+
+The answers of modules in Python come as frames, too. They delay no other frame: a frame waits for them as it
+waits for its verdicts, and proceeds without them after a timeout.
 """
 
 from __future__ import annotations
@@ -36,13 +38,13 @@ from colony.runtime.protocol.messages import (
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class FrameLog:
-    """All of one frame: what was sensed, what each actuator's server decided, and what should have been.
+    """All data of one frame: the readings, each actuator's verdict, and the expected outcome.
 
-    A verdict may be absent, where a run broke off in the middle of a frame. `disagreements` tell how the
-    verdicts differ from `expected` although nobody was late or lost: there should never be one. `restart`
-    tells that all memory began anew with this frame in the middle of a run, `requests` what the clients asked
-    for, as they came (unless nobody wants to know). `skipped` frames before this one were missed for good;
-    from there to the next restart nothing is expected, as memory is not known. `keyframe`, at least every
+    A verdict may be absent if a run broke off in the middle of a frame. `disagreements` describe differences
+    of the verdicts from `expected` although no client was late or lost: there should never be one. `restart`
+    is True if all memory restarted with this frame in the middle of a run; `requests` are those of the
+    clients, as they came (if they are observed). `skipped` frames before this one were missed for good; from
+    there to the next restart nothing is expected, as memory is unknown. `keyframe`, at least every
     `KEYFRAME_NS`, has the memory before the frame. `answers` are those of modules in Python, as far as they
     are known.
     """
@@ -65,27 +67,29 @@ class FrameLog:
 
     @property
     def damaged(self) -> bool:
-        """Whether something before this frame is damaged, which only a recording can be."""
+        """True if data before this frame is damaged; only a recording can be."""
         return False
 
     @property
     def memory_unknown(self) -> bool:
-        """Whether memory is not known, and so nothing is expected."""
+        """True if memory is unknown, and so nothing is expected."""
         return not self.expected.decisions
 
 
 class Sink(Protocol):
-    """Takes frames in their order."""
+    """A consumer of frames in their order."""
 
-    def take(self, log: FrameLog) -> None: ...
+    def take(self, log: FrameLog) -> None:
+        """Take the next frame."""
+        ...
 
     def close(self) -> None:
-        """No more frames come; called once, also after a failure."""
+        """End the frames; called once, also after a failure."""
         ...
 
 
 class _Waiting(NamedTuple):
-    """A frame that came at `came_ns`, after `skipped` that did not, which may make memory unknown."""
+    """A frame that came at `came_ns`, after `skipped` missed ones, which may make memory unknown."""
 
     assembled: Assembled
     came_ns: int
@@ -94,19 +98,24 @@ class _Waiting(NamedTuple):
 
 
 KEYFRAME_NS = 400_000_000
-"""The longest time from a keyframe to the end of the last frame before the next one, where frames are not
-longer. With the frame that is being decided it stays below half a second."""
+"""Longest time in ns from a keyframe to the end of the last frame before the next one.
+
+Longer frames exceed it. With the frame that is being decided it stays below half a second.
+"""
 
 
 class Observer:
-    """Mutable: frames that still wait for verdicts, and the epoch of which it stepped over a void frame.
+    """The node that observes a run.
+
+    Mutable: frames that still wait for verdicts, and the epoch of which it stepped over a void frame.
 
     Args:
-        assembler: of all sensors.
-        actuators: by name; a frame is complete with a verdict of each.
-        monitor, sinks: who checks the frames, and who takes them.
-        heeded: servers whose requests are handed on too.
-        modules: of the modules in Python, if there are any.
+        assembler: the assembler of all sensors.
+        actuators: the actuators by name; a frame is complete with a verdict of each.
+        monitor: the checker of the frames.
+        sinks: the consumers of the frames.
+        heeded: servers whose requests are passed on too.
+        modules: the assembler of the modules in Python, if there are any.
         frame_ns: the period of the program's frames.
     """
 
@@ -147,13 +156,15 @@ class Observer:
         return tuple(topic for topic in self.listens if topic != topics.TICKS)
 
     def add(self, sink: Sink) -> None:
-        """One more sink, before the first frame."""
+        """Add a sink; call this before the first frame."""
         self._sinks = (*self._sinks, sink)
 
     def start(self, now_ns: int) -> Iterable[Effect]:
+        """Do nothing."""
         return ()
 
     def handle(self, message: Message, now_ns: int) -> Iterable[Effect]:
+        """Collect frames, verdicts and requests, and pass complete frames to the sinks."""
         effects: tuple[Effect, ...] = ()
         match message:
             case Tick() | ServerFrame():
@@ -177,7 +188,7 @@ class Observer:
         return effects
 
     def close(self) -> None:
-        """Hand over what is there, and close the sinks whatever happens."""
+        """Pass on the frames that wait, and close the sinks in any case."""
         try:
             while self._waiting:
                 self._release()
@@ -185,7 +196,7 @@ class Observer:
             close_all(self._sinks)
 
     def _skip(self) -> None:
-        """Skip frames that cannot be had; note the epoch if a frame that was handed out has turned void."""
+        """Skip frames that are lost; note the epoch if a frame that was handed out has turned void."""
         left_out = self._assembler.skip()
         if not left_out:
             self._contradicted = self._assembler.start
@@ -193,7 +204,7 @@ class Observer:
         self._memory_unknown = True
 
     def _take_answers(self, message: Tick | ServerFrame) -> tuple[Effect, ...]:
-        """Note the answers of modules in Python; one that is too far behind is not waited for."""
+        """Note the answers of modules in Python; do not wait for one that is too far behind."""
         if self._modules is None:
             return ()
         effects = self._modules.take(message)
@@ -216,7 +227,7 @@ class Observer:
         return not self._heeds or self._heard(k) or len(self._waiting) > 1
 
     def _heard(self, k: int) -> bool:
-        """Whether the requests are here that the verdicts of a frame tell of: they may come after these."""
+        """Return True if all requests that count in a frame's verdicts have come (perhaps after these)."""
         requests, verdicts = self._requests.get(k, {}), self._verdicts.get(k, {})
         return all(
             (actuator, client) in requests or fate in UNHEARD
@@ -252,7 +263,7 @@ class Observer:
             sink.take(log)
 
     def _keyframe(self, t_ns: int, jumped: bool) -> Keyframe | None:
-        """Return the memory before a frame if it is time for it, or it `jumped`: a frame is missing."""
+        """Return the memory before a frame if it is due, or if frames are missing before it (`jumped`)."""
         begun_ns = self._keyframe_ns
         if begun_ns is not None and t_ns + self._frame_ns - begun_ns <= KEYFRAME_NS and not jumped:
             return None
@@ -264,11 +275,11 @@ K = TypeVar("K")
 V = TypeVar("V")
 
 _MOST_WAITING = 20_000
-"""Frames of which something is kept although they did not come yet."""
+"""Largest number of frames that are kept in part, before they are complete."""
 
 
 def _kept(of: dict[int, dict[K, V]], k: int) -> dict[K, V]:
-    """What there is of frame `k` so far."""
+    """Return the part of frame `k` that is kept so far."""
     found = of.setdefault(k, {})
     if len(of) > _MOST_WAITING:
         del of[next(iter(of))]
@@ -276,7 +287,7 @@ def _kept(of: dict[int, dict[K, V]], k: int) -> dict[K, V]:
 
 
 def _taken(of: dict[int, dict[K, V]], k: int) -> dict[K, V]:
-    """What there is of frame `k`, which is the last time that it is asked for; older ones are let go."""
+    """Remove and return the part of frame `k` that is kept; drop older frames."""
     found = of.pop(k, {})
     for old in [at for at in of if at < k]:
         del of[old]

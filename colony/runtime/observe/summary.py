@@ -1,4 +1,4 @@
-"""What a run came to: who drove how long, what was bumped into, which contracts broke; data first."""
+"""Summary of a run: time in command, bumps, broken contracts; data first."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from colony.text.wording import counted
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Share:
-    """In how many frames, and for how many seconds, `module` commanded; None: nobody did."""
+    """The frames and seconds in which `module` commanded; None: no module did."""
 
     module: str | None
     frames: int
@@ -25,7 +25,7 @@ class Share:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ActuatorSummary:
-    """Shares of every client, highest place first, and of nobody, last."""
+    """Shares of every client, highest place first, and of idle frames, last."""
 
     actuator: str
     shares: tuple[Share, ...]
@@ -33,7 +33,7 @@ class ActuatorSummary:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class BreachSummary:
-    """A contract that was broken in `frames` frames, first and last at these seconds."""
+    """A contract that was broken in `frames` frames, and the times in seconds of the first and the last."""
 
     contract: str
     frames: int
@@ -43,7 +43,7 @@ class BreachSummary:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class RecordSummary:
-    """Something recorded (`kind`, as `colony.ir.frame.RecordKind`) about `subject`, in `frames` frames."""
+    """A kind of record (`colony.ir.frame.RecordKind`) about `subject`, in `frames` frames."""
 
     kind: RecordKind
     subject: str
@@ -61,8 +61,10 @@ class TroubleSummary:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class InterventionSummary:
-    """The network did not decide over `actuator` in `frames` frames: the client `by` outside it commanded, or
-    `hold` was on."""
+    """Intervention over `actuator`, in `frames` frames, in which the network did not decide.
+
+    The client `by` outside the network commanded, or `hold` was on.
+    """
 
     actuator: str
     by: str | None
@@ -72,7 +74,7 @@ class InterventionSummary:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Travel:
-    """How a body went: times that it began to touch something, and millimeters of path."""
+    """Travel of a body: the number of times it began to touch something, and millimeters of path."""
 
     bumps: int
     distance_mm: float
@@ -80,14 +82,14 @@ class Travel:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class RunSummary:
-    """All of one run. `mean_speed_mm_s` is over its whole duration, `contracts` how many were watched.
+    """Summary of one run. `mean_speed_mm_s` is over its whole duration, `contracts` counts those watched.
 
-    `broke_off` tells why the run ended before its time, although nobody interrupted it. `unwritten` are
-    files that could not be written after it.
+    `broke_off` is the reason why the run ended early, although no user interrupted it. `unwritten` are files
+    that could not be written after it.
 
-    `restarts` is how often all memory began anew, `skipped` how many frames were missed for good, `unknown`
-    in how many memory was not known, so that nothing was expected. Of a real robot nobody knows how it went:
-    `bumps` and the two after it are None.
+    `restarts` counts the restarts of all memory, `skipped` the frames missed for good, `unknown` the frames
+    in which memory was unknown, so that nothing was expected. On a real robot the travel is unknown: `bumps`
+    and the two after it are None.
     """
 
     robot: str
@@ -117,7 +119,7 @@ class RunSummary:
 
     @property
     def sound(self) -> bool:
-        """No contract was broken, the runtime did what the program says, and the run did not break off."""
+        """True if no contract broke, the runtime followed the program, and the run did not break off."""
         return not self.breaches and not self.disagreements and self.broke_off is None
 
 
@@ -126,7 +128,7 @@ _MOST_DISAGREEMENTS = 10
 
 
 class Tally:
-    """Counts frames as they come. A sink; mutable: the counts."""
+    """A sink that counts frames as they come. Mutable: the counts."""
 
     def __init__(self, compiled: Compiled) -> None:
         self._compiled = compiled
@@ -142,6 +144,7 @@ class Tally:
         self._skipped = self._unknown = 0
 
     def take(self, log: FrameLog) -> None:
+        """Count a frame."""
         self.frames += 1
         self._restarts += log.restart
         self._skipped += log.skipped
@@ -167,12 +170,12 @@ class Tally:
             self._disagreements.extend(f"at {t:g} s, {text}" for text in log.disagreements)
 
     def close(self) -> None:
-        """The counts stay."""
+        """Do nothing: the counts stay."""
 
     def summary(
         self, *, seed: int, duration_s: float, interrupted: bool, travel: Travel | None
     ) -> RunSummary:
-        """All counts so far."""
+        """Return all counts so far."""
         return RunSummary(
             robot=self._compiled.name,
             seed=seed,
@@ -226,7 +229,7 @@ def _per(distance_mm: float, duration_s: float) -> float:
 
 
 def render(summary: RunSummary) -> str:
-    """The summary for a person, in plain text."""
+    """Return the summary as plain text for people."""
     end = ", interrupted" if summary.interrupted else ", broken off" if summary.broke_off else ""
     length = f"{summary.duration_s:.1f} s, {counted(summary.frames, 'frame')}"
     head = f"{summary.robot}: {length}, seed {summary.seed}{end}"

@@ -1,7 +1,7 @@
-"""The binding of a program's sensors and actuators to the servers of a robot, checked before anything moves.
+"""Binding of a program's sensors and actuators to the servers of a robot, checked before anything moves.
 
-Codes: R001 no such server, R002 no such field, R003 a type that does not fit, R004 no such command,
-R005 no such parameter, R006 two actuators on one command.
+Codes: R001 no such server, R002 no such field, R003 a type that does not fit, R004 no such command, R005 no
+such parameter, R006 two actuators on one command.
 """
 
 from __future__ import annotations
@@ -20,9 +20,9 @@ from colony.text.units import NUMBER
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SensorBinding:
-    """A sensor reads `field` of `server`.
+    """The binding of a sensor to `field` of `server`.
 
-    `factor` is the declared unit in base units. The server gives base units or, if `declared`, values in the
+    `factor` is the declared unit in base units. The server sends base units or, if `declared`, values in the
     sensor's declared unit, as people and programs set them.
     """
 
@@ -34,14 +34,15 @@ class SensorBinding:
     declared: bool = False
 
     def is_fresh(self, taken_ns: int, now_ns: int) -> bool:
-        """Return True if a value that was taken at `taken_ns` is not too old at `now_ns`."""
+        """Return True if a value taken at `taken_ns` is not too old at `now_ns`."""
         return self.within_ns is None or now_ns - taken_ns <= self.within_ns
 
     def in_base_units(self, value: Value) -> Value:
-        """Return what an executor computes with, given a value of the server.
+        """Return the value that an executor computes with, for a value sent by the server.
 
-        A reading is a number in the declared unit, and such a number is recorded. So a value of hardware is
-        rounded to the base value of a number in the declared unit: otherwise no recording could tell it.
+        A reading is a number in the declared unit, and recordings hold that number. So a value from hardware
+        is rounded to the base value of a number in the declared unit: otherwise no recording could represent
+        it.
         """
         factor = self.factor
         if factor == 1.0:
@@ -51,7 +52,7 @@ class SensorBinding:
         return converted(value, lambda x: x / factor * factor)  # type: ignore[return-value]
 
     def in_declared_units(self, value: Value) -> Value:
-        """Return what people read, given a value of the server."""
+        """Return a value of the server in the declared unit, for people."""
         factor = self.factor
         if factor == 1.0 or self.declared:
             return value
@@ -60,10 +61,10 @@ class SensorBinding:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ActuatorBinding:
-    """An actuator sends `command` of `server`.
+    """The binding of an actuator to `command` of `server`.
 
-    `places[i]` is the position in the actuator's fields of the command's parameter i, None where it is 0;
-    an empty tuple where the server takes the fields as they are.
+    `places[i]` is the position in the actuator's fields of the command's parameter i, None where it is 0; an
+    empty tuple where the server takes the fields as they are.
     """
 
     actuator: str
@@ -74,7 +75,7 @@ class ActuatorBinding:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Bindings:
-    """Where every sensor and actuator of a program is, in the order declared."""
+    """The bindings of all sensors and actuators of a program, in the order declared."""
 
     sensors: tuple[SensorBinding, ...]
     actuators: tuple[ActuatorBinding, ...]
@@ -84,7 +85,7 @@ def bind(robot: Robot, servers: tuple[ServerSpec, ...] = SERVERS) -> Bindings:
     """Find each sensor's field and each actuator's command among `servers`.
 
     Raises:
-        Failure: something does not fit; all that does not is reported, at its declaration.
+        Failure: a sensor or actuator does not fit; every misfit is reported, at its declaration.
     """
     found: list[Diagnostic] = []
     sensors = [_bind_sensor(s, servers, found) for s in robot.sensors]
@@ -99,7 +100,7 @@ def bind(robot: Robot, servers: tuple[ServerSpec, ...] = SERVERS) -> Bindings:
 
 
 def nearest(name: str, known: Iterable[str]) -> str:
-    """Return a hint with the known name nearest to `name`, or with all of them."""
+    """Return a hint that names the known name nearest to `name`, or all known names."""
     names = list(known)
     hint = did_you_mean(name, names)
     return hint or ("known are: " + ", ".join(names) if names else "there is none")
@@ -156,7 +157,7 @@ def _sensor_fits(declared: Type, spec: FieldSpec) -> bool:
 
 
 def _fits(mine: Scalar, its: Scalar) -> bool:
-    """Equal types, or a plain number for any quantity: it is then in base units."""
+    """Return True for equal types, and for a plain number in place of any quantity (then in base units)."""
     match mine, its:
         case Quantity(dimension=a), Quantity(dimension=b):
             return a in (b, NUMBER)

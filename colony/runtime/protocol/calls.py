@@ -1,16 +1,15 @@
-"""The part of a server that takes calls: connections with priorities, methods with typed arguments, replies
-now or later, and callers that die (thesis section 4.5.3).
+"""Call handling of a server: connections with priorities, typed methods, replies, and callers that die.
 
-A server lists its methods and gives its messages to a `CallDesk`:
+The calls are those of thesis section 4.5.3. A server lists its methods and gives its messages to a
+`CallDesk`:
 
     METHODS = (method("level", Level, read_level, right="read"), ...)
     desk = CallDesk("Battery", METHODS)
     effects = desk.handle(message, now_ns)
 
-A connection begins with the call `open` and ends with the call `close`, or when nothing was heard of it for
-the lease. A call that changes something is done once however often it arrives: what was answered is answered
-again in the same words. A handler gives the result, raises `Refused`, or says `LATER` and answers through
-`CallDesk.answer` in its time.
+A connection begins with the call `open` and ends with the call `close`, or when its lease expires. A call
+that changes something is done once however often it arrives: a repeated call gets the same answer again. A
+handler returns the result, raises `Refused`, or returns `LATER` and answers later through `CallDesk.answer`.
 """
 
 from __future__ import annotations
@@ -39,39 +38,39 @@ from colony.runtime.protocol.messages import (
 )
 
 LEASE_NS = 750_000_000
-"""After this time without a sign of life a connection is lost. Clients give one every quarter of a second."""
+"""Lease of a connection, in ns: it is lost after that time without a sign of life (clients send 4 per s)."""
 
 ANSWER_BYTES = 8 * 1024 * 1024
-"""Bytes of the replies kept for all connections together."""
+"""Byte limit of the replies kept for all connections together."""
 
 STOPS_KEPT = 256
-"""Replies to emergency stops that are kept, so that a call which arrives again is no second stop."""
+"""Number of replies to emergency stops that are kept, so that a repeated call is not a second stop."""
 
 CONNECTIONS = 1000
-"""Connections that a server has at a time."""
+"""Largest number of connections that a server has at a time."""
 
 CONNECTIONS_EACH = 500
-"""Connections of one user, so that a single user cannot take all of them."""
+"""Largest number of connections of one user, so that a single user cannot take all of them."""
 
 MOST_REACHED = 16
-"""Sentences in `status` about limits of the connections that were reached."""
+"""Largest number of sentences in `status` about connection limits that were reached."""
 
 LONGEST_NAME = 255
-"""Characters of a connection's name; the rest is cut off."""
+"""Largest number of characters of a connection's name; longer names are truncated."""
 
 WAITING_EACH = 256
-"""Calls of one connection that may wait for their answers."""
+"""Largest number of calls of one connection that may wait for their answers."""
 
 ARGUMENT_BYTES = 64 * 1024
-"""Largest arguments, in msgpack, of a method that sets no limit of its own."""
+"""Largest size of the arguments, in bytes of msgpack, for a method that sets no limit of its own."""
 
 
 LONGEST_TEXT = 1000
-"""Characters of a message for people; the rest of a longer one is left out."""
+"""Largest number of characters of a message for people; longer ones are truncated."""
 
 
 class Refused(Exception):
-    """A call that a server does not do.
+    """A call that a server refuses to carry out.
 
     `code` is for programs: "arguments", "size", "method", "right", "closed", "malformed", "full", or one of
     the server's own. Further codes are "flood", from the server's inbox, for a call that came too fast, and
@@ -84,7 +83,7 @@ class Refused(Exception):
 
 
 class Asked(NamedTuple):
-    """One call, of which the answer is due."""
+    """A call whose answer is due."""
 
     caller: Caller
     number: int
@@ -95,19 +94,21 @@ class Later:
 
 
 LATER: Final = Later()
-"""The result of a handler whose answer comes later."""
+"""Result of a handler that answers later."""
 
 EMERGENCY_STOP = "emergency_stop"
-"""The method that stops a server's actuators."""
+"""Name of the method that stops a server's actuators."""
 
 Handler = Callable[[Asked, Any, int], object]
-"""From the call, its arguments and the time to its result, which msgspec can put into bytes."""
+"""A function from the call, its arguments and the time to a result that msgspec can encode."""
 
 
 class Method(NamedTuple):
-    """A method of a server: the msgspec struct of its arguments, the right that it needs, and the most bytes
-    of arguments that it decodes. A `lasting` one goes on to cost the server something after its answer: the
-    right to stop does not do for it."""
+    """A method of a server: the struct of its arguments, its handler, and the right that it needs.
+
+    `largest` is the limit of the arguments in bytes. A `lasting` method continues to cost the server
+    something after its answer: the right to stop does not suffice for it.
+    """
 
     name: str
     arguments: type[msgspec.Struct]
@@ -126,7 +127,7 @@ def method(
     largest: int = ARGUMENT_BYTES,
     lasting: bool = False,
 ) -> Method:
-    """Return a line of a server's table of methods.
+    """Return an entry of a server's method table.
 
     Arguments of more than `largest` bytes are refused with the code "size" before they are decoded.
     """
@@ -134,13 +135,13 @@ def method(
 
 
 class Open(msgspec.Struct, frozen=True, kw_only=True):
-    """`open`: the name that the connection goes by, for people; its priority is that of the call."""
+    """Arguments of `open`: the connection's name, for people. Its priority is that of the call."""
 
     name: str
 
 
 class Nothing(msgspec.Struct, frozen=True, kw_only=True):
-    """The arguments of a method that has none."""
+    """Arguments of a method that takes none."""
 
 
 class ConnectionStatus(msgspec.Struct, frozen=True, kw_only=True):
@@ -156,10 +157,10 @@ class ConnectionStatus(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class Status(msgspec.Struct, frozen=True, kw_only=True):
-    """`status`: the connections, and the number of messages that could not be decoded.
+    """Result of `status`: the connections, and the number of messages that could not be decoded.
 
-    `full` has a sentence for each limit of the server that is reached, or was since it started, and for what
-    else people have to see to.
+    `full` has a sentence for each limit of the server that is reached, or was since it started, and for
+    anything else that needs attention.
     """
 
     server: str
@@ -174,17 +175,17 @@ _RIGHTS: dict[Right, tuple[Right, ...]] = {
     "command": ("command",),
     "stop": ("stop", "command"),
 }
-"""By which rights a method may be called; stopping is open to who may command."""
+"""Rights with which a method of each kind may be called; the right to command includes stopping."""
 
 
 class CallDesk:
-    """Mutable: the connections and what they were answered.
+    """The call handling of one server. Mutable: the connections and the replies sent to them.
 
     Args:
-        server: its name.
-        methods: what it does; `open`, `close` and `status` it has already.
-        admit: asked before a connection opens; raises `Refused` to turn it away.
-        lost: told that a connection ended, by `close` or by its lease; gives effects.
+        server: the server's name.
+        methods: the server's methods, besides the built-in `open`, `close` and `status`.
+        admit: called before a connection opens; raises `Refused` to reject it.
+        lost: called when a connection ended, by `close` or by its lease; returns effects.
         stop: carries out an emergency stop, given the connection and the time; raises `Refused` if it could
             not do all of it. Without it the server has nothing to stop.
         full: returns sentences about limits that the server's other parts have reached, for `status`.
@@ -221,7 +222,7 @@ class CallDesk:
         self.listens = (topics.calls(server),)
 
     def handle(self, message: Message, now_ns: int) -> Iterator[Effect]:
-        """Take a call, a sign of life, what could not be read, or the time; anything else is ignored."""
+        """Handle a call, a sign of life, a malformed message, or a wake; ignore every other message."""
         match message:
             case Call(method=called) if called == EMERGENCY_STOP and self._stop is not None:
                 yield self._stop_at_once(self._stop, message, now_ns)
@@ -245,15 +246,15 @@ class CallDesk:
                 pass
 
     def answer(self, asked: Asked, result: object) -> Iterator[Effect]:
-        """Send the result of a call whose handler said `LATER`; do nothing if the caller is gone."""
+        """Send the result of a call whose handler returned `LATER`; do nothing if the caller is gone."""
         yield from self._reply(asked, _result(asked, result))
 
     def refuse(self, asked: Asked, refused: Refused) -> Iterator[Effect]:
-        """Refuse a call whose handler said `LATER`; do nothing if the caller is gone."""
+        """Refuse a call whose handler returned `LATER`; do nothing if the caller is gone."""
         yield from self._reply(asked, _problem(asked, refused.problem))
 
     def settle(self, answers: Iterable[tuple[Asked, object]]) -> Iterator[Effect]:
-        """Answer calls whose handlers said `LATER`; a result of the type `Refused` refuses its call."""
+        """Answer calls whose handlers returned `LATER`; a result of the type `Refused` refuses its call."""
         for asked, result in answers:
             if isinstance(result, Refused):
                 yield from self.refuse(asked, result)
@@ -261,7 +262,7 @@ class CallDesk:
                 yield from self.answer(asked, result)
 
     def notify(self, caller: Caller, subject: str, body: object) -> Iterator[Effect]:
-        """Tell a caller something, if it is still there."""
+        """Send a notice to a caller, if it is still connected."""
         if caller.connection in self._connections:
             raw = msgspec.Raw(msgspec.msgpack.encode(body))
             notice = Notice(connection=caller.connection, subject=subject, body=raw)
@@ -270,9 +271,9 @@ class CallDesk:
     # --- calls ---------------------------------------------------------------------------------------
 
     def _stop_at_once(self, stop: Callable[[str, int], None], call: Call, now_ns: int) -> Effect:
-        """Carry out an emergency stop, also without an open connection and whatever its priority.
+        """Carry out an emergency stop, also without an open connection and regardless of priority.
 
-        A call that arrives again is not a second stop: the robot may have been released in the meantime.
+        A repeated call is not a second stop: the robot may have been released in the meantime.
         """
         known = self._stops.get((call.connection, call.number))
         if known is not None:
@@ -324,7 +325,7 @@ class CallDesk:
     def _do(self, connection: Connection, call: Call, now_ns: int) -> Iterator[Effect]:
         asked = Asked(connection.caller, call.number)
         known = self._methods.get(call.method)
-        # what was only read is read again for a call that arrives again: answers may be large
+        # a repeated read is carried out again instead of kept: its answer may be large
         kept = known is not None and known[0].right != "read"
         try:
             result = self._result_of(asked, call, now_ns)
@@ -399,7 +400,7 @@ class CallDesk:
         yield Send(topics.replies(self._server, asked.caller.connection), reply)
 
     def _forget_answers(self) -> None:
-        """Forget answers of the connection that has most of them, perhaps even the newest one."""
+        """Drop answers of the connection with the most of them, oldest first, perhaps even the newest."""
         most = max(self._connections.values(), key=lambda each: each.answer_bytes)
         while self._answer_bytes > ANSWER_BYTES and most.answers:
             self._answer_bytes -= most.forget_oldest()
@@ -429,10 +430,10 @@ class CallDesk:
             full=(*self._reached, *self._full()),
         )
 
-    # --- who lives -----------------------------------------------------------------------------------
+    # --- leases --------------------------------------------------------------------------------------
 
     def _watch(self, now_ns: int) -> Iterator[Effect]:
-        """See to it that a wake comes when the next connection could be lost."""
+        """Schedule a wake for the time at which the next connection could be lost."""
         if not self._connections:
             self._alarm = None
             return

@@ -1,4 +1,4 @@
-"""Messages as bytes: one byte of version, then msgpack. What comes in is checked against the types.
+"""Encoding of messages: one version byte, then msgpack. Incoming messages are checked against the types.
 
 A message that is too large, of another version, or not of its type is never half-read: `decode` raises
 `NotAMessage`, which says what was found, where, and what was expected.
@@ -27,44 +27,49 @@ from colony.runtime.protocol.messages import (
 )
 
 VERSION = 1
-"""Version of the protocol. Once a version is released, a field with a default may be added at the end of a
-message; every other change is a new version."""
+"""Version of the protocol.
+
+Once a version is released, a field with a default may be added at the end of a message; every other change is
+a new version.
+"""
 
 LARGEST = 4 * 1024 * 1024
-"""Bytes of the largest message: enough for a color image of 1280x960 and what goes with it."""
+"""Byte limit of a message: enough for a color image of 1280x960 and its metadata."""
 
 _LARGEST: dict[type, int] = {
     **dict.fromkeys((Tick, Verdict, Checkpoint, Recall), 1024 * 1024 + 65_536),
     ServerFrame: 256 * 1024,
     **dict.fromkeys((Batch, Request, Announcement, Fetch, Ready, Restart), 65_536),
 }
-"""Bytes of the largest message of each kind that frames consist of: many small values take long to decode,
-and these messages are decoded in every frame."""
+"""Byte limits of the kinds of messages that make up frames.
+
+Many small values take long to decode, and these messages are decoded in every frame.
+"""
 
 _LARGEST_BY_TAG = {
     msgspec.msgpack.encode(kind.__name__): _LARGEST.get(kind, LARGEST) for kind in get_args(Wire)
 }
-"""The limits of all kinds by tag, which is the name of the kind in msgpack."""
+"""Byte limits of all kinds by tag, which is the name of the kind in msgpack."""
 
 _TAG_AT = 2
 """Index of the tag in a message, after the version and the length of the array."""
 
 
 def largest(kind: type) -> int:
-    """Return the limit, in bytes, for messages of a kind."""
+    """Return the byte limit for messages of a kind."""
     return _LARGEST.get(kind, LARGEST)
 
 
 _PREFIX = bytes([VERSION])
 
 _BATCH = _PREFIX + b"\x92" + msgspec.msgpack.encode("Batch")
-"""The bytes with which a batch begins: an array of two, its tag and its messages."""
+"""First bytes of every batch: an array of two, its tag and its messages."""
 
 T = TypeVar("T")
 
 
 class NotAMessage(ValueError):
-    """These bytes are no message of this version; the text says what is wrong with them."""
+    """Bytes that are not a message of this version; the text says what is wrong with them."""
 
 
 _encoder = msgspec.msgpack.Encoder()
@@ -76,7 +81,7 @@ def encode(message: Wire) -> bytes:
     """Encode a message.
 
     Raises:
-        ValueError: it would be larger than its kind may be.
+        ValueError: the message exceeds the limit of its kind.
     """
     data = _PREFIX + _encoder.encode(message)
     most = largest(type(message))
@@ -89,16 +94,16 @@ def decode(data: bytes) -> Sent:
     """Decode a message.
 
     Raises:
-        NotAMessage: these bytes are no message, or too many for one of their kind.
+        NotAMessage: the bytes are not a message, or exceed the limit of its kind.
     """
     return _decoded(data, _decoder)
 
 
 def decode_all(data: bytes) -> tuple[Sent, ...]:
-    """Decode a message, or those of a batch.
+    """Decode a message, or the messages of a batch.
 
     Raises:
-        NotAMessage: these bytes are neither, or too many for their kind.
+        NotAMessage: the bytes are neither, or exceed the limit of their kind.
     """
     found = _decoded(data, _decoder_of_all)
     if not isinstance(found, Batch):
@@ -109,7 +114,7 @@ def decode_all(data: bytes) -> tuple[Sent, ...]:
 
 
 def count(data: bytes) -> int:
-    """Return how many messages these bytes claim to be, without decoding them; at least 1."""
+    """Return the number of messages that these bytes claim to hold, without decoding them; at least 1."""
     if not data.startswith(_BATCH):
         return 1
     head = data[len(_BATCH) : len(_BATCH) + 5]
@@ -136,8 +141,10 @@ def _decoded(data: bytes, decoder: msgspec.msgpack.Decoder[T]) -> T:
 
 
 def _largest_here(data: bytes) -> int:
-    """Return the limit, in bytes, for messages that begin like these bytes; one in which the tag is not where
-    `encode` puts it has to be small."""
+    """Return the byte limit for messages that begin like these bytes.
+
+    A message whose tag is not where `encode` puts it gets the smallest limit.
+    """
     if len(data) <= _SMALLEST_LIMIT:
         return _SMALLEST_LIMIT
     tag = data[_TAG_AT : _TAG_AT + 1 + (data[_TAG_AT] & 0x1F)]  # a short string of msgpack, with its length

@@ -1,4 +1,4 @@
-"""What a server keeps of a connection: who has it, and the answers to calls that may arrive again."""
+"""State that a server keeps for a connection: its caller, and the answers to calls that may be repeated."""
 
 from __future__ import annotations
 
@@ -9,17 +9,17 @@ from typing import NamedTuple
 from colony.runtime.protocol.messages import Reply
 
 ANSWERS_KEPT = 64
-"""Replies that are kept for each connection, for calls that arrive again."""
+"""Number of replies kept for each connection, for repeated calls."""
 
 ANSWER_BYTES_KEPT = 1024 * 1024
-"""Bytes of the replies kept for each connection; the newest is kept whatever its size."""
+"""Byte limit of the replies kept for each connection; the newest is kept whatever its size."""
 
 ANSWER_OVERHEAD = 300
 """Bytes of memory that a kept reply takes besides its result."""
 
 
 class Caller(NamedTuple):
-    """Who calls: a connection (`user/id`), the name that it goes by, its priority, its user."""
+    """The caller: its connection (`user/id`), the connection's name, priority and user."""
 
     connection: str
     name: str
@@ -29,7 +29,7 @@ class Caller(NamedTuple):
 
 @dataclass(frozen=False, slots=True, kw_only=True)
 class Connection:
-    """One connection. Mutable: when it was heard, its open calls, and its kept answers."""
+    """One connection. Mutable: the time of its last message, its open calls, and its kept answers."""
 
     caller: Caller
     since_ns: int
@@ -43,7 +43,7 @@ class Connection:
     forgotten: int = 0
 
     def keep(self, reply: Reply) -> int:
-        """Keep an answer, forget the oldest ones beyond the limits, and return the growth in bytes."""
+        """Keep an answer, drop the oldest ones beyond the limits, and return the growth in bytes."""
         before = self.answer_bytes
         self.answers[reply.number] = reply
         self.answer_bytes += answer_size(reply)
@@ -54,7 +54,7 @@ class Connection:
         return self.answer_bytes - before
 
     def forget_oldest(self) -> int:
-        """Forget the oldest answer, and return its bytes."""
+        """Drop the oldest answer, and return its size in bytes."""
         number, old = self.answers.popitem(last=False)
         size = answer_size(old)
         self.answer_bytes -= size
@@ -63,6 +63,6 @@ class Connection:
 
 
 def answer_size(reply: Reply) -> int:
-    """Return about how many bytes of memory an answer takes."""
+    """Return the approximate memory that an answer takes, in bytes."""
     text = 0 if reply.problem is None else len(reply.problem.message)
     return len(memoryview(reply.result)) + text + ANSWER_OVERHEAD

@@ -1,8 +1,8 @@
-"""What the servers of a robot have to know of the program that is run on it: who commands what, in which
-order, and how the frames go. It is a message, so that the program itself may be anywhere.
+"""Deployment of a program: what the servers must know of it, such as clients, priorities and frame period.
 
-The process that leads a run deploys it at the Clock and at every server that an actuator is bound to, and
-again wherever one of these was started anew. As long as the leader lives, nobody else may.
+A deployment is a message, so that the program itself may run anywhere. The leader of a run deploys the
+program at the Clock and at every server that an actuator is bound to, and again at each of these that was
+restarted. While the leader is connected, no other process may deploy.
 """
 
 from __future__ import annotations
@@ -23,25 +23,28 @@ from colony.runtime.protocol.plausibility import NUMBER_NS
 
 SHORTEST_FRAME_NS = NUMBER_NS
 LONGEST_FRAME_NS = 3_600_000_000_000
-"""Of the frames of a robot. Faster ones would run out of numbers (see `clock.py`); with slower ones nobody
-would notice for hours that a client is lost."""
+"""Limits of a robot's frame period, in nanoseconds.
+
+Faster frames would run out of numbers (see `clock.py`); with slower ones a lost client would go unnoticed for
+hours.
+"""
 
 DEPLOYMENT_BYTES = 256 * 1024
-"""Bytes of the largest deployment, in msgpack, that the method `deploy` of a server decodes."""
+"""Byte limit of a deployment, in msgpack, that the method `deploy` of a server decodes."""
 
 
 MOST_CLIENTS = 2000
-"""Clients that the actuators of a program may have together: each frame tells the fate of every one of
-them."""
+"""Largest number of clients of all actuators of a program: each frame carries the fate of every client."""
 
 MOST_OTHERS = 1000
-"""Actuators, fields of one, modules in Python, servers and variables that a deployment may name, of each."""
+"""Largest number, each, of actuators, fields of one, Python modules, servers and variables in a deployment.
+"""
 
 MOST_TOLD = 5
-"""Names or priorities that the message about a problem lists."""
+"""Largest number of names or priorities in the message about a problem."""
 
 LONGEST_NAME = 255
-"""Characters of any name in a deployment."""
+"""Largest number of characters of any name in a deployment."""
 
 
 class FieldTable(msgspec.Struct, frozen=True, kw_only=True):
@@ -73,12 +76,12 @@ class ActuatorTable(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class Deployment(msgspec.Struct, frozen=True, kw_only=True):
-    """A program on a robot. `run` is different for every run; "" is that of a robot without a program.
+    """A program on a robot. `run` is different for every run; "" stands for a robot without a program.
 
-    `announced` are the modules in Python whose answers DServer hands on; `seed` is that of `Runtime.random`;
-    `servers` are read besides those that every robot has.
-    `lockstep`: each frame begins as soon as the one before it is decided, instead of after `frame_ns`.
-    `reads` are the variables that the program's sensors are bound to: DServer's frames show them.
+    `announced` are the modules in Python whose answers DServer relays; `seed` is that of `Runtime.random`;
+    `servers` are read besides those that every robot has. `lockstep`: each frame begins as soon as the one
+    before it is decided, instead of after `frame_ns`. `reads` are the variables that the program's sensors
+    are bound to: DServer's frames show them.
     """
 
     run: str
@@ -101,7 +104,7 @@ def deployment(
     lockstep: bool = False,
     servers: tuple[str, ...] = (),
 ) -> Deployment:
-    """Return what servers have to know of a compiled program."""
+    """Return the deployment of a compiled program."""
     return Deployment(
         run=run,
         program=compiled.name,
@@ -129,7 +132,7 @@ def commanded_by(deployed: Deployment, server: str) -> tuple[ActuatorTable, ...]
 
 
 def client_addresses(deployed: Deployment) -> tuple[tuple[str, str], ...]:
-    """Every client's address, and the server that it sends its requests to."""
+    """Return every client's address, and the server that receives its requests."""
     return tuple(
         (topics.client_address(table.name, client), table.server)
         for table in deployed.actuators
@@ -138,9 +141,11 @@ def client_addresses(deployed: Deployment) -> tuple[tuple[str, str], ...]:
 
 
 def problems(deployed: Deployment) -> tuple[str, ...]:
-    """Return what makes a deployment impossible: no name, frames without length, two clients with one name or
-    priority, more of anything than a robot can have. Limits come first, so that nothing large is looked
-    at."""
+    """Return the reasons why a deployment is impossible; empty if it is valid.
+
+    Reasons are a missing name, a frame period out of range, two clients with one name or priority, and
+    exceeded limits. Limits come first, so that nothing large is examined.
+    """
     return tuple(_too_many(deployed)) or tuple(_problems(deployed))
 
 
@@ -186,7 +191,7 @@ def _problems_of(table: ActuatorTable) -> Iterator[str]:
 def actuator_table(
     actuator: Actuator, binding: ActuatorBinding, clients: tuple[tuple[str, int], ...]
 ) -> ActuatorTable:
-    """Return what the server that an actuator is bound to has to know of it."""
+    """Return the actuator's table for the server that it is bound to."""
     return ActuatorTable(
         name=actuator.name,
         fields=tuple(

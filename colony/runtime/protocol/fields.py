@@ -1,8 +1,8 @@
-"""What the servers of a robot offer: the fields that sensors bind to, the commands that actuators bind to.
+"""Interfaces of a robot's servers: the fields that sensors bind to, the commands that actuators bind to.
 
-Fields of hardware are in base units (mm, s, deg), whatever unit a program declares: a sensor in meters
-`from PServer.sonar` gets meters. Headings, sonars and infrareds go counterclockwise, 12 looks ahead.
-DServer has the variables that programs give it, in the units in which they were set.
+Fields of hardware are in base units (mm, s, deg), whatever unit a program declares: a sensor in meters `from
+PServer.sonar` gets meters. Headings, sonars and infrareds go counterclockwise, 12 looks ahead. DServer has
+the variables that programs give it, in the units in which they were set.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ class FieldSpec:
 
 @dataclass(frozen=True, slots=True)
 class ParameterSpec:
-    """A parameter of a command, in base units; one that an actuator does not declare is 0."""
+    """A parameter of a command, in base units; it is 0 if an actuator does not declare it."""
 
     name: str
     type: Scalar
@@ -45,7 +45,7 @@ class CommandSpec:
 
 @dataclass(frozen=True, slots=True)
 class ServerSpec:
-    """A server by name. `open_fields`: it has a field of any name (and a command of any name)."""
+    """A server by name. With `open_fields` it has a field of any name (and a command of any name)."""
 
     name: str
     fields: tuple[FieldSpec, ...] = ()
@@ -62,7 +62,7 @@ PSERVER = ServerSpec(
         ),
     ),
 )
-"""The proximity subsystem (thesis section 4.6.2)."""
+"""Interface of the proximity subsystem (thesis section 4.6.2)."""
 
 RSERVER = ServerSpec(
     "RServer",
@@ -89,14 +89,14 @@ RSERVER = ServerSpec(
         ),
     ),
 )
-"""The base (thesis section 4.6.3, Table 4.1)."""
+"""Interface of the base (thesis section 4.6.3, Table 4.1)."""
 
 DSERVER = ServerSpec("DServer", open_fields=True)
-"""Variables that processes share (thesis section 4.6.1); `to DServer.X` sets variable X."""
+"""Interface to the variables that processes share (thesis section 4.6.1); `to DServer.X` sets variable X."""
 
 RUNTIME = ServerSpec(
     "Runtime", fields=(FieldSpec("random", PLAIN, "uniform in [0, 1), new each frame, from the run's seed"),)
 )
-"""What every robot has besides its hardware."""
+"""Interface that every robot has besides its hardware."""
 
 SERVERS = (PSERVER, RSERVER, DSERVER, RUNTIME)

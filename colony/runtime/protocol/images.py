@@ -1,4 +1,4 @@
-"""Images as cameras and their servers hand them on: plain bytes, so that passing one on needs no numpy."""
+"""Images as cameras and their servers pass them on: plain bytes, so that relaying one needs no numpy."""
 
 from __future__ import annotations
 
@@ -25,13 +25,14 @@ class Image(msgspec.Struct, frozen=True, kw_only=True, array_like=True):
     first_row: int = 0
 
     def __post_init__(self) -> None:
+        """Check the size of the image."""
         size = self.height * self.width * self.channels
         if min(self.height, self.width, self.channels) <= 0 or len(self.pixels) != size:
             shape = f"{self.height} x {self.width} x {self.channels}"
             raise ValueError(f"an image of {shape} with {len(self.pixels)} bytes")
 
     def rows(self, first: int, count: int) -> Image:
-        """The band of `count` rows from row `first` on, counted from the top of this image.
+        """Return the band of `count` rows from row `first` on, counted from the top of this image.
 
         Raises:
             ValueError: the image does not have these rows.
@@ -50,16 +51,22 @@ class Image(msgspec.Struct, frozen=True, kw_only=True, array_like=True):
 
 
 class Shot(Protocol):
-    """An image that was taken, whether its pixels exist already (`Image`) or are drawn when they are read."""
+    """An image that was taken; its pixels exist already (`Image`) or are rendered when they are read."""
 
     @property
-    def height(self) -> int: ...
+    def height(self) -> int:
+        """Height in pixels."""
+        ...
 
     @property
-    def width(self) -> int: ...
+    def width(self) -> int:
+        """Width in pixels."""
+        ...
 
     @property
-    def channels(self) -> int: ...
+    def channels(self) -> int:
+        """Number of channels of a pixel."""
+        ...
 
     def rows(self, first: int, count: int) -> Image:
         """Return the band of `count` rows from row `first` on.

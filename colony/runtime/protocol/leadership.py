@@ -1,4 +1,4 @@
-"""Who may deploy at a server: one run at a time, as long as its leader is connected."""
+"""Leadership of a run at a server: one run at a time is deployed, as long as its leader is connected."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from colony.runtime.protocol.deployment import Deployment, problems
 
 
 class Leadership:
-    """Mutable: what is deployed, and who leads it."""
+    """The run deployed at a server and its leader. Mutable: both."""
 
     def __init__(self, server: str) -> None:
         self._server = server
@@ -16,11 +16,11 @@ class Leadership:
         self._leader: Caller | None = None
 
     def take(self, caller: Caller, deployed: Deployment) -> bool:
-        """Whether this is to be deployed: True for another run, False for the one that is deployed already.
+        """Return True if this is another run to be deployed, False if it is deployed already.
 
         Raises:
-            Refused: "busy" while the leader of another run is connected; "arguments" for a deployment that
-                is impossible.
+            Refused: "busy" while the leader of another run is connected; "arguments" for a deployment that is
+                impossible.
         """
         leader = self._leader
         if leader is not None and deployed.run != self._run and leader.connection != caller.connection:
@@ -35,6 +35,6 @@ class Leadership:
         return new
 
     def lost(self, caller: Caller) -> None:
-        """A connection ended. What it deployed stays until somebody else deploys."""
+        """Note the end of a connection. Its deployment stays until another leader deploys."""
         if self._leader is not None and self._leader.connection == caller.connection:
             self._leader = None

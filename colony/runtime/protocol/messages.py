@@ -1,30 +1,30 @@
-"""What the nodes of a robot say to each other, and what a node asks of its transport.
+"""Messages between the nodes of a robot, and requests of a node to its transport.
 
 Every message is an immutable struct of numbers, bools, strings, bytes, tuples and mappings of them, which
-`codec.py` puts into bytes and checks on the way back. A part of a robot is a `Node`: it takes one message and
-a time and returns effects; it never sleeps, opens or sends anything itself. A process of the system runs one
-or several nodes.
+`codec.py` encodes and checks on decoding. A part of a robot is a `Node`: it takes one message and a time and
+returns effects; it never sleeps, opens or sends anything itself. A process of the system runs one or several
+nodes.
 
-One frame k of a robot, by its messages (thesis section 4.3: clients ask servers, nobody else talks):
+One frame k of a robot, by its messages (thesis section 4.3: only clients and servers talk to each other):
 
-    Clock    -> everyone         Tick(k)          the time, who is down, who is lost
+    Clock    -> all nodes        Tick(k)          the time, the servers that are down, the clients lost
     server   -> its readers      ServerFrame(k)   every field, or "no value"
     module   -> DServer          Announcement(k)  the answer of a module in Python, which DServer publishes
-    client   -> its server       Request(k)       a command, or that it has none
-    server   -> observers        Verdict(k)       who won, what was sent, why the others lost
+    client   -> its server       Request(k)       a command, or the reason why there is none
+    server   -> observers        Verdict(k)       the winner, the command sent, the fates of the others
 
-What clients of a network need besides, to come and go:
+Clients of a network come and go with these messages:
 
-    client   -> Clock            Ready            it listens, and can begin; and later, that it lives
-    client   -> DServer          Checkpoint(k)    its memory after frame k; and Recall, to have it back
-    client   -> Clock            Restart          it cannot go on: begin anew from the initial memory, all
+    client   -> Clock            Ready            it listens, and can begin; later, a sign of life
+    client   -> DServer          Checkpoint(k)    its memory after frame k; `Recall` asks for it back
+    client   -> Clock            Restart          it cannot continue: all restart from the initial memory
 
-And what scripts, operators and programs outside a network do, at any server, at any time:
+Scripts, operators and programs outside a network talk to any server, at any time:
 
-    anyone   -> server           Call             a method and its arguments
-    server   -> caller           Reply            the result, or what is wrong
-    server   -> caller           Notice           something that the caller asked to be told of
-    anyone   -> server           Alive            the connection still stands
+    caller   -> server           Call             a method and its arguments
+    server   -> caller           Reply            the result, or the problem
+    server   -> caller           Notice           an event that the caller subscribed to
+    caller   -> server           Alive            the connection still stands
 
 The live transport puts the requests that clients of one process send to one server at one time into one
 message, a `Batch`, and likewise their signs of life and small checkpoints; it takes batches apart before the
@@ -50,25 +50,24 @@ class Sample(NamedTuple):
 
 
 class _Message(msgspec.Struct, frozen=True, kw_only=True, tag=True, array_like=True):
-    """In bytes, an array that begins with the message's name."""
+    """A message, encoded as an array that begins with the message's name."""
 
 
 class Stopped(msgspec.Struct, frozen=True, kw_only=True):
-    """An emergency stop: the connection that asked for it, and the robot's time at which it was heard."""
+    """An emergency stop: the connection that requested it, and the robot's time at which it was received."""
 
     by: str
     t_ns: int
 
 
 class Tick(_Message, frozen=True, kw_only=True):
-    """Frame `k` begins at `t_ns`; `down` are servers and `lost` clients (by address) that do not live.
+    """The start of frame `k` at `t_ns`; servers in `down` and clients in `lost` (by address) are not alive.
 
-    `start` is the frame in which the memory of the whole network was at its initial values: 0, or that of
-    the last restart. Frames before it are of no use any more. `run` names the run of a program that the
-    frame belongs to; "" is that of a robot without a program. `void` are frames of the past, by server and
-    number, that never came and never will, because their server died: they count as "no value".
-
-    `stopped` is the emergency stop that is on. One that a server heard at or before `released_ns` is over.
+    `start` is the frame in which the memory of the whole network was at its initial values: 0, or that of the
+    last restart. Frames before it are of no use any more. `run` names the run of a program that the frame
+    belongs to; "" is that of a robot without a program. `void` are past frames, by server and number, that
+    will never come because their server died: they count as "no value". `stopped` is the emergency stop in
+    force. A stop that a server received at or before `released_ns` is over.
     """
 
     k: int
@@ -83,9 +82,9 @@ class Tick(_Message, frozen=True, kw_only=True):
 
 
 class ServerFrame(_Message, frozen=True, kw_only=True):
-    """What a server has for frame `k`: fields in base units by name; None, or absent, is "no value".
+    """A server's values for frame `k`: fields in base units by name; None, or absent, is "no value".
 
-    `since` is the first frame that this process of the server answered. It knows nothing of those before.
+    `since` is the first frame that this process of the server answered. It knows nothing of earlier frames.
     `stopped` is the emergency stop that keeps the server's actuators idle.
     """
 
@@ -97,17 +96,17 @@ class ServerFrame(_Message, frozen=True, kw_only=True):
 
 
 class Fetch(_Message, frozen=True, kw_only=True):
-    """Asks whoever published the frames of `server` (or the Clock its ticks) to publish frame `k` again."""
+    """A request to the publisher of the frames of `server` (or to the Clock) to publish frame `k` again."""
 
     server: str
     k: int
 
 
 class Request(_Message, frozen=True, kw_only=True):
-    """What `client` wants of `actuator` in frame `k`.
+    """The bid of `client` for `actuator` in frame `k`.
 
-    `values` are the fields in base units, limited and clamped already; None unless the bid is a command,
-    and None with `fault` when the command is not finite.
+    `values` are the fields in base units, limited and clamped already; None unless the bid is a command, and
+    None with `fault` when the command is not finite.
     """
 
     k: int
@@ -119,8 +118,11 @@ class Request(_Message, frozen=True, kw_only=True):
 
 
 class Announcement(_Message, frozen=True, kw_only=True):
-    """A module in Python tells DServer its answer in frame `k`: for its client, for the guards of others, and
-    for the observer. Nobody else runs the module."""
+    """The answer of a module in Python in frame `k`, sent to DServer.
+
+    DServer relays it to the module's client, to the guards of others and to the observer; no other process
+    runs the module.
+    """
 
     k: int
     module: str
@@ -132,12 +134,12 @@ Fate = Literal[
     "suppressed",
     "inhibited",
     "inactive",  # its predicate is false
-    "silent",  # it reads something missing
-    "overruled",  # it was active although another, with a higher place, was too: a violation
-    "overridden",  # it was active, but a client outside the network, with a higher priority, commanded
-    "locked out",  # it was active, but somebody else holds the lock
-    "stopped",  # it was active, but the emergency stop is on
-    "late",  # lives, but its request was not there when the frame was decided at its deadline
+    "silent",  # it reads a missing value
+    "overruled",  # active, although a client with a higher place was too: a violation
+    "overridden",  # active, but a client outside the network with a higher priority commanded
+    "locked out",  # active, but another connection holds the lock
+    "stopped",  # active, but the emergency stop is on
+    "late",  # alive, but its request was missing when the frame was decided at its deadline
     "lost",
     "refused",  # its request was malformed
 ]
@@ -149,12 +151,13 @@ Hold = Literal["stopped", "locked"]
 
 
 class Verdict(_Message, frozen=True, kw_only=True):
-    """How frame `k` of an actuator came out.
+    """The outcome of frame `k` for an actuator.
 
     `by` is the client of the network that won. `values` were sent, in declared units; None when nothing was
-    (`idle hold`). `fates` has every client, highest place first. `violation`: two were active. `outside` is
-    the client outside the network whose command was sent instead; `hold` tells that the emergency stop or
-    a lock kept the network from deciding. `notes` say what was wrong with what came.
+    (`idle hold`). `fates` has every client, highest place first. `violation`: two clients were active.
+    `outside` is the client outside the network whose command was sent instead; `hold` is "stopped" or
+    "locked" if the emergency stop or a lock kept the network from deciding. `notes` describe problems with
+    the requests.
     """
 
     k: int
@@ -174,10 +177,10 @@ class Verdict(_Message, frozen=True, kw_only=True):
 
 
 class Ready(_Message, frozen=True, kw_only=True):
-    """A client of the network, by address, tells the Clock that it listens, and for which run.
+    """A report of a client of the network, by address, to the Clock: it is ready for a run.
 
-    It says so again from time to time, as a sign of life: `k` is the frame for which it has just sent its
-    request, -1 where it did not.
+    The client repeats it as a sign of life: `k` is the frame for which it has just sent its request, -1 if it
+    sent none.
     """
 
     client: str
@@ -186,9 +189,9 @@ class Ready(_Message, frozen=True, kw_only=True):
 
 
 class Restart(_Message, frozen=True, kw_only=True):
-    """A client that lost its memory asks the Clock for a new epoch, unless one began since `start`.
+    """A request for a new epoch, by a client that lost its memory; ignored if one began since `start`.
 
-    So does the observer when it stepped over a frame that nobody else received.
+    The observer sends it too, when it stepped over a frame that no client received.
     """
 
     client: str
@@ -196,10 +199,11 @@ class Restart(_Message, frozen=True, kw_only=True):
 
 
 class Checkpoint(_Message, frozen=True, kw_only=True):
-    """Memory of a client after frame `k`, of the network that began at `start`. Cells that several clients of
-    a node need are in the checkpoint of the first: all checkpoints of a node together restore it.
+    """Memory of a client after frame `k`, of the network that began at `start`.
 
-    To DServer, to be kept; and from it, as the answer to `Recall`, with `k` -1 where it has none.
+    Cells that several clients of a node need are in the checkpoint of the first: all checkpoints of a node
+    together restore it. It goes to DServer to be kept, and comes from DServer as the answer to `Recall`, with
+    `k` -1 if there is none.
     """
 
     client: str
@@ -209,13 +213,13 @@ class Checkpoint(_Message, frozen=True, kw_only=True):
 
 
 class Recall(_Message, frozen=True, kw_only=True):
-    """A client asks DServer for its newest checkpoint."""
+    """A client's request to DServer for its newest checkpoint."""
 
     client: str
 
 
 MOST_IN_BATCH = 1000
-"""Messages in one batch."""
+"""Largest number of messages in one batch."""
 
 Batched = Request | Ready | Checkpoint
 """Messages that travel in batches."""
@@ -234,15 +238,15 @@ class Batch(_Message, frozen=True, kw_only=True):
 
 
 Right = Literal["read", "command", "stop"]
-"""What a user may be allowed: to look, to change and move things, to stop the robot in an emergency."""
+"""Right of a user: to read, to change and move things, or to stop the robot in an emergency."""
 
 
 class Call(_Message, frozen=True, kw_only=True):
-    """Method `method` of a server, with arguments in msgpack.
+    """A call of method `method` of a server, with arguments in msgpack.
 
     `connection` is `user/id`. `number` counts the calls of a connection from 1; the same number again is the
     same call again, and is done once. `priority` orders calls that wait at the server, higher first. `right`
-    is what the caller claims to be allowed; the transport vouches for it and for the user.
+    is the right that the caller claims; the transport vouches for it and for the user.
     """
 
     connection: str
@@ -254,7 +258,7 @@ class Call(_Message, frozen=True, kw_only=True):
 
 
 class Problem(msgspec.Struct, frozen=True, kw_only=True):
-    """Why a call failed: a code that programs can tell apart, and a message for people."""
+    """The reason why a call failed: a code for programs, and a message for people."""
 
     code: str
     message: str
@@ -263,7 +267,7 @@ class Problem(msgspec.Struct, frozen=True, kw_only=True):
 class Reply(_Message, frozen=True, kw_only=True):
     """The answer to call `number`: its result in msgpack, unless there is a problem.
 
-    `number` is 0 where the call could not even be read.
+    `number` is 0 if the call could not be decoded.
     """
 
     connection: str
@@ -273,7 +277,7 @@ class Reply(_Message, frozen=True, kw_only=True):
 
 
 class Notice(_Message, frozen=True, kw_only=True):
-    """Something that a connection asked to be told of: about `subject`, the body in msgpack."""
+    """An event that a connection subscribed to: its subject, and its body in msgpack."""
 
     connection: str
     subject: str
@@ -281,15 +285,15 @@ class Notice(_Message, frozen=True, kw_only=True):
 
 
 class Alive(_Message, frozen=True, kw_only=True):
-    """A connection still stands, though it calls nothing."""
+    """A sign of life of a connection that makes no calls."""
 
     connection: str
 
 
 class Malformed(_Message, frozen=True, kw_only=True):
-    """What a transport hands over in place of bytes that are no message. Never sent.
+    """A stand-in that a transport delivers in place of bytes that are no message. Never sent.
 
-    `connection` is whose call it would have been, None where it was none.
+    `connection` is the connection of the malformed call, None if it was no call.
     """
 
     topic: str
@@ -298,7 +302,7 @@ class Malformed(_Message, frozen=True, kw_only=True):
 
 
 class Wake(_Message, frozen=True, kw_only=True):
-    """The time that a node asked to be woken at has come. Never sent."""
+    """The wake that a node scheduled. Never sent."""
 
 
 Sent = (
@@ -317,10 +321,10 @@ Sent = (
     | Notice
     | Alive
 )
-"""What a node may send to another."""
+"""Messages that a node may send to another."""
 
 Wire = Sent | Batch
-"""What goes from one process to another."""
+"""Messages that travel from one process to another."""
 
 Message = Sent | Malformed | Wake
 
@@ -333,7 +337,7 @@ class Send(NamedTuple):
 
 
 class WakeAt(NamedTuple):
-    """Effect: give me a `Wake` at `t_ns`, or at once if that is past. Wakes are never taken back."""
+    """Effect: deliver a `Wake` at `t_ns`, or immediately if that is past. Wakes cannot be cancelled."""
 
     t_ns: int
 
@@ -349,26 +353,30 @@ class Node(Protocol):
     """
 
     @property
-    def address(self) -> str: ...
+    def address(self) -> str:
+        """Name of the node, unique on its robot."""
+        ...
 
     @property
     def listens(self) -> tuple[str, ...]:
-        """The topics whose messages it gets."""
+        """Topics whose messages the node receives."""
         ...
 
     def start(self, now_ns: int) -> Iterable[Effect]:
-        """What it does before any message."""
+        """Return the effects of starting, before any message."""
         ...
 
-    def handle(self, message: Message, now_ns: int) -> Iterable[Effect]: ...
+    def handle(self, message: Message, now_ns: int) -> Iterable[Effect]:
+        """Handle a message and return its effects."""
+        ...
 
     def close(self) -> None:
-        """Leave whatever it holds in a safe state; called once, also after a failure."""
+        """Leave all resources in a safe state; called once, also after a failure."""
         ...
 
 
 class QuietNode:
-    """What is alike in nodes that wait for messages and hold nothing outside their process."""
+    """Defaults for nodes that only wait for messages and hold nothing outside their process."""
 
     def start(self, now_ns: int) -> Iterable[Effect]:
         """Do nothing."""
@@ -384,13 +392,18 @@ class Deferring(Node, Protocol):
 
     @property
     def deferred(self) -> tuple[str, ...]:
-        """Topics whose messages may wait until the node is woken, or is handed another message."""
+        """Topics whose messages may wait until the node is woken, or receives another message."""
         ...
 
 
 @runtime_checkable
 class Settling(Protocol):
-    """A node with something to bring to rest before its effects may leave: a transport calls `settle` after
-    it handled what was waiting, and only then carries out the effects of all of it."""
+    """A node that must settle before its effects may leave.
 
-    def settle(self) -> None: ...
+    After a transport has delivered all waiting messages it calls `settle`, and only then carries out their
+    effects.
+    """
+
+    def settle(self) -> None:
+        """Finish the work of the messages handled so far, before their effects leave."""
+        ...

@@ -1,9 +1,8 @@
-"""Checks of messages against the robot's time. A message that cannot be true counts as malformed, and has no
-other effect.
+"""Plausibility checks of messages against the robot's time.
 
-The Clock numbers frames, at most one for each `NUMBER_NS` of the robot's time (see `clock.py`). So no frame
-has a higher number than the time allows. A server that accepted one would ignore all ticks until the Clock
-gets there.
+A message that cannot be true counts as malformed, and has no other effect. The Clock numbers frames, at most
+one for each `NUMBER_NS` of the robot's time (see `clock.py`). So no frame has a higher number than the time
+allows. A server that accepted one would ignore all ticks until the Clock gets there.
 """
 
 from __future__ import annotations
@@ -24,21 +23,24 @@ from colony.runtime.protocol.messages import (
 )
 
 NUMBER_NS = 100_000
-"""Nanoseconds of the robot's time for each number of a frame, and so the shortest frame."""
+"""Nanoseconds of the robot's time for each frame number, and so the shortest frame."""
 
 AHEAD_NS = 1_000_000_000
-"""Nanoseconds by which a sender's clock may be ahead of this process's."""
+"""Nanoseconds by which a sender's clock may be ahead of this process's clock."""
 
 LONGEST_NAME = 600
-"""Characters of the longest address. It has two names, of 255 characters each: an actuator and a module, or a
-server and a module whose activity it relays."""
+"""Largest number of characters of an address.
+
+An address has two names of up to 255 characters each: an actuator and a module, or a server and a module
+whose activity it relays.
+"""
 
 MOST_NAMES = 10_000
-"""Servers, clients or void frames in a tick, of each."""
+"""Largest number, each, of servers, clients and void frames in a tick."""
 
 
 def check_plausible(message: Sent, now_ns: int) -> None:
-    """Check numbers of frames, times and names against what is possible at `now_ns` of the robot.
+    """Check frame numbers, times and names against what is possible at the robot's time `now_ns`.
 
     Raises:
         NotAMessage: the message cannot be true.
@@ -81,7 +83,7 @@ def _check_stop(stopped: Stopped | None, now_ns: int) -> None:
 
 
 def _check_number(k: int, now_ns: int) -> None:
-    """Check the number of a frame; -1 stands for no frame."""
+    """Check a frame number; -1 stands for no frame."""
     if not -1 <= k <= (now_ns + AHEAD_NS) // NUMBER_NS:
         raise NotAMessage(f"frame {k} cannot be yet")
 

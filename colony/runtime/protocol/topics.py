@@ -1,6 +1,6 @@
-"""Names, not addresses: the topics of one robot.
+"""Topics of one robot: names, not addresses.
 
-A transport that serves several robots puts `colony/<robot>/` before them (see `live/keys.py`).
+A transport that serves several robots prefixes them with `colony/<robot>/` (see `live/keys.py`).
 """
 
 from __future__ import annotations
@@ -12,62 +12,62 @@ TICKS = "Clock/ticks"
 READY = "Clock/ready"
 RESTARTS = "Clock/restarts"
 ANSWERS = "Clock/answers"
-"""Where servers that a Clock does not know by itself tell it that they answered a tick."""
+"""Topic of answers to ticks by servers that are not in the Clock's own list."""
 VERDICTS = "verdicts"
 
 
 def frames(server: str) -> str:
-    """Where a server publishes its frames, and the Clock the ticks that it was asked for again."""
+    """Return the topic of a server's frames; for the Clock, of the ticks that it publishes again."""
     return f"{server}/frames"
 
 
 def fetches(server: str) -> str:
-    """Where a server (or the Clock) is asked for a frame again."""
+    """Return the topic of requests to a server (or the Clock) to publish a frame again."""
     return f"{server}/fetches"
 
 
 def requests(server: str) -> str:
-    """Where a server takes the requests of its clients."""
+    """Return the topic of clients' requests to a server."""
     return f"{server}/requests"
 
 
 def announcements(server: str) -> str:
-    """Where modules in Python tell a data server whether they are active."""
+    """Return the topic on which modules in Python announce their answers to a data server."""
     return f"{server}/announcements"
 
 
 def checkpoints(server: str) -> str:
-    """Where a data server takes the checkpoints of clients, and is asked for them."""
+    """Return the topic of clients' checkpoints, and of recalls, to a data server."""
     return f"{server}/checkpoints"
 
 
 def recalled(server: str, client: str) -> str:
-    """Where a data server answers the `Recall` of a client, given by address."""
+    """Return the topic of a data server's answer to the `Recall` of a client, given by address."""
     return f"{server}/recalled/{client}"
 
 
 def activity(server: str, module: str) -> str:
-    """The name under which a data server publishes the activity of a module in Python, as frames."""
+    """Return the name under which a data server publishes the activity of a module in Python, as frames."""
     return f"{server}/activity/{module}"
 
 
 def calls(server: str) -> str:
-    """Where a server takes calls and signs of life, and is told of malformed ones."""
+    """Return the topic of calls, signs of life and malformed calls to a server."""
     return f"{server}/call"
 
 
 def replies(server: str, connection: str) -> str:
-    """Where a connection (`user/id`) gets the replies and notices of a server."""
+    """Return the topic of a server's replies and notices to a connection (`user/id`)."""
     return f"{server}/reply/{connection}"
 
 
 def client_address(actuator: str, module: str) -> str:
-    """The address of the client that `module` is for `actuator`."""
+    """Return the address of the client that `module` is for `actuator`."""
     return f"{actuator}/{module}"
 
 
 def module_of(address: str) -> str:
-    """The module of a client's address."""
+    """Return the module of a client's address."""
     return address.partition("/")[2]
 
 

@@ -3,7 +3,7 @@
     {"seeks": {"command": [300.0, -2.5]}, "rests": {}, "fails": {"error": true}}
 
 `command` has the fields in the order declared, in base units (mm, s, deg), as the module answered; it is
-absent where the module was not applicable. A module whose answer is not known is absent.
+absent if the module was not applicable. A module whose answer is unknown is absent.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ from colony.ir.frame import Answer
 
 
 class AnswerMessage(msgspec.Struct, frozen=True, kw_only=True):
-    """An answer as it is written; JSON has no number for these three texts."""
+    """An answer in its recorded form; the three texts are for values that JSON has no number for."""
 
     command: tuple[float | bool | Literal["nan", "inf", "-inf"], ...] | None = None
     error: bool = False
@@ -40,7 +40,7 @@ def _value(x: float | bool) -> float | bool | str:
 
 
 def read_answers(found: Mapping[str, AnswerMessage]) -> dict[str, Answer]:
-    """Return the answers that are told of a frame."""
+    """Return the recorded answers of a frame."""
     return {module: Answer(_values(told), told.error) for module, told in found.items()}
 
 

@@ -13,14 +13,14 @@ _LARGEST = sys.float_info.max
 
 
 def seconds_text(t_ns: int) -> str:
-    """Nanoseconds as a decimal number of seconds, exactly."""
+    """Return nanoseconds as a decimal number of seconds, exactly."""
     whole, rest = divmod(abs(t_ns), 1_000_000_000)
     fraction = f"{rest:09d}".rstrip("0") or "0"
     return f"{'-' if t_ns < 0 else ''}{whole}.{fraction}"
 
 
 def sensor_members(frame: Frame, sensors: tuple[Sensor, ...]) -> list[str]:
-    """The members of a JSON object that are the readings of a frame, which read back to the same doubles."""
+    """Return the JSON members for the readings of a frame, which read back to the same doubles."""
     out = []
     for sensor in sensors:
         reading = frame.readings.get(sensor.name)
@@ -33,7 +33,7 @@ def sensor_members(frame: Frame, sensors: tuple[Sensor, ...]) -> list[str]:
 def _reading(reading: Reading, size: int | None) -> str:
     if isinstance(reading, (list, tuple)):
         if size is not None and len(reading) != size:
-            return json.dumps(f"{len(reading)} elements")  # a faulty reading, and stays one
+            return json.dumps(f"{len(reading)} elements")  # a faulty reading, recorded as one
         return "[" + ", ".join(map(number_text, reading)) + "]"
     if isinstance(reading, (bool, int, float)):
         return number_text(reading)
@@ -41,9 +41,12 @@ def _reading(reading: Reading, size: int | None) -> str:
 
 
 def number_text(value: ScalarValue) -> str:
-    """JSON has neither infinities nor NaN: the former are written too large for a double, and NaN as a
-    string, which is a value of the wrong type and so a faulty reading, as NaN is. An int beyond all doubles
-    is infinite, too."""
+    """Return a number as JSON.
+
+    JSON has neither infinities nor NaN: the former are written too large for a double, and NaN as a string,
+    which is a value of the wrong type and so a faulty reading, as NaN is. An int beyond all doubles is
+    infinite, too.
+    """
     if isinstance(value, bool):
         return "true" if value else "false"
     if isinstance(value, (int, float)):

@@ -1,10 +1,9 @@
-"""The memory that a recording holds twice a second and more, from which a reader goes on after damage.
+"""Keyframes: the memory, recorded at least twice a second, from which a reader resumes after damage.
 
     {"memory": {"first_ns": 0, "cells": {"state bumps": 3.0, "window drive.0 until": 1750000000}}}
 
-`memory` is that before the frame with which it stands, absent where it is not known; `first_ns` is absent
-where it is initial. `degraded` tells that a client has been lost since then. Numbers are written as readings
-are.
+`memory` is the memory before its frame, absent if unknown; `first_ns` is absent if the memory is initial.
+`degraded` is true if a client has been lost since then. Numbers are written like those of readings.
 """
 
 from __future__ import annotations
@@ -43,8 +42,7 @@ def keyframe_members(keyframe: Keyframe) -> list[str]:
 
 
 def read_keyframe(found: object) -> Keyframe | None:
-    """Return the keyframe in an object that was read from JSON, None of None; where it is something else,
-    memory is not known."""
+    """Return the keyframe in an object read from JSON, None for None; a malformed one has unknown memory."""
     if found is None:
         return None
     try:

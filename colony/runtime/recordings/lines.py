@@ -3,14 +3,15 @@
     {"t": 0.05, "@tick": 1, "sonar": [...], "drive": {"by": "avoid", "velocity": 80.0}, "@sum": "8a4f01c2"}
 
 `t` is in seconds and reads back to the same nanosecond; `@tick` is the number of the frame, `@restart` is
-true where all memory began anew, and `@skipped` is there where memory is not known: the number of frames
-before this one that could not be observed. Sensors are in declared units as they came from their servers,
-and absent where missing; each actuator has its winner and what was sent. Where the network did not decide
-alone, the actuator also has `fault`, `fates` with the clients that were late, lost, refused or overruled,
-`@outside` with the client outside the network that commanded, or `@held_by`. Broken contracts are not
-written: they follow from the rest. `@python` has what modules in Python answered (`answers.py`). `@sum` is
-the CRC-32 of all before it, and `@keyframe`, in a line at least every half second, the memory from which a
-reader goes on after a line that is damaged (`keyframes.py`).
+true if all memory restarted, and `@skipped` is present if memory is unknown: the number of frames before this
+one that could not be observed. Sensors are in declared units as they came from their servers, and absent if
+missing; each actuator has its winner and the command sent. If the network did not decide alone, the actuator
+also has `fault`, `fates` with the clients that were late, lost, refused or overruled, `@outside` with the
+client outside the network that commanded, or `@held_by`. Broken contracts are not written: they follow from
+the rest. `@python` has the answers of modules in Python (`answers.py`). `@sum` is the CRC-32 of all before
+it, and `@keyframe`, in a line at least every half second, the memory from which a reader resumes after a
+damaged line (`keyframes.py`).
+
 `mcap_writer.py` writes more.
 """
 
@@ -33,13 +34,17 @@ from colony.runtime.recordings.keyframes import keyframe_members
 class ByteFile(Protocol):
     """An unbuffered binary file."""
 
-    def write(self, data: bytes, /) -> int | None: ...
+    def write(self, data: bytes, /) -> int | None:
+        """Write bytes; return the number written, or None."""
+        ...
 
-    def close(self) -> None: ...
+    def close(self) -> None:
+        """Close the file."""
+        ...
 
 
 def write_all(file: ByteFile, data: bytes) -> None:
-    """Write all of `data`, also where a full disk or a pipe takes a part at a time.
+    """Write all of `data`, even if a full disk or a pipe takes a part at a time.
 
     Raises:
         OSError: it cannot be written.
@@ -50,8 +55,10 @@ def write_all(file: ByteFile, data: bytes) -> None:
 
 
 class Recording:
-    """Writes each frame as it comes, a whole line in one write, so that a run that is killed at any moment
-    leaves whole lines. A sink."""
+    """A sink that writes each frame as it comes.
+
+    Each line is one write, so that a run that is killed at any moment leaves whole lines.
+    """
 
     def __init__(self, compiled: Compiled, file: ByteFile) -> None:
         self._encode = encoder(compiled)
@@ -60,15 +67,17 @@ class Recording:
         """Time of the last frame that is in the file."""
 
     def take(self, log: FrameLog) -> None:
+        """Write the line of a frame."""
         write_all(self._file, self._encode(log).encode() + b"\n")
         self.written_ns = log.frame.t_ns
 
     def close(self) -> None:
+        """Close the file."""
         self._file.close()
 
 
 def encoder(compiled: Compiled) -> Callable[[FrameLog], str]:
-    """How frames of a program are written: sensors, then actuators, in the order declared."""
+    """Return a function that encodes frames of a program: sensors, then actuators, in the order declared."""
     sensors = compiled.robot.sensors
     actuators = compiled.robot.actuators
 
@@ -93,7 +102,7 @@ def encoder(compiled: Compiled) -> Callable[[FrameLog], str]:
 
 
 def summed(text: str) -> str:
-    """Return an object of JSON, whose text lacks the brace that closes it, with its checksum at its end."""
+    """Return a JSON object, given without its closing brace, with its checksum as the last member."""
     return f'{text}, "@sum": "{zlib.crc32(text.encode()):08x}"}}'
 
 

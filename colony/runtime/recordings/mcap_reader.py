@@ -1,6 +1,6 @@
-"""Recordings as MCAP read back: what `mcap_writer.py` wrote, also where other tools rewrote the file.
+"""Reader of MCAP recordings as `mcap_writer.py` writes them, also if other tools rewrote the file.
 
-Damage among the frames costs the chunk that it is in. Where it is in what precedes the frames (the run, its
+Damage among the frames costs the chunk that it is in. If it is in the part before the frames (the run, its
 program, the channels), nothing can be read.
 """
 
@@ -46,7 +46,7 @@ from colony.text.diagnostics import Failure, error
 from colony.text.source import Source, Span
 
 SOURCES_BYTES = 32 * 1024 * 1024
-"""Bytes of all the files of a program together."""
+"""Byte limit of all the files of a program together."""
 
 
 class FrameMessage(msgspec.Struct, frozen=True, kw_only=True):
@@ -77,10 +77,10 @@ class _RunText(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class McapReader:
-    """A recording as MCAP; what stands before its first frame is read at once. Mutable: how far it was read.
+    """A recording as MCAP; the part before its first frame is read at once. Mutable: the position.
 
     Raises:
-        Failure: A002, it is no recording of a run; A006, what precedes the frames is damaged.
+        Failure: A002, it is no recording of a run; A006, the part before the frames is damaged.
     """
 
     def __init__(self, file: BinaryIO, name: str) -> None:
@@ -94,10 +94,10 @@ class McapReader:
         self._rest = chain(first, records)
 
     def frames(self, program: Program) -> Iterator[RecordedFrame]:
-        """Its frames, as frames of `program`.
+        """Yield the frames, as frames of `program`.
 
         Raises:
-            Failure: A004, what is recorded is none of that program's, or malformed.
+            Failure: A004, the frames are not of that program, or malformed.
         """
         for actuator in program.robot.actuators if self._topics else ():
             if actuator.name not in self._actuators:
@@ -127,7 +127,7 @@ class McapReader:
             self._fail("A004", text)
 
     def _records(self, file: BinaryIO) -> Iterator[Record]:
-        """Every record up to the end, with the topics of channels noted."""
+        """Yield every record up to the end, and note the topics of channels."""
         try:
             for record in read_records(file):
                 if isinstance(record, Channel):
@@ -202,7 +202,7 @@ class McapReader:
 
 
 def _source(attachment: Attachment) -> Iterator[SourceFile]:
-    """The source that an attachment is; nothing where it is something else, or its place leads elsewhere."""
+    """Yield the source in an attachment; nothing for another kind, or an unsafe path."""
     kind, _, place = attachment.name.partition("/")
     path = PurePosixPath(place)
     if not path.parts or path.is_absolute() or ".." in path.parts or "\\" in place or "\0" in place:
@@ -215,7 +215,7 @@ def _source(attachment: Attachment) -> Iterator[SourceFile]:
 
 
 class _Frames:
-    """Puts the messages of a frame together. Mutable: those whose frame has not come yet.
+    """An assembler of the messages of a frame. Mutable: those whose frame has not come yet.
 
     The message of `/frames` is the last one of its frame; messages whose frame never comes are dropped.
     """
@@ -230,13 +230,13 @@ class _Frames:
         self._contracts = msgspec.json.Decoder(ContractsMessage).decode
 
     def forget(self) -> None:
-        """Drop what belongs to a frame that does not come."""
+        """Drop the messages of a frame that does not come."""
         self._found: dict[str, VerdictMessage] = {}  # by topic
         self._broken: tuple[str, ...] = ()
         self._keyframe: Keyframe | None = None
 
     def take(self, message: ChunkMessage, *, damaged: bool) -> RecordedFrame | None:
-        """A frame, when it is complete.
+        """Take a message, and return the frame that it completes, if any.
 
         Raises:
             msgspec.MsgspecError, ValueError: the message is malformed.
@@ -255,7 +255,7 @@ class _Frames:
         return None
 
     def _number(self, found: Any) -> None:
-        """Take a keyframe. Where the one before it is missing another tool has left out what was damaged."""
+        """Take a keyframe. If the one before it is missing, another tool has left out damaged data."""
         self._keyframe = read_keyframe(found)
         number = found.get("n") if isinstance(found, dict) else None
         self._gap = self._gap or number != self._next_number

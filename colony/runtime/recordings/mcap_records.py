@@ -1,9 +1,9 @@
-"""The records of a recording as MCAP, as far as they can be trusted.
+"""The trustworthy records of an MCAP recording.
 
-Chunks and attachments have checksums, and so does the metadata of `mcap_writer`. Other records are only
-believed to be as long as their content says. From a record that is damaged on, everything is left out up to
-the next chunk. That is found by its head, which tells its length twice: there is no index in a recording that
-was killed. Nothing is larger than its limit, in the file or unpacked.
+Chunks and attachments have checksums, and so does the metadata of `mcap_writer`. Other records are accepted
+only if their length agrees with their content. From a damaged record on, everything is left out up to the
+next chunk. The reader finds that by its head, which contains its length twice: a recording that was killed
+has no index. Nothing is larger than its limit, in the file or unpacked.
 """
 
 from __future__ import annotations
@@ -27,26 +27,26 @@ from colony.runtime.recordings.mcap_writer import CHECKSUM, METADATA, checksum
 from colony.runtime.recordings.reader import MAGIC
 
 LARGEST_RECORD = 32 * 1024 * 1024
-"""Bytes of the largest record in a file."""
+"""Byte limit of a record in a file."""
 
 LARGEST_CHUNK = 8 * 1024 * 1024
-"""Bytes of the largest chunk, unpacked. Ours have some ten thousand, those of other tools some million."""
+"""Byte limit of an unpacked chunk. Ours have some ten thousand, those of other tools some million."""
 
 LARGEST_MESSAGE = 4 * 1024 * 1024
-"""Bytes of the largest message, which is that of the largest frame."""
+"""Byte limit of a message, which is that of the largest frame."""
 
 UNPACKED_FREE = 64 * 1024 * 1024
 UNPACKED_RATIO = 64
-"""All chunks together unpack to at most that many bytes, and as many more for each byte of the file."""
+"""Limit of the unpacked bytes of all chunks: a free amount, and a multiple of the size of the file."""
 
 MESSAGES_FREE = 10_000
 MESSAGE_BYTES = 2
-"""There are at most that many messages, and one more for so many bytes of the file."""
+"""Limit of the number of messages: a free amount, and one for each `MESSAGE_BYTES` of the file."""
 
 
 @dataclass(frozen=True, slots=True)
 class Damage:
-    """Something that is left out; `reason` is what was found there."""
+    """A gap in the records; `reason` is what was found there."""
 
     reason: str
 
@@ -63,7 +63,7 @@ Record = Metadata | Attachment | Channel | ChunkMessage | Damage
 
 
 class BrokenOff(Exception):
-    """The file ends before its end."""
+    """The file ends before the end of its data."""
 
 
 class TooLarge(Exception):
@@ -75,8 +75,8 @@ def read_records(file: BinaryIO) -> Iterator[Record]:
 
     Raises:
         BrokenOff: after the last record, if the file lacks an end.
-        TooLarge: it unpacks to more than recordings do.
-        OSError: it cannot be read.
+        TooLarge: the file unpacks to more than recordings do.
+        OSError: the file cannot be read.
     """
     size = file.seek(0, 2)
     allowance, messages = UNPACKED_FREE + UNPACKED_RATIO * size, MESSAGES_FREE + size // MESSAGE_BYTES
@@ -126,18 +126,19 @@ def read_records(file: BinaryIO) -> Iterator[Record]:
 # --- chunks ----------------------------------------------------------------------------------------
 
 _RECORD = struct.Struct("<BQ")
-"""Opcode, and length of what follows."""
+"""Layout of a record's head: opcode, and length of the rest."""
 
 _CHUNK = struct.Struct("<QQQII")
-"""Times of the first and last message, unpacked size, checksum, length of the compression's name."""
+"""Layout of a chunk's head: first and last time, unpacked size, checksum, length of the compression's name.
+"""
 
 _COMPRESSIONS = (b"", b"lz4", b"zstd")
 _LONGEST_HEAD = _RECORD.size + _CHUNK.size + 4 + 8
 _LIKE_A_CHUNK = re.compile(rb"\x06[\s\S]{4}\x00{4}")
-"""The beginning of a chunk of less than 4 GiB."""
+"""Pattern of the first bytes of a chunk of less than 4 GiB."""
 
 _MESSAGE = struct.Struct("<HIQQ")
-"""Channel, sequence, time of recording and of publishing."""
+"""Layout of a message's head: channel, sequence, time of recording and of publishing."""
 
 
 class _Shape(NamedTuple):
@@ -148,14 +149,14 @@ class _Shape(NamedTuple):
 
 
 def _cut_off(opcode: int, length: int, there: int) -> bool:
-    """Whether a record of which so many bytes are there would be right with those that are missing."""
+    """Return True if the first `there` bytes of a record could be those of a valid one that was cut off."""
     if opcode == Opcode.CHUNK:
         return there < _LONGEST_HEAD
     return opcode == Opcode.DATA_END and length == _DATA_END_BYTES
 
 
 def _shape(head: bytes) -> _Shape | None:
-    """The head of a chunk with all that precedes its data; None if it is none, or shorter."""
+    """Return the head of a chunk, up to its data; None if it is no chunk, or too short."""
     if len(head) < _LONGEST_HEAD:
         return None
     opcode, length = _RECORD.unpack_from(head)
@@ -171,7 +172,7 @@ def _shape(head: bytes) -> _Shape | None:
 
 
 def _next_chunk(file: BinaryIO, at: int, size: int) -> int | None:
-    """Where the first whole chunk begins, from `at` on."""
+    """Return the position of the first whole chunk from `at` on, None if there is none."""
     block = 1 << 20
     while at < size:
         file.seek(at)
@@ -189,7 +190,7 @@ def _next_chunk(file: BinaryIO, at: int, size: int) -> int | None:
 
 
 def _chunk(shape: _Shape, packed: bytes) -> Iterator[Record]:
-    """Yield what a chunk holds."""
+    """Yield the records in a chunk."""
     records = _unpacked(shape, packed)
     if isinstance(records, Damage):
         yield records
@@ -244,11 +245,11 @@ _IN_HEAD: dict[int, type[Header | Schema | Channel]] = {
     Opcode.SCHEMA: Schema,
     Opcode.CHANNEL: Channel,
 }
-"""What stands before the first chunk and is not believed: chunks hold it, too."""
+"""Records before the first chunk that are not trusted: chunks contain them, too."""
 
 
 def _other(opcode: int, content: bytes, *, first: bool) -> Metadata | Attachment | Damage | None:
-    """What a record that is no chunk holds that can be believed; `first`: it stands before all chunks."""
+    """Return the trustworthy content of a record that is no chunk; `first`: it stands before all chunks."""
     stream = ReadDataStream(BytesIO(content))
     found: object = None
     try:

@@ -1,15 +1,15 @@
 """Recordings as MCAP, which Foxglove and other tools open (see schemas.py for its channels).
 
 Beside the frames such a recording has the run in its metadata and the sources of the program as attachments:
-`behavior/...` the files of the behavior, `python/...` those of modules in Python. All else can be found again
+`behavior/...` the files of the behavior, `python/...` those of modules in Python. All else can be derived
 from these.
 
-Frames are in chunks, each of which has a checksum, is written at once, and begins with a keyframe: the
-memory from which a reader goes on where the chunk before it is damaged. A chunk spans less than half a
-second, so a run that is killed leaves all but that. The first chunk has the schemas and channels, which need
-a checksum, too; attachments have one, and metadata get one as a member. The message of `/frames` is the last
-of its frame. There is no index, which would have to be kept in memory to the end of a run: `mcap recover`
-writes a copy with one.
+Frames are in chunks, each of which has a checksum, is written in one go, and begins with a keyframe: the
+memory from which a reader resumes if the chunk before it is damaged. A chunk spans less than half a second,
+so a run that is killed loses no more than that. The first chunk has the schemas and channels, which need a
+checksum, too; attachments have one, and metadata get one as a member. The message of `/frames` is the last of
+its frame. There is no index, which would have to be kept in memory to the end of a run: `mcap recover` writes
+a copy with one.
 """
 
 from __future__ import annotations
@@ -49,22 +49,22 @@ from colony.runtime.recordings.schemas import (
 )
 
 FORMAT = "colony-recording/2"
-"""Version 1 had no checksums."""
+"""Format of the recording. Version 1 had no checksums."""
 
 METADATA = "colony"
-"""The name of the metadata that tells of the run; what it must contain is in `mcap_reader`."""
+"""Name of the metadata about the run; `mcap_reader` defines its members."""
 
 CLIENTS = "colony clients of "
-"""Metadata of this name, and an actuator's, have the priority of each of its clients."""
+"""Prefix, before an actuator's name, of the metadata with the priorities of its clients."""
 
 CHECKSUM = "checksum"
-"""The member of metadata that is a checksum of the others."""
+"""Name of the metadata member that is a checksum of the others."""
 
 CHUNK_BYTES = 1024 * 1024
-"""A chunk of more bytes is written before its time."""
+"""Size in bytes beyond which a chunk is written early."""
 
 REPETITIVE = 32
-"""A chunk that would be so many times smaller is not compressed: readers take such ones for bombs."""
+"""Compression ratio from which a chunk is stored uncompressed: readers take such chunks for bombs."""
 
 MEDIA_TYPES = {"behavior": "text/x-colony", "python": "text/x-python"}
 
@@ -84,7 +84,7 @@ class VerdictMessage(msgspec.Struct, frozen=True, kw_only=True, omit_defaults=Tr
 
 
 class BidMessage(msgspec.Struct, frozen=True, kw_only=True, omit_defaults=True):
-    """What one client wanted in a frame."""
+    """The bid of one client in a frame."""
 
     bid: Bid
     values: dict[str, float | bool] | None = None
@@ -99,17 +99,17 @@ class RequestsMessage(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class ContractsMessage(msgspec.Struct, frozen=True, kw_only=True):
-    """A message of `/contracts`, of a frame in which one was broken."""
+    """A message of `/contracts`, for a frame in which one was broken."""
 
     k: int
     broken: tuple[str, ...]
 
 
 class McapRecording:
-    """Writes frames, a chunk at a time. A sink; mutable: what is not written yet.
+    """A sink that writes frames, a chunk at a time. Mutable: the frames that are not written yet.
 
     Raises:
-        OSError: the file cannot be written; what was written until then can be read.
+        OSError: the file cannot be written; the part written until then can be read.
     """
 
     def __init__(self, compiled: Compiled, run: RunInfo, file: ByteFile) -> None:
@@ -138,6 +138,7 @@ class McapRecording:
             raise
 
     def take(self, log: FrameLog) -> None:
+        """Add the messages of a frame, and write the chunk if it is complete."""
         k, t_ns = log.tick.k, log.tick.t_ns
         if log.keyframe is not None:
             self._flush()
@@ -160,7 +161,7 @@ class McapRecording:
             self._flush()
 
     def close(self) -> None:
-        """End the file properly, unless something of it could not be written."""
+        """End the file properly, unless a part of it could not be written."""
         try:
             if self._whole:
                 self._flush()
@@ -226,7 +227,7 @@ class McapRecording:
         return f'{{{", ".join(parts)}, "sensors": {{{readings}}}}}'.encode()
 
     def _flush(self) -> None:
-        """Hand over all that waits. Where that fails the rest could not be read, and is not written."""
+        """Write all waiting bytes. After a failure nothing more is written, as it could not be read."""
         self._writer.flush()  # type: ignore[no-untyped-call]
         self._buffer.write(self._chunk.take())
         self._whole = False
@@ -236,7 +237,7 @@ class McapRecording:
 
 
 _MESSAGE = struct.Struct("<BQHIQQ")
-"""What precedes the data of a message: opcode and length of the record, channel, sequence, two times."""
+"""Layout before the data of a message: opcode and length of the record, channel, sequence, two times."""
 
 
 class _Chunk:
@@ -287,13 +288,13 @@ _compress = zstandard.ZstdCompressor(level=1).compress
 
 
 def checksum(metadata: Mapping[str, str]) -> str:
-    """Return the checksum of metadata, without the member that is one."""
+    """Return the checksum of metadata, leaving out the checksum member."""
     members = sorted((name, value) for name, value in metadata.items() if name != CHECKSUM)
     return f"{zlib.crc32(json.dumps(members).encode()):08x}"
 
 
 class _Buffer:
-    """What the MCAP writer writes into. Mutable: the bytes that wait, and how many there ever were."""
+    """The output of the MCAP writer. Mutable: the waiting bytes, and the total number of bytes."""
 
     def __init__(self) -> None:
         self._waiting: list[bytes] = []
@@ -308,7 +309,7 @@ class _Buffer:
         return self._length
 
     def flush(self) -> None:
-        """Nothing: `take` hands over."""
+        """Do nothing: `take` empties the buffer."""
 
     def take(self) -> bytes:
         data = b"".join(self._waiting)

@@ -1,4 +1,4 @@
-"""Recordings of either format, opened by what they hold."""
+"""Opening of recordings of either format, detected by content."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from colony.text.diagnostics import Failure, error
 from colony.text.source import Source, Span
 
 _HEAD_BYTES = 64 * 1024
-"""Bytes in which a recording in lines has a checksum, if it is one and damaged at its beginning."""
+"""Number of leading bytes in which a recording in lines, damaged at its beginning, shows a checksum."""
 
 
 def open_recording(path: str) -> BinaryIO:
@@ -29,10 +29,10 @@ def open_recording(path: str) -> BinaryIO:
 
 
 def read_frames(file: BinaryIO, name: str) -> RecordingReader:
-    """Return the reader of frames to decide: of a recording as MCAP, or of lines, a recording or not.
+    """Return a reader of frames to decide: an MCAP recording, or JSON lines, recorded or not.
 
     Raises:
-        Failure: A002, it is no recording of a run; A006, what precedes its frames is damaged.
+        Failure: A002, it is no recording of a run; A006, the part before its frames is damaged.
     """
     if isinstance(file, BufferedReader) and file.peek(len(MAGIC)).startswith(MAGIC):
         from colony.runtime.recordings.mcap_reader import McapReader
@@ -46,7 +46,7 @@ def _unreadable(path: str, why: str) -> NoReturn:
 
 
 def read_recording(file: BinaryIO, name: str) -> RecordingReader:
-    """Return the reader of a recording, by how it begins; one in lines may be damaged there.
+    """Return the reader of a recording, detected by its beginning; one in lines may be damaged there.
 
     Raises:
         Failure: A001, it cannot be read; A002, it is no recording.

@@ -1,7 +1,7 @@
-"""Recordings read back: JSON lines here, MCAP in `mcap_reader.py`.
+"""Readers of recordings: JSON lines here, MCAP in `mcap_reader.py`.
 
 A run may be killed while it writes: a recording that breaks off in the middle of a frame ends with the frame
-before it, and says so.
+before it, and the reader reports that.
 """
 
 from __future__ import annotations
@@ -22,13 +22,13 @@ from colony.text.diagnostics import Failure, error
 from colony.text.source import Source, Span
 
 MAGIC = b"\x89MCAP0\r\n"
-"""How MCAP begins."""
+"""First bytes of MCAP files."""
 
 BREAKS_OFF = "it breaks off in the middle of a frame"
 
 
 class _Lines:
-    """A file of JSON lines. Mutable: how far it was read."""
+    """A file of JSON lines. Mutable: the reading position."""
 
     run = None
 
@@ -44,17 +44,17 @@ class _Lines:
 
 
 class LinesReader(_Lines):
-    """A recording in JSON lines. Mutable: how far it was read.
+    """A recording in JSON lines. Mutable: the reading position.
 
-    `name` is what messages call it. It does not tell of which run it is.
+    `name` is the file's name in messages. The format does not identify the run.
     """
 
     def frames(self, program: Program) -> Iterator[RecordedFrame]:
-        """Its frames, as frames of `program`.
+        """Yield the frames, as frames of `program`.
 
         Raises:
-            Failure: at the first bad line. Codes: those of `Rows`, A004 for what it says of
-                actuators, and A001 where it cannot be read or a line is too long.
+            Failure: at the first bad line. Codes: those of `Rows`, A004 for a malformed decision, and A001 if
+                the file cannot be read or a line is too long.
         """
         actuators, start = program.robot.actuators, None
         rows = Rows(self._bounded(), self._name, program)
@@ -81,12 +81,13 @@ class LinesReader(_Lines):
 
 
 class FramesReader(_Lines):
-    """Frames in JSON lines, of a recording or of whatever wrote them: what they say of actuators is passed
-    over. Mutable: how far they were read.
+    """Frames in JSON lines, from a recording or another source; members about actuators are ignored.
+
+    Mutable: the reading position.
     """
 
     def frames(self, program: Program) -> Iterator[RecordedFrame]:
-        """Return them, as frames of `program`, without verdicts.
+        """Yield the frames, as frames of `program`, without verdicts.
 
         Raises:
             Failure: at the first bad line, with the codes of `Rows`.
@@ -107,7 +108,7 @@ class FramesReader(_Lines):
 
 
 _UNKNOWN = -1
-"""The frame in which memory was initial, where it is not known."""
+"""Stand-in for the frame in which memory was initial, if that is unknown."""
 
 
 class _Row(
@@ -116,7 +117,7 @@ class _Row(
     kw_only=True,
     rename=lambda name: f"@{name}",
 ):
-    """What a line says of its frame."""
+    """The members of a line about its frame."""
 
     tick: int | None = None
     restart: bool = False
@@ -132,7 +133,7 @@ class _Decision(
     forbid_unknown_fields=True,
     rename={"outside": "@outside", "held_by": "@held_by"},
 ):
-    """What a line says of an actuator, besides the fields of the command."""
+    """The members of a line about an actuator, besides the fields of the command."""
 
     by: str | None = None
     fault: str | None = None
@@ -180,7 +181,7 @@ def _verdict(tick: Tick, actuator: Actuator, found: Any) -> Verdict:
 
 
 def command(actuator: Actuator, values: dict[str, float | bool]) -> tuple[float | bool, ...]:
-    """A recorded command in the order of the actuator's fields.
+    """Return a recorded command in the order of the actuator's fields.
 
     Raises:
         msgspec.ValidationError: it does not have exactly these fields.

@@ -1,4 +1,4 @@
-"""What a recording holds, whatever its format: the run that it is of, and its frames."""
+"""Content of a recording of any format: its run, and its frames."""
 
 from __future__ import annotations
 
@@ -15,10 +15,10 @@ from colony.runtime.protocol.messages import Tick, Verdict
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class RunInfo:
-    """What run it was. `clients` are actuator, module and priority, highest place first.
+    """The recorded run. `clients` are actuator, module and priority, highest place first.
 
-    `program` is the place of the behavior that was run among `sources`, "" where these are not known;
-    `run` names the run on a real robot; `started` is when that was, for people.
+    `program` is the place of the behavior that was run among `sources`, "" if these are unknown; `run` names
+    the run on a real robot; `started` is its starting time, for people.
     """
 
     robot: str
@@ -34,11 +34,11 @@ class RunInfo:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class RecordedFrame:
-    """One frame as it was recorded (see `FrameLog`); `breaches` is None where the format leaves them out.
+    """One recorded frame (see `FrameLog`); `breaches` is None if the format leaves them out.
 
-    A verdict is absent where none was heard. What the format leaves out of ticks and verdicts is as if
-    nothing had been there; of `fates`, JSON lines have only those that are worth telling. `damaged`: what was
-    recorded between the frame before this one and this one is damaged and left out.
+    A verdict is absent if none was received. Members of ticks and verdicts that the format leaves out have
+    their defaults; of `fates`, JSON lines have only the notable ones. `damaged`: data between the previous
+    frame and this one is damaged and left out.
     """
 
     tick: Tick
@@ -54,25 +54,27 @@ class RecordedFrame:
 
 
 class RecordingReader(Protocol):
-    """A recording that was opened. `run` is None where the format does not tell."""
+    """An open recording."""
 
     @property
-    def run(self) -> RunInfo | None: ...
+    def run(self) -> RunInfo | None:
+        """The recorded run, None if the format does not identify it."""
+        ...
 
     @property
     def cut(self) -> str | None:
-        """Once all frames were read: how the recording breaks off; None where it does not."""
+        """After all frames were read: how the recording breaks off, None if it does not."""
         ...
 
     @property
     def damaged(self) -> bool:
-        """Once all frames were read: whether what comes after the last of them is damaged."""
+        """After all frames were read: True if data after the last of them is damaged."""
         ...
 
     def frames(self, program: Program) -> Iterator[RecordedFrame]:
-        """Its frames that are not damaged, once, in their order, as frames of `program`.
+        """Yield the undamaged frames, once, in their order, as frames of `program`.
 
         Raises:
-            Failure: what is recorded is none of that program's, or malformed.
+            Failure: the frames are not of that program, or malformed.
         """
         ...

@@ -1,9 +1,9 @@
-"""Recorded frames read back, and what an executor decides written as lines: the two ends of `colony trace`.
+"""Recorded frames as input, and decisions of an executor as output lines: the two ends of `colony trace`.
 
 A frame is one JSON object a line: `t` in seconds and readings in declared units; an absent sensor, or null,
-is missing. What a recording says of actuators is passed over, so that a recording is valid input.
+is missing. Members about actuators are ignored, so that a recording is valid input.
 
-The lines of a recording have checksums; that it is one is told by its first lines. A line without a right
+The lines of a recording have checksums; its first lines identify it as a recording. A line without a right
 checksum is then damaged, and left out, as is one with a wrong checksum anywhere. Other bad lines are errors.
 """
 
@@ -29,18 +29,20 @@ from colony.text.suggestions import did_you_mean
 from colony.text.units import nanoseconds
 
 LINE_BYTES = 4 * 1024 * 1024
-"""Largest line of a recording. No message of a robot is larger, so no frame is."""
+"""Byte limit of a line of a recording. No message of a robot is larger, so no frame is."""
 
 _EXACT_BELOW = float(2**20)
-"""Seconds below which the nearest double of a decimal time is within half a nanosecond of it."""
+"""Limit in seconds below which the double of a decimal time is within half a nanosecond of it."""
 
 _LATEST_S = 9e9
-"""The largest time in seconds, almost 300 years: in ns it fits 64 bits."""
+"""Largest time in seconds, almost 300 years: in ns it fits 64 bits."""
 
 
 class Row(NamedTuple):
-    """A line of a recording: where it is, the frame in it, all that it says by name, and whether lines before
-    it are damaged."""
+    """A line of a recording: its number and text, its frame, and all its members by name.
+
+    `damaged` is True if lines before it are damaged.
+    """
 
     number: int
     text: str
@@ -50,24 +52,25 @@ class Row(NamedTuple):
 
 
 class Rows:
-    """The lines of a recording as rows, with what they say of actuators as it stands there; `name` is what
-    messages call the file. Mutable: how the file ends, once all were read.
+    """The lines of a recording as rows, with unchecked members about actuators.
+
+    `name` is the file's name in messages. Mutable: the state of the file's end, once all rows were read.
 
     Raises:
-        Failure: while it is iterated, at the first bad line. Codes: F001 not JSON, F002 not an object,
-            F003 no proper time, F004 time does not rise, F005 unknown sensor, F006 wrong length,
-            F007 not text.
+        Failure: during iteration, at the first bad line. Codes: F001 not JSON, F002 not an object, F003 no
+            proper time, F004 time does not rise, F005 unknown sensor, F006 wrong length, F007 not text.
     """
 
     def __init__(self, lines: Iterable[bytes], name: str, program: Program) -> None:
         self._lines = lines
         self._reader = _Reader(name, program)
         self.damaged = False
-        """Whether lines after the last row are damaged."""
+        """True if lines after the last row are damaged."""
         self.broken_off = False
-        """Whether the last line breaks off."""
+        """True if the last line breaks off."""
 
     def __iter__(self) -> Iterator[Row]:
+        """Yield the undamaged lines as rows."""
         rest = enumerate(self._lines, 1)
         first = tuple(islice(rest, LOOKAHEAD))
         summed = any(has_right_sum(line) for _, line in first)
@@ -83,34 +86,34 @@ class Rows:
 
 
 SUM_BEGINS = b', "@sum": "'
-"""What the checksum of a line begins with."""
+"""First bytes of the checksum of a line."""
 
 _SUM = re.compile(SUM_BEGINS + rb'([0-9a-f]{8})"\}\r?\n?')
 _SUM_BEGUN = re.compile(SUM_BEGINS + rb'([0-9a-f]{0,7}|[0-9a-f]{8}"?)')
 
 LOOKAHEAD = 16
-"""Lines among which a recording has one with a right checksum."""
+"""Number of leading lines of a recording, at least one of which has a right checksum."""
 
 
 def _is_begun(line: bytes) -> bool:
-    """Whether a line that does not end is the beginning of one, up to somewhere in its checksum."""
+    """Return True if an unterminated line may be cut off before or within its checksum."""
     at = line.rfind(SUM_BEGINS)
     return b"\0" not in line if at < 0 else _SUM_BEGUN.fullmatch(line, at) is not None
 
 
 def has_right_sum(line: bytes) -> bool:
-    """Return whether a line ends with a checksum of what precedes it."""
+    """Return True if a line ends with a right checksum of its content."""
     at = line.rfind(SUM_BEGINS)
     found = _SUM.fullmatch(line, at) if at >= 0 else None
     return found is not None and int(found[1], 16) == zlib.crc32(line[:at].removeprefix(BOM_UTF8))
 
 
 RESERVED = frozenset({"t", "@tick", "@restart", "@skipped", "@keyframe", "@python", "@sum"})
-"""What a line tells besides sensors and actuators; no name of a program has an `@`."""
+"""Members of a line besides sensors and actuators; no name of a program has an `@`."""
 
 
 class _Reader:
-    """Checks one line after another; remembers the time of the last."""
+    """A checker of one line after another. Mutable: the time of the last line."""
 
     def __init__(self, name: str, program: Program) -> None:
         self._name = name
@@ -173,7 +176,7 @@ class _Reader:
         return t_ns
 
     def _is_reading(self, number: int, text: str, row: dict[str, Any], key: str) -> bool:
-        """Whether the key is a sensor's, with a value that can be a reading."""
+        """Return True if the key is a sensor's, with a value that can be a reading."""
         if key in self._ignored and key not in self._sizes:
             return False
         if key not in self._sizes:
@@ -197,7 +200,7 @@ class _Reader:
 
 
 class _Repeated(Exception):
-    """A name that stands twice in an object of JSON: which value is meant cannot be known."""
+    """A name that appears twice in a JSON object: which value is meant is unknown."""
 
     def __init__(self, key: str) -> None:
         self.key = key
@@ -212,7 +215,7 @@ def _once_each(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
 
 
 def _kind(value: object) -> str:
-    """What a value of JSON that is no object is called."""
+    """Return the name of the type of a JSON value that is not an object."""
     match value:
         case None:
             return "null"
@@ -229,7 +232,7 @@ def _kind(value: object) -> str:
 def located(
     code: str, name: str, number: int, text: str, at: int, message: str, hint: str | None = None
 ) -> Diagnostic:
-    """An error at a character of a line of the file that messages call `name`."""
+    """Return an error at a character of a line of the file, which messages call `name`."""
     before = "\n" * (number - 1)
     start = len(before) + at
     return error(code, Span(Source(name, before + text), start, start + 1), message, hint)
@@ -239,9 +242,10 @@ def located(
 
 
 def outcome_line(program: Program, t_ns: int, outcome: Outcome) -> str:
-    """`{"t": 0.05, "drive": {"by": "avoid", "velocity": 80.0, "turn": 30.0}}`, without a line break.
+    """Return the line `{"t": 0.05, "drive": {"by": "avoid", "velocity": 80.0}}`, without a line break.
 
-    Nobody commands: `by` is null and the values are the idle command's; on `idle hold` the actuator is null.
+    If no client commands, `by` is null and the values are those of the idle command; on `idle hold` the
+    actuator is null.
     """
     fields = {a.name: [f.name for f in a.fields] for a in program.robot.actuators}
     parts = [f'"t": {seconds_text(t_ns)}']

@@ -1,7 +1,7 @@
-"""The channels of a recording as MCAP, and the JSON schemas of their messages.
+"""Channels of an MCAP recording, and the JSON schemas of their messages.
 
-Tools that draw recordings (Foxglove, Lichtblick) want schemas of plain objects: every property has one type,
-and what is not there is absent, never null.
+Tools that draw recordings (Foxglove, Lichtblick) need schemas of plain objects: every property has one type,
+and missing values are absent, never null.
 """
 
 from __future__ import annotations
@@ -31,7 +31,7 @@ class ChannelSchema(NamedTuple):
 
 
 def channel_schemas(compiled: Compiled, clients: dict[str, tuple[str, ...]]) -> tuple[ChannelSchema, ...]:
-    """Every channel of a recording; `clients` are the modules of each actuator, highest place first."""
+    """Return every channel of a recording; `clients` are each actuator's modules, highest place first."""
     out = [
         ChannelSchema(FRAMES, "colony.Frame", _frame(compiled)),
         ChannelSchema(KEYFRAMES, "colony.Keyframe", _keyframe()),

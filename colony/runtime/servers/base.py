@@ -1,4 +1,4 @@
-"""The base as RServer computes it, whoever commands: its state, its virtual position and its bumpers."""
+"""The base as RServer keeps it, independent of its commander: state, virtual position and bumpers."""
 
 from __future__ import annotations
 
@@ -15,15 +15,18 @@ from colony.runtime.servers.piloting import Bumper
 from colony.runtime.servers.virtual_position import Odometer
 
 FARTHEST_MM = 1e7
-"""Largest x and y of a position that a call may set: 10 km. With much larger numbers a step of dead reckoning
-would be lost in rounding, and the position would stand still while the base moves."""
+"""Largest x and y of a position that a call may set: 10 km.
+
+With much larger numbers a step of dead reckoning would be lost in rounding, and the position would stand
+still while the base moves.
+"""
 
 MOST_TURNED_DEG = 36_000.0
 """Largest heading, in either direction, that a call may set, for the same reason."""
 
 
 class Base:
-    """Keeps the newest state of a base. Mutable: that, the virtual position, and the speeds sent last."""
+    """A base with its newest state. Mutable: that, the virtual position, and the speeds sent last."""
 
     def __init__(self, driver: BaseDriver) -> None:
         self._driver = driver
@@ -35,12 +38,12 @@ class Base:
 
     @property
     def limits(self) -> BaseLimits:
-        """The limits of its speeds."""
+        """The limits of the base's speeds."""
         return self._driver.limits
 
     @property
     def methods(self) -> tuple[Method, ...]:
-        """The methods that ask for the state of the base, and correct its position."""
+        """The methods that read the state of the base, and correct its position."""
         return (
             method("bumper", Nothing, self._bumper, right="read"),
             method("position", Nothing, self._position, right="read"),
@@ -64,7 +67,7 @@ class Base:
         return self._state
 
     def fields(self, t_ns: int) -> Fields:
-        """Return what a frame of `t_ns` shows of the base, as it was at the last `look`."""
+        """Return the fields of the base in a frame of `t_ns`, as of the last `look`."""
         settings = {
             "speed_setting": Sample(self._setting.velocity, t_ns),
             "turn_setting": Sample(self._setting.turn, t_ns),
@@ -87,14 +90,14 @@ class Base:
         }
 
     def seen(self, elapsed_s: float) -> Seen:
-        """Return what motions go by, `elapsed_s` after the last command."""
+        """Return the input of motion laws, `elapsed_s` after the last command."""
         return Seen(self._odometer.track, self._setting, elapsed_s)
 
     def drive(self, speeds: Speeds) -> Bumper | None:
-        """Send these speeds to the base, but only the turn where they would drive into a bumper.
+        """Send these speeds to the base; send only the turn if they would drive into a pressed bumper.
 
         Returns:
-            the bumper, pressed at the last `look`, that they would drive into; None where the way is free, or
+            The bumper, pressed at the last `look`, that they would drive into; None if the way is free, or
             bumpers are ignored.
         """
         bumper = self._pressed(speeds.velocity)

@@ -1,4 +1,4 @@
-"""The actuator of a program that is bound to the base, or the built-in one where there is none."""
+"""The actuator of a program that is bound to the base, or the built-in one if there is none."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from colony.runtime.servers.drivers import BaseLimits
 from colony.runtime.servers.orders import Range, whole_range
 
 FRAME_NS = 50_000_000
-"""The frame of a robot without a program."""
+"""Frame period of a robot without a program, in nanoseconds."""
 
 _DRIVE = RSERVER.commands[0]
 
@@ -35,9 +35,10 @@ _BUILT_IN = actuator_table(
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class BaseActuator:
-    """Who commands the base in a run, within which range, and by which clients at which priority.
+    """The actuator of the base in a run, its range, and its clients by priority.
 
-    `published`: whether verdicts are told; a program that has no base would not know what they are of.
+    `published`: verdicts are published. They are not for a program without the base, which does not know the
+    actuator.
     """
 
     run: str
@@ -50,10 +51,11 @@ class BaseActuator:
 
     @property
     def name(self) -> str:
+        """Name of the actuator."""
         return self.commanded.name
 
     def values(self, speeds: Speeds) -> tuple[float, ...]:
-        """Speeds as an actuator's values; what it has no field for is left out."""
+        """Return speeds as values of the actuator; those that it has no field for are left out."""
         values = [0.0] * len(self.commanded.fields)
         for i, speed in zip(self.commanded.places, speeds, strict=True):
             if i is not None:
@@ -62,13 +64,13 @@ class BaseActuator:
 
 
 def speeds_of(actuator: ActuatorTable, values: tuple[ScalarValue, ...]) -> Speeds:
-    """Return what a command, in base units, says; a parameter that the actuator does not have is 0."""
+    """Return the speeds of a command in base units; a parameter that the actuator lacks is 0."""
     velocity, turn = (0.0 if i is None else float(values[i]) for i in actuator.places)
     return Speeds(velocity, turn)
 
 
 def base_actuator(deployed: Deployment | None, limits: BaseLimits) -> BaseActuator:
-    """Of a deployment that fits, the actuator that is bound to the base; else the built-in one."""
+    """Return the actuator bound to the base in a valid deployment, else the built-in one."""
     if deployed is None:
         return BaseActuator(
             run="", frame_ns=FRAME_NS, commanded=_BUILT_IN, allowed=whole_range(limits), places={}
@@ -87,7 +89,7 @@ def base_actuator(deployed: Deployment | None, limits: BaseLimits) -> BaseActuat
 
 
 def misfit(deployed: Deployment) -> str | None:
-    """Why the base cannot be commanded like this, or None."""
+    """Return the reason why a deployment does not fit the base, or None."""
     return next(_misfits(deployed), None)
 
 
@@ -126,7 +128,7 @@ def _number(value: ScalarValue) -> bool:
 
 
 def _range(commanded: ActuatorTable, limits: BaseLimits) -> Range:
-    """What the program allows of what the base can do; what it does not command is not narrowed."""
+    """Return the program's range within the limits of the base; a speed that it lacks keeps its limits."""
     whole = whole_range(limits)
     velocity, turn = commanded.places
     return whole._replace(

@@ -1,15 +1,15 @@
-"""Limits of what a server keeps, and sentences for people about the limits that were reached."""
+"""Limits of a server's state, and sentences for users about the limits that were reached."""
 
 from __future__ import annotations
 
 
 class Bound:
-    """A limit. Mutable: whether something was refused because of it.
+    """A limit. Mutable: whether a request was refused because of it.
 
     Args:
-        what: what is counted, for people.
+        what: the kind of things counted, for users.
         most: the largest count that is allowed.
-        in_bytes: whether bytes are counted.
+        in_bytes: True if the count is in bytes.
     """
 
     def __init__(self, what: str, most: int, *, in_bytes: bool = False) -> None:
@@ -19,12 +19,12 @@ class Bound:
         self._was_reached = False
 
     def allows(self, count: int) -> bool:
-        """Return whether there may be `count`; if not, remember that the limit was reached."""
+        """Return True if `count` is allowed; if not, remember that the limit was reached."""
         self._was_reached |= count > self.most
         return count <= self.most
 
     def reached(self, count: int) -> tuple[str, ...]:
-        """Return a sentence if `count` reaches the limit, or something was refused before; else nothing."""
+        """Return a sentence if `count` reaches the limit, or a request was refused before; else nothing."""
         if count < self.most and not self._was_reached:
             return ()
         refused = ", and there was no room for more" if self._was_reached else ""

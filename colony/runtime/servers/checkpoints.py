@@ -1,6 +1,6 @@
-"""Checkpoints at DServer: the memory of a program's clients, for the processes that take their place.
+"""Checkpoints at DServer: the memory of a program's clients, for the processes that replace them.
 
-Only clients of the program that is deployed may keep something here.
+Only clients of the deployed program may keep checkpoints here.
 """
 
 from __future__ import annotations
@@ -16,10 +16,10 @@ from colony.runtime.servers.bounds import Bound
 from colony.runtime.store.store import Journal, Key
 
 MEMORY_BYTES = 1 << 20
-"""The largest memory that is kept."""
+"""Byte limit of one memory."""
 
 SPACE = 1 << 24
-"""Bytes of all that are kept; each counts for its name and `OVERHEAD` more."""
+"""Byte limit of all checkpoints; each counts for its name and `OVERHEAD` more."""
 
 OVERHEAD = 100
 
@@ -28,7 +28,7 @@ _CLIENTS = Key("fact", "clients")
 
 
 class Checkpoints:
-    """Mutable: the newest checkpoint of each client, by address. Goes into the journal as it changes."""
+    """The newest checkpoint of each client, by address. Mutable: those; changes go into the journal."""
 
     def __init__(self, journal: Journal) -> None:
         self._journal = journal
@@ -40,7 +40,7 @@ class Checkpoints:
 
     @property
     def reached(self) -> tuple[str, ...]:
-        """Sentences for people about limits that are reached, or were since the server started."""
+        """Sentences for users about limits that are reached, or were since the server started."""
         return self._bound.reached(self._used)
 
     def keep(self, checkpoint: Checkpoint) -> None:
@@ -78,7 +78,7 @@ class Checkpoints:
         self._journal.put(_CLIENTS, _encode(sorted(self._clients)))
 
     def load(self, entries: Mapping[Key, bytes]) -> None:
-        """Take over the entries of a store of the kind "checkpoint", with their run and its clients."""
+        """Load the entries of a store of the kind "checkpoint", with their run and its clients."""
         run = entries.get(_RUN)
         self._run = None if run is None else run.decode()
         if _CLIENTS in entries:

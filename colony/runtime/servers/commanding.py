@@ -1,4 +1,4 @@
-"""The part of a server that takes commands: an arbiter an actuator, and one dispatch a frame."""
+"""Command handling of a server: an arbiter for each actuator, and one dispatch a frame."""
 
 from __future__ import annotations
 
@@ -14,15 +14,15 @@ from colony.runtime.protocol.deployment import ActuatorTable
 from colony.runtime.protocol.messages import Effect, Malformed, Request, Send, Tick, Verdict, WakeAt
 
 Perform = Callable[[ActuatorTable, tuple[ScalarValue, ...], int], None]
-"""Carry out a command: for which actuator, its fields in base units, and the time."""
+"""A function that carries out a command, given the actuator, its fields in base units, and the time."""
 
 Told = Callable[[ActuatorTable, Dispatch, int], None]
-"""Hear of a frame's decision, before it is carried out, also where nothing is."""
+"""A callback for a frame's decision, before it is carried out, even if nothing is sent."""
 
 
 @dataclass(frozen=False, slots=True, kw_only=True)
 class _Counts:
-    """Of one actuator: its frames, what went wrong in them by client, and the note that came last."""
+    """Counts of one actuator: its frames, the failures in them by client, and the last note."""
 
     frames: int = 0
     late: dict[str, int] = field(default_factory=dict)
@@ -44,7 +44,7 @@ class _Counts:
 
 
 class ClientCounts(NamedTuple):
-    """A client of the network: in how many frames its request was there in time, was not, or was no good."""
+    """A client of the network, with the numbers of frames by the fate of its request."""
 
     name: str
     priority: int
@@ -55,7 +55,7 @@ class ClientCounts(NamedTuple):
 
 
 class ActuatorCounts(NamedTuple):
-    """The frames of an actuator so far, its clients, highest place first, and the note that came last."""
+    """The frames of an actuator so far, its clients, highest place first, and the last note."""
 
     actuator: str
     frames: int
@@ -64,14 +64,14 @@ class ActuatorCounts(NamedTuple):
 
 
 class CommandDesk:
-    """Arbitrates and performs the commands of a server's actuators. Mutable: its arbiters.
+    """The arbitration and execution of commands for a server's actuators. Mutable: the arbiters.
 
     Args:
         commanded: the actuators.
-        times: of their frames.
-        perform: carries out what is dispatched, unless that is nothing (`idle hold`).
-        told: hears of every dispatch.
-        publish: whether anybody is told the verdicts.
+        times: the deadline and grace period of their frames.
+        perform: carries out a dispatch, unless nothing is sent (`idle hold`).
+        told: called with every dispatch.
+        publish: True if verdicts are published.
     """
 
     def __init__(
@@ -101,7 +101,7 @@ class CommandDesk:
         return any(table.idle is not None for table in self._actuators.values())
 
     def tick(self, tick: Tick, now_ns: int, others: Others = NOBODY) -> Iterable[Effect]:
-        """Open the frame of every actuator; `others` is what counts besides its clients."""
+        """Open the frame of every actuator; `others` are the influences besides its clients."""
         for name, arbiter in self._arbiters.items():
             clients = self._clients[name]
             lost = frozenset(clients[a] for a in tick.lost if a in clients)
@@ -109,7 +109,7 @@ class CommandDesk:
         yield from self._set_alarm()
 
     def request(self, request: Request, now_ns: int) -> Iterable[Effect]:
-        """Take a client's request; one for an actuator of another server is ignored."""
+        """Take a client's request; ignore one for an actuator of another server."""
         arbiter = self._arbiters.get(request.actuator)
         if arbiter is not None:
             events = arbiter.receive(request, now_ns)
@@ -121,29 +121,31 @@ class CommandDesk:
                 yield WakeAt(due)
 
     def intervene(self, actuator: str, others: Others, now_ns: int) -> Iterable[Effect]:
-        """What counts besides the clients of an actuator has changed within its frame."""
+        """Apply a change of the influences besides an actuator's clients within its frame."""
         yield from self._carry_out(actuator, self._arbiters[actuator].intervene(others, now_ns), now_ns)
         yield from self._set_alarm()
 
     def halt(self, now_ns: int) -> Iterable[Effect]:
-        """Carry out every idle command, whatever the frames have decided: for the emergency stop, and for a
-        server that gets no ticks."""
+        """Carry out every idle command, regardless of the frames' decisions.
+
+        This is for the emergency stop, and for a server that gets no ticks.
+        """
         for name, table in self._actuators.items():
             yield from self.intervene(name, STOPPED, now_ns)
             if table.idle is not None:
                 self._perform(table, table.idle, now_ns)
 
     def malformed(self, message: Malformed) -> None:
-        """Bytes came where requests should; the verdicts of the frame will say so."""
+        """Add a note about a malformed request to the verdicts of the frame."""
         for name in self._arbiters:
             self.remark(name, f"a request could not be read: {message.reason}")
 
     def remark(self, actuator: str, note: str) -> None:
-        """Something for people, for the next verdict of an actuator."""
+        """Add a note for people to the next verdict of an actuator."""
         self._arbiters[actuator].remark(note)
 
     def wake(self, now_ns: int) -> Iterable[Effect]:
-        """Decide what is overdue."""
+        """Decide overdue frames."""
         if self._alarm is not None and now_ns >= self._alarm:
             self._alarm = None
         for name, arbiter in self._arbiters.items():
@@ -151,12 +153,12 @@ class CommandDesk:
         yield from self._set_alarm()
 
     def finish(self, now_ns: int) -> Iterable[Effect]:
-        """No frame follows: the present ones end as they stand."""
+        """End the present frames in their present state, as no other follows."""
         for name, arbiter in self._arbiters.items():
             yield from self._carry_out(name, arbiter.finish(), now_ns)
 
     def counts(self) -> tuple[ActuatorCounts, ...]:
-        """How the frames of every actuator went so far."""
+        """Return the counts of every actuator so far."""
         return tuple(_counts_of(table, self._counts[name]) for name, table in self._actuators.items())
 
     def _carry_out(self, name: str, events: tuple[Event, ...], now_ns: int) -> Iterator[Effect]:

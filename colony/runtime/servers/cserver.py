@@ -1,10 +1,10 @@
-"""CServer: one camera (thesis section 4.6.4). A robot with several has one server each, by another name.
+"""CServer: one camera (thesis section 4.6.4). A robot with several has a server of another name for each.
 
-It grabs an image every period, and hands out the one that it has, so that nobody waits for a camera. Under
-its lock the image is frozen: rows that are grabbed one after the other belong to the same one.
+It grabs an image every period, and returns the newest one, so that no caller waits for a camera. Under its
+lock the image is frozen: rows that are grabbed one after the other belong to the same one.
 
-Images do not fit into frames; nothing binds to a CServer. It answers ticks with empty frames all the same,
-which is how the Clock knows that it lives.
+Images do not fit into frames; no sensor binds to a CServer. It answers ticks with empty frames all the same,
+which shows the Clock that it is alive.
 """
 
 from __future__ import annotations
@@ -42,16 +42,16 @@ from colony.runtime.protocol.messages import (
 from colony.runtime.servers.drivers import CameraDriver
 
 CSERVER = "CServer"
-"""The name of the only camera; where there are several, what their names begin with."""
+"""Name of the only camera; if there are several, the prefix of their names."""
 
 PERIOD_NS = 500_000_000
-"""From one image to the next, as in the thesis."""
+"""Time from one image to the next in nanoseconds, as in the thesis."""
 
 SHORTEST_PERIOD_NS = 10_000_000
 LONGEST_PERIOD_NS = 3_600_000_000_000
 
 _LARGEST_PIXELS = LARGEST - 4096
-"""What fits into one message besides all else that a reply has."""
+"""Byte limit of the pixels in one message, which leaves room for the rest of a reply."""
 
 
 class Camera:
@@ -62,7 +62,7 @@ class Camera:
         driver: the camera.
 
     Attributes:
-        answers: results, or refusals, of calls that waited for the lock; whoever sends them empties the list.
+        answers: results, or refusals, of calls that waited for the lock; the sender empties the list.
     """
 
     def __init__(self, address: str, driver: CameraDriver) -> None:
@@ -76,7 +76,7 @@ class Camera:
 
     @property
     def methods(self) -> tuple[Method, ...]:
-        """The methods of its server."""
+        """The methods of the camera's server."""
         return (
             method("size", Nothing, self._size, right="read"),
             method("grab", Nothing, self._grab, right="read"),
@@ -89,7 +89,7 @@ class Camera:
 
     @property
     def wake_at(self) -> int | None:
-        """The time of the next image, or of the end of somebody's patience."""
+        """The time of the next image, or of the next timeout of a call that waits for the lock."""
         dues = (self._lock.wake_at, self._due_ns if self._lock.holder is None else None)
         return min((due for due in dues if due is not None), default=None)
 
@@ -99,19 +99,19 @@ class Camera:
         self.tend(now_ns)
 
     def tend(self, now_ns: int) -> None:
-        """Grab when it is time, and refuse the calls that waited too long for the lock."""
-        frozen = self._lock.holder is not None and not self.answers  # one that changes hands freezes nothing
+        """Grab an image when it is due, and refuse calls whose wait for the lock timed out."""
+        frozen = self._lock.holder is not None and not self.answers  # a grant freezes nothing
         if now_ns >= self._due_ns and not frozen:
             self._shot = self._driver.grab()
             self._due_ns += self._period_ns * (1 + (now_ns - self._due_ns) // self._period_ns)
         self.answers += [(asked, self._lock.refusal()) for asked in self._lock.expire(now_ns)]
 
     def lost(self, caller: Caller) -> None:
-        """Take the lock, and the places in its queue, from a connection that has ended."""
+        """Remove a connection that has ended as holder of the lock, and from its queue."""
         self._grant(self._lock.drop(caller))
 
     def _present(self) -> Shot:
-        """The shot; where there is none yet, the camera is asked once more."""
+        """Return the shot; if there is none yet, ask the camera once more."""
         if self._shot is None:
             self._shot = self._driver.grab()
         if self._shot is None:
@@ -157,12 +157,12 @@ class Camera:
 
 
 class CServer(QuietNode):
-    """Serves a camera. Mutable: the camera's image, its lock, the period.
+    """The server of a camera. Mutable: the camera's image, its lock, the period.
 
     Args:
         driver: the camera.
         address: the server's name, an identifier.
-        keep: how many frames are kept for who missed one.
+        keep: the number of frames kept for readers that missed one.
     """
 
     def __init__(self, driver: CameraDriver, *, keep: int = FRAMES_KEPT, address: str = CSERVER) -> None:
@@ -174,10 +174,12 @@ class CServer(QuietNode):
         self.listens = (*self._publisher.listens, *self._desk.listens)
 
     def start(self, now_ns: int) -> Iterable[Effect]:
+        """Grab the first image."""
         self._camera.start(now_ns)
         return tuple(self._keep_time(now_ns))
 
     def handle(self, message: Message, now_ns: int) -> Iterable[Effect]:
+        """Answer ticks, fetches and calls, and tend the camera."""
         match message:
             case Tick() | Fetch():
                 yield from self._publisher.handle(message)
@@ -189,7 +191,7 @@ class CServer(QuietNode):
                 pass
 
     def _keep_time(self, now_ns: int) -> Iterator[Effect]:
-        """Answer the calls that waited for the lock, and see to it that a wake comes."""
+        """Answer the calls that waited for the lock, and schedule the next wake."""
         answers, self._camera.answers = self._camera.answers, []
         yield from self._desk.settle(answers)
         due = self._camera.wake_at

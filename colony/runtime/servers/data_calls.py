@@ -1,4 +1,4 @@
-"""The methods of DServer, called by the functions of `library/data.py` (thesis section 4.6.1).
+"""The calls of DServer, made by the functions of `library/data.py` (thesis section 4.6.1).
 
 Each part (variables, semaphores, watches, answers) puts its changes into one journal, which the server
 commits before any effect leaves.
@@ -31,15 +31,21 @@ from colony.runtime.servers.variables import (
 from colony.runtime.servers.watching import Watches
 
 RETURN_NS = 2_000_000_000
-"""After a restart, what a connection holds is kept for so long, for it to come back. Shorter than that, and
-somebody who is about to return might find that another has it too."""
+"""Nanoseconds after a restart in which the holds of a connection are kept for it to reconnect.
+
+If the time were shorter, a client about to reconnect might find that another one has its semaphore too.
+"""
 
 
 class DataCalls:
-    """Mutable: its parts, and what is still to be sent.
+    """The calls of DServer. Mutable: its parts, and the notices and answers that are due.
 
     Args:
-        variables, semaphores, answers, watches, wanted: the state, loaded.
+        variables: the variables, loaded.
+        semaphores: the semaphores, loaded.
+        answers: the answers to calls, loaded.
+        watches: the watches of connections, loaded.
+        wanted: the variables asked for in frames, loaded.
         others: more methods.
         lost: called for each connection that has ended.
         stop: carries out an emergency stop, given the connection and the time.
@@ -86,14 +92,14 @@ class DataCalls:
         self.listens = self._desk.listens
 
     def start(self, now_ns: int) -> Iterator[Effect]:
-        """Nobody is connected yet: give those who were the time to come back."""
+        """Start without connections, and give earlier ones the time to reconnect."""
         self._watches.start(now_ns)
         if self._semaphores.holders_but(()):
             self._return_by = now_ns + RETURN_NS
             yield WakeAt(self._return_by)
 
     def handle(self, message: Message, now_ns: int) -> Iterator[Effect]:
-        """Take what is for the desk: calls, signs of life, what could not be read, and the time."""
+        """Handle calls, signs of life, malformed calls, and wakes."""
         if isinstance(message, Wake):
             self._wake(now_ns)
         yield from self._desk.handle(message, now_ns)
@@ -104,7 +110,7 @@ class DataCalls:
             yield from self._tell(now_ns)
 
     def changed(self, names: Iterable[str], now_ns: int) -> Iterator[Effect]:
-        """Send notices of variables that actuators have set."""
+        """Send notices about variables that actuators have set."""
         for name in names:
             self._telling.changed(name)
         yield from self._tell(now_ns)
@@ -121,7 +127,7 @@ class DataCalls:
         )
 
     def _once(self, handler: Handler) -> Handler:
-        """A handler that gives the answer noted to a call that it has done before."""
+        """Return a handler that repeats the noted answer to a call that was done before."""
 
         def handle(asked: Asked, arguments: Any, now_ns: int) -> object:
             connection, number = asked.caller.connection, asked.number
@@ -143,7 +149,7 @@ class DataCalls:
         return handle
 
     def _expect_room(self) -> None:
-        """Check that what a call changes can be kept.
+        """Check that the changes of a call can be kept.
 
         Raises:
             Refused: "full".
@@ -183,7 +189,7 @@ class DataCalls:
             yield from self._desk.notify(caller, name, body)
 
     def _tell(self, now_ns: int) -> Iterator[Effect]:
-        """Send one slice of notices, and ask for a wake if more are due."""
+        """Send one slice of notices, and schedule a wake if more are due."""
         yield from self._telling.slice()
         if not self._telling.waiting:
             self._next_slice = None
@@ -215,7 +221,7 @@ class DataCalls:
         return ()
 
     def _give_up(self, connection: str) -> None:
-        """Free a connection's places in queues, and the semaphores that it holds, for others."""
+        """Release a connection's places in queues, and the semaphores that it holds."""
         for number in self._data.drop(connection):
             self._answers.undo(connection, number)
 
@@ -228,7 +234,7 @@ class DataCalls:
         self._data.expire(now_ns)
 
     def _settle(self, now_ns: int) -> Iterator[Effect]:
-        """Answer the calls that have waited, and see to it that a wake comes for those that still wait."""
+        """Answer the calls that have waited, and schedule a wake for those that still wait."""
         answers, self._data.answers = self._data.answers, []
         for asked, result in answers:
             if isinstance(result, Refused):

@@ -42,34 +42,35 @@ from colony.runtime.servers.variables import (
 )
 
 REPLY_BYTES = 3 << 20
-"""Bytes of values in one reply, so that it fits into a message."""
+"""Byte limit of the values in one reply, so that it fits into a message."""
 
 MOST_NAMES = 5000
-"""Names in one reply."""
+"""Largest number of names in one reply."""
 
 MOST_VALUES = 2000
-"""Values of a history in one reply."""
+"""Largest number of values of a history in one reply."""
 
 MOST_AT_ONCE = 1000
-"""Variables that one call sets, gets, watches or publishes."""
+"""Largest number of variables that one call sets, gets, watches or publishes."""
 
 SET_BYTES = VALUE_BYTES + 1024
-"""Bytes of the arguments of `set` and `set_many`: one value of the largest size, with its name."""
+"""Byte limit of the arguments of `set` and `set_many`: one value of the largest size, with its name."""
 
 NAMES_BYTES = 1 << 18
-"""Bytes of the arguments of calls that list names: `MOST_AT_ONCE` names of 255 bytes."""
+"""Byte limit of the arguments of calls that list names: `MOST_AT_ONCE` names of 255 bytes."""
 
 
 class DataMethods:
-    """Answers calls for variables and semaphores. Mutable: those, `answers` and `wake_at`.
+    """The calls for variables and semaphores. Mutable: those, `answers` and `wake_at`.
 
     Args:
-        variables, semaphores: the state.
-        changed: told the name of each variable that a call changes.
+        variables: the variables.
+        semaphores: the semaphores.
+        changed: called with the name of each variable that a call changes.
 
     Attributes:
-        answers: results, or refusals, of calls that waited; whoever sends them empties the list.
-        wake_at: the time of the next `expire`; None if nobody waits with a limit.
+        answers: results, or refusals, of calls that waited; the sender empties the list.
+        wake_at: the time of the next `expire`; None if no call waits with a timeout.
     """
 
     def __init__(
@@ -83,7 +84,7 @@ class DataMethods:
 
     @property
     def methods(self) -> tuple[Method, ...]:
-        """The methods for variables and semaphores; those that need the right to command change something."""
+        """The methods for variables and semaphores; those that need the right to command change state."""
         return (
             method("set", Set, self._set, largest=SET_BYTES),
             method("set_many", SetMany, self._set_many, largest=SET_BYTES),
@@ -103,7 +104,7 @@ class DataMethods:
         )
 
     def expire(self, now_ns: int) -> None:
-        """Refuse the calls that have waited for as long as they would."""
+        """Refuse the calls whose timeout has passed."""
         if self.wake_at is None or now_ns < self.wake_at:
             return
         late = self._semaphores.expire(now_ns)
@@ -111,8 +112,10 @@ class DataMethods:
         self.wake_at = self._semaphores.wake_at
 
     def drop(self, connection: str) -> tuple[int, ...]:
-        """Free a connection's places in queues, and the semaphores that it holds, for others; return the
-        numbers of the calls by which it held them."""
+        """Release a connection's places in queues, and the semaphores that it holds.
+
+        Return the numbers of the calls by which it held them.
+        """
         held, granted = self._semaphores.drop(connection)
         self.answers += [(asked, None) for asked in granted]
         return held
@@ -214,7 +217,7 @@ def command(
     """Set the variable that an actuator is bound to; one field is a value, several are a list.
 
     Args:
-        variables: those of DServer.
+        variables: the variables of DServer.
         actuator: the actuator.
         values: its command, in base units.
         now_ns: the time.
@@ -252,6 +255,11 @@ def several(arguments: SetMany) -> list[Prepared]:
 
 
 def few(count: int) -> None:
+    """Check the number of names in one call.
+
+    Raises:
+        Refused: "size".
+    """
     if count > MOST_AT_ONCE:
         raise Refused("size", f"DServer: {count} names in one call; expected at most {MOST_AT_ONCE}")
 

@@ -1,8 +1,9 @@
-"""What a server needs of the device below it. A simulated robot and a real one look the same from here.
+"""Driver interfaces: what a server needs of the device below it.
 
-Drivers answer at once: they give the newest reading that they have, with the time at which it was taken, or
-None where there was none yet; a slow device is read in the background. Times are those of the robot's Clock.
-What must stop a robot whose control program is gone sits below the driver, in the device.
+Simulated and real robots look the same here. Drivers do not block: they return their newest reading, with the
+time at which it was taken, or None if there was none yet; a slow device is read in the background. Times are
+those of the robot's Clock. The mechanism that stops a robot without its control program is below the driver,
+in the device.
 """
 
 from __future__ import annotations
@@ -36,7 +37,7 @@ class BaseState:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class BaseLimits:
-    """The most that a base does, in either direction: mm/s, deg/s, mm/s^2 and deg/s^2."""
+    """The limits of a base, in either direction: mm/s, deg/s, mm/s^2 and deg/s^2."""
 
     velocity: float
     turn: float
@@ -49,24 +50,24 @@ class BaseDriver(Protocol):
 
     @property
     def limits(self) -> BaseLimits:
-        """What commands are refused beyond; they do not change."""
+        """The limits of the base, which are constant; commands beyond them are refused."""
         ...
 
     @property
     def register_bits(self) -> int | None:
-        """How many bits the signed registers of x and y have, which overflow; None: they never do."""
+        """The number of bits of the signed registers of x and y, which overflow; None: they never do."""
         ...
 
     def drive(self, velocity: float, turn: float) -> None:
-        """Go at `velocity` mm/s, turning `turn` deg/s counterclockwise, until told otherwise."""
+        """Drive at `velocity` mm/s, turning `turn` deg/s counterclockwise, until the next command."""
         ...
 
     def stop(self) -> None:
-        """Stand still, at once. Never raises, and may be called at any time and again."""
+        """Stop immediately. Never raises, and may be called at any time, repeatedly."""
         ...
 
     def state(self) -> BaseState | None:
-        """The newest snapshot, or None."""
+        """Return the newest snapshot, or None."""
         ...
 
 
@@ -74,11 +75,11 @@ class ProximityDriver(Protocol):
     """Rings of 24 sonars and 24 infrared detectors (thesis section 4.6.2)."""
 
     def sonar(self) -> Sample | None:
-        """24 ranges in mm."""
+        """Return 24 ranges in mm, or None."""
         ...
 
     def infrared(self) -> Sample | None:
-        """24 bools: whether the detector sees something."""
+        """Return 24 bools, True for a detector that sees something, or None."""
         ...
 
 
@@ -86,7 +87,7 @@ class CameraDriver(Protocol):
     """A camera (thesis section 4.6.4)."""
 
     def grab(self) -> Shot | None:
-        """Take the newest image; None where there is none yet."""
+        """Return the newest image; None if there is none yet."""
         ...
 
 

@@ -1,12 +1,12 @@
 """DServer: the variables and semaphores that the processes of a robot share (thesis section 4.6.1).
 
-What it has survives its death, SIGKILL included. Each change is put into a journal, and the journal into the
-store in one commit, after all that waited was handled and before any effect leaves: nothing is acknowledged
-that could be lost, and many changes cost one commit. A call that comes again is not done again, even by the
-server that was started in the place of a dead one (see `once.py`).
+Its state survives its death, SIGKILL included. Each change is put into a journal, and the journal into the
+store in one commit, after all waiting messages were handled and before any effect leaves: nothing is
+acknowledged that could be lost, and many changes cost one commit. A repeated call is not done again, even by
+a server that replaced a dead one (see `once.py`).
 
-On a full disk calls that would have to be kept are refused, and all else goes on: calls that only look,
-ticks, frames, and what actuators set.
+On a full disk the server refuses calls that would have to be kept, and everything else continues: calls that
+only read, ticks, frames, and the commands of actuators.
 """
 
 from __future__ import annotations
@@ -68,32 +68,31 @@ WATCHDOG_DEADLINES = 3
 """Time without a tick, in deadlines of a frame, after which actuators become idle: two ticks were missed."""
 
 ROOM_NS = 1_000_000_000
-"""Nanoseconds between two looks whether a full disk has room again."""
+"""Nanoseconds between two checks for room on a full disk."""
 
 
 class DServer:
-    """Publishes variables each frame, sets those that actuators are bound to, and answers calls.
+    """The server of variables: it publishes them, sets those that actuators are bound to, and answers calls.
 
-    An actuator of one field sets its variable to the field's value, one of several fields to an array of
-    them in the order declared, in declared units. What a command of frame k sets is read in frame k + 1.
-
-    It also hands on the activity of the modules in Python that are `announced`, and keeps the checkpoints of
-    clients. Mutable: the variables and all else.
+    An actuator of one field sets its variable to the field's value, one of several fields to an array of them
+    in the order declared, in declared units. A variable set by a command of frame k is read in frame k + 1.
+    The server also relays the activity of the modules in Python that are `announced`, and keeps the
+    checkpoints of clients. Mutable: the variables and all other state.
 
     Frames show the variables that connections asked for by `publish`, and, in frames of the program's own
     run, those that the program reads.
 
     Args:
-        held: variables that somebody outside keeps setting: they are as fresh as each frame. Who sets one of
-            them replaces it, also for the server that comes in the place of this one when it dies.
-        deployment: a program that is there from the beginning; others come by the call `deploy`.
-        keep: how many frames are kept for who missed one.
-        store: where the state is kept; loaded here, closed by `close`.
-        epoch: names the clock that times are of. Values that the store has from another one's are old.
-        notes: returns sentences for people about the store, for `status`.
+        held: variables that are as fresh as each frame, as if an outside source kept setting them. Setting
+            one of them ends that, also for the server that replaces this one when it dies.
+        deployment: a program that is deployed from the beginning; others come by the call `deploy`.
+        keep: the number of frames kept for readers that missed one.
+        store: the store of the state; loaded here, closed by `close`.
+        epoch: the name of the clock that times are of. Values in the store of another one's times are old.
+        notes: returns sentences for users about the store, for `status`.
 
     Raises:
-        StoreError: what the store has cannot be read.
+        StoreError: the content of the store cannot be read.
     """
 
     address = DSERVER.name
@@ -155,10 +154,12 @@ class DServer:
         self.listens = tuple(dict.fromkeys(listens))
 
     def start(self, now_ns: int) -> Iterable[Effect]:
+        """Age loaded values of another clock, and give earlier connections the time to reconnect."""
         self._variables.age(now_ns, all_of_them=self._other_epoch)
         return self._calls.start(now_ns)
 
     def handle(self, message: Message, now_ns: int) -> Iterable[Effect]:
+        """Handle a message, and carry out its commands and stops."""
         if self._journal.full is not None and now_ns >= self._look_for_room_at:
             self._look_for_room_at = now_ns + ROOM_NS
             self._journal.make_room()
@@ -204,8 +205,7 @@ class DServer:
             yield from self._calls.changed(changed, now_ns)
 
     def full(self) -> tuple[str, ...]:
-        """Return sentences for people about the store, and about limits that are reached, or were since the
-        server started."""
+        """Return sentences for users about the store, and about limits that are or were reached."""
         parts = (
             self._variables,
             self._wanted,
@@ -219,15 +219,15 @@ class DServer:
         return (*no_room, *self._notes(), *(sentence for part in parts for sentence in part.reached))
 
     def settle(self) -> None:
-        """Commit what was changed; on a full disk what nobody was promised waits.
+        """Commit the changes; on a full disk, changes that were not promised wait.
 
         Raises:
-            StoreError: it cannot be kept; the server must end, and nothing that it said may leave.
+            StoreError: they cannot be kept; the server must end, and none of its effects may leave.
         """
         self._journal.settle()
 
     def close(self) -> None:
-        """Commit what was changed, and that it ended in peace; and let go of the store."""
+        """Commit the changes and an orderly end, and close the store."""
         try:
             self._journal.put(_CLOSED, b"")
             self._journal.settle()
@@ -244,7 +244,7 @@ class DServer:
         return self._variables.fields(tick.t_ns)
 
     def _arbitrate(self, tick: Tick, now_ns: int) -> Iterable[Effect]:
-        """Begin a frame of the run that is deployed; in those of another there is nothing to decide."""
+        """Begin a frame of the deployed run; in frames of another run there is nothing to decide."""
         if self._run not in (None, tick.run):
             return self._desk.finish(now_ns)
         return self._desk.tick(tick, now_ns, NOBODY if self._emergency.stopped is None else STOPPED)
@@ -256,12 +256,12 @@ class DServer:
         self._halting = True
 
     def _watch(self, now_ns: int) -> Iterable[Effect]:
-        """Ask for a wake at which the actuators become idle, unless a tick comes before."""
+        """Schedule a wake at which the actuators become idle, unless a tick comes before."""
         if self._desk.moves:
             self._bark_at = now_ns + WATCHDOG_DEADLINES * self._times.deadline_ns
             yield WakeAt(self._bark_at)
 
-    # --- what is published and set -------------------------------------------------------------------
+    # --- published and set variables -----------------------------------------------------------------
 
     def _set(self, actuator: ActuatorTable, values: tuple[ScalarValue, ...], now_ns: int) -> None:
         command(self._variables, actuator, values, now_ns)
@@ -281,7 +281,7 @@ class DServer:
         self._relay.deploy(deployed.announced)
 
     def _load(self) -> bool:
-        """Take over what the store has; False where that is of a server that died, whose place this takes."""
+        """Load the content of the store; return False if it is of a server that died and is replaced."""
         entries = dict(self._store.load())
         parts = (
             self._variables,

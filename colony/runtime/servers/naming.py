@@ -1,4 +1,4 @@
-"""The names of DServer's variables and semaphores: the check of a name, and all names in order."""
+"""Names of DServer's variables and semaphores: the check of a name, and a sorted list of names."""
 
 from __future__ import annotations
 
@@ -11,21 +11,21 @@ from colony.runtime.protocol.calls import Refused
 
 
 class Names:
-    """Names in order. Mutable: the names."""
+    """A sorted list of names. Mutable: the names."""
 
     def __init__(self) -> None:
         self._names: list[str] = []
 
     def add(self, name: str) -> None:
-        """Add a name that is not among them."""
+        """Add a name that is not in the list."""
         insort(self._names, name)
 
     def update(self, names: Iterable[str]) -> None:
-        """Add many names that are not among them."""
+        """Add many names that are not in the list."""
         self._names = sorted([*self._names, *names])
 
     def discard(self, name: str) -> None:
-        """Remove a name that is among them."""
+        """Remove a name that is in the list."""
         del self._names[bisect_left(self._names, name)]
 
     def page(self, prefix: str, after: str, limit: int) -> tuple[str, ...]:
@@ -47,7 +47,7 @@ class Names:
 
 
 def named(name: str) -> str:
-    """Return `name`, which must be fit for a variable or semaphore: 1 to 255 bytes of UTF-8.
+    """Return `name` if it is valid for a variable or semaphore: 1 to 255 bytes of UTF-8.
 
     Raises:
         Refused: "arguments".

@@ -1,11 +1,11 @@
-"""Doing each call once, though its server died before it could answer.
+"""Exactly-once execution of calls, though their server died before it could answer.
 
-A server that is started again, or lost a connection for a while, does not know which of the calls that now
-arrive once more it has done already. So what was answered is noted, and put into the store in the very commit
-that has the effects of the call: either both are there or neither.
+A server that was restarted, or lost a connection for a while, does not know which of the calls that are
+repeated now it has done already. So it notes its answers, and puts each into the store in the very commit
+that has the effects of the call: either both are in the store or neither.
 
-Of each connection the newest `KEPT` answers are noted, in a ring: number i of its answers is in slot i mod
-`KEPT`. Numbers below one whose answer is no longer there may have been done, and are refused; except for
+The newest `KEPT` answers of each connection are noted, in a ring: number i of its answers is in slot i mod
+`KEPT`. Calls with numbers below one whose answer was dropped may have been done, and are refused; except for
 calls that are still waiting for their answer, as these are noted too.
 """
 
@@ -23,19 +23,19 @@ from colony.runtime.servers.bounds import Bound
 from colony.runtime.store.store import Journal, Key
 
 KEPT = 64
-"""Answers that are noted of a connection."""
+"""Number of answers that are noted for a connection."""
 
 CONNECTIONS = 2000
-"""Connections of which answers are noted; those that said nothing for the longest time are forgotten."""
+"""Number of connections with noted answers; those silent for the longest time are dropped."""
 
 SPACE = 16 << 20
-"""Bytes of all answers that are noted; each counts for its connection and `OVERHEAD` more."""
+"""Byte limit of all noted answers; each counts for its connection and `OVERHEAD` more."""
 
 OVERHEAD = 100
 """Bytes for which an answer counts besides its result and its connection."""
 
 HIGHEST = (1 << 53) - 1
-"""The largest number of a call."""
+"""The largest valid call number."""
 
 
 class _Answer(NamedTuple):
@@ -54,7 +54,7 @@ class _Ring:
 
 
 class CallAnswers:
-    """Mutable: what was answered. Goes into the journal as it changes."""
+    """The answers to calls. Mutable: those; changes go into the journal."""
 
     def __init__(self, journal: Journal) -> None:
         self._journal = journal
@@ -64,11 +64,11 @@ class CallAnswers:
 
     @property
     def reached(self) -> tuple[str, ...]:
-        """Sentences for people about limits that are reached, or were since the server started."""
+        """Sentences for users about limits that are reached, or were since the server started."""
         return self._bound.reached(self._used)
 
     def find(self, connection: str, number: int) -> bytes | None:
-        """The result in msgpack that a call had; None for one that was not done.
+        """Return the result in msgpack of a call that was done; None if it was not.
 
         Raises:
             Refused: "forgotten" for a number so far back that it may have been done; "arguments".
@@ -87,7 +87,7 @@ class CallAnswers:
         return None
 
     def note(self, connection: str, number: int, result: bytes) -> None:
-        """Remember that a call was done, with its result in msgpack, which may leave once this is kept."""
+        """Note that a call was done, with its result in msgpack, which may leave once this is committed."""
         self._journal.promise()
         ring = self._ring(connection)
         answers = ring.answers
@@ -105,21 +105,21 @@ class CallAnswers:
             self.settle(connection, number)
 
     def pend(self, connection: str, number: int) -> None:
-        """A call waits for its answer; of `KEPT` at a time that is noted."""
+        """Note that a call waits for its answer; at most `KEPT` of a connection are noted."""
         pending = self._ring(connection).pending
         if len(pending) < KEPT:
             pending.add(number)
             self._journal.put(Key("pending", connection, number), b"")
 
     def settle(self, connection: str, number: int) -> None:
-        """A call waits no more."""
+        """Note that a call waits no more."""
         ring = self._rings.get(connection)
         if ring is not None and number in ring.pending:
             ring.pending.discard(number)
             self._journal.drop(Key("pending", connection, number))
 
     def undo(self, connection: str, number: int) -> None:
-        """What a call did was taken back: when it arrives again, it is done again."""
+        """Drop the answer of a call whose effect was undone: a repeated call is done again."""
         ring = self._rings.get(connection)
         answer = None if ring is None else ring.answers.pop(number, None)
         if answer is not None:
@@ -127,7 +127,7 @@ class CallAnswers:
             self._journal.drop(Key("answer", connection, answer.turn % KEPT))
 
     def load(self, entries: Mapping[Key, bytes]) -> None:
-        """Take over what a store had of the kinds "answer" and "pending"."""
+        """Load the entries of a store of the kinds "answer" and "pending"."""
         kept = [(key.name, _answers.decode(data)) for key, data in entries.items() if key.kind == "answer"]
         for connection, answer in sorted(kept, key=lambda one: one[1].turn):
             ring = self._rings.setdefault(connection, _Ring())

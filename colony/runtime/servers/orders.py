@@ -1,8 +1,8 @@
-"""From what a caller of RServer asks for to a motion of the base, checked against what may be commanded.
+"""Translation of calls of RServer into motions of the base, checked against the allowed range.
 
-Every function gives the motion, and the settings as they are from then on: what a call says of velocity and
-acceleration is what later ones go by that do not say (thesis section 4.6.3). Pure; what cannot be done is
-`Refused` with the code "arguments".
+The functions return the motion, and most of them the new settings: a velocity or acceleration in a call is
+the default of later calls that give none (thesis section 4.6.3). Pure; impossible requests are `Refused` with
+the code "arguments".
 """
 
 from __future__ import annotations
@@ -18,8 +18,7 @@ from colony.runtime.servers.drivers import BaseLimits
 
 
 class Range(NamedTuple):
-    """What may be commanded, lowest and highest, in mm/s and deg/s counterclockwise; and what accelerations
-    there are."""
+    """The allowed speeds, lowest and highest, in mm/s and deg/s counterclockwise, and the accelerations."""
 
     velocity: tuple[float, float]
     turn: tuple[float, float]
@@ -27,12 +26,12 @@ class Range(NamedTuple):
     turn_acceleration: float
 
     def clamp(self, speeds: Speeds) -> Speeds:
-        """The nearest that may be."""
+        """Return the nearest allowed speeds."""
         return Speeds(_within(speeds.velocity, self.velocity), _within(speeds.turn, self.turn))
 
 
 def whole_range(limits: BaseLimits) -> Range:
-    """All that a base can do."""
+    """Return the whole range of a base."""
     return Range(
         (-limits.velocity, limits.velocity),
         (-limits.turn, limits.turn),
@@ -42,7 +41,7 @@ def whole_range(limits: BaseLimits) -> Range:
 
 
 class Settings(NamedTuple):
-    """What the base was told last, in magnitudes: along its way, and turning on the spot."""
+    """The settings of the last commands, in magnitudes: along the way, and turning on the spot."""
 
     velocity: float
     acceleration: float
@@ -51,7 +50,7 @@ class Settings(NamedTuple):
 
 
 def first_settings(limits: BaseLimits) -> Settings:
-    """Unhurried, until somebody sets them."""
+    """Return the initial, unhurried settings."""
     return Settings(
         velocity=min(200.0, limits.velocity),
         acceleration=limits.acceleration / 2.0,
@@ -61,7 +60,7 @@ def first_settings(limits: BaseLimits) -> Settings:
 
 
 def drive(asked: robot.Drive, allowed: Range) -> Motion:
-    """Both speeds as they are given."""
+    """Return a motion at both speeds as they are given."""
     velocity = _checked("velocity", asked.velocity, allowed.velocity, "mm/s")
     turn = _checked("turn", asked.turn, allowed.turn, "deg/s")
     return motion.ConstantSpeeds(speeds=Speeds(velocity, turn))
@@ -70,7 +69,7 @@ def drive(asked: robot.Drive, allowed: Range) -> Motion:
 def go(
     asked: robot.Go, settings: Settings, allowed: Range, before: Motion | None, *, integrating: bool
 ) -> tuple[Motion, Settings]:
-    """Straight on; told again, it holds the heading that it held `before`."""
+    """Return a motion straight ahead; when repeated, it holds the heading that it held `before`."""
     velocity = _checked("velocity", asked.velocity, allowed.velocity, "mm/s")
     if velocity != 0.0:
         settings = settings._replace(velocity=abs(velocity))
@@ -86,7 +85,7 @@ def go(
 
 
 def jog(asked: robot.Jog, settings: Settings, allowed: Range, before: Motion | None) -> Motion:
-    """A turning rate on top of the forward motion `before`."""
+    """Return a turning rate on top of the forward motion `before`."""
     low, high = allowed.turn
     rate = _checked("rate", asked.rate, (-high, -low), "deg/s")
     match before:
@@ -105,7 +104,7 @@ def jog(asked: robot.Jog, settings: Settings, allowed: Range, before: Motion | N
 
 
 def halt(asked: robot.Halt, settings: Settings) -> Motion:
-    """Stand, at once or gradually."""
+    """Return a stop, immediate or gradual."""
     return motion.Halt(
         gradual=asked.mode == 0,
         acceleration=settings.acceleration,
@@ -114,7 +113,7 @@ def halt(asked: robot.Halt, settings: Settings) -> Motion:
 
 
 def move(asked: robot.Move, settings: Settings, allowed: Range) -> tuple[Ending, Settings]:
-    """A distance."""
+    """Return a motion over a distance."""
     distance = _finite("distance", asked.distance)
     low, high = allowed.velocity
     settings = _along(asked, settings, allowed, high if distance > 0.0 else -low)
@@ -123,7 +122,7 @@ def move(asked: robot.Move, settings: Settings, allowed: Range) -> tuple[Ending,
 
 
 def turn(asked: robot.Turn, settings: Settings, allowed: Range) -> tuple[Ending, Settings]:
-    """Degrees on the spot."""
+    """Return a turn by degrees on the spot."""
     degrees = _finite("degrees", asked.degrees)
     most = -allowed.turn[0] if degrees > 0.0 else allowed.turn[1]
     settings = settings._replace(
@@ -148,7 +147,7 @@ def turn(asked: robot.Turn, settings: Settings, allowed: Range) -> tuple[Ending,
 def continuous_turn(
     asked: robot.ContinuousTurn, settings: Settings, allowed: Range
 ) -> tuple[Ending, Settings]:
-    """Degrees along an arc, no faster than the base may turn."""
+    """Return a turn by degrees along an arc, no faster than the base may turn."""
     degrees, radius = _finite("degrees", asked.degrees), _finite("radius", asked.radius)
     if radius <= 0.0:
         raise Refused("arguments", f"radius is {radius:g} mm; expected more than 0")
@@ -192,7 +191,7 @@ def _checked(name: str, value: float, allowed: tuple[float, float], unit: str) -
 
 
 def _magnitude(name: str, value: float, kept: float, most: float, unit: str) -> float:
-    """A magnitude as given or, where it is negative, the one that was kept."""
+    """Return a given magnitude or, if it is negative, the kept one."""
     if most <= 0.0:
         raise Refused("arguments", f"{name}: the program's range leaves no motion that way")
     if value < 0.0:

@@ -1,8 +1,8 @@
-"""What those outside a network want of the base: their motions, the lock, the emergency stop.
+"""Piloting of the base by connections outside a network: their motions, the lock, the emergency stop.
 
-The pilot takes the calls of Table 4.1 that move the base, and says for each frame what is wanted (`others`).
-Arbitration decides; what then acted is told to it (`dispatched`), so that only motions that were carried out
-go on. It speaks to no driver.
+The pilot takes the calls of Table 4.1 that move the base, and returns the wanted commands of each frame
+(`others`). Arbitration decides, and reports the result to the pilot (`dispatched`), so that only motions that
+were carried out proceed. The pilot does not use a driver.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ from colony.runtime.servers import orders
 from colony.runtime.servers.drivers import BaseLimits
 
 Answer = tuple[Asked, float | Refused | None]
-"""A call that was waiting, and its result or why there is none."""
+"""A call that was waiting, and its result or refusal."""
 
 
 Bumper = Literal["front", "rear"]
@@ -36,16 +36,16 @@ class _Proposal(NamedTuple):
 
 
 class Pilot:
-    """Mutable: who commands what, the lock, the settings, the mode.
+    """The commands of outside connections. Mutable: the commanders, the lock, the settings, the mode.
 
-    `allowed` and `places` (the clients of the network by priority) are those of the deployment. `answers`
-    are the calls that came to an end; whoever has the pilot takes them from there.
+    `allowed` and `places` (the clients of the network by priority) are those of the deployment. `answers` are
+    the calls that came to an end; the owner of the pilot takes them from there.
 
     Args:
-        limits: of the base.
-        emergency: whether the base is stopped.
-        values: speeds as the values of the actuator.
-        ticking: whether a Clock ticks at a time; without one no frame would carry a command out.
+        limits: the limits of the base.
+        emergency: the emergency stop of the base.
+        values: converts speeds to values of the actuator.
+        ticking: returns True if a Clock ticks at a time; without a Clock no frame carries out a command.
     """
 
     def __init__(
@@ -67,11 +67,11 @@ class Pilot:
         self.mode: Mode = "joystick"
         self.answers: list[Answer] = []
         self.changed = False
-        """Whether something was commanded, or is no longer, since this was last set to False."""
+        """True if a command began or ended since this was last set to False."""
 
     @property
     def methods(self) -> tuple[Method, ...]:
-        """The calls that it takes."""
+        """The methods of the pilot."""
         return (
             method("drive", robot.Drive, self._drive),
             method("go", robot.Go, self._go),
@@ -89,7 +89,7 @@ class Pilot:
     # --- frames --------------------------------------------------------------------------------------
 
     def others(self, seen: Seen, now_ns: int) -> Others:
-        """What is wanted in a frame that begins, or goes on, like this."""
+        """Return the outside commands and holds of a frame, given the state of the base."""
         self._proposal = None
         if self._emergency.stopped is not None:
             return Others((), "stopped", None)
@@ -119,7 +119,7 @@ class Pilot:
         return self._values(speeds)
 
     def dispatched(self, outside: str | None) -> Speeds | None:
-        """Which connection acts in the frame; gives its speeds."""
+        """Note the connection that acts in the frame, None for none; return its speeds."""
         proposal, self._proposal = self._proposal, None
         if proposal is not None and proposal.commander.caller.connection != outside:
             proposal = None
@@ -133,14 +133,14 @@ class Pilot:
         return proposal.speeds
 
     def drove(self, network: bool) -> None:
-        """The network acted in a frame, or nobody did: a motion that had an end is over."""
+        """Note that the network acted in a frame, or no client: a motion with an end is over."""
         if network:
             self.mode = "jog"
         elif self.mode in ("continuous turn", "point-to-point go", "point-to-point turn"):
             self.mode = "go"
 
     def bumped(self, connection: str, bumper: Bumper, seen: Seen) -> None:
-        """A bumper stopped who acts: a motion that gets somewhere cannot come to its end."""
+        """End the motion of a connection that a bumper stopped, if it is a move or an arc."""
         for commander in self.outsiders.commanding:
             moving = isinstance(commander.motion, motion.Move | motion.Arc)
             if moving and commander.caller.connection == connection:
@@ -167,7 +167,7 @@ class Pilot:
                 self.answers.append((asked, Refused("bumper", bumped)))
 
     def report(self, now_ns: int) -> tuple[robot.OutsideReport, ...]:
-        """Who has commanded, and what they command now."""
+        """Return the connections that have commanded, and their present commands."""
         return tuple(
             robot.OutsideReport(
                 connection=commander.caller.connection,
@@ -179,29 +179,29 @@ class Pilot:
             for commander in self.outsiders.all
         )
 
-    # --- what ends commands from without -------------------------------------------------------------
+    # --- ends of commands from outside ---------------------------------------------------------------
 
     def cancel(self, refused: Refused, spared: str | None = None) -> None:
-        """End every command, but for that of one connection."""
+        """End every command, except that of one connection."""
         for commander in self.outsiders.all:
             if commander.caller.connection != spared:
                 self._drop(commander, refused)
 
     def stop(self) -> None:
-        """The emergency stop has come on."""
+        """End all commands, as the emergency stop has come on."""
         self.cancel(self._stopped())
         self.mode = "joystick"
         self.changed = True
 
     def lost(self, caller: Caller) -> None:
-        """A connection ended, and with it all that it had here."""
+        """Remove a connection that ended, with its command and its lock."""
         commander = self.outsiders.of(caller)
         self.changed = self.changed or (commander is not None and commander.motion is not None)
         self.outsiders.leave(caller)
         self._granted(self.lock.drop(caller))
 
     def expire(self, now_ns: int) -> None:
-        """Refuse those who waited for the lock for as long as they would."""
+        """Refuse calls whose wait for the lock timed out."""
         for asked in self.lock.expire(now_ns):
             self.answers.append((asked, self.lock.refusal()))
 
@@ -233,13 +233,13 @@ class Pilot:
         return self._admit(caller)
 
     def _hold(self, commander: Commander, wanted: Motion, until_ns: int) -> None:
-        """Command for the time of a lease."""
+        """Set a command that holds for a lease."""
         self._drop(commander, _REPLACED)
         commander.motion, commander.until_ns = wanted, until_ns
         self.changed = True
 
     def _begin(self, asked: Asked, wanted: Ending, wait: bool, now_ns: int) -> Later | None:
-        """Command until it is done."""
+        """Set a command that holds until it is done."""
         commander = self._admit_motion(asked.caller, now_ns)
         self._drop(commander, _REPLACED)
         commander.motion = wanted

@@ -25,9 +25,9 @@ from colony.runtime.servers.drivers import ProximityDriver
 
 
 class PServer(QuietNode):
-    """Publishes both rings each frame, each with the time at which it was measured. Mutable: the time-outs.
+    """The server of both rings, each with its time of measurement. Mutable: the timeouts.
 
-    A time-out is the greatest range of a sonar: what is farther away reads as that, in frames and in calls.
+    A timeout is the greatest range of a sonar: ranges beyond it read as that, in frames and in calls.
     """
 
     address = PSERVER.name
@@ -46,6 +46,7 @@ class PServer(QuietNode):
         self.listens = (*self._publisher.listens, *self._desk.listens)
 
     def handle(self, message: Message, now_ns: int) -> Iterable[Effect]:
+        """Answer ticks, fetches and calls."""
         match message:
             case Tick() | Fetch():
                 return self._publisher.handle(message)
@@ -55,7 +56,7 @@ class PServer(QuietNode):
                 return ()
 
     def sonar(self) -> Sample | None:
-        """Return 24 ranges in mm, up to the time-outs."""
+        """Return 24 ranges in mm, up to the timeouts, or None."""
         sample = self._driver.sonar()
         if sample is None or self._timeouts is None:
             return sample
@@ -63,7 +64,7 @@ class PServer(QuietNode):
         return Sample(tuple(map(min, sample.value, self._timeouts)), sample.t_ns)
 
     def infrared(self) -> Sample | None:
-        """Return 24 bools: whether the detector sees something."""
+        """Return 24 bools, True for a detector that sees something, or None."""
         return self._driver.infrared()
 
     def _read(self, tick: Tick) -> Fields:

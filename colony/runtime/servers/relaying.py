@@ -1,4 +1,4 @@
-"""How DServer hands on what modules in Python announce: their answers in a frame."""
+"""Relaying by DServer of the announcements of modules in Python: their answers in a frame."""
 
 from __future__ import annotations
 
@@ -11,10 +11,10 @@ from colony.runtime.protocol.messages import Announcement, Effect, Fetch, Sample
 
 
 class ActivityRelay:
-    """Publishes each announcement as a frame, and keeps the newest `keep` of a module. Mutable: those.
+    """A publisher of announcements as frames that keeps the newest `keep` of a module. Mutable: those.
 
-    It is asked for them again by fetches to its server, and answers them within a budget that each tick
-    renews. What it does not have the announcer may have, which hears those fetches too and announces again.
+    It answers fetches to its server within a budget that each tick renews. A frame that it lacks the
+    announcer may have, which receives those fetches too and announces again.
     """
 
     def __init__(self, server: str, modules: tuple[str, ...], *, keep: int) -> None:
@@ -25,18 +25,18 @@ class ActivityRelay:
         self.deploy(modules)
 
     def deploy(self, modules: tuple[str, ...]) -> None:
-        """Hand on the answers of these modules from now on."""
+        """Relay the answers of these modules from now on."""
         self._names = {module: topics.activity(self._server, module) for module in modules}
         self._kept: dict[str, dict[int, ServerFrame]] = {name: {} for name in self._names.values()}
         self._bytes = dict.fromkeys(self._kept, 0)
         self._share = KEPT_BYTES // max(1, len(self._names))
 
     def tick(self) -> None:
-        """A frame begins: fetches are answered again."""
+        """Begin a frame: renew the budget for fetches."""
         self._budget.renew()
 
     def announce(self, message: Announcement, now_ns: int) -> Iterable[Effect]:
-        """Hand it on; what a stranger announces, or is announced again, is ignored."""
+        """Relay an announcement; ignore unknown modules and repeated announcements."""
         name = self._names.get(message.module)
         if name is None or message.k in self._kept[name]:
             return ()
@@ -50,7 +50,7 @@ class ActivityRelay:
         return (Send(topics.frames(name), frame),)
 
     def fetch(self, message: Fetch) -> Iterable[Effect]:
-        """Publish a frame again, if it is here."""
+        """Publish a frame again, if it is kept."""
         frame = self._kept.get(message.server, {}).get(message.k)
         if frame is None or not self._budget.take(message.server, message.k, frame_bytes(frame.fields)):
             return ()

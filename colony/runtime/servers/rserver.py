@@ -1,13 +1,12 @@
 """RServer: the base of the robot (thesis section 4.6.3). It alone moves it, by one command a frame.
 
-Who commands is arbitrated among the clients of the program that is deployed, and connections from outside,
-by priority, lock and emergency stop (`arbiter.py`, `piloting.py`). Below that stand a reflex, which sends
-nothing that goes into a pressed bumper, and a watchdog: when no command is decided any more, because the
-ticks stop, the base is stopped two frames after the last one; so is one whose idle command is to hold.
+The clients of the deployed program, and connections from outside, are arbitrated by priority, lock and
+emergency stop (`arbiter.py`, `piloting.py`). Below that are a reflex, which sends no command that goes into a
+pressed bumper, and a watchdog: when no command is decided any more, because the ticks stop, the base is
+stopped two frames after the last one; so is one whose idle command is to hold.
 
-Frames belong to a run. In those of another run than the one that is deployed here, the base is stopped, and
-nobody is told a verdict. Where nothing is deployed, the built-in actuator `drive` is arbitrated among
-connections alone.
+Frames belong to a run. In frames of another run than the deployed one, the base is stopped, and no verdict is
+published. If nothing is deployed, the built-in actuator `drive` is arbitrated among connections alone.
 """
 
 from __future__ import annotations
@@ -48,23 +47,28 @@ from colony.runtime.servers.piloting import Bumper, Pilot
 WATCHDOG_FRAMES = 2
 
 STALE_FRAMES = 2
-"""Frames after which a tick is too old to move the base by: this process stood still, and what waited for it
-since may have been overtaken by a stop that it has not heard of yet."""
+"""Age in frames at which a tick is too old to move the base by.
+
+This process was suspended, and a stop that it has not received yet may have overtaken the messages that
+waited for it.
+"""
 
 
 CLOCK_GRACE_NS = 2_000_000_000
-"""Time without a tick after which calls that command motion are refused."""
+"""Nanoseconds without a tick after which calls that command motion are refused."""
 
 
 class RServer:
-    """Publishes the state of the base, arbitrates who drives it, and takes calls. Mutable: all of that.
+    """The server of the base: it publishes its state, arbitrates its commands, and takes calls.
+
+    Mutable: all of that.
 
     Args:
         driver: the base.
-        deployment: a program that is there from the beginning, until another comes by the call `deploy`;
+        deployment: a program that is deployed from the beginning, until another comes by the call `deploy`;
             that one stays as long as the connection which made the call.
-        watchdog_ns: after which time without a decision the base is stopped; two frames, unless given.
-        keep: how many frames are kept for who missed one.
+        watchdog_ns: the time without a decision after which the base is stopped; two frames, unless given.
+        keep: the number of frames kept for readers that missed one.
     """
 
     address = RSERVER.name
@@ -105,11 +109,13 @@ class RServer:
         )
 
     def start(self, now_ns: int) -> Iterable[Effect]:
+        """Stop the base, and await the first tick."""
         self._began_ns = now_ns
         self._halt()
         return ()
 
     def handle(self, message: Message, now_ns: int) -> Iterator[Effect]:
+        """Handle a message, carry out its commands, and feed the watchdog."""
         match message:
             case Request():
                 yield from self._desk.request(message, now_ns)
@@ -160,12 +166,12 @@ class RServer:
         return self._base.fields(tick.t_ns)
 
     def _seen(self, now_ns: int) -> Seen:
-        """What motions go by."""
+        """Return the input of motion laws."""
         frame_ns = self._actuator.frame_ns
         since = frame_ns if self._commanded_at is None else now_ns - self._commanded_at
         return self._base.seen(min(max(since, 0), 2 * frame_ns) / 1e9)
 
-    # --- what is sent to the base --------------------------------------------------------------------
+    # --- commands to the base ------------------------------------------------------------------------
 
     def _told(self, actuator: ActuatorTable, dispatch: Dispatch, now_ns: int) -> None:
         self._acting = dispatch.by if dispatch.outside is None else dispatch.outside
@@ -194,12 +200,12 @@ class RServer:
         self._commanded_at = now_ns
 
     def _ticking(self, now_ns: int) -> bool:
-        """Return True if the Clock ticked lately; in lockstep the times of ticks only count frames."""
+        """Return True if the Clock ticked recently; in lockstep the times of ticks only count frames."""
         last_ns = max(self._began_ns, self._tick_ns)
         return self._actuator.lockstep or now_ns - last_ns <= CLOCK_GRACE_NS
 
     def _stale(self, now_ns: int) -> bool:
-        """Return whether the present frame is long over. In lockstep the times of ticks only count frames."""
+        """Return True if the present frame is long over; in lockstep the times of ticks only count frames."""
         return not self._actuator.lockstep and now_ns - self._tick_ns > STALE_FRAMES * self._actuator.frame_ns
 
     def _bumped(self, wanted: Speeds, bumper: Bumper, now_ns: int) -> None:
@@ -213,7 +219,7 @@ class RServer:
         self._base.stop()
 
     def _watch(self, now_ns: int) -> Iterator[Effect]:
-        """Stop a base that nobody commands any more; while one does, one wake for this is on its way."""
+        """Stop a base that is no longer commanded; while it is, keep one wake for this scheduled."""
         if self._commanded_at is None:
             return
         due = self._commanded_at + self._watchdog_ns
@@ -224,7 +230,7 @@ class RServer:
             yield WakeAt(due)
 
     def _follow(self, now_ns: int) -> Iterator[Effect]:
-        """Let what calls have changed take effect, and answer those that came to an end."""
+        """Apply the changes made by calls, and answer the calls that came to an end."""
         pilot = self._pilot
         if pilot.changed:
             pilot.changed = False
@@ -244,7 +250,7 @@ class RServer:
     # --- the run -------------------------------------------------------------------------------------
 
     def _use(self, deployed: Deployment | None) -> None:
-        """From the next tick on, arbitrate among the clients of this program."""
+        """Arbitrate among the clients of this program, from the next tick on."""
         base = base_actuator(deployed, self._base.limits)
         self._actuator = base
         self._watchdog_ns = self._watchdog_given or WATCHDOG_FRAMES * base.frame_ns
@@ -295,7 +301,7 @@ class RServer:
         self._stopped(by)
 
     def _follow_stop(self, tick: Tick) -> None:
-        """Stop or go on, as the Clock's tick says."""
+        """Stop or resume according to the Clock's tick."""
         before = self._emergency.stopped
         self._emergency.follow(tick)
         after = self._emergency.stopped

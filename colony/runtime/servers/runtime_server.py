@@ -1,4 +1,4 @@
-"""The server `Runtime`: chance, as a sensor like any other."""
+"""The server `Runtime`: randomness as a sensor."""
 
 from __future__ import annotations
 
@@ -26,11 +26,11 @@ from colony.runtime.protocol.messages import (
 
 
 class RuntimeServer(QuietNode):
-    """Publishes `random`, which is a function of the run's seed and the frame's number and of nothing else,
-    so that a server that was started anew goes on with the same numbers. Mutable: the seed.
+    """The server of `random`, a function of only the run's seed and the frame's number.
 
-    The seed comes with each deployment: by the call `deploy`, or from the Clock of the same process by
-    `use`, which is there before the first frame of the run.
+    So a restarted server continues with the same numbers. Mutable: the seed. The seed comes with each
+    deployment: by the call `deploy`, or from the Clock of the same process by `use`, before the first frame
+    of the run.
     """
 
     address = RUNTIME.name
@@ -47,10 +47,11 @@ class RuntimeServer(QuietNode):
         self.listens = (*self._publisher.listens, *self._desk.listens)
 
     def use(self, deployed: Deployment) -> None:
-        """From the next frame on, give the numbers of this run."""
+        """Publish the numbers of this run, from the next frame on."""
         self._seed = deployed.seed
 
     def handle(self, message: Message, now_ns: int) -> Iterable[Effect]:
+        """Answer ticks, fetches and calls."""
         match message:
             case Tick() | Fetch():
                 return self._publisher.handle(message)
@@ -72,6 +73,6 @@ class RuntimeServer(QuietNode):
 
 
 def random_of_frame(seed: int, k: int) -> float:
-    """The number of frame `k`: the top 53 bits of a hash, as a fraction, uniform in [0, 1)."""
+    """Return the number of frame `k`: the top 53 bits of a hash, as a fraction, uniform in [0, 1)."""
     digest = blake2b(f"{seed}:{k}".encode(), digest_size=8).digest()
     return (int.from_bytes(digest, "big") >> 11) / (1 << 53)

@@ -1,10 +1,10 @@
 """DServer's semaphores (thesis section 4.6.1, "Semaphores").
 
-A semaphore has a value and a queue, first come first served; while somebody waits, its value is 0. To signal
-one hands over to the first who waits, which leaves the value as it is.
+A semaphore has a value and a queue, first come first served; while a call waits, its value is 0. A signal
+hands over to the first waiting call, which leaves the value as it is.
 
-As in the thesis nobody owns what was taken. Who wants that takes it as a *hold*: it belongs to the connection
-and the call that took it, and is put back when the connection is lost.
+As in the thesis a semaphore that was taken has no owner. A client that wants one takes it as a *hold*: it
+belongs to the connection and the call that took it, and is released when the connection is lost.
 """
 
 from __future__ import annotations
@@ -23,23 +23,23 @@ from colony.runtime.servers.naming import Names
 from colony.runtime.store.store import Journal, Key
 
 MOST = 10_000
-"""Semaphores at a time."""
+"""Largest number of semaphores."""
 
 MOST_HELD = 2_000
-"""Holds of all connections together: all of them may end at one moment."""
+"""Largest number of holds of all connections together: all of them may end at one moment."""
 
 MOST_WAITING = 1_000
-"""Calls that wait for semaphores, of all connections together: all may be answered at one moment."""
+"""Largest number of calls that wait for semaphores, of all connections: all may be answered at one moment."""
 
 FOR_EVER_NS = 10**17
-"""Who would wait for three years waits for ever."""
+"""Nanoseconds (three years) from which a wait counts as one without a timeout."""
 
 HIGHEST = (1 << 31) - 1
-"""Of a semaphore's initial value."""
+"""The largest initial value of a semaphore."""
 
 
 class Waiter(NamedTuple):
-    """A call that waits for a semaphore, until when (None: for ever), and whether it would hold it."""
+    """A call that waits for a semaphore, its timeout (None: forever), and whether it would hold it."""
 
     asked: Asked
     name: str
@@ -55,16 +55,16 @@ class _Semaphore:
 
 
 class Semaphores:
-    """Mutable: values, queues and holds. Values and holds are put into the journal; queues are not.
+    """All semaphores. Mutable: values, queues and holds. Values and holds go into the journal, queues do not.
 
-    What was granted late is returned as the calls to answer.
+    Methods return the calls to answer, as they were granted late.
     """
 
     def __init__(self, journal: Journal) -> None:
         self._journal = journal
         self._semaphores: dict[str, _Semaphore] = {}
-        self._holds: dict[str, dict[int, str]] = {}  # of each connection, by the number of the call
-        self._waits: dict[str, dict[Asked, Waiter]] = {}  # of each connection
+        self._holds: dict[str, dict[int, str]] = {}  # semaphores by connection and number of the call
+        self._waits: dict[str, dict[Asked, Waiter]] = {}  # by connection
         self._held = self._waiting = 0
         self._most = Bound("semaphores", MOST)
         self._most_held = Bound("holds of semaphores", MOST_HELD)
@@ -73,7 +73,7 @@ class Semaphores:
 
     @property
     def reached(self) -> tuple[str, ...]:
-        """Sentences for people about limits that are reached, or were since the server started."""
+        """Sentences for users about limits that are reached, or were since the server started."""
         return (
             *self._most.reached(len(self._semaphores)),
             *self._most_held.reached(self._held),
@@ -81,11 +81,11 @@ class Semaphores:
         )
 
     def has(self, name: str) -> bool:
-        """Whether there is one of this name."""
+        """Return True if there is a semaphore of this name."""
         return name in self._semaphores
 
     def state(self, name: str) -> SemaphoreState:
-        """How it stands.
+        """Return the state of a semaphore.
 
         Raises:
             Refused: "unknown".
@@ -98,7 +98,7 @@ class Semaphores:
         )
 
     def create(self, name: str, value: int) -> bool:
-        """Make one; False where there is one already.
+        """Create a semaphore; return False if it exists already.
 
         Raises:
             Refused: "arguments" or "full".
@@ -115,7 +115,7 @@ class Semaphores:
         return True
 
     def delete(self, name: str) -> tuple[bool, tuple[Asked, ...]]:
-        """Remove one: whether there was one, and the calls that waited for it, which are to be refused."""
+        """Remove a semaphore; return whether it existed, and the waiting calls, which are to be refused."""
         semaphore = self._semaphores.get(name)
         if semaphore is None:
             return False, ()
@@ -132,7 +132,7 @@ class Semaphores:
     # --- taking and giving back ----------------------------------------------------------------------
 
     def wait(self, asked: Asked, name: str, wait_ns: int | None, now_ns: int, *, hold: bool) -> Waiter | None:
-        """Take one; gives None where that is done, and else how the call waits.
+        """Take one, and return None; if there is nothing to take, return the waiting call.
 
         Raises:
             Refused: "unknown", "timeout" or "full".
@@ -157,7 +157,7 @@ class Semaphores:
         return waiter
 
     def signal(self, name: str, connection: str) -> Asked | None:
-        """Put one back; gives the call that has it now, if one waited. What `connection` holds ends.
+        """Put one back, and end a hold of `connection`; return the waiting call that gets it, if any.
 
         Raises:
             Refused: "unknown".
@@ -169,7 +169,7 @@ class Semaphores:
         return self._put_back(name)
 
     def release(self, name: str, connection: str) -> Asked | None:
-        """Give back a semaphore that the connection holds. Return the call that gets it, if any.
+        """Release a semaphore that the connection holds; return the waiting call that gets it, if any.
 
         Raises:
             Refused: "unknown" or "not held".
@@ -180,9 +180,9 @@ class Semaphores:
         return self.signal(name, connection)
 
     def drop(self, connection: str) -> tuple[tuple[int, ...], tuple[Asked, ...]]:
-        """A connection was lost: it waits no more, and holds no more.
+        """Remove a lost connection from all queues, and release its holds.
 
-        Gives the numbers of its calls by which it held, and the calls of others that are granted by that.
+        Return the numbers of its calls by which it held, and the calls of others that are granted by that.
         """
         for asked in [*self._waits.get(connection, ())]:
             self._unwait(asked)
@@ -196,25 +196,25 @@ class Semaphores:
         return tuple(number for number, _ in held), tuple(granted)
 
     def holders_but(self, connections: Container[str]) -> tuple[str, ...]:
-        """The connections that hold something and are not among these."""
+        """Return the connections that hold a semaphore and are not among these."""
         return tuple(connection for connection in self._holds if connection not in connections)
 
     # --- time ----------------------------------------------------------------------------------------
 
     @property
     def wake_at(self) -> int | None:
-        """When the patience of somebody who waits ends."""
+        """The earliest timeout of the waiting calls."""
         return min((w.until_ns for w in self._waiters() if w.until_ns is not None), default=None)
 
     def expire(self, now_ns: int) -> tuple[Waiter, ...]:
-        """Who has waited for as long as it would; their calls are to be refused."""
+        """Remove and return the calls whose timeout has passed; they are to be refused."""
         late = tuple(w for w in self._waiters() if w.until_ns is not None and now_ns >= w.until_ns)
         for waiter in late:
             self._unwait(waiter.asked)
         return late
 
     def load(self, entries: Mapping[Key, bytes]) -> None:
-        """Take over what a store had of the kinds "semaphore" and "hold"."""
+        """Load the entries of a store of the kinds "semaphore" and "hold"."""
         for key, data in entries.items():
             if key.kind == "semaphore":
                 self._semaphores[key.name] = _Semaphore(value=_values.decode(data))
@@ -226,7 +226,7 @@ class Semaphores:
                 self._semaphores[name].holds[key.name, key.slot] = None
                 self._held += 1
 
-    # --- its parts -----------------------------------------------------------------------------------
+    # --- parts ---------------------------------------------------------------------------------------
 
     def _of(self, name: str) -> _Semaphore:
         semaphore = self._semaphores.get(name)
@@ -275,13 +275,13 @@ class Semaphores:
         self._journal.drop(Key("hold", connection, number))
 
     def _held_by(self, connection: str, name: str) -> int | None:
-        """The number of the call that holds it, the first of several."""
+        """Return the number of the call that holds a semaphore, the first of several."""
         held = self._holds.get(connection)
         return None if held is None else next((number for number, n in held.items() if n == name), None)
 
 
 def timed_out(name: str) -> Refused:
-    """That there was nothing to take in time."""
+    """Return the refusal of a call whose wait timed out."""
     return Refused("timeout", f"DServer: `{name}` was not signaled in time")
 
 

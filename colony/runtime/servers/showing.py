@@ -1,7 +1,7 @@
 """The variables that DServer's frames show: those that were asked for by name, and no others.
 
-The program that is deployed asks for the variables that its sensors are bound to; connections ask by
-`publish`. So the size of a frame depends on what its readers want, not on the number of variables.
+The deployed program asks for the variables that its sensors are bound to; connections ask by `publish`. So
+the size of a frame depends on its readers, not on the number of variables.
 """
 
 from __future__ import annotations
@@ -19,19 +19,19 @@ from colony.runtime.servers.bounds import Bound
 from colony.runtime.store.store import Journal, Key
 
 FRAME_SPACE = 1 << 16
-"""Bytes that the names and values in a frame may take."""
+"""Byte limit of the names and values in a frame that the program reads."""
 
 PUBLISHED_SPACE = 1 << 15
-"""Bytes that names and values may take besides, which no program reads and connections asked for."""
+"""Byte limit of the names and values in a frame that only connections asked for."""
 
 LONGEST_LIST = (FRAME_SPACE - 16) // 9
 """Length of the longest list of numbers that a frame has room for."""
 
 MOST_EACH = 1_000
-"""Names that one connection may ask for in frames."""
+"""Largest number of names that one connection may ask for in frames."""
 
 MOST_ASKED = 10_000
-"""Names that all connections together may ask for in frames."""
+"""Largest number of names that all connections together may ask for in frames."""
 
 _READS = Key("fact", "reads")
 
@@ -48,7 +48,7 @@ NOTHING = Showing(None, 0)
 
 
 def showing(name: str, data: bytes) -> Showing:
-    """Return how frames show a value, given in msgpack.
+    """Return the showing of a value, given in msgpack.
 
     A list that is too long for any frame gets its size, but is not decoded: its elements may be anything.
     """
@@ -67,8 +67,8 @@ def showing(name: str, data: bytes) -> Showing:
 class Shown:
     """The content of frames. Mutable: the variables that they show, with their present values.
 
-    What the program reads and what connections asked for besides have room of their own: nobody who looks
-    takes it from the program. A value that finds no room is left out.
+    The variables that the program reads and those that only connections asked for have room of their own:
+    observers take none from the program. A value that finds no room is left out.
     """
 
     def __init__(self, space: int = FRAME_SPACE) -> None:
@@ -84,12 +84,14 @@ class Shown:
 
     @property
     def reached(self) -> tuple[str, ...]:
-        """Sentences for people about limits that are reached, or were since the server started."""
+        """Sentences for users about limits that are reached, or were since the server started."""
         return (*self._bound.reached(self._used), *self._published.reached(self._used_besides))
 
     def read(self, names: Iterable[str]) -> frozenset[str]:
-        """Take these, and no others, for the variables that the program reads; return those that this
-        changes, whose present values `put` is to give again."""
+        """Set the variables that the program reads, in place of earlier ones.
+
+        Return the changed names; the caller must `put` their present values again.
+        """
         new = frozenset(names)
         changed = self._read ^ new
         for name in changed:
@@ -104,8 +106,7 @@ class Shown:
         return self._fields
 
     def growth(self, name: str, size: int) -> int:
-        """Return the bytes by which the program's part of frames grows if a variable gets a value of this
-        size."""
+        """Return the growth in bytes of the program's part of frames for a value of this size."""
         return size - self._sizes.get(name, 0) if name in self._wanted and name in self._read else 0
 
     def expect_room_besides(self, size: int) -> None:
@@ -131,7 +132,7 @@ class Shown:
             raise Refused("full", text)
 
     def want(self, name: str) -> None:
-        """Show a variable from now on; `put` gives its present value."""
+        """Show a variable from now on; the caller must `put` its present value."""
         self._wanted.add(name)
 
     def unwant(self, name: str) -> None:
@@ -169,10 +170,10 @@ class Shown:
 
 
 class Wanted:
-    """The variables that were asked for, and by which connections. Mutable: that. Names that the program
-    reads go into the journal.
+    """The variables that were asked for, and by which connections. Mutable: those.
 
-    Each method returns the names that frames show from now on, or no longer.
+    Names that the program reads go into the journal. Most methods return the names that frames show from now
+    on, or no longer.
     """
 
     def __init__(self, journal: Journal) -> None:
@@ -187,11 +188,11 @@ class Wanted:
 
     @property
     def reached(self) -> tuple[str, ...]:
-        """Sentences for people about limits that are reached, or were since the server started."""
+        """Sentences for users about limits that are reached, or were since the server started."""
         return self._bound.reached(self._total)
 
     def deploy(self, run: str, reads: tuple[str, ...]) -> tuple[str, ...]:
-        """Replace the program; return the names that nobody asks for any longer."""
+        """Replace the program; return the names that have no reader any longer."""
         gone = self.frame_of(None)[1]
         self._run, self._reads = run, tuple(dict.fromkeys(reads))
         self._journal.put(_READS, _encode((self._run, self._reads)))
@@ -216,7 +217,7 @@ class Wanted:
         return self._reads if self._reading else ()
 
     def ask(self, connection: str, names: Iterable[str]) -> tuple[str, ...]:
-        """Add names to those that a connection asks for; return the ones that nobody asked for before.
+        """Add names to those that a connection asks for; return the ones that had no reader before.
 
         Raises:
             Refused: "full".
@@ -232,13 +233,13 @@ class Wanted:
         return tuple(self._add(new))
 
     def lost(self, connection: str) -> tuple[str, ...]:
-        """Drop the names of a connection that ended; return the ones that nobody asks for any longer."""
+        """Drop the names of a connection that ended; return the ones that have no reader any longer."""
         gone = self._asked.pop(connection, {})
         self._total -= len(gone)
         return tuple(self._take(gone))
 
     def load(self, entries: Mapping[Key, bytes]) -> None:
-        """Take over the names that the program reads from the entries of a store."""
+        """Load the names that the program reads from the entries of a store."""
         if _READS in entries:
             self._run, self._reads = _reads.decode(entries[_READS])
 

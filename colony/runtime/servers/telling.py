@@ -1,7 +1,7 @@
 """Notices to the connections that watch variables, sent in slices.
 
-A few notices go out at once. A connection that begins to watch thousands of variables, or a large value that
-hundreds of connections watch, must not hold up everybody else: a slice has a limited number of notices and
+A few notices go out immediately. A connection that begins to watch thousands of variables, or a large value
+that hundreds of connections watch, must not delay all others: a slice has a limited number of notices and
 bytes, and the next slice goes out later. A variable that changes again before its turn gets one notice.
 """
 
@@ -18,7 +18,7 @@ from colony.runtime.servers.variables import MOST, Dating, Variables
 from colony.runtime.servers.watching import Watches
 
 SLICE = 250
-"""Notices in one slice."""
+"""Largest number of notices in one slice."""
 
 SLICE_BYTES = 2 << 20
 """Bytes of notices after which a slice ends; its last notice may go beyond."""
@@ -27,7 +27,7 @@ PAUSE_NS = 10_000_000
 """Nanoseconds between two slices."""
 
 Notify = Callable[[str, str, msgspec.Raw], Iterable[Effect]]
-"""Returns the effects that send a connection a notice about a variable."""
+"""A function that returns the effects that send a connection a notice about a variable."""
 
 
 class Telling:
@@ -49,26 +49,26 @@ class Telling:
 
     @property
     def waiting(self) -> bool:
-        """Whether notices are due."""
+        """True if notices are due."""
         return bool(self._changed or self._greeted) or self._telling is not None
 
     def changed(self, name: str) -> None:
         """Note that a variable was set or deleted.
 
-        At most `MOST` names are variables at a time. Beyond twice as many, the rest were deleted before their
-        turn came, and notices are dropped.
+        At most `MOST` variables exist at a time. Beyond twice as many names, the rest were deleted before
+        their turn came, and notices are dropped.
         """
         if len(self._changed) < 2 * MOST and self._watches.watchers(name):
             self._changed[name] = None
 
     def greet(self, connection: str, names: Iterable[str], prefixes: Iterable[str]) -> None:
-        """Note that a connection watches these from now on, or again: it gets their present values."""
+        """Note that a connection starts or resumes watching these: it gets their present values."""
         known_names, known_prefixes = self._greeted.setdefault(connection, ({}, {}))
         known_names.update(dict.fromkeys(names))
         known_prefixes.update(dict.fromkeys(prefixes))
 
     def lost(self, connection: str) -> None:
-        """Drop what a connection that has ended was to get first."""
+        """Drop the initial notices of a connection that has ended."""
         self._greeted.pop(connection, None)
 
     def slice(self) -> Iterator[Effect]:
@@ -106,7 +106,7 @@ class Telling:
                 yield _Notice(connection, name, body)
 
     def _greeting(self, connection: str, names: Iterable[str], prefixes: Iterable[str]) -> Iterator[_Notice]:
-        """Yield the notices of the present values of all that one connection watches."""
+        """Yield the notices of the present values of all variables that one connection watches."""
         for name in sorted({*names, *self._variables.names.beginning(prefixes)}):
             present = self._variables.present(name)
             if present is not None:

@@ -1,7 +1,7 @@
 """DServer's variables: named values with a history each (thesis section 4.6.1, "Ordinary Variables").
 
-Values are kept in msgpack, as they came; `showing.py` decides what frames show of them. The store has each
-value of a history in a slot of its own (see `_Variable.slot`).
+Values are kept in msgpack, as they came; `showing.py` decides how frames show them. The store has each value
+of a history in a slot of its own (see `_Variable.slot`).
 """
 
 from __future__ import annotations
@@ -23,21 +23,26 @@ from colony.runtime.servers.showing import FRAME_SPACE, Showing, Shown, showing
 from colony.runtime.store.store import Journal, Key
 
 MOST = 20_000
-"""Variables at a time."""
+"""Largest number of variables."""
 
 VALUE_BYTES = 1 << 20
-"""Bytes of the largest value, in msgpack."""
+"""Byte limit of a value, in msgpack."""
 
 READ_BYTES = 1 << 14
-"""Bytes up to which a value is decoded before it is accepted: text must be UTF-8, and keys must be hashable.
-Of larger values only the structure is checked, because decoding them could take a fifth of a second."""
+"""Size in bytes up to which a value is decoded before it is accepted.
+
+Text must be UTF-8, and keys must be hashable. Of larger values only the structure is checked, because
+decoding them could take a fifth of a second.
+"""
 
 HISTORY_LENGTH = 10_000
-"""Values in the longest history."""
+"""Largest number of values in a history."""
 
 SPACE = 1 << 26
-"""Bytes that all variables with their histories may take; each variable and each value counts for `OVERHEAD`
-more."""
+"""Byte limit of all variables with their histories.
+
+Each variable and each value counts for `OVERHEAD` more.
+"""
 
 OVERHEAD = 200
 """Bytes of memory that a value takes besides its own (measured: 210)."""
@@ -50,7 +55,7 @@ _HELD = Key("fact", "held")
 
 
 class Dating(NamedTuple):
-    """A value in msgpack, which of its variable's it is (from 0), and when it was set."""
+    """A value in msgpack, its number in its variable (from 0), and the time at which it was set."""
 
     turn: int
     t_ns: int
@@ -58,7 +63,7 @@ class Dating(NamedTuple):
 
 
 class Prepared(NamedTuple):
-    """A value that may be set: in msgpack, and what frames show of it."""
+    """A checked value in msgpack, and its showing in frames."""
 
     name: str
     data: bytes
@@ -73,17 +78,21 @@ class _Variable:
     shown_size: int = 0
 
     def slot(self, turn: int) -> int:
-        """Where the store has the value of a turn: the same place for every length but 1, so that a history
-        that gets longer or shorter leaves its values where they are."""
+        """Return the store's slot for the value of a turn.
+
+        It is the same for every length but 1, so that a history that gets longer or shorter leaves its values
+        where they are.
+        """
         return 0 if self.length == 1 else turn % HISTORY_LENGTH
 
 
 class Variables:
-    """Mutable: all variables. What changes is put into the journal.
+    """All variables. Mutable: those; changes go into the journal.
 
     Args:
-        journal: where changes go.
-        space, frame_space: the limits of `SPACE` and of frames.
+        journal: the journal of changes.
+        space: the byte limit of all values (`SPACE`).
+        frame_space: the byte limit of the program's part of frames.
     """
 
     def __init__(self, journal: Journal, *, space: int = SPACE, frame_space: int = FRAME_SPACE) -> None:
@@ -96,19 +105,19 @@ class Variables:
         self._held: set[str] = set()
         self.names = Names()
 
-    # --- what there is -------------------------------------------------------------------------------
+    # --- reading -------------------------------------------------------------------------------------
 
     @property
     def reached(self) -> tuple[str, ...]:
-        """Sentences for people about limits that are reached, or were since the server started."""
+        """Sentences for users about limits that are reached, or were since the server started."""
         count = self._most.reached(len(self._variables))
         return (*count, *self._space.reached(self._used), *self._shown.reached)
 
     def fields(self, now_ns: int) -> Fields:
-        """Return the fields of a frame: the variables that were asked for whose present value is a number, a
-        bool, or a list of them.
+        """Return the fields of a frame: numbers, bools and lists of them that were asked for.
 
-        As long as nothing changes it is the same object, so that the frames that are kept share it.
+        As long as nothing changes it is the same object, so that the frames that are kept share it; held
+        variables get a new time in each frame.
         """
         shown = self._shown.fields()
         held = {
@@ -130,7 +139,7 @@ class Variables:
         )
 
     def read_by_program(self, names: Iterable[str]) -> None:
-        """Show these variables as those that the program reads, and no others as such."""
+        """Show these variables, and only these, as the ones that the program reads."""
         self._refresh(self._shown.read(names))
 
     def show(self, names: Iterable[str]) -> None:
@@ -153,7 +162,7 @@ class Variables:
             self._shown.unwant(name)
 
     def has(self, name: str) -> bool:
-        """Return whether there is a variable of this name."""
+        """Return True if there is a variable of this name."""
         return name in self._variables
 
     def present(self, name: str) -> Dating | None:
@@ -162,7 +171,7 @@ class Variables:
         return variable.values[-1] if variable is not None and variable.values else None
 
     def value(self, name: str, back: int = 0) -> Dating:
-        """The value `-back` times before the present one.
+        """Return the value `-back` times before the present one.
 
         Raises:
             Refused: "unknown", "range" or "unset".
@@ -243,7 +252,7 @@ class Variables:
             raise Refused("full", f"DServer has no room for more than {self._space.most} bytes of values")
 
     def hold(self, held: Mapping[str, Value]) -> None:
-        """Set these as if somebody set them in every frame, each until it is set once more; and no others."""
+        """Set variables that stay as fresh as each frame until they are set again; hold no others."""
         for name, value in held.items():
             self.put(prepared(name, encoded(value)), 0)
         if self._held != set(held):
@@ -251,7 +260,7 @@ class Variables:
             self._note_held()
 
     def set_history(self, name: str, length: int) -> None:
-        """Keep `length` values of a variable from now on; one that is not there is made, without a value.
+        """Keep `length` values of a variable from now on; create a missing one, without a value.
 
         Raises:
             Refused: "arguments" or "full".
@@ -275,7 +284,7 @@ class Variables:
         self._move(name, variable, before)
 
     def delete(self, name: str) -> bool:
-        """Remove a variable; False where there is none."""
+        """Remove a variable; return False if there is none."""
         variable = self._variables.pop(name, None)
         if variable is None:
             return False
@@ -304,7 +313,7 @@ class Variables:
         return variable
 
     def _move(self, name: str, variable: _Variable, before: Mapping[int, int]) -> None:
-        """Put values to where they belong, from the slots in which they are by their turns."""
+        """Move values to the slots where they belong, from the slots in which they are by their turns."""
         moved = [dating for dating in variable.values if before[dating.turn] != variable.slot(dating.turn)]
         for dating in moved:
             self._journal.drop(Key("value", name, before[dating.turn]))
@@ -314,7 +323,7 @@ class Variables:
     # --- from the store ------------------------------------------------------------------------------
 
     def load(self, entries: Mapping[Key, bytes]) -> None:
-        """Take over what a store had of the kinds "variable" and "value", and which are held."""
+        """Load the entries of a store of the kinds "variable" and "value", and the held variables."""
         for key, data in entries.items():
             if key.kind == "variable":
                 self._variables[key.name] = _Variable(length=_lengths.decode(data))
@@ -336,8 +345,10 @@ class Variables:
             self._held = {name for name in _names.decode(entries[_HELD]) if name in self._variables}
 
     def age(self, now_ns: int, *, all_of_them: bool) -> None:
-        """Make values old whose times are of another clock: those of the future, or `all_of_them`; at the
-        start, before frames show any."""
+        """Make values old whose times are of another clock, at the start, before frames show any.
+
+        Those are the values of the future, or `all_of_them`.
+        """
         for name, variable in self._variables.items():
             for dating in [*variable.values]:
                 if all_of_them or dating.t_ns > now_ns:
@@ -348,12 +359,12 @@ class Variables:
 
 
 def prepared(name: str, value: msgspec.Raw | bytes, *, readable: bool = True) -> Prepared:
-    """Check a value, and copy it out of the message that it came in.
+    """Check a value, and copy it out of its message.
 
     Args:
-        name: of the variable.
-        value: in msgpack; its structure was checked when the message was decoded.
-        readable: whether to decode it too, to refuse a value that nobody could read (see `READ_BYTES`).
+        name: the variable.
+        value: the value in msgpack; its structure was checked when the message was decoded.
+        readable: True to decode it too, and refuse a value that no client could read (see `READ_BYTES`).
 
     Raises:
         Refused: "arguments" for a value that is no msgpack, "size" for one that is too large.

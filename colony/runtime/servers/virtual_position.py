@@ -1,11 +1,10 @@
-"""Where a base is by its own reckoning, far beyond what its registers can say, and as users set it
-(thesis section 4.6.3, "Virtual X-Y Coordinate").
+"""Virtual position of a base, far beyond the range of its registers, and as users set it.
 
-A Labmate keeps x and y in 16-bit registers, so they jump by 65536 mm where one overflows. A jump is known by
-a change of sign over more than half of that range, the sign of 0 counting as plus; it is never mistaken while
-the robot goes less than 32768 mm from one look at the registers to the next. RServer looks in every frame.
-
-Positions that users set are kept here and not in the registers: what was remembered begins anew there.
+It is the "Virtual X-Y Coordinate" of thesis section 4.6.3. A Labmate keeps x and y in 16-bit registers, so
+they jump by 65536 mm when one overflows. A jump is recognized by a change of sign over more than half of that
+range, the sign of 0 counting as plus; it is never mistaken while the robot goes less than 32768 mm from one
+look at the registers to the next. RServer looks in every frame. Positions that users set are kept here and
+not in the registers: setting one drops the overflows counted so far.
 """
 
 from __future__ import annotations
@@ -17,9 +16,9 @@ from colony.runtime.servers.drivers import BaseState
 
 
 class VirtualAxis:
-    """Extends one register of `bits` bits beyond its range; None: it never overflows.
+    """The extension of one register of `bits` bits beyond its range; None: it never overflows.
 
-    Mutable: the value seen last, and how many times the register went round since.
+    Mutable: the last value, and the number of overflows since.
     """
 
     def __init__(self, bits: int | None) -> None:
@@ -28,7 +27,7 @@ class VirtualAxis:
         self._rounds = 0
 
     def extend(self, register: float) -> float:
-        """The position that a register's value stands for."""
+        """Return the position that a register's value stands for."""
         if self._half is None:
             return register
         last, self._last = self._last, register
@@ -37,15 +36,16 @@ class VirtualAxis:
         return register + 2.0 * self._half * self._rounds
 
     def reset(self) -> None:
-        """Forget all: the next value is taken as it is."""
+        """Forget the last value and the overflows: the next value is taken as it is."""
         self._last, self._rounds = None, 0
 
 
 class Odometer:
-    """Both axes of a base and its heading. Mutable: what it saw last, and the pose that users set.
+    """Both axes of a base and its heading. Mutable: the last state, and the pose that users set.
 
-    `track` is how the base moved since the first look, without jumps: a heading that goes on beyond 360, and
-    a position in the axes of the base's own reckoning, whatever users set. Motions are measured by it.
+    `track` is the motion of the base since the first look, without jumps: a heading that continues beyond
+    360, and a position in the axes of the base's own reckoning, whatever users set. Motions are measured by
+    it.
     """
 
     def __init__(self, register_bits: int | None) -> None:
@@ -55,7 +55,7 @@ class Odometer:
         self.track: OdometerPose | None = None
 
     def observe(self, state: BaseState) -> OdometerPose:
-        """Take a snapshot of the base in; gives the pose as users know it, with its heading in [0, 360)."""
+        """Observe a snapshot of the base; return the pose as users know it, with its heading in [0, 360)."""
         x, y = self._axes[0].extend(state.x), self._axes[1].extend(state.y)
         before, self._seen = self._seen, OdometerPose(x, y, state.heading)
         if self.track is None or before is None:
@@ -67,7 +67,7 @@ class Odometer:
         return self._as_set(self._seen)
 
     def set(self, state: BaseState, pose: OdometerPose) -> None:
-        """The base, in this state, is at `pose`; from there on it is reckoned along its new heading."""
+        """Set the pose of the base in this state; dead reckoning continues along the new heading."""
         self.observe(state)
         for axis in self._axes:
             axis.reset()
@@ -76,7 +76,7 @@ class Odometer:
         self._anchor = (here, pose)
 
     def adjust(self, state: BaseState, by: OdometerPose) -> None:
-        """The base, in this state, is off by so much in x, y and heading."""
+        """Correct the pose of the base in this state by x, y and heading."""
         at = self.observe(state)
         self.set(state, OdometerPose(at.x + by.x, at.y + by.y, at.heading + by.heading))
 

@@ -1,7 +1,7 @@
-"""Who is to be told when which of DServer's variables change.
+"""Watches: the connections that get notices about changes of DServer's variables.
 
-What a connection watches is kept for a while after it was lost, and over the death of the server: the
-connection that is opened again goes on with it, and is told the present values, for it may have missed some.
+The watches of a lost connection are kept for a while, also over the death of the server: a connection that is
+reopened keeps its watches, and gets the present values, for it may have missed some.
 """
 
 from __future__ import annotations
@@ -18,63 +18,63 @@ from colony.runtime.servers.bounds import Bound
 from colony.runtime.store.store import Journal, Key
 
 MOST = 2_000
-"""Names and prefixes that one connection may watch."""
+"""Largest number of names and prefixes that one connection may watch."""
 
 MOST_PREFIXES_EACH = 50
-"""Prefixes that one connection may watch."""
+"""Largest number of prefixes that one connection may watch."""
 
 MOST_NAMES = 20_000
-"""Names that all connections may watch together."""
+"""Largest number of names that all connections may watch together."""
 
 MOST_PREFIXES = 1_000
-"""Prefixes that all connections may watch together."""
+"""Largest number of prefixes that all connections may watch together."""
 
 SHARE = 2
-"""One user's connections may watch one part in so many of what all may: nobody takes it all."""
+"""Divisor of the limits of all connections that gives those of one user, so that no user takes it all."""
 
 KEPT_NS = 60_000_000_000
-"""For how long it is kept what a lost connection watched."""
+"""Nanoseconds for which the watches of a lost connection are kept."""
 
 
 @dataclass(frozen=False, slots=True, kw_only=True)
 class _Watch:
     names: dict[str, None] = field(default_factory=dict)
     prefixes: dict[str, None] = field(default_factory=dict)
-    until_ns: int | None = None  # where the connection is lost
+    until_ns: int | None = None  # set if the connection is lost
 
 
 class Watches:
-    """Mutable: what each connection watches. Goes into the journal as it changes."""
+    """The watches of all connections. Mutable: those; changes go into the journal."""
 
     def __init__(self, journal: Journal) -> None:
         self._journal = journal
         self._watches: dict[str, _Watch] = {}
         self._by_name: dict[str, dict[str, None]] = {}
         self._by_prefix: dict[str, dict[str, None]] = {}
-        self._lengths: Counter[int] = Counter()  # of the prefixes
+        self._lengths: Counter[int] = Counter()  # lengths of the prefixes
         self._names = self._prefixes = 0
         self._most_names = Bound("names watched", MOST_NAMES)
         self._most_prefixes = Bound("prefixes watched", MOST_PREFIXES)
 
     @property
     def reached(self) -> tuple[str, ...]:
-        """Sentences for people about limits that are reached, or were since the server started."""
+        """Sentences for users about limits that are reached, or were since the server started."""
         return (*self._most_names.reached(self._names), *self._most_prefixes.reached(self._prefixes))
 
     def watchers(self, name: str) -> Collection[str]:
-        """The connections that watch a variable, each once."""
+        """Return the connections that watch a variable, each once."""
         found = self._by_name.get(name, _NOBODY)
         for length in self._lengths:
             found = found | self._by_prefix.get(name[:length], _NOBODY)
         return found
 
     def of(self, connection: str) -> tuple[Iterable[str], Iterable[str]]:
-        """The names and the prefixes that a connection watches."""
+        """Return the names and the prefixes that a connection watches."""
         watch = self._watches.get(connection)
         return ((), ()) if watch is None else (watch.names, watch.prefixes)
 
     def add(self, connection: str, names: Iterable[str], prefixes: Iterable[str]) -> None:
-        """Watch these too.
+        """Add names and prefixes to the watches of a connection.
 
         Raises:
             Refused: "full".
@@ -103,7 +103,7 @@ class Watches:
         self._note(connection, watch)
 
     def remove(self, connection: str, names: Iterable[str], prefixes: Iterable[str]) -> None:
-        """Watch these no more."""
+        """Remove names and prefixes from the watches of a connection."""
         watch = self._watches.get(connection)
         if watch is None:
             return
@@ -121,36 +121,36 @@ class Watches:
         self._note(connection, watch)
 
     def forget(self, connection: str) -> None:
-        """Watch nothing any more."""
+        """Drop all watches of a connection."""
         watch = self._watches.get(connection)
         if watch is not None:
             self.remove(connection, [*watch.names], [*watch.prefixes])
 
     def opened(self, connection: str) -> None:
-        """A connection is there (again)."""
+        """Keep the watches of a connection that was opened (again)."""
         watch = self._watches.get(connection)
         if watch is not None:
             watch.until_ns = None
 
     def lost(self, connection: str, now_ns: int) -> None:
-        """A connection was lost; it may come back."""
+        """Start the timeout of the watches of a lost connection; it may reconnect."""
         watch = self._watches.get(connection)
         if watch is not None:
             watch.until_ns = now_ns + KEPT_NS
 
     def expire(self, now_ns: int) -> None:
-        """Forget what those watched who did not come back."""
+        """Drop the watches of connections that did not reconnect."""
         late = [c for c, w in self._watches.items() if w.until_ns is not None and now_ns >= w.until_ns]
         for connection in late:
             self.forget(connection)
 
     def start(self, now_ns: int) -> None:
-        """The server starts: nobody is there yet."""
+        """Start without connections: the timeouts of all watches begin."""
         for connection in self._watches:
             self.lost(connection, now_ns)
 
     def load(self, entries: Mapping[Key, bytes]) -> None:
-        """Take over what a store had of the kind "watch"."""
+        """Load the entries of a store of the kind "watch"."""
         for key, data in entries.items():
             if key.kind == "watch":
                 names, prefixes = _watched.decode(data)
@@ -175,7 +175,7 @@ class Watches:
 
 
 def _unindex(table: dict[str, dict[str, None]], one: str, connection: str) -> bool:
-    """Remove a connection; whether it was the last."""
+    """Remove a connection; return True if it was the last."""
     del table[one][connection]
     if table[one]:
         return False

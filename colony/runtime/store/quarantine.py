@@ -1,6 +1,6 @@
-"""Damaged databases, kept aside: `<name>.damaged-1` and so on, the log of each beside it.
+"""Quarantine of damaged databases: each is renamed to `<name>.damaged-1` and so on, with its log beside it.
 
-Nothing is deleted or overwritten. What is kept aside is there until somebody removes it.
+Nothing is deleted or overwritten. A quarantined database stays until a user removes it.
 """
 
 from __future__ import annotations
@@ -13,22 +13,22 @@ from pathlib import Path
 from colony.files import open_descriptor, sync_folder
 
 BESIDE = ("-wal", "-journal", "-shm")
-"""Endings of the files that SQLite has beside a database."""
+"""Suffixes of the files that SQLite keeps beside a database."""
 
 
 def quarantine(path: Path) -> Path:
-    """Rename a database, and what SQLite has beside it, and return its new name.
+    """Rename a database and the files that SQLite keeps beside it, and return the new name.
 
     Raises:
-        BlockingIOError: another process has it open.
-        OSError: it cannot be done.
+        BlockingIOError: another process has the database open.
+        OSError: a file cannot be renamed.
     """
     _expect_unused(path)
     for number in itertools.count(1):
         aside = path.with_name(f"{path.name}.damaged-{number}")
         if not any(os.path.lexists(_beside(aside, ending)) for ending in ("", *BESIDE)):
             break
-    for ending in ("", *BESIDE):  # the database first: without its log it could pass for a whole one
+    for ending in ("", *BESIDE):  # the database first: without its log it could pass for an intact one
         if os.path.lexists(_beside(path, ending)):
             os.rename(_beside(path, ending), _beside(aside, ending))
     sync_folder(path.parent)
@@ -36,7 +36,7 @@ def quarantine(path: Path) -> Path:
 
 
 def quarantined(path: Path) -> tuple[Path, ...]:
-    """Return the databases that were put aside as damaged, also those of which only the log was left."""
+    """Return the quarantined databases, including those of which only the log was left."""
     try:
         names = os.listdir(path.parent)
     except OSError:
@@ -47,7 +47,7 @@ def quarantined(path: Path) -> tuple[Path, ...]:
 
 
 def damages(path: Path) -> tuple[str, ...]:
-    """Return a sentence for people about each database that was put aside, or its log if that was all."""
+    """Return a sentence for users about each quarantined database, or its log if nothing else was left."""
     return tuple(
         f"its file was damaged, so it began with nothing; remove {_first_left(aside)} once nobody needs it"
         for aside in quarantined(path)
@@ -59,7 +59,7 @@ def _first_left(aside: Path) -> Path:
 
 
 def _expect_unused(path: Path) -> None:
-    """Refuse a database of which another process holds locks, as SQLite does while it has it open."""
+    """Raise BlockingIOError if another process holds SQLite's locks on the database."""
     try:
         descriptor = open_descriptor(path, os.O_RDWR)
     except FileNotFoundError:

@@ -1,4 +1,4 @@
-"""Room on a disk that is put aside, so that what has been begun can be finished when the disk gets full."""
+"""Disk space held in reserve, so that work in progress can be completed when the disk fills up."""
 
 from __future__ import annotations
 
@@ -12,11 +12,11 @@ RESERVE_BYTES = 2 << 20
 
 
 class Reserve:
-    """A file that takes up room and contains nothing. Mutable: whether it is there.
+    """A file that occupies disk space and has no content. Mutable: whether the file exists.
 
     Args:
-        path: of the file, on the disk whose room is put aside.
-        size: of the room, in bytes.
+        path: the file, on the disk whose space is reserved.
+        size: the size of the reserve, in bytes.
     """
 
     def __init__(self, path: Path, size: int = RESERVE_BYTES) -> None:
@@ -24,7 +24,7 @@ class Reserve:
         self._size = size
 
     def take(self) -> None:
-        """Take up the room, unless that is done; on a disk that cannot put room aside do without.
+        """Occupy the reserved space if it is not yet occupied; do without on a disk that cannot preallocate.
 
         Raises:
             OSError: the disk has no room for it.
@@ -37,13 +37,13 @@ class Reserve:
             finally:
                 os.close(file)
         except OSError as problem:
-            self.give_up()  # a part of it may have been taken
+            self.give_up()  # part of the space may have been allocated
             if problem.errno in NO_ROOM:
                 raise
 
     def give_up(self) -> None:
-        """Leave the room to others; again is nothing."""
+        """Release the space. Calling this again has no effect."""
         try:
             self._path.unlink(missing_ok=True)
         except OSError:
-            return  # a disk that cannot even do this has nothing to give
+            return  # a disk that cannot even delete a file has no space to release

@@ -1,25 +1,26 @@
-"""A store in one file, by SQLite.
+"""A store in one SQLite file.
 
-What survives what. A commit appends to the write-ahead log with plain writes: once they are done the
-operating system has the bytes, and SIGKILL of the process cannot take them back, synchronized to the disk or
-not. So the default is `synchronous=NORMAL`, which synchronizes only when the log is carried over into the
-database, about every four megabytes. `OFF` would be no faster in between, and after a loss of power may leave
-a file that cannot be read; with `NORMAL` a loss of power costs the last moments, never the file. With `fsync`
-each commit waits for the disk (`synchronous=FULL`), and a loss of power costs nothing.
+Durability. A commit appends to the write-ahead log with plain writes: once they are done, the operating
+system has the bytes, and SIGKILL of the process cannot take them back, synchronized to the disk or not. So
+the default is `synchronous=NORMAL`, which synchronizes only when the log is checkpointed into the database,
+about every four megabytes. `OFF` would be no faster in between, and after a loss of power may leave an
+unreadable file; with `NORMAL` a loss of power costs the last moments, never the file. With `fsync` each
+commit waits for the disk (`synchronous=FULL`), and a loss of power costs nothing.
 
 The file is locked while it is open: two servers cannot write one state. Pages are small because most entries
 are: a commit writes whole pages. Each entry has a checksum, as the file format itself has none. The table has
-row ids, so that keys are in an index of their own: a search among entries of a megabyte would have to read
-those that it comes across.
+row ids, so that the keys have an index of their own: otherwise a search among entries of a megabyte would
+have to read the entries that it passes.
 
-A full disk. Beside the file is a reserve, which takes up room. When a commit finds no room, the reserve is
-given up, the log is carried over into the database, and the commit is tried again: what was being done can
-be kept. From then on the store is `full`, until there is room for the reserve again. A limit of the size of
-files, or a quota, counts as a full disk.
+A full disk. A reserve file beside the database occupies space. When a commit finds no room, the store
+releases the reserve, checkpoints the log into the database, and retries the commit, so that work in progress
+can be kept. From then on the store is `full`, until there is room for the reserve again. A file size limit or
+a quota counts as a full disk.
 
-A file that is empty or damaged is kept aside (`quarantine.py`), and the store begins with nothing; it says
-so, and DServer goes on saying so. An empty file is damaged because none is ever made: a new database is
-filled under another name. A file that is not DServer's, or is a later version's, is refused and left alone.
+An empty or damaged file is quarantined (`quarantine.py`), and the store starts empty; the store reports that,
+and DServer keeps reporting it. An empty file is damaged because the store never makes one: it fills a new
+database under another name. A file that is not DServer's, or is from a later version, is refused and left
+alone.
 """
 
 from __future__ import annotations
@@ -40,10 +41,10 @@ from colony.runtime.store.reserve import RESERVE_BYTES, Reserve
 from colony.runtime.store.store import Key, StoreError, StoreFull
 
 APPLICATION = 0x436F6C44
-"""`ColD`: marks a file as DServer's."""
+"""`ColD`: the application id that marks a file as DServer's."""
 
 VERSION = 2
-"""Version of the table's form. Version 1 had no row ids; its files are converted."""
+"""Schema version of the table. Version 1 had no row ids; its files are converted."""
 
 _PAGE = 1024
 _CARRIED_OVER_AFTER = 4096  # pages of the log: four megabytes
@@ -62,17 +63,17 @@ _DROP = "DELETE FROM state WHERE kind = ? AND name = ? AND slot = ?"
 
 
 class SqliteStore:
-    """Keeps entries in the database at `path`, which is made where there is none. Mutable: the file.
+    """A store in the SQLite database at `path`, which it creates if missing. Mutable: the file.
 
     Args:
-        path: of the database; beside it SQLite keeps its log, `<path>-wal`, and this the `<path>.reserve`.
-        fsync: whether a commit outlives a loss of power, too.
-        patience_s: for how long to wait for another server to let go of the file.
-        report: called with a line for people when the file is damaged and was put aside.
+        path: the database; beside it are SQLite's log, `<path>-wal`, and the reserve, `<path>.reserve`.
+        fsync: True if a commit must also survive a loss of power.
+        patience_s: seconds to wait for another server to release the file.
+        report: called with a line for users when the file is damaged and was quarantined.
 
     Raises:
-        StoreFull: the file is not there, or is of an earlier version, and the disk has no room for a new one.
-        StoreError: the file cannot be opened or put aside, is in use, or is something else.
+        StoreFull: the file is missing, or is of an earlier version, and the disk has no room for a new one.
+        StoreError: the file cannot be opened or quarantined, is in use, or is something else.
     """
 
     def __init__(
@@ -92,7 +93,7 @@ class SqliteStore:
             self._begin_with_nothing(damage)
 
     def _begin(self) -> None:
-        """Open the database, or make it where there is none."""
+        """Open the database, or create it if there is none."""
         is_new = _look_at(self._path)
         try:
             if is_new:
@@ -112,7 +113,7 @@ class SqliteStore:
         self.make_room()
 
     def make_room(self) -> None:
-        """Put the reserve aside, again if it was given up; without room for it the store is full."""
+        """Allocate the reserve, again if it was released; without room for it the store is full."""
         try:
             _expect_growth(self._path)
             self._reserve.take()
@@ -122,7 +123,7 @@ class SqliteStore:
             self.full = None
 
     def _begin_with_nothing(self, damage: _Damaged) -> None:
-        """Put a damaged database aside, and make a new one."""
+        """Quarantine a damaged database and create a new one."""
         self._abandon()
         try:
             aside = quarantine(self._path)
@@ -134,6 +135,7 @@ class SqliteStore:
         self._begin()
 
     def load(self) -> Iterator[tuple[Key, bytes]]:
+        """Return every committed entry; quarantine a damaged database and return no entries."""
         try:
             entries = list(self._entries())
         except _Damaged as damage:
@@ -152,6 +154,7 @@ class SqliteStore:
             raise self._error(problem) from None
 
     def commit(self, changes: Mapping[Key, bytes | None]) -> None:
+        """Commit the changes; if the disk is full, release the reserve and retry once."""
         try:
             self._commit(changes)
         except StoreFull as problem:
@@ -177,14 +180,14 @@ class SqliteStore:
             raise self._error(problem) from None
 
     def close(self) -> None:
-        """Carry the log over into the database, and let go of the file."""
+        """Checkpoint the log into the database, and release the file."""
         database, self._database = self._database, None
         if database is not None:
             self._reserve.give_up()
             database.close()
 
     def _carry_over(self) -> None:
-        """Carry the log over into the database, as far as there is room for it, and begin the log again."""
+        """Checkpoint the log into the database as far as there is room, and truncate the log."""
         with suppress(sqlite3.Error):
             self._open().execute("PRAGMA wal_checkpoint(TRUNCATE)").fetchone()
 
@@ -211,7 +214,7 @@ class SqliteStore:
             raise _Damaged(self._path, found)
 
     def _check_owner(self, database: sqlite3.Connection) -> None:
-        """Refuse what is another program's, or of a later version, before anything is written to it."""
+        """Refuse a database of another program or of a later version, before anything is written to it."""
         owner = database.execute("PRAGMA application_id").fetchone()[0]
         version = database.execute("PRAGMA user_version").fetchone()[0]
         if owner == APPLICATION and version in (1, VERSION):
@@ -259,13 +262,13 @@ class _Damaged(StoreError):
 
 
 _DAMAGE = (sqlite3.SQLITE_CORRUPT, sqlite3.SQLITE_NOTADB, sqlite3.SQLITE_ERROR)
-"""What SQLite finds wrong with content; the last is of tables that are not there."""
+"""SQLite's error codes for damaged content; the last one covers missing tables."""
 
 _HEADER = b"SQLite format 3\0"
 
 
 def _look_at(path: Path) -> bool:
-    """Tell apart what SQLite would wait for, or take for an empty database; return True if there is none."""
+    """Return True if there is no database; reject one that SQLite would wait for or take for empty."""
     for ending in BESIDE:
         _header(path.with_name(path.name + ending))
     header, log = _header(path), _header(path.with_name(f"{path.name}-wal"))
@@ -289,10 +292,10 @@ def _header(path: Path) -> bytes | None:
 
 
 def _make(path: Path) -> None:
-    """Make a database without entries, whole or not at all."""
+    """Create a database without entries, atomically."""
     beside = path.with_name(f"{path.name}.new")
     try:
-        _discard(beside)  # of a server that died while it made one
+        _discard(beside)  # left by a server that was killed while creating it
         try:
             with closing(sqlite3.connect(beside, isolation_level=None)) as database:
                 database.execute(f"PRAGMA page_size = {_PAGE}")
@@ -320,10 +323,10 @@ def _discard(path: Path) -> None:
 
 
 def _expect_growth(path: Path) -> None:
-    """Check that a file may grow by as much as the reserve: a limit of the size of files knows no reserve.
+    """Check that the file may grow by the size of the reserve: a file size limit ignores the reserve.
 
     Raises:
-        OSError: it may not.
+        OSError: the file may not grow that much.
     """
     most = _most_bytes()
     if most is not None and path.stat().st_size + RESERVE_BYTES > most:
@@ -331,7 +334,7 @@ def _expect_growth(path: Path) -> None:
 
 
 def _most_bytes() -> int | None:
-    """Return the limit of the size of files, None if there is none."""
+    """Return the file size limit in bytes, or None if there is none."""
     most = resource.getrlimit(resource.RLIMIT_FSIZE)[0]
     return None if most == resource.RLIM_INFINITY else most
 

@@ -1,15 +1,15 @@
-"""Where a server keeps what must survive its death: a map from keys to bytes, changed by whole commits.
+"""Durable state of a server: a map from keys to bytes, changed by atomic commits.
 
-A server's state lives in memory; each change of it is put into a `Journal` too, and the journal goes to the
-store in one commit before any answer leaves. So whatever was acknowledged is in the store, and of a batch
-that was not committed nothing is.
+A server's state lives in memory. Each change is also put into a `Journal`, and the journal goes to the store
+in one commit before any answer leaves. So whatever was acknowledged is in the store, and nothing of an
+uncommitted batch is.
 
-A store may have no room for more. Then its server accepts nothing that must be kept, and goes on with all
+A store may run out of room. Then its server accepts nothing that must be kept, and continues with everything
 else: what changes by itself (variables that actuators set, checkpoints) waits in the journal until there is
-room. What was promised never waits: where it cannot be kept, the server ends instead of saying so.
+room. Promised changes never wait: if one cannot be kept, the server ends instead of acknowledging it.
 
-A server that is started again loads all of it. What the bytes mean is the server's business; a store promises
-that they are those that were committed; it keeps what is damaged aside, all of it, says so, and has nothing.
+A restarted server loads all entries. The meaning of the bytes is the server's business. A store promises that
+they are those that were committed; it quarantines a damaged file as a whole, reports that, and starts empty.
 """
 
 from __future__ import annotations
@@ -18,11 +18,11 @@ from collections.abc import Callable, Iterable, Mapping
 from typing import Literal, NamedTuple, Protocol
 
 Kind = Literal["fact", "variable", "value", "semaphore", "hold", "pending", "answer", "watch", "checkpoint"]
-"""What an entry is about."""
+"""The subject of an entry."""
 
 
 class Key(NamedTuple):
-    """Of one entry; `slot` counts entries of one name."""
+    """The key of one entry; `slot` numbers the entries of one name."""
 
     kind: Kind
     name: str
@@ -30,45 +30,47 @@ class Key(NamedTuple):
 
 
 class StoreError(Exception):
-    """A store cannot be opened, read or written; the message names it and tells why and what to do."""
+    """A store cannot be opened, read or written; the message names it, the reason and the remedy."""
 
 
 class StoreFull(StoreError):
-    """There is no room for what was to be kept, and nothing of it was."""
+    """The store has no room for the changes, and none of them was kept."""
 
 
 class Store(Protocol):
-    """Keeps entries."""
+    """A durable map from keys to bytes."""
 
     @property
     def full(self) -> str | None:
-        """The reason why nothing new should be promised, None while there is room. It stays until
-        `make_room`."""
+        """The reason why nothing new should be promised, None while there is room.
+
+        It stays set until `make_room`.
+        """
         ...
 
     def make_room(self) -> None:
-        """Look whether there is room again; it takes a moment, so not for every message."""
+        """Check whether there is room again; too slow to be called for every message."""
         ...
 
     def load(self) -> Iterable[tuple[Key, bytes]]:
-        """Every entry that was committed, in no particular order.
+        """Return every committed entry, in no particular order.
 
         Raises:
-            StoreError: they cannot be read.
+            StoreError: the entries cannot be read.
         """
         ...
 
     def commit(self, changes: Mapping[Key, bytes | None]) -> None:
-        """Set entries, and remove those that are None: all of them, or none.
+        """Set entries, and remove those that are None, atomically.
 
         Raises:
-            StoreFull: there is no room for them; `full` says so from now on.
-            StoreError: it could not be done.
+            StoreFull: there is no room for them; `full` gives the reason from now on.
+            StoreError: the commit failed.
         """
         ...
 
     def close(self) -> None:
-        """Nothing is committed any more. May be called again."""
+        """Close the store; nothing can be committed afterwards. May be called again."""
         ...
 
 
@@ -81,12 +83,14 @@ class MemoryStore:
         self._entries: dict[Key, bytes] = {}
 
     def make_room(self) -> None:
-        """There always is."""
+        """Do nothing: memory is not limited here."""
 
     def load(self) -> tuple[tuple[Key, bytes], ...]:
+        """Return every committed entry."""
         return tuple(self._entries.items())
 
     def commit(self, changes: Mapping[Key, bytes | None]) -> None:
+        """Set entries, and remove those that are None."""
         for key, data in changes.items():
             if data is None:
                 self._entries.pop(key, None)
@@ -94,17 +98,17 @@ class MemoryStore:
                 self._entries[key] = data
 
     def close(self) -> None:
-        """It holds nothing."""
+        """Do nothing: the store holds no resources."""
 
 
 class UnmadeStore:
-    """A store that cannot be made yet, because its disk is full.
+    """A placeholder for a store that cannot be created yet because its disk is full.
 
-    It has nothing and keeps nothing until it can be made. Mutable: the store, once there is one.
+    It has no entries and keeps none until the store can be created. Mutable: the store, once it exists.
 
     Args:
-        make: makes the store, or raises `StoreFull`.
-        problem: why it could not be made so far.
+        make: creates the store, or raises `StoreFull`.
+        problem: the reason why the store could not be created so far.
     """
 
     def __init__(self, make: Callable[[], Store], problem: StoreFull) -> None:
@@ -114,9 +118,11 @@ class UnmadeStore:
 
     @property
     def full(self) -> str | None:
+        """The reason why nothing new should be promised, None while there is room."""
         return self._problem if self._store is None else self._store.full
 
     def make_room(self) -> None:
+        """Create the store if that is possible now, or let an existing store check for room."""
         if self._store is not None:
             self._store.make_room()
             return
@@ -126,20 +132,28 @@ class UnmadeStore:
             self._problem = str(problem)
 
     def load(self) -> Iterable[tuple[Key, bytes]]:
+        """Return no entries."""
         return ()
 
     def commit(self, changes: Mapping[Key, bytes | None]) -> None:
+        """Commit to the store.
+
+        Raises:
+            StoreFull: the store could not be created yet, or has no room.
+            StoreError: the commit failed.
+        """
         if self._store is None:
             raise StoreFull(self._problem)
         self._store.commit(changes)
 
     def close(self) -> None:
+        """Close the store, if it was created."""
         if self._store is not None:
             self._store.close()
 
 
 class Journal:
-    """The changes since the last commit. Mutable: those, and whether they wait for room."""
+    """The changes since the last commit. Mutable: the changes, and whether they wait for room."""
 
     def __init__(self, store: Store) -> None:
         self._store = store
@@ -152,27 +166,28 @@ class Journal:
         return self._store.full
 
     def make_room(self) -> None:
-        """Look whether there is room again; what waits is tried again in any case."""
+        """Check whether there is room again; the next `settle` retries waiting changes in any case."""
         self._store.make_room()
         self._waiting = False
 
     def put(self, key: Key, data: bytes) -> None:
-        """An entry is new, or is changed."""
+        """Record a new or changed entry."""
         self._changes[key] = data
 
     def drop(self, key: Key) -> None:
-        """An entry is gone; one that never was may be dropped too."""
+        """Record the removal of an entry; the entry need not exist."""
         self._changes[key] = None
 
     def promise(self) -> None:
-        """Note that a caller is about to be answered that the changes so far are kept."""
+        """Note that a caller is about to receive an acknowledgment of the changes so far."""
         self._promised = True
 
     def settle(self) -> None:
-        """Commit what there is; where there is no room for it, and nothing was promised, it waits.
+        """Commit the changes; without room for them, let them wait unless something was promised.
 
         Raises:
-            StoreError: it could not be done; the server's memory is then ahead of the store, so it must end.
+            StoreError: the commit failed; the server's memory is then ahead of the store, so the server must
+                end.
         """
         if not self._changes or (self._waiting and not self._promised):
             return
