@@ -161,7 +161,8 @@ def _expect_names(names: Iterable[str]) -> None:
 @contextmanager
 def _dserver(robot: str | None, connect: str | None, security: Path | None) -> Iterator[Connection]:
     """Open a connection to DServer, and say what troubles it; a call that it refuses ends the command with a
-    line and exit code 1."""
+    line and exit code 1.
+    """
     from colony.runtime.kit.errors import CallRefused
     from colony.runtime.library.ask import STATUS
 

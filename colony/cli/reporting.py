@@ -41,7 +41,8 @@ _COLORS = {"error": "red", "warning": "yellow"}
 
 def say(text: str) -> None:
     """Text and a line break on standard error, with names of files as they may be on a terminal; where nobody
-    can hear it, the command goes on."""
+    can hear it, the command goes on.
+    """
     _echo(_CONTROL.sub(lambda found: printable(found[0]), text))
 
 

@@ -34,7 +34,8 @@ Object = dict[str, object]
 
 class TraceStep(NamedTuple):
     """One frame of a trace that shows a finding: the place in the text that it is about, what happens, and
-    what was there, as a person reads it, by name (`{"bumper": "true"}`)."""
+    what was there, as a person reads it, by name (`{"bumper": "true"}`).
+    """
 
     span: Span
     message: str

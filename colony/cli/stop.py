@@ -25,7 +25,8 @@ if TYPE_CHECKING:
 
 OF_A_BASE = frozenset({"RServer", "Clock", "Leader", "Simulator", "Supervisor"})
 """Where one of these runs there is a base to stop, also while RServer itself is down; a "robot" with none of
-them is a data server that robots share."""
+them is a data server that robots share.
+"""
 
 
 @click.command(name="stop", short_help="stop robots at once, in an emergency")

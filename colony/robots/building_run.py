@@ -96,7 +96,8 @@ def _run(
     recording: RunRecording | None,
 ) -> bool:
     """Return whether the run was interrupted; it ends by itself when a mission is over, or its recording
-    breaks off."""
+    breaks off.
+    """
     length_ns = request.length_ns
     if length_ns is None:
         assert mission is not None

@@ -167,7 +167,8 @@ def _judged(program: Program, stage: _Stage) -> Disagreement | None:
 
 def _unjudged(stage: _Stage, actuators: Iterable[Actuator], epoch: list[Tick]) -> frozenset[str]:
     """Actuators of which it is not known what is due: with `on_loss degrade` a module in Python of which
-    nothing is known counts as not active for others, and somebody was down who would tell them."""
+    nothing is known counts as not active for others, and somebody was down who would tell them.
+    """
     tellers = {DSERVER.name, *(activity(DSERVER.name, module) for module in stage.robot.deployed.announced)}
     blind = stage.robot.deployed.announced and any(tellers & set(tick.down) for tick in epoch)
     return frozenset(a.name for a in actuators if blind and a.on_loss == "degrade")

@@ -227,7 +227,8 @@ class _Run:
 
     def arrival(self, place: tuple[float, float] | None) -> Arrival | None:
         """What came of the way, if there was one, for a robot that is really at a place, as far as that is
-        known."""
+        known.
+        """
         if self._way is None or self._mission is None:
             return None
         from colony.robots.way import TOLD_OF_PLATE
@@ -300,7 +301,8 @@ def _in_folder(place: Place, folder: Path) -> AbstractContextManager[None]:
 
 def _more_servers(robot: Robot, place: Place) -> tuple[ServerSpec, ...]:
     """Those that sensors of the program read besides what every robot has, as they describe themselves; what
-    does not run, or does not, is left out."""
+    does not run, or does not, is left out.
+    """
     known = {server.name for server in SERVERS}
     wanted = dict.fromkeys(s.server for s in robot.sensors if s.server not in known)
     if not wanted:

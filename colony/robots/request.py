@@ -80,7 +80,8 @@ class Attendant:
 
 class Arrival(NamedTuple):
     """Whether a robot that was sent somewhere arrived, what to say of it, and the files in which its way on
-    other floors than the first is drawn."""
+    other floors than the first is drawn.
+    """
 
     arrived: bool
     text: str
@@ -89,7 +90,8 @@ class Arrival(NamedTuple):
 
 class Driven(NamedTuple):
     """What came of a run, and of its way if there was one; of a simulated robot also the floors, and where it
-    really was on each, in mm."""
+    really was on each, in mm.
+    """
 
     summary: RunSummary
     arrival: Arrival | None

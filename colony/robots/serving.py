@@ -32,7 +32,8 @@ SUPERVISOR = "Supervisor"
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Settings:
     """What is served, and how; `cameras` by server, each with where it looks;
-    `hazards` is their seed, None for none."""
+    `hazards` is their seed, None for none.
+    """
 
     map_path: str | None
     seed: int

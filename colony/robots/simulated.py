@@ -46,7 +46,8 @@ class CompilingNotice:
 class SimulatedRobot:
     """What it is made of: the building, the seed of its sensors' noise, servers of cameras with where each
     looks, the folder of what survives the death of a server, how DServer keeps it, where the robot begins
-    (None: where the map says), and the seed of the building's hazards, None where there are none."""
+    (None: where the map says), and the seed of the building's hazards, None where there are none.
+    """
 
     map_path: str
     seed: int

@@ -128,7 +128,8 @@ def _put_into(asked: Experiment, tables: Sequence[str], page: Path) -> None:
 
 def _around(asked: Experiment, page: Path) -> tuple[str, str]:
     """A page up to and with the line after which the tables of a list and variant go, and from the line
-    before which they end; exits with 2 where it has not these lines."""
+    before which they end; exits with 2 where it has not these lines.
+    """
     begin, end = (mark.format(f"{asked.name} {asked.label}") for mark in (BEGIN, END))
     try:
         text = read_file(page, PAGE_BYTES).decode("utf-8")

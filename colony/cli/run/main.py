@@ -1,5 +1,6 @@
 """`colony run`: compile a program and run it: on a simulated robot in one process and in virtual time, on one
-of real processes, or on a robot that is there already."""
+of real processes, or on a robot that is there already.
+"""
 
 from __future__ import annotations
 
@@ -128,9 +129,12 @@ def command(**given: Any) -> None:
     picture = None if options.no_picture or options.connect is not None else options.picture or PICTURE
     with _failures_told(), redirect_stdout(sys.stderr):  # for what modules in Python print
         from colony.cli.run.outputs import check_outputs, drawn
+        from colony.nav.maps.stickrep.reader import load_map
 
         request = request_of(compiled.robot, options)
         check_outputs(options.record, picture, [p for p in (options.file, options.map_path) if p is not None])
+        if options.map_path is not None:
+            load_map(options.map_path)  # before the simulator is imported, which takes long
         driven = _driven(compiled, request, options)
         if picture is not None:
             driven = drawn(driven, compiled.name, picture)

@@ -1,5 +1,6 @@
 """What `colony verify --examples` does, and how it is told: drawn traces go through every executor, and the
-runtime in virtual time is one."""
+runtime in virtual time is one.
+"""
 
 from __future__ import annotations
 
