@@ -135,7 +135,7 @@ def _text(compilation: Compilation, format_: str, explain: bool) -> str:
 
 
 def _proof(compilation: Compilation, format_: str, text: str, timeout_ms: int) -> Result:
-    """Prove the clients in the form that `text` shows; for a table, the form that is executed and sent."""
+    """Prove the clients, and their form in `text`; for a table, the form that is executed and sent."""
     from colony.verify.equivalence.prove import prove
 
     program = compilation.program

@@ -44,11 +44,11 @@ COMMANDS = {
     "vision": "show what the detectors see in a picture",
     "help": "explain the code of an error, or a command",
 }
-"""All commands with their descriptions; `colony/cli/NAME.py` defines each as `command`."""
+"""The commands with their descriptions; `colony/cli/NAME.py` defines each as `command`."""
 
 
 class _StandardOutput(FileIO):
-    """Standard output, whose errors name it if it cannot be written."""
+    """A standard output whose errors name it if it cannot be written."""
 
     def write(self, data: ReadableBuffer, /) -> int:
         try:

@@ -34,7 +34,7 @@ Object = dict[str, object]
 
 
 class TraceStep(NamedTuple):
-    """One frame of a trace that shows a finding.
+    """A frame of a trace that shows a finding.
 
     It has the place in the text, the event, and the values by name, in readable form (`{"bumper": "true"}`).
     """

@@ -73,7 +73,7 @@ class _Seen:
 
 
 class _Stage:
-    """One run. Mutable: the live processes, and their observed messages."""
+    """A run with faults. Mutable: the live processes, and their observed messages."""
 
     def __init__(self, compiled: Compiled, trace: Sequence[Frame], seed: int, random: Random) -> None:
         self._frame_ns = compiled.frame_ns

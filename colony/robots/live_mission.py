@@ -2,7 +2,7 @@
 
     with Session.open("rome") as rome, LiveMission(rome, building, plan) as mission:
         mission.wait()
-    print(mission.arrival)
+    print(mission.arrived, mission.off_mm)
 
 In virtual time the same scripts are nodes (`mission.py`); in an experiment they run in the fast loop.
 """
@@ -144,9 +144,9 @@ class LiveMission:
 
 
 def nobody() -> Script:
-    """Yield the step of a run without an operator.
+    """Set `FloorReached`, in place of an operator.
 
-    It clears a leftover signal, so that the robot is not held back inside an elevator.
+    A value left by an earlier operator would hold the robot back inside an elevator.
     """
     yield from do("DServer", data.set(FLOOR_REACHED, 1))
 

@@ -63,7 +63,7 @@ class RunRequest:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Attendant:
-    """The attendant of a run, who is informed of it and may end it.
+    """The attendant of a run: it receives the run's reports, and may end it.
 
     Attributes:
         report: takes a description of each event, of one line or several; also from other threads.

@@ -43,7 +43,7 @@ SENSING = ("Sensors0", "Sensors1")
 ACTING = "Actuators"
 
 Readings = Callable[[Tick], Mapping[str, Reading]]
-"""Returns the readings of the sensors in the frame of a tick."""
+"""A function that returns the readings of the sensors in the frame of a tick."""
 
 
 class Sent(NamedTuple):

@@ -23,7 +23,7 @@ from colony.sim.plant.child import SIMULATOR, Look, NoRoom, serve
 from colony.sim.plant.servers import PlantDevices
 
 Report = Callable[[str], None]
-"""Takes a description of an event, of one line or several."""
+"""A function that takes a description of an event, of one line or several."""
 
 SUPERVISOR = "Supervisor"
 """The name under which `serve all` claims a robot."""

@@ -1,4 +1,4 @@
-"""One robot with its program, its servers and its scripts in one loop, for runs by the thousand.
+"""A robot with its program, its servers and its scripts in one loop, for runs by the thousand.
 
 The loop consists of the parts of the real servers (`runtime/servers`), without messages, connections or a
 store. A frame is the same as among the real servers in virtual time (`virtual.py`), in one fixed order: the
@@ -56,7 +56,7 @@ class _Forgetful(Journal):
 
 
 class LocalData(LocalServer):
-    """DServer's variables and semaphores, called in this process. Mutable: both.
+    """The variables and semaphores of DServer, called in this process. Mutable: both.
 
     Args:
         reads: the variables in frames, which the network reads.

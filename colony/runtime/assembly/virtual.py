@@ -45,7 +45,10 @@ Builders = Mapping[str, Callable[[], Node]]
 """Functions that build nodes, by address; called again for a restart."""
 
 Servers = Callable[[Deployment, int], Builders]
-"""Returns the builders of a robot's servers, given the deployment and the number of frames to keep."""
+"""A function that returns the builders of a robot's servers.
+
+It takes the deployment and the number of frames that the servers keep.
+"""
 
 
 class VirtualRobot:
@@ -156,7 +159,7 @@ class VirtualRobot:
 
 
 class VirtualSession(VirtualRobot):
-    """One robot with the servers that every robot has, and one run of it.
+    """A robot with the servers that every robot has, and one run of it.
 
     Args:
         compiled: the program to run.

@@ -29,7 +29,7 @@ A link without room may drop it on its way. Servers recognize a repeated stop.
 """
 
 PATIENCE_S = 2.0
-"""Seconds to wait for the acknowledgements."""
+"""Seconds to wait for acknowledgements."""
 
 SERVERS = (CLOCK, *emergency.ACTUATOR_SERVERS)
 """The servers that accept an emergency stop."""

@@ -57,7 +57,7 @@ class _Publisher:
 
 
 class Wire:
-    """One conversation over the network. Mutable: the conversation and its publishers."""
+    """A conversation over the network. Mutable: the conversation and its publishers."""
 
     def __init__(
         self,

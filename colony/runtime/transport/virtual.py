@@ -31,7 +31,7 @@ Delay = int | None | tuple[int, ...]
 """Delay of a message in nanoseconds; None if it is lost; a tuple has one delay per copy."""
 
 Link = Callable[[str, str, Message], Delay]
-"""Returns the delay of a message from a sender to a receiver (addresses)."""
+"""A function that returns the delay of a message from a sender to a receiver (addresses)."""
 
 
 def perfect(sender: str, receiver: str, message: Message) -> Delay:
@@ -55,7 +55,7 @@ OUTSIDE = "outside"
 
 
 class VirtualTransport:
-    """Delivers the messages of nodes to their listeners. Mutable: the queue, and the live nodes."""
+    """A transport of the nodes' messages to their listeners. Mutable: the queue, and the live nodes."""
 
     def __init__(self, clock: VirtualClock, *, seed: int, link: Link = perfect) -> None:
         self._clock = clock

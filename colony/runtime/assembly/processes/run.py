@@ -123,7 +123,8 @@ class LedRun:
         """Supervise the processes until `ready()` is true; return False if `stop` ended the wait first.
 
         Raises:
-            RunFailed: it takes longer than `most_s` (the message names `what`), or a process was given up.
+            RunFailed: it takes longer than `most_s` (the message names `what`), or a process that the run
+                needs was given up.
         """
         until = time.monotonic() + most_s
         while not ready():

@@ -58,19 +58,19 @@ class ClockPart(msgspec.Struct, frozen=True, kw_only=True, tag="Clock"):
 
 
 class RServerPart(msgspec.Struct, frozen=True, kw_only=True, tag="RServer"):
-    """The base."""
+    """The server of the base."""
 
     device: Device
 
 
 class PServerPart(msgspec.Struct, frozen=True, kw_only=True, tag="PServer"):
-    """The sonars and infrared detectors."""
+    """The server of the sonars and infrared detectors."""
 
     device: Device
 
 
 class CServerPart(msgspec.Struct, frozen=True, kw_only=True, tag="CServer"):
-    """The camera `camera`, under the name `server`."""
+    """The server of the camera `camera`, under the name `server`."""
 
     device: Device
     server: str
@@ -78,7 +78,7 @@ class CServerPart(msgspec.Struct, frozen=True, kw_only=True, tag="CServer"):
 
 
 class DServerPart(msgspec.Struct, frozen=True, kw_only=True, tag="DServer"):
-    """The variables and semaphores, kept in the file `store`; with `fsync` they survive a loss of power.
+    """The variables and semaphores, kept in the file `store`; with `fsync` they outlive a loss of power.
 
     `held` are variables that are as fresh as each frame, as if an operator kept setting them.
     """
@@ -104,7 +104,7 @@ class ProgramOfRun(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class ClientsPart(msgspec.Struct, frozen=True, kw_only=True, tag="clients"):
-    """One or several clients, by actuator and module; `shared` is True in the process that clients share."""
+    """A process of clients, by actuator and module; `shared` is True in the process that clients share."""
 
     program: ProgramOfRun
     clients: tuple[tuple[str, str], ...]

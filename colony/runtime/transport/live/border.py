@@ -16,25 +16,25 @@ from colony.runtime.protocol.topics import user_of
 from colony.runtime.transport.live.meter import Meter, Rate
 
 CALLS = Rate(per_s=2000.0, burst=1000.0)
-"""Calls and signs of life of one user at one server, except under the right to stop.
+"""The rate of calls and signs of life of one user at one server, except under the right to stop.
 
 A program that waits for each answer makes fewer.
 """
 
 STOPS = Rate(per_s=500.0, burst=100.0)
-"""Calls and signs of life under the right to stop, per user or per connection of this machine.
+"""The rate of calls and signs of life under the right to stop, per user or local connection.
 
 Further stops change nothing.
 """
 
 FETCHES = Rate(per_s=500.0, burst=500.0)
-"""Fetches (requests for missed frames) of one user's programs."""
+"""The rate of fetches (requests for missed frames) of one user's programs."""
 
 PROGRAMS = Rate(per_s=20_000.0, burst=10_000.0)
-"""Messages of frames, other than fetches, from one user's clients."""
+"""The rate of messages of frames, other than fetches, from one user's clients."""
 
 REFUSALS = Rate(per_s=20.0, burst=20.0)
-"""Calls over a user's rate that are refused with the code `flood`; the others are dropped silently."""
+"""The rate of refusals (code `flood`) of one user's excess calls; further ones are dropped silently."""
 
 
 class Border:

@@ -33,7 +33,7 @@ DESCRIPTORS = 32
 """Descriptors that must be free to open a session: it takes up to 12, plus one per linked process."""
 
 Watcher = Callable[[str, bool], None]
-"""Takes the address of a node, and True if the node is present."""
+"""A function that takes the address of a node, and True if the node is present."""
 
 
 class ZenohSession:

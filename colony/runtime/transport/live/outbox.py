@@ -47,7 +47,7 @@ PASSING_MOST = 256
 """Publishers for connections that exist at the same time."""
 
 Report = Callable[[str], None]
-"""Takes a sentence on each survived problem."""
+"""A function that takes a sentence on each survived problem."""
 
 
 class Outbox:

@@ -24,7 +24,10 @@ from colony.runtime.transport.live.waiting import too_large
 Handler = Callable[[zenoh.Sample], None]
 
 AtOnce = Callable[[str, bytes | Call], bool]
-"""Handles a message in the receiving thread; returns False if the message must go to the inbox."""
+"""A function that handles a message in the receiving thread.
+
+It returns False if the message must go to the inbox.
+"""
 
 
 class Reception:

@@ -39,7 +39,7 @@ class Sender:
         self._thread.start()
 
     def put(self, sends: Sequence[Send]) -> None:
-        """Queue messages, without blocking."""
+        """Queue messages without blocking."""
         self._queue.put(sends)
 
     def close(self) -> None:

@@ -23,7 +23,7 @@ LONGEST = 1024
 """Messages that may wait: the bursts (`border.STOPS`) of ten users at once."""
 
 Take = Callable[[str, str, Call | Alive | Malformed, int], None]
-"""Takes a message that is not an emergency stop: its topic, connection, content and size in bytes."""
+"""A function that takes other messages than emergency stops: topic, connection, content, size in bytes."""
 
 
 class _Came(NamedTuple):
