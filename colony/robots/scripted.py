@@ -76,7 +76,7 @@ class SensorServer(QuietNode):
         for name in self._names:
             value = readings.get(name)
             if value is not None:
-                fields[name] = Sample(value, tick.t_ns)  # also an invalid value
+                fields[name] = Sample(value, tick.t_ns)  # type: ignore[arg-type]  # also an invalid value
         return fields
 
 

@@ -78,7 +78,7 @@ class CServerPart(msgspec.Struct, frozen=True, kw_only=True, tag="CServer"):
 
 
 class DServerPart(msgspec.Struct, frozen=True, kw_only=True, tag="DServer"):
-    """The variables and semaphores, kept in the file `store`; with `fsync` they outlive a loss of power.
+    """The server of variables and semaphores, kept in `store`; with `fsync` they survive a loss of power.
 
     `held` are variables that are as fresh as each frame, as if an operator kept setting them.
     """
