@@ -64,7 +64,7 @@ class Variant:
         Args:
             plan: the way to drive.
             building: all floors of the plan; the first one is where it begins.
-            on_segment: called with each segment.
+            on_segment: called with the number, from 0, and the segment at the beginning of each segment.
             compensate: True to subtract the overshoot of lights from the distance that follows, as printed.
             sources: the sources of the pose estimate. Without `LIGHTS` the tracker sees none, and counts them
                 by the pose alone.

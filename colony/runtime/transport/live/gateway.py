@@ -35,7 +35,7 @@ class Admitted(msgspec.Struct, frozen=True, kw_only=True):
 
 
 def whoami() -> Ask[Admitted]:
-    """Ask the gateway for the caller's identity and rights."""
+    """Who am I, and what may I?"""
     return Ask("whoami", Nothing(), Admitted, "read", repeatable=True)
 
 
